@@ -126,9 +126,10 @@ impl DriftLaw {
         let hot = sensor.hot_pixels();
         let law = Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] }, ..law };
         match sensor.readout() {
-            // At least the time of one event on the bus; the load decides the rest.
             Some(bus) => {
-                Self { loose: Some(READ_LATE), delay_us: law.delay_us.max(1.0 / bus.rate_mev_s), ..law }
+                // The longest wait: a full queue, or an event of each pixel of a usual sensor.
+                let waiting = bus.queue.map_or(USUAL_PIXELS, |queue| queue as f64) + 1.0;
+                Self { loose: Some(READ_LATE), delay_us: law.delay_us.max(waiting / bus.rate_mev_s), ..law }
             }
             None => law,
         }
@@ -382,6 +383,8 @@ const MEDIUM: f64 = 64.0;
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
 const DELAYED: &str =
     "not applicable with a low-pass filter: events follow the frames with a delay of their own";
+/// Pixels of a sensor whose size is not known, rounded: a DAVIS346 has 89,960.
+const USUAL_PIXELS: f64 = 1e5;
 const READ_LATE: &str = "not applicable behind a readout of limited rate: events are late, and some are lost";
 const LOST: &str = "not applicable with a dead time, thresholds drawn per frame or an allowed cap: events need not match the brightness change";
 

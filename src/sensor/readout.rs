@@ -303,6 +303,7 @@ mod tests {
     /// Events at random times and pixels, in file order.
     fn random_events(count: usize, span_ns: i64) -> Vec<Event> {
         let mut draws = Seed(5).draws(SeedCell { x: 0, y: 0, level: 0, index: 0 }, DrawSpace::Choice);
+        #[expect(clippy::cast_possible_truncation, reason = "pixels of a small sensor")]
         let mut one = || {
             let t = draws.index(usize::try_from(span_ns).unwrap()) as i64;
             let pixel = draws.index(SIZE.pixels());
