@@ -124,7 +124,10 @@ impl DriftLaw {
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
         let hot = sensor.hot_pixels();
-        let law = Self { hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] }, ..law };
+        let law = Self {
+            hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] },
+            ..law
+        };
         match sensor.readout() {
             Some(bus) => {
                 // The longest wait: a full queue, or an event of each pixel of a usual sensor.
