@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     let timings = measure::measure(all, options.runs);
     let growing = wanted(growth::PART).then(|| growth::measure(&options.only, options.runs));
     let growing = growing.unwrap_or_default();
-    let training = wanted(training::PART).then(|| training::measure(options.runs)).unwrap_or_default();
+    let training = if wanted(training::PART) { training::measure(options.runs) } else { Vec::new() };
     let threads = rayon::current_num_threads();
     if options.json {
         let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();

@@ -80,6 +80,7 @@ impl TrainingSchedule {
     }
 
     /// The work of the iterations from `from` to `to`, in the time that a pixel takes.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from `from` to `to`")]
     pub(super) fn work(&self, from: u32, to: u32) -> f64 {
         const SAMPLES: u32 = 200;
         let count = to.saturating_sub(from);

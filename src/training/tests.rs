@@ -36,11 +36,14 @@ fn settings(until: TrainingGoal) -> TrainingSettings {
     TrainingSettings { gaussians: 200, iterations: 60, resolution: 48, until, ..TrainingSettings::default() }
 }
 
+/// A clock, or none.
+type Clock = Option<fn() -> f64>;
+
 /// A training that goes on as long as it is asked less than `asked` times.
 fn trained(
     (capture, files): (&Capture, &[(String, PathBuf)]),
     until: TrainingGoal,
-    (clock, checkpoint): (Option<fn() -> f64>, Option<CheckpointFile<'_>>),
+    (clock, checkpoint): (Clock, Option<CheckpointFile<'_>>),
     asked: u32,
 ) -> (Result<TrainedGaussians, TrainingError>, Vec<TrainingNews>) {
     let count = std::sync::atomic::AtomicU32::new(0);
