@@ -88,7 +88,7 @@ impl DatasetViews {
         let mut watch = GeometryWatch::new(self.camera, &self.trajectory.world_from_camera);
         let all: Vec<usize> = (0..self.views.len()).collect();
         for some in all.chunks(AT_ONCE) {
-            let read = |view: &usize| {
+            let read = |view: &usize| -> Result<_, String> {
                 let DatasetView { frame, depth, .. } = &self.views[*view];
                 let smooth = |image: Image<f32>| smooth_picture(&image);
                 let smoothed = frame.as_ref().map(|_| self.brightness(*view).map(smooth));

@@ -154,7 +154,7 @@ fn usual_mistakes_of_a_stranger_are_found_and_named() {
 fn incomplete_or_ambiguous_inputs_are_refused_with_help() {
     let place = stranger(|_, pose| *pose, |j| j);
     let refused = |args: &str, code: i32, wanted: &str| {
-        let ended = place.gs2e(&format!("{FILES} {args}"));
+        let ended = place.gs2e(&format!("{} {args}", FILES.trim_end_matches(" --json")));
         assert!(
             ended.code == code && ended.stderr.contains(wanted),
             "{args}: {} {}",
