@@ -191,13 +191,7 @@ fn read_stream(
         foreign: None,
         limits: &Limits::default(),
     };
-    let wanted = |finding: &Finding| {
-        let of_poses = finding.check == "pose_continuity";
-        finding.subject.statement != "order"
-            && (STREAM_PASSES.contains(&finding.check.as_str()) && finding.verdict != Verdict::NotRun)
-            || of_poses && dataset.poses.is_some()
-            || finding.check == "motion" && dataset.views.is_some()
-    };
+    let wanted = |finding: &Finding| is_of_dataset(dataset, finding);
     let mut findings: Vec<Finding> =
         judge_trajectory(&subject, &[subject]).into_iter().filter(wanted).collect();
     if let Some(views) = dataset.views {
@@ -222,6 +216,15 @@ fn flows_since(dataset: &EventDataset<'_>, origin: i64) -> Vec<FlowAt> {
     // The windows of the checks are of the sensor's size; those of other pictures say nothing of it.
     let of_sensor = flows.iter().filter(|flow| flow.px_s.size() == dataset.size);
     of_sensor.map(|flow| FlowAt { t_us: flow.t_us - origin, px_s: flow.px_s.clone() }).collect()
+}
+
+/// Returns true if a pass of a build applies to a dataset with these inputs.
+fn is_of_dataset(dataset: &EventDataset<'_>, finding: &Finding) -> bool {
+    let of_poses = finding.check == "pose_continuity";
+    finding.subject.statement != "order"
+        && (STREAM_PASSES.contains(&finding.check.as_str()) && finding.verdict != Verdict::NotRun)
+        || of_poses && dataset.poses.is_some()
+        || finding.check == "motion" && dataset.views.is_some()
 }
 
 /// Passes of a build that judge a stream without its sensor.

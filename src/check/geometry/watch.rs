@@ -72,17 +72,13 @@ impl<'a> GeometryWatch<'a> {
     /// A picture does not have the camera's size.
     pub fn see(&mut self, pose: usize, smoothed: Option<Image<f32>>, depth: Option<Image<f32>>) {
         let world_from_camera = self.poses[pose];
-        let picture = |values: &Image<f32>, depth: &Image<f32>| PosedPicture {
-            pose,
-            world_from_camera,
-            values: values.clone(),
-            depth: depth.clone(),
-        };
-        if let Some(depth) = &depth {
+        let picture =
+            |values: Image<f32>, depth: Image<f32>| PosedPicture { pose, world_from_camera, values, depth };
+        if let Some(depth) = depth {
             if let Some(values) = &smoothed {
-                self.frames.see(&self.camera, picture(values, depth));
+                self.frames.see(&self.camera, picture(values.clone(), depth.clone()));
             }
-            self.depths.see(&self.camera, picture(depth, depth));
+            self.depths.see(&self.camera, picture(depth.clone(), depth));
         }
         if let Some(smoothed) = smoothed {
             self.order.see(pose, smoothed);
