@@ -5,10 +5,10 @@
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
 
-pub(crate) mod beside;
+pub(crate) mod rename;
 mod walk;
 
-pub use beside::write_beside;
+pub use rename::write_by_rename;
 pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES, WalkError};
 
 use std::fs::{self, File};

@@ -261,10 +261,10 @@ mod tests {
     #[test]
     fn parts_name_who_is_to_be_named() {
         let parts = compose_terms("mvimgnet", Some("CC-BY-4.0"), None).parts;
-        let told: Vec<(&str, &str)> =
+        let found: Vec<(&str, &str)> =
             parts.iter().map(|p| (p.attribution.as_str(), p.expression.as_str())).collect();
         let upstream = "CC-BY-NC-4.0 AND LicenseRef-MVImgNet-ToU";
-        assert_eq!(told, [("MVImgNet (Yu et al., CVPR 2023)", upstream), ("a test", "CC-BY-4.0")]);
+        assert_eq!(found, [("MVImgNet (Yu et al., CVPR 2023)", upstream), ("a test", "CC-BY-4.0")]);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! A recipe: the source of a scene and the products made from it, parsed and validated.
 
-mod beside;
 mod canonical;
 mod clash;
+mod context;
 pub mod draft;
 mod drawn;
 mod edits;
@@ -27,7 +27,7 @@ mod text;
 mod tree;
 mod upstream;
 
-pub use beside::{
+pub use context::{
     RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
     read_release, read_sources, read_takedown, takedown_of,
 };

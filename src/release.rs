@@ -187,7 +187,7 @@ pub struct BuiltPlan<'a> {
     /// The store that holds its products.
     pub store: &'a Store,
     /// Contents of the files next to its recipes.
-    pub beside: &'a ReleaseContext,
+    pub context: &'a ReleaseContext,
 }
 
 /// Writes the release of the built scenes, unless it already stands at the target.
@@ -202,9 +202,9 @@ pub fn write_release(
     link: LinkMode,
     cancel: &AtomicBool,
 ) -> Result<WrittenRelease, ReleaseError> {
-    let BuiltPlan { plan, summary, store, beside } = built;
+    let BuiltPlan { plan, summary, store, context } = built;
     let scenes =
-        (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &beside.terms)));
+        (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &context.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
     // Before anything is composed: a failed check must not cost the time of a whole tree.
     let findings = scenes.iter().flat_map(BuiltScene::findings);
@@ -215,12 +215,12 @@ pub fn write_release(
     if scenes.is_empty() {
         return Err(ReleaseError::Nothing);
     }
-    let (tree, scenes) = compose_tree(scenes, store, beside)?;
+    let (tree, scenes) = compose_tree(scenes, store, context)?;
     let tree::TreeOutcome { files, bytes, stood } =
-        tree::write_tree(target, &tree, (store, &beside.takedown), link, cancel)?;
+        tree::write_tree(target, &tree, (store, &context.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
     // A set, because all scenes of one source have the same warning.
-    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &beside.info)).collect();
+    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();
     Ok(WrittenRelease { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
 }
 
@@ -228,9 +228,9 @@ pub fn write_release(
 fn compose_tree(
     scenes: Vec<BuiltScene<'_>>,
     store: &Store,
-    beside: &ReleaseContext,
+    context: &ReleaseContext,
 ) -> Result<(ReleaseTree, Vec<PublishedScene>), ReleaseError> {
-    let info = &beside.info;
+    let info = &context.info;
     let described = describe_all(&scenes, info)?;
     let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
     for (scene, file) in scenes.into_iter().zip(described) {
@@ -241,7 +241,7 @@ fn compose_tree(
         tree.extend(files);
     }
     let licence = terms_of(&published);
-    let facts = ReleaseFacts { scenes: &published, info, taken_down: beside.taken_down, licence: &licence };
+    let facts = ReleaseFacts { scenes: &published, info, taken_down: context.taken_down, licence: &licence };
     let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
     let manifest = ReleaseManifest {
         format: standing::FORMAT,
@@ -250,7 +250,7 @@ fn compose_tree(
         publisher: Some(Publisher::of(info)),
         tool: TOOL.into(),
         licence: licence.expression,
-        taken_down: beside.taken_down,
+        taken_down: context.taken_down,
         splits: info.splits.clone(),
         scenes: listed,
         // The manifest is not among them: it cannot contain its own digest.
@@ -333,10 +333,10 @@ fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError>
 }
 
 fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
-    let told = |t: &PublishedTrajectory| index::IndexSources::from_files(&t.motion.report, &t.findings);
+    let sources_of = |t: &PublishedTrajectory| index::IndexSources::from_files(&t.motion.report, &t.findings);
     let rows = scenes.iter().flat_map(|scene| {
-        let told: Vec<index::IndexSources> = scene.trajectories.iter().map(told).collect();
-        index::scene_rows(&scene.file, &told)
+        let sources: Vec<index::IndexSources> = scene.trajectories.iter().map(sources_of).collect();
+        index::scene_rows(&scene.file, &sources)
     });
     index::compose_index(rows.collect())
 }

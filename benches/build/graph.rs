@@ -146,7 +146,7 @@ impl Ours {
     /// Builds. Returns the run and the seconds of each step that it made.
     pub(crate) fn build_telling(&self, jobs: &str) -> Outcome<(Ran, Vec<f64>)> {
         let ran = self.telling(&["build", "-q", "--json", jobs])?;
-        let lines = self.told()?;
+        let lines = self.listing()?;
         let steps =
             lines.lines().map(|line| serde_json::from_str::<Told>(line).map_err(|e| format!("{line}: {e}")));
         let steps: Vec<Told> = steps.collect::<Outcome<_>>()?;
@@ -157,7 +157,7 @@ impl Ours {
     /// Prints the number of steps and the number of distinct keys.
     pub(crate) fn tell_keys(&self) -> Outcome {
         self.telling(&["plan", "--json"])?;
-        let steps: Vec<Planned> = serde_json::from_str(&self.told()?)
+        let steps: Vec<Planned> = serde_json::from_str(&self.listing()?)
             .map_err(|e| format!("the plan is not as it should be: {e}"))?;
         let keys: BTreeSet<&str> = steps.iter().filter_map(|step| step.key.as_deref()).collect();
         println!(
@@ -171,13 +171,14 @@ impl Ours {
 
     /// Runs `gs2e` with its stdout in a file.
     fn telling(&self, args: &[&str]) -> Outcome<Ran> {
-        let file = File::create(self.dir.join("told")).map_err(|e| format!("{}: {e}", self.dir.display()))?;
+        let file =
+            File::create(self.dir.join("listing")).map_err(|e| format!("{}: {e}", self.dir.display()))?;
         let mut command = self.gs2e(args);
         command.stdout(file);
         timed(command)
     }
 
-    fn told(&self) -> Outcome<String> {
-        fs::read_to_string(self.dir.join("told")).map_err(|e| format!("{}: {e}", self.dir.display()))
+    fn listing(&self) -> Outcome<String> {
+        fs::read_to_string(self.dir.join("listing")).map_err(|e| format!("{}: {e}", self.dir.display()))
     }
 }

@@ -33,13 +33,13 @@ pub(crate) struct Series(Vec<Ran>);
 
 /// Runs a command to its end, which must be successful.
 pub(crate) fn timed(mut command: Command) -> Outcome<Ran> {
-    let told = format!("{command:?}");
+    let message = format!("{command:?}");
     let start = Instant::now();
-    let child = command.spawn().map_err(|e| format!("{told} cannot be started: {e}"))?;
-    let used = child.wait4().map_err(|e| format!("{told} cannot be waited for: {e}"))?;
+    let child = command.spawn().map_err(|e| format!("{message} cannot be started: {e}"))?;
+    let used = child.wait4().map_err(|e| format!("{message} cannot be waited for: {e}"))?;
     let seconds = start.elapsed().as_secs_f64();
     if !used.status.success() {
-        return Err(format!("{told} ended with {}", used.status));
+        return Err(format!("{message} ended with {}", used.status));
     }
     let cpu = (used.rusage.utime + used.rusage.stime).as_secs_f64();
     Ok(Ran { seconds, cpu, peak_mb: used.rusage.maxrss as f64 * 1e-6 })

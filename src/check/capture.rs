@@ -94,12 +94,12 @@ fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, Str
     let beyond: Vec<String> =
         named.into_iter().take_while(|(_, v)| *v > limit).map(|(name, _)| name).collect();
     // A finding within its limit names the largest all the same.
-    let told = match beyond.len() {
+    let phrase = match beyond.len() {
         0 => first,
         count if count <= TOLD => beyond.join(", "),
         count => format!("{} and {} more", beyond[..TOLD].join(", "), count - TOLD),
     };
-    Some((measured, told))
+    Some((measured, phrase))
 }
 
 fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
@@ -110,11 +110,11 @@ fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     };
     let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
-    let Some((measured, told)) = largest_beyond(steps.collect(), limit.value) else {
+    let Some((measured, phrase)) = largest_beyond(steps.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there is only one view");
     };
     let because =
-        format!("the longest step between neighbouring views is {measured:.2} median steps: {told}");
+        format!("the longest step between neighbouring views is {measured:.2} median steps: {phrase}");
     subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 
@@ -126,11 +126,11 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
     };
     let limit = LimitSide::limit_or(limits.outlier, LimitSide::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
-    let Some((measured, told)) = largest_beyond(detours.collect(), limit.value) else {
+    let Some((measured, phrase)) = largest_beyond(detours.collect(), limit.value) else {
         return subject.not_run(NAME, PART, "there are fewer than 3 views");
     };
     let because =
-        format!("the largest detour of a view from its neighbours is {measured:.2} median steps: {told}");
+        format!("the largest detour of a view from its neighbours is {measured:.2} median steps: {phrase}");
     subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
 }
 

@@ -100,10 +100,10 @@ fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Finding
         return subject.not_run(NAME, "chord", "the camera does not move");
     };
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
-    let told = |name: &str, follow: Option<FollowError>| {
+    let phrase = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
-    let parts = told("linear", chords.linear) + &told("angular", chords.angular);
+    let parts = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
     judge_follow(subject, "chord", follow, limit, &parts)
 }
 

@@ -191,11 +191,11 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
 
 /// Prints the contrast, the leak and the noise of each sensor once, and the twins of each scene.
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
-    let mut told: Vec<&SensorChoice> = Vec::new();
+    let mut reported: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
         for (name, sensor) in recipe.sensors.iter() {
-            if !told.contains(&sensor) {
-                told.push(sensor);
+            if !reported.contains(&sensor) {
+                reported.push(sensor);
                 let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));
                 tell_sensor(&of, sensor, recipe.rate, console)?;
             }
@@ -339,7 +339,7 @@ impl BuildRequest<'_> {
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
-        let progress = progress.beside(self.settled).falling_back(chosen.falls_back());
+        let progress = progress.with_settled(self.settled).falling_back(chosen.falls_back());
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();

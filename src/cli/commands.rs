@@ -92,21 +92,21 @@ mod tests {
         let command = |n: usize| vec![format!("trainer --version {n:02}"), format!("trainer {n:02}")];
         let names: Vec<String> = (0..30).map(|n| format!("s{n}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let told = |scenes: &[(usize, &[&str])]| {
+        let found = |scenes: &[(usize, &[&str])]| {
             refusal_message(&scenes.iter().map(|(n, of)| (command(*n), of.to_vec())).collect())
                 .to_lines()
                 .join("\n")
         };
         let wanted = "error: s0/reconstruct would run a program that the recipe names; nothing was run\n   trainer \
                       --version 07\n   trainer 07\nhelp: if you trust it, run the same command with --allow-commands";
-        assert_eq!(told(&[(7, &names[..1])]), wanted);
-        let several = told(&[(1, &names[..3]), (2, &names[3..9])]);
+        assert_eq!(found(&[(7, &names[..1])]), wanted);
+        let several = found(&[(1, &names[..3]), (2, &names[3..9])]);
         assert!(several.starts_with("error: 9 scenes would run programs"), "{several}");
         assert!(several.contains(
             "\n for s0, s1, s2\n   trainer --version 01\n   trainer 01\n for s3, s4, s5 and 3 more\n"
         ));
         let many: Vec<(usize, &[&str])> = (0..25).map(|n| (n, &names[n..=n])).collect();
-        let many = told(&many);
+        let many = found(&many);
         assert_eq!((many.matches("\n for ").count(), many.contains("\n and 5 other commands\n")), (20, true));
     }
 }

@@ -7,7 +7,7 @@ use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
 use super::output;
 use super::problem::{ExitKind, VerbError};
-use crate::files::{self, write_beside};
+use crate::files::{self, write_by_rename};
 use crate::scene::form::{FormatLoss, SceneFormat};
 use crate::scene::{self, Gaussians, SceneError, ply};
 use crate::units::format_amount;
@@ -57,7 +57,7 @@ impl ConvertArgs {
         if !losses.is_empty() && !self.lossy {
             return Err(self.refused(&losses));
         }
-        write_beside(&self.output, |part| File::create_new(part)?.write_all(&bytes))
+        write_by_rename(&self.output, |part| File::create_new(part)?.write_all(&bytes))
             .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", self.output.display())))?;
         self.tell(&scene, bytes.len(), &losses, console);
         Ok(ExitKind::Done)
@@ -128,8 +128,9 @@ impl ConvertArgs {
         let what = format!("{} cannot store all of the input", self.output.display());
         let message =
             UserMessage::new(MessageLevel::Error, "lossy", what).help("pass --lossy to write it anyway");
-        let told = losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
-        VerbError::from_message(ExitKind::Usage, told)
+        let message =
+            losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
+        VerbError::from_message(ExitKind::Usage, message)
     }
 
     fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[FormatLoss], console: &Console) {

@@ -26,16 +26,16 @@ pub(super) struct DiffArgs {
 
 impl DiffArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
-        let told = diff_releases(&self.old, &self.new).map_err(|error| {
+        let difference = diff_releases(&self.old, &self.new).map_err(|error| {
             VerbError::usage("not-a-release", error.to_string())
                 .help("pass two folders that `gs2e release --to DIR` wrote")
         })?;
         if console.json {
-            console.result(&serde_json::to_value(&told).expect("a difference is plain data"));
+            console.result(&serde_json::to_value(&difference).expect("a difference is plain data"));
         } else {
-            difference_lines(&told).iter().for_each(|line| console.print(line));
+            difference_lines(&difference).iter().for_each(|line| console.print(line));
         }
-        let ReleaseDifference { added, removed, changed, unchanged, .. } = &told;
+        let ReleaseDifference { added, removed, changed, unchanged, .. } = &difference;
         let counts = [added.len(), removed.len(), changed.len(), *unchanged];
         let [added, removed, changed, unchanged] = counts;
         console.say(&format!(
@@ -48,16 +48,16 @@ impl DiffArgs {
 /// Maximum number of changed files named per scene; `--json` names all.
 const FILES_NAMED: usize = 12;
 
-fn difference_lines(told: &ReleaseDifference) -> Vec<String> {
+fn difference_lines(difference: &ReleaseDifference) -> Vec<String> {
     let mut lines: Vec<String> =
-        told.release.iter().map(|c| format!("release  {}: {}", c.path, change_arrow(c))).collect();
-    lines.extend(file_lines(&told.files).into_iter().map(|line| format!("file     {line}")));
+        difference.release.iter().map(|c| format!("release  {}: {}", c.path, change_arrow(c))).collect();
+    lines.extend(file_lines(&difference.files).into_iter().map(|line| format!("file     {line}")));
     let whole = |SceneSize { id, files, bytes }: &SceneSize| {
         format!("{id}  ({files} files, {:.1} MB)", *bytes as f64 * 1e-6)
     };
-    lines.extend(told.added.iter().map(|scene| format!("added    {}", whole(scene))));
-    lines.extend(told.removed.iter().map(|scene| format!("removed  {}", whole(scene))));
-    for scene in &told.changed {
+    lines.extend(difference.added.iter().map(|scene| format!("added    {}", whole(scene))));
+    lines.extend(difference.removed.iter().map(|scene| format!("removed  {}", whole(scene))));
+    for scene in &difference.changed {
         lines.push(format!("changed  {}", scene.id));
         lines.extend(scene_lines(scene).into_iter().map(|line| format!("  {line}")));
     }

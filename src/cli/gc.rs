@@ -83,9 +83,9 @@ impl GcArgs {
         }
         console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
         if console.json {
-            let mut told = json!(swept);
-            told["dry_run"] = json!(self.dry_run);
-            console.result(&told);
+            let mut record = json!(swept);
+            record["dry_run"] = json!(self.dry_run);
+            console.result(&record);
         }
     }
 }

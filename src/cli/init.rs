@@ -127,7 +127,7 @@ struct InitOutcome {
     /// Rejected scenes, each with its folder and the code and text of the reason.
     rejected: Vec<(String, PathBuf, &'static str, String)>,
     /// Used scenes, and the oddities of each.
-    told: Vec<(String, String)>,
+    notices: Vec<(String, String)>,
     /// Scene files that recipes name and that do not exist.
     without_scene: Vec<PathBuf>,
 }
@@ -137,7 +137,7 @@ struct SceneCandidate {
     scene: String,
     recipe: PathBuf,
     path: PathBuf,
-    told: Vec<String>,
+    notices: Vec<String>,
 }
 
 impl InitArgs {
@@ -221,9 +221,9 @@ impl InitArgs {
             let scene = format!("{prefix}/{name}");
             match (verdict, draft::screen_text(&scene, &[&path])) {
                 (Ok(warnings), Ok(())) => {
-                    let told: Vec<String> =
+                    let notices: Vec<String> =
                         warnings.iter().filter(|w| is_odd(w)).map(ToString::to_string).collect();
-                    sound.push((scene, name, path, told));
+                    sound.push((scene, name, path, notices));
                 }
                 (Ok(_), Err(because)) => outcome.rejected.push((scene, path, "name", because)),
                 (Err(rejection), _) => {
@@ -236,11 +236,11 @@ impl InitArgs {
         // Names are assigned to all usable scenes, also those with a recipe: a name depends on the
         // scenes that share it.
         let files = names::assign(&self.to, &scenes);
-        let candidate = |((scene, _, path, mut told), file): (_, FileName)| {
+        let candidate = |((scene, _, path, mut notices), file): (_, FileName)| {
             let FileName { path: recipe, because } = file;
             let named = because.map(|why| format!("its recipe is {}, because {why}", recipe.display()));
-            Vec::extend(&mut told, named);
-            SceneCandidate { scene, recipe, path, told }
+            Vec::extend(&mut notices, named);
+            SceneCandidate { scene, recipe, path, notices }
         };
         sound.into_iter().zip(files).map(candidate).collect()
     }
@@ -269,7 +269,7 @@ impl InitArgs {
         (pattern, reconstructs): (Option<&str>, bool),
         outcome: &mut InitOutcome,
     ) -> Result<(), VerbError> {
-        let SceneCandidate { scene, recipe, path, told } = candidate;
+        let SceneCandidate { scene, recipe, path, notices } = candidate;
         let folder = recipe.parent().unwrap_or(Path::new(""));
         write::make_folder(folder)?;
         let given = pattern.map(|pattern| filled_pattern(pattern, &path, &scene));
@@ -288,7 +288,7 @@ impl InitArgs {
         let text =
             RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref(), trained }.text();
         write::write_file(&recipe, &text)?;
-        outcome.told.extend(told.into_iter().map(|told| (scene.clone(), told)));
+        outcome.notices.extend(notices.into_iter().map(|notices| (scene.clone(), notices)));
         outcome.written.push((scene, recipe));
         Ok(())
     }
@@ -308,8 +308,8 @@ fn is_odd(warning: &SourceWarning) -> bool {
 
 impl InitOutcome {
     fn tell(&self, init: &InitArgs, console: &Console) {
-        for (scene, told) in &self.told {
-            console.say(&format!("{scene}: {told}"));
+        for (scene, notices) in &self.notices {
+            console.say(&format!("{scene}: {notices}"));
         }
         let to = init.to.display();
         let (written, kept) = (self.written.len(), self.kept);
@@ -343,13 +343,14 @@ impl InitOutcome {
         });
         let written =
             self.written.iter().map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
-        let told = self.told.iter().map(|(scene, told)| json!({ "scene": scene, "because": told }));
+        let notices =
+            self.notices.iter().map(|(scene, notices)| json!({ "scene": scene, "because": notices }));
         json!({
             "written": written.collect::<Vec<_>>(),
             "kept": self.kept,
             "left": self.left,
             "rejected": rejected.collect::<Vec<_>>(),
-            "noticed": told.collect::<Vec<_>>(),
+            "noticed": notices.collect::<Vec<_>>(),
             "without_scene": self.without_scene.iter().map(path).collect::<Vec<_>>(),
         })
     }

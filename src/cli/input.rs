@@ -26,8 +26,8 @@ pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbErr
             missing_file(what, path)
         }
         SourceError::Absent { dir, because } => {
-            let told = format!("cannot determine the layout of the {what}");
-            let message = UserMessage::new(MessageLevel::Error, "input-missing", told);
+            let text = format!("cannot determine the layout of the {what}");
+            let message = UserMessage::new(MessageLevel::Error, "input-missing", text);
             VerbError::from_message(ExitKind::Usage, message.path(dir).because(because))
         }
         error => unreadable_file(what, error),

@@ -6,7 +6,7 @@
 
 use super::problem::VerbError;
 use crate::files;
-use crate::files::beside::{PartialFile, link_target, parent_folder};
+use crate::files::rename::{PartialFile, link_target, parent_folder};
 use crate::store::space::is_full;
 use std::collections::BTreeSet;
 use std::io::{self, BufWriter, Write};

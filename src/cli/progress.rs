@@ -88,11 +88,11 @@ impl<'a> Progress<'a> {
     }
 
     /// Counts steps outside the plan that were up to date at a glance.
-    pub(super) fn beside(self, settled: usize) -> Self {
+    pub(super) fn with_settled(self, settled: usize) -> Self {
         let mut shown = self.shown.into_inner().expect("no observer panics");
         shown.ended += settled;
         shown.finished += settled;
-        shown.bars.iter().for_each(|bars| bars.beside(settled));
+        shown.bars.iter().for_each(|bars| bars.with_settled(settled));
         Self { settled, shown: Mutex::new(shown), ..self }
     }
 
@@ -169,15 +169,15 @@ impl<'a> Progress<'a> {
 
     fn to_json(&self, ended: &StepEnd<'_>) -> Value {
         let StepEnd { step, state, key, outputs, seconds, left_out } = ended;
-        let mut told = json!({
+        let mut record = json!({
             "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
             "outputs": plan::output_files(self.store, outputs), "seconds": seconds,
         });
         if let Some(OmissionTable { rows, saving }) = left_out {
-            told["left_out"] = json!(rows);
-            told["saving"] = json!(saving);
+            record["left_out"] = json!(rows);
+            record["saving"] = json!(saving);
         }
-        told
+        record
     }
 
     /// The work that a step left out; `None` for a step that does not render.
@@ -195,8 +195,8 @@ impl<'a> Progress<'a> {
         let files = ArtifactFiles::from_outputs(outputs, self.store);
         let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
         // A missing account must not fail a step that was made.
-        let told = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
-        Some(OmissionTable { rows: rows.map_err(told).ok()?, saving })
+        let report = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
+        Some(OmissionTable { rows: rows.map_err(report).ok()?, saving })
     }
 
     /// Keeps the work that a step left out for the end of the run.

@@ -67,11 +67,11 @@ impl ReleaseArgs {
         self.targets.resolve()?;
         let chosen = &common.renderers()?;
         let recipes = recipe::read_all(&self.targets.recipes)?;
-        let mut beside = ReleaseContext::read(&self.targets.recipes)?;
+        let mut context = ReleaseContext::read(&self.targets.recipes)?;
         // Before the takedown: the sources of a scene that is taken down are guarded too.
         let guarded = self.guarded(&recipes, common);
-        let (recipes, taken_down) = beside.takedown.keep(recipes);
-        beside.taken_down = taken_down.scenes;
+        let (recipes, taken_down) = context.takedown.keep(recipes);
+        context.taken_down = taken_down.scenes;
         super::takedown::show_takedown(taken_down, console);
         // A wrong key or password is reported before hours of work.
         let key = self.sign.as_deref().map(read_key).transpose()?;
@@ -100,7 +100,7 @@ impl ReleaseArgs {
             let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context };
         let written = release::write_release(&mut target, built, self.linking(), cancel);
         store.flush()?;
         let written = written.map_err(|error| release_problem(error, console))?;

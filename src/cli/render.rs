@@ -115,8 +115,8 @@ impl RenderArgs {
         common.limit_cores();
 
         let started = Instant::now();
-        let (chosen, told) = self.chosen()?;
-        warnings.extend(told.iter().map(ToString::to_string));
+        let (chosen, noticed) = self.chosen()?;
+        warnings.extend(noticed.iter().map(ToString::to_string));
         let gaussians = self.gaussians()?;
         let (screening, reading) = (gaussians.screening, started.elapsed());
 

@@ -15,7 +15,7 @@ use super::output::{self, unwritable_file};
 use super::problem::{ExitKind, VerbError};
 use crate::event::file::{EventFile, EventFormat};
 use crate::event::{Event, EventFileError, EventSink, h5};
-use crate::files::{is_there, write_beside};
+use crate::files::{is_there, write_by_rename};
 use crate::frames::array::FullScale;
 use crate::frames::motion::EdgeMotion;
 use crate::frames::{DenseFrame, FrameError};
@@ -179,10 +179,10 @@ impl SimulateArgs {
         );
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         if !drawn.is_empty() {
-            let told: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
-            console.say(&format!("drawn with seed {}: {}", self.seed, told.join(", ")));
+            let to_error: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
+            console.say(&format!("drawn with seed {}: {}", self.seed, to_error.join(", ")));
         }
-        sequence.told.iter().for_each(|line| console.say(line));
+        sequence.notices.iter().for_each(|line| console.say(line));
         let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
         if account.events == 0 {
             // A note, so that programs get one object.
@@ -216,13 +216,13 @@ impl SimulateArgs {
         let size = sequence.frames.size();
         let stream = SimulatedStream { sensor, size, span_us: sequence.span_us() };
         let mut done = SimulationAccount::default();
-        let written = write_beside(&self.out, |part| {
+        let written = write_by_rename(&self.out, |part| {
             let mut sink = stream.create_file(part, format, self.h5_filter)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
             EventFile::finish(sink, stream.length_us())?;
             Ok(())
         });
-        written.map_err(|failure: SimulateFailure| self.told(failure)).map(|()| done)
+        written.map_err(|failure: SimulateFailure| self.to_error(failure)).map(|()| done)
     }
 
     /// Feeds every frame to the sensor.
@@ -254,7 +254,7 @@ impl SimulateArgs {
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 
-    fn told(&self, failure: SimulateFailure) -> VerbError {
+    fn to_error(&self, failure: SimulateFailure) -> VerbError {
         let failed = |what: &str, code, why: String| {
             VerbError::from_message(
                 ExitKind::Failed,

@@ -242,14 +242,14 @@ mod tests {
 
     #[test]
     fn what_was_not_run_is_told_and_has_no_figures() {
-        let told = row(Err(NotRun("no GPU is available".to_owned()))).to_json();
-        assert_eq!((&told["verdict"], &told["because"]), (&json!("not-run"), &json!("no GPU is available")));
+        let seen = row(Err(NotRun("no GPU is available".to_owned()))).to_json();
+        assert_eq!((&seen["verdict"], &seen["because"]), (&json!("not-run"), &json!("no GPU is available")));
         assert!(
-            ["computed", "answer", "error", "limit", "at", "points"].iter().all(|name| told[name].is_null())
+            ["computed", "answer", "error", "limit", "at", "points"].iter().all(|name| seen[name].is_null())
         );
-        let told = row(found(0.2)).to_json();
+        let seen = row(found(0.2)).to_json();
         assert_eq!(
-            (&told["verdict"], &told["error"], &told["at"]),
+            (&seen["verdict"], &seen["error"], &seen["at"]),
             (&json!("fail"), &json!(0.2), &json!("the corner"))
         );
     }

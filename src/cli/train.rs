@@ -172,10 +172,10 @@ impl TrainArgs {
             clock: Some(run::monotonic_seconds),
             checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
         };
-        training::train_capture(capture, files, &self.settings(), watch).map_err(|e| self.told(&e))
+        training::train_capture(capture, files, &self.settings(), watch).map_err(|e| self.to_error(&e))
     }
 
-    fn told(&self, error: &TrainingError) -> VerbError {
+    fn to_error(&self, error: &TrainingError) -> VerbError {
         let new = |exit, code, what: &str, because: Option<String>| {
             let message = UserMessage::new(MessageLevel::Error, code, what);
             VerbError::from_message(exit, because.into_iter().fold(message, UserMessage::because))

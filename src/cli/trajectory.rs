@@ -132,8 +132,8 @@ impl TrajectoryArgs {
             };
         };
         let kind = CaptureKind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?;
-        let (capture, told) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
-        warnings.extend(told.iter().map(ToString::to_string));
+        let (capture, noticed) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
+        warnings.extend(noticed.iter().map(ToString::to_string));
         Ok(Some(CaptureInput { kind, capture }))
     }
 
@@ -219,8 +219,8 @@ fn viewing_camera(
     capture: Option<&Capture>,
     warnings: &mut Vec<String>,
 ) -> Option<Camera> {
-    let (own, told) = capture.and_then(Capture::camera).unzip();
-    warnings.extend(told.flatten().map(|warning| warning.to_string()));
+    let (own, noticed) = capture.and_then(Capture::camera).unzip();
+    warnings.extend(noticed.flatten().map(|warning| warning.to_string()));
     camera::choose_camera(fragment.camera, own.as_ref())
 }
 
@@ -244,8 +244,8 @@ impl TrajectoryMaker<'_> {
         for (i, recipe) in chain.iter().enumerate() {
             let base = made.take();
             // The base itself is not written, so its warnings carry its name.
-            let told = base.iter().flat_map(|base| &base.report.warnings);
-            before.extend(told.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
+            let noticed = base.iter().flat_map(|base| &base.report.warnings);
+            before.extend(noticed.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
             made = Some(self.one(recipe, base.as_ref())?);
         }
         Ok(TrajectoryChoice { made: made.expect("a chain holds the trajectory that was chosen"), before })

@@ -178,8 +178,8 @@ mod tests {
             ["a-out: a link leads out of the given folder", "b", "sub", "deep", "c-file", "d-in", "deep"]
         );
         symlink("..", root.join("b/sub/up")).unwrap();
-        let told = names(FolderWalk::new(&root).following());
-        assert!(told.contains(&"up: a link leads back to its own folder".to_owned()), "{told:?}");
+        let message = names(FolderWalk::new(&root).following());
+        assert!(message.contains(&"up: a link leads back to its own folder".to_owned()), "{message:?}");
     }
 
     #[test]
@@ -187,9 +187,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let deep: PathBuf = (0..=MAX_DEPTH + 3).map(|_| "d").collect();
         fs::create_dir_all(folder.path().join(deep)).unwrap();
-        let told = names(FolderWalk::new(folder.path()));
-        assert_eq!(told.len(), MAX_DEPTH + 1);
-        assert_eq!(told[MAX_DEPTH], "d: more than 32 folders deep");
+        let found = names(FolderWalk::new(folder.path()));
+        assert_eq!(found.len(), MAX_DEPTH + 1);
+        assert_eq!(found[MAX_DEPTH], "d: more than 32 folders deep");
     }
 
     #[test]
@@ -197,8 +197,8 @@ mod tests {
         let Ok(root) = fs::metadata("/") else { return };
         let other = fs::metadata("/proc").is_ok_and(|about| about.dev() != root.dev());
         if other {
-            let told: Vec<String> = names(FolderWalk::new(Path::new("/")).to_depth(1));
-            assert!(told.contains(&"proc: a folder on another file system".to_owned()), "{told:?}");
+            let found: Vec<String> = names(FolderWalk::new(Path::new("/")).to_depth(1));
+            assert!(found.contains(&"proc: a folder on another file system".to_owned()), "{found:?}");
         }
     }
 }

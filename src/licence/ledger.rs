@@ -47,12 +47,12 @@ impl LicenceObligation {
     pub fn of_ids(ids: &[&str]) -> Vec<Self> {
         let has = |part: &str| ids.iter().any(|id| id.starts_with("CC-BY") && id.contains(part));
         let kept = ["MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause"];
-        let told = [
+        let stated = [
             (Self::Attribution, has("CC-BY") || ids.iter().any(|id| kept.contains(id))),
             (Self::NonCommercial, has("-NC")),
             (Self::ShareAlike, has("-SA")),
         ];
-        told.into_iter().filter(|(_, is)| *is).map(|(obligation, _)| obligation).collect()
+        stated.into_iter().filter(|(_, is)| *is).map(|(obligation, _)| obligation).collect()
     }
 }
 

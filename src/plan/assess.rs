@@ -402,14 +402,16 @@ mod tests {
     }
 
     /// The differences as `path: old -> new`.
-    fn told(old: &str, new: &str) -> Vec<String> {
+    fn change_lines(old: &str, new: &str) -> Vec<String> {
         let changes = changed_lines(&lines(old), &lines(new)).into_iter();
         changes.map(|c| format!("{}: {} -> {}", c.path, c.old, c.new)).collect()
     }
 
     #[test]
     fn differences_are_told_with_the_most_telling_first() {
-        let t = |old: &str, new: &str, wanted: &[&str]| assert_eq!(told(old, new), wanted, "{old} | {new}");
+        let t = |old: &str, new: &str, wanted: &[&str]| {
+            assert_eq!(change_lines(old, new), wanted, "{old} | {new}")
+        };
         t("params.a=1; params.b=2", "params.b=2; params.a=1", &[]);
         t("params.a=1", "params.a=2", &["params.a: 1 -> 2"]);
         t("params.a=1", "params.b=1", &["params.a: 1 -> ", "params.b:  -> 1"]);

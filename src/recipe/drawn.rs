@@ -154,8 +154,8 @@ impl SensorDraws {
             let found = Problems::default();
             let tree = self.with_values(tree, &values);
             let sensors = resolve_sensors(&tree, resolver, &found, (between, Some(rate)));
-            let told = format!(" (drawn for the trajectory {})", trajectory.name);
-            let problems = found.into_inner().into_iter().map(|problem| problem.noting(&told));
+            let place = format!(" (drawn for the trajectory {})", trajectory.name);
+            let problems = found.into_inner().into_iter().map(|problem| problem.noting(&place));
             resolver.problems.borrow_mut().extend(problems);
             let mut numbers: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
             for (number, value) in self.numbers.iter().zip(values) {

@@ -86,11 +86,11 @@ mod tests {
     /// Asserts the edits, written as `path: old -> new`.
     fn t(old: &Value, new: &Value, wanted: &[&str]) {
         let shown = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
-        let told: Vec<String> = find_edits(old, new)
+        let found: Vec<String> = find_edits(old, new)
             .iter()
             .map(|edit| format!("{}: {} -> {}", edit.path, shown(&edit.old), shown(&edit.new)))
             .collect();
-        assert_eq!(told, wanted, "{old} | {new}");
+        assert_eq!(found, wanted, "{old} | {new}");
     }
 
     #[test]

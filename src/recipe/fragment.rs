@@ -198,8 +198,8 @@ mod tests {
     #[test]
     fn faults_are_told_where_they_stand() {
         let t = |text: &str, wanted: &str| {
-            let told = fragment(text).unwrap_err();
-            assert!(told.contains(wanted), "{told}");
+            let message = fragment(text).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
         };
         t("", "a.yaml: the file is empty");
         t(&TRAJECTORIES.replace("window", "windw"), "a.yaml:3:29: unknown field \"windw\"");
@@ -215,8 +215,8 @@ mod tests {
         for name in ["a.yaml", "b.yaml"] {
             std::fs::write(dir.path().join(name), TRAJECTORIES).unwrap();
         }
-        let told = read_fragment(dir.path()).unwrap_err().to_string();
-        assert!(told.ends_with(": this folder has 2 recipes, wanted one"), "{told}");
+        let message = read_fragment(dir.path()).unwrap_err().to_string();
+        assert!(message.ends_with(": this folder has 2 recipes, wanted one"), "{message}");
         std::fs::remove_file(dir.path().join("b.yaml")).unwrap();
         assert!(read_fragment(dir.path()).is_ok());
     }
@@ -245,8 +245,8 @@ mod tests {
     #[test]
     fn faults_of_a_sensor_are_told_where_they_stand() {
         let t = |text: &str, wanted: &str| {
-            let told = sensor(text).unwrap_err();
-            assert!(told.contains(wanted), "{told}");
+            let message = sensor(text).unwrap_err();
+            assert!(message.contains(wanted), "{message}");
         };
         t("voltmeter: { presett: dvs346 }\n", "s.yaml:1:14: unknown field \"presett\"");
         t("voltmeter: { preset: dvs347 }\n", "s.yaml:1:22: unknown preset \"dvs347\"");
@@ -265,8 +265,8 @@ mod tests {
         assert_eq!(read(several, Some("b")), read("v2e: { preset: noisy }", None));
         assert_eq!(read(several, Some("a")), read("{\"esim\": {}}", None), "JSON is YAML");
         assert_eq!(read(several, Some("c")).unwrap_err(), "dict: it has no sensor c");
-        let told = read("esim: {}", Some("a")).unwrap_err();
-        assert_eq!(told, "dict: it has one sensor without a name, asked for is a");
+        let message = read("esim: {}", Some("a")).unwrap_err();
+        assert_eq!(message, "dict: it has one sensor without a name, asked for is a");
         assert_eq!(read("esim: {\n", None).unwrap_err().split(':').next(), Some("dict"));
     }
 }

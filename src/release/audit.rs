@@ -333,13 +333,14 @@ fn composed(
 
 /// Removes [`FaultCode::NotComposed`] from files that have a more specific fault.
 fn without_echoes(faults: Vec<AuditFault>) -> Vec<AuditFault> {
-    let told: BTreeSet<String> = faults
+    let reported: BTreeSet<String> = faults
         .iter()
         .filter(|fault| fault.code != FaultCode::NotComposed)
         .filter_map(|fault| fault.file.clone())
         .collect();
     let is_echo = |fault: &AuditFault| {
-        fault.code == FaultCode::NotComposed && fault.file.as_ref().is_some_and(|file| told.contains(file))
+        fault.code == FaultCode::NotComposed
+            && fault.file.as_ref().is_some_and(|file| reported.contains(file))
     };
     faults.into_iter().filter(|fault| !is_echo(fault)).collect()
 }

@@ -146,7 +146,7 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
     let before = read_manifest(old)?;
     let after = read_manifest(new)?;
     let id = |scene: &ManifestScene| scene.id.clone();
-    let mut told = ReleaseDifference {
+    let mut difference = ReleaseDifference {
         release: values::value_changes(&claimed_values(&before), &claimed_values(&after)),
         files: file_changes(&before.files, &after.files),
         added: Vec::new(),
@@ -156,18 +156,18 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
     };
     for pair in pair_named(&before.scenes, &after.scenes, id) {
         match pair {
-            (None, Some(scene)) => told.added.push(scene_size(scene)),
-            (Some(scene), None) => told.removed.push(scene_size(scene)),
+            (None, Some(scene)) => difference.added.push(scene_size(scene)),
+            (Some(scene), None) => difference.removed.push(scene_size(scene)),
             (Some(a), Some(b)) if a != b => {
                 // Equal manifest entries list equal files, so `scene.json` is read for different
                 // ones only.
                 let [a_file, b_file] = [read_scene(old, a)?, read_scene(new, b)?];
-                told.changed.push(scene_change([a, b], [&a_file, &b_file]));
+                difference.changed.push(scene_change([a, b], [&a_file, &b_file]));
             }
-            _ => told.unchanged += 1,
+            _ => difference.unchanged += 1,
         }
     }
-    Ok(told)
+    Ok(difference)
 }
 
 pub(super) fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {

@@ -42,7 +42,7 @@ pub(super) struct IndexRow<'a> {
     part: &'a TrajectoryPart,
     /// The name and the part of one of several sensors.
     named: Option<(&'a str, &'a SensorPart)>,
-    told: IndexSources,
+    sources: IndexSources,
 }
 
 impl IndexRow<'_> {
@@ -156,7 +156,7 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
         "speed_median_unit_s",
         ColumnKind::Number,
         "median speed of the camera's centre, scene units/s",
-        |r| r.told.speed_median_unit_s.into(),
+        |r| r.sources.speed_median_unit_s.into(),
     ),
     index_column(
         "speed_max_unit_s",
@@ -225,10 +225,10 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
         r.scene.reconstruction.as_ref().map(|it| it.gaussians).into()
     }),
     index_column("checks", ColumnKind::Whole, "number of records in checks.json", |r| {
-        (r.told.checks as u64).into()
+        (r.sources.checks as u64).into()
     }),
     index_column("checks_passed", ColumnKind::Whole, "number of those records that passed", |r| {
-        (r.told.checks_passed as u64).into()
+        (r.sources.checks_passed as u64).into()
     }),
     index_column("recipe_sha256", ColumnKind::Text, "SHA-256 of the recipe as compact JSON", |r| {
         r.scene.recipe_sha256.as_str().into()
@@ -236,10 +236,10 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
 ];
 
 /// The rows of a scene. The second argument has one element per trajectory, in their order.
-pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, told: &[IndexSources]) -> Vec<IndexRow<'a>> {
+pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, sources: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
-    for (part, told) in scene.trajectories.iter().zip(told) {
-        let mut add = |named| rows.push(IndexRow { scene, part, named, told: *told });
+    for (part, sources) in scene.trajectories.iter().zip(sources) {
+        let mut add = |named| rows.push(IndexRow { scene, part, named, sources: *sources });
         // One sensor alone has no name. A trajectory without events has a row too.
         if part.sensors.is_empty() {
             add(None);

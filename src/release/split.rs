@@ -74,13 +74,15 @@ pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
             holders.entry(thing).or_default().entry(&part.name).or_insert(&scene.id);
         }
     }
-    let mut told = BTreeSet::new();
+    let mut reported = BTreeSet::new();
     let mut leaks = Vec::new();
     for ((kind, value), of) in holders {
         let mut of = of.into_iter();
         let Some((first_split, first)) = of.next() else { continue };
         // Two scenes of one capture share hundreds of photos; the first one is enough.
-        for (split, scene) in of.filter(|(_, scene)| told.insert((kind, first, *scene))).collect::<Vec<_>>() {
+        for (split, scene) in
+            of.filter(|(_, scene)| reported.insert((kind, first, *scene))).collect::<Vec<_>>()
+        {
             let scenes =
                 [(first, first_split), (scene, split)].map(|(id, of)| (id.to_owned(), of.to_owned()));
             leaks.push(SplitLeak { scenes, what: format!("{kind} {value}") });

@@ -239,7 +239,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     pub(super) fn finish(&mut self, finished: FinishedStep) {
         let FinishedStep { step, key, sources, is_recheck, result } = finished;
         if let Some((.., thread)) = self.running.remove(&step) {
-            thread.join().expect("the thread has told, and told last, what became of its step");
+            thread.join().expect("the last message of the thread is the outcome of its step");
         }
         // Steps with the same key are assessed again: they find the new record, or run if this step
         // failed.

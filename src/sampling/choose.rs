@@ -399,9 +399,9 @@ mod tests {
         assert!((best.finest / jumps - 1.0).abs() < 0.3, "{best:?} {jumps}");
         assert_eq!((wanted, advice), (0.003, "; try something else"));
         assert!(best.jumps > 0.9);
-        let told = asked.answer(&mut Planted::new(SIZE, jumping)).unwrap_err().to_string();
-        assert!(told.starts_with("the tolerance of 0.003 thresholds cannot be met here:"), "{told}");
-        assert!(told.ends_with("can be met; try something else"), "{told}");
+        let message = asked.answer(&mut Planted::new(SIZE, jumping)).unwrap_err().to_string();
+        assert!(message.starts_with("the tolerance of 0.003 thresholds cannot be met here:"), "{message}");
+        assert!(message.ends_with("can be met; try something else"), "{message}");
     }
 
     /// Waves of half the length, in a part of the path without a place of the pilot.

@@ -235,7 +235,7 @@ impl<'a> FrameExposer<'a> {
         let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
         let between: Vec<SubframeTime> = between.map(|k| self.moment(pose, k, subframes)).collect();
         self.add(&between, false, &mut light, go_on)?;
-        #[expect(clippy::cast_possible_truncation, reason = "pixels, told with a few digits")]
+        #[expect(clippy::cast_possible_truncation, reason = "pixels, printed with a few digits")]
         let step_px = sees_motion.then_some((moved / f64::from(subframes)) as f32);
         let [start_us, end_us] = open_us(self.course.seconds, pose, frames);
         let exposure = ExposureRecord { pose, start_us, end_us, subframes, step_px };
@@ -446,10 +446,11 @@ mod tests {
     fn motion_beyond_what_is_rendered_is_told() {
         let (ExposedFrame { exposure, .. }, ..) = exposed(5000.0, SEVEN);
         assert_eq!(exposure.subframes, MAX_SUBFRAMES);
-        let told = ghost_warning(&[exposure, ExposureRecord { step_px: Some(0.5), ..exposure }]).unwrap();
+        let message = ghost_warning(&[exposure, ExposureRecord { step_px: Some(0.5), ..exposure }]).unwrap();
         assert!(
-            told.starts_with("1 of 2 blurred frames") && told.contains("at pose 20 a pixel moves by 1.5 px"),
-            "{told}"
+            message.starts_with("1 of 2 blurred frames")
+                && message.contains("at pose 20 a pixel moves by 1.5 px"),
+            "{message}"
         );
         assert_eq!(
             ghost_warning(&[

@@ -84,9 +84,9 @@ mod tests {
         let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         let grey = Image::filled(Size { width: 2, height: 1 }, 100.0);
         let account = SimulationAccount { events: 100, active_pixels: 1, ..SimulationAccount::default() };
-        let told = |tolerance| lost_in_noise(tolerance, &sensor, &grey, &account, 1_000_000);
-        assert_eq!(told(0.03), None);
-        assert!(told(0.001).unwrap().contains("below the sensor's own jitter"));
+        let message = |tolerance| lost_in_noise(tolerance, &sensor, &grey, &account, 1_000_000);
+        assert_eq!(message(0.03), None);
+        assert!(message(0.001).unwrap().contains("below the sensor's own jitter"));
         let quiet = VoltmeterModel::new([5.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(lost_in_noise(1e-9, &quiet, &grey, &account, 1_000_000), None);
     }

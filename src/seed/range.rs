@@ -197,8 +197,8 @@ mod tests {
     #[test]
     fn faulty_laws_are_refused() {
         let t = |law: RangeLaw, wanted: &str| {
-            let told = law.validate().unwrap_err();
-            assert!(told.contains(wanted), "{told}");
+            let message = law.validate().unwrap_err();
+            assert!(message.contains(wanted), "{message}");
         };
         t(RangeLaw::Uniform { low: 2.0, high: 1.0 }, "range 2 to 1");
         t(RangeLaw::Uniform { low: 2.0, high: 2.0 }, "range 2 to 2");

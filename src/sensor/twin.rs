@@ -154,8 +154,8 @@ mod tests {
         let noisy = || v2e(|_| ());
         let far = || v2e(|v| (v.cutoff, v.threshold.on, v.threshold.off) = (5.0, 0.9, 0.8));
         let near = |set: &SensorSet| -> Vec<String> {
-            let told = set.near_twins();
-            told.iter().map(|n| format!("{} {}: {}", n.name, n.noisy, n.differing.join(", "))).collect()
+            let found = set.near_twins();
+            found.iter().map(|n| format!("{} {}: {}", n.name, n.noisy, n.differing.join(", "))).collect()
         };
         let all = set([("clean", clean()), ("far", far()), ("noisy", noisy())]);
         assert_eq!(near(&all), ["clean noisy: cutoff, threshold.spread"]);

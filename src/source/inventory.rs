@@ -132,9 +132,9 @@ impl ScenePath {
         let verdict = match misnamed {
             Some(rejection) => Err(rejection),
             None if kind.needs_poses() => rules.hold_photos(&captured).map(|()| Vec::new()),
-            None => captured.glance().map_err(RejectionReason::from).and_then(|(capture, told)| {
+            None => captured.glance().map_err(RejectionReason::from).and_then(|(capture, warnings)| {
                 rules.hold(&capture)?;
-                Ok(told)
+                Ok(warnings)
             }),
         };
         InventoryScene { name, path, verdict }

@@ -231,8 +231,8 @@ mod tests {
     #[test]
     fn what_is_of_no_kind_or_of_two_is_refused() {
         let t = |files: &[Vec<String>], wanted: &str| {
-            let told = kind(&files.concat()).unwrap_err();
-            assert!(told.starts_with(wanted), "{told}");
+            let message = kind(&files.concat()).unwrap_err();
+            assert!(message.starts_with(wanted), "{message}");
         };
         t(&[], "DIR: found no capture, wanted a COLMAP model");
         t(&[vec!["images.txt".to_owned()]], "DIR: found no capture");

@@ -275,10 +275,10 @@ mod tests {
         let scenes = dir.path().join(SCENES);
         assert!(matches!(newest_scene(dir.path()).unwrap_err(), SourceError::Io { .. }), "no folder at all");
         std::fs::create_dir(&scenes).unwrap();
-        let told = newest_scene(dir.path()).unwrap_err().to_string();
+        let message = newest_scene(dir.path()).unwrap_err().to_string();
         assert!(
-            told.contains("point_cloud") && told.contains("wanted iteration_N/point_cloud.ply"),
-            "{told}"
+            message.contains("point_cloud") && message.contains("wanted iteration_N/point_cloud.ply"),
+            "{message}"
         );
         for name in ["iteration_7000", "iteration_30000", "iteration_100000", "iteration_best", "notes"] {
             std::fs::create_dir(scenes.join(name)).unwrap();
@@ -320,8 +320,8 @@ mod tests {
             let mut cameras = planted();
             change(&mut cameras);
             let dir = folder(&cameras.to_string(), None);
-            let told = read_capture(dir.path()).unwrap_err().to_string();
-            assert_eq!(told, format!("{}: {wanted}", dir.path().join(CAMERAS).display()));
+            let message = read_capture(dir.path()).unwrap_err().to_string();
+            assert_eq!(message, format!("{}: {wanted}", dir.path().join(CAMERAS).display()));
         };
         let set =
             |key: &'static str, value: Value| move |cameras: &mut Value| cameras[1][key] = value.clone();
@@ -352,13 +352,16 @@ mod tests {
     #[test]
     fn a_file_that_is_none_is_told_with_its_line() {
         let dir = folder("[\n{ \"id\": NaN }]", None);
-        let told = read_capture(dir.path()).unwrap_err().to_string();
-        assert!(told.contains("cameras.json: line 2: "), "{told}");
+        let message = read_capture(dir.path()).unwrap_err().to_string();
+        assert!(message.contains("cameras.json: line 2: "), "{message}");
         let gone = read_capture(&dir.path().join("gone")).unwrap_err();
         assert!(matches!(gone, SourceError::Io { .. }), "{gone}");
         let odd = folder(&planted().to_string(), Some("{\"a\": [[1, 0], [0, 1]]}"));
-        let told = read_capture(odd.path()).unwrap_err().to_string();
-        assert!(told.ends_with("exposure.json: `a`: [[1,0],[0,1]], wanted 3 rows of 4 numbers"), "{told}");
+        let message = read_capture(odd.path()).unwrap_err().to_string();
+        assert!(
+            message.ends_with("exposure.json: `a`: [[1,0],[0,1]], wanted 3 rows of 4 numbers"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -121,9 +121,9 @@ pub(super) fn read_file(
         frames.par_iter().map(|frame| photos.of(frame, look)).collect::<Result<_, _>>()?;
     let (mut found, mut warnings) = (Vec::new(), Vec::new());
     for (frame, photo) in frames.iter().zip(&taken) {
-        let (view, told) = read_frame(&top, frame, photo.as_ref())?;
+        let (view, own) = read_frame(&top, frame, photo.as_ref())?;
         found.push(view);
-        warnings.extend(told);
+        warnings.extend(own);
     }
     let home = match photos {
         PhotoLocation::AsNamed => photo::or_here(file.parent().unwrap_or(Path::new(""))),

@@ -52,10 +52,10 @@ pub fn choose_view(
         SourceWarning::PhotosMissing { .. } | SourceWarning::FewViews { .. } => false,
         SourceWarning::CountsDiffer { .. } | SourceWarning::Exposure { .. } => true,
     };
-    let mut told: Vec<SourceWarning> = warnings.into_iter().filter(concerns).collect();
+    let mut kept: Vec<SourceWarning> = warnings.into_iter().filter(concerns).collect();
     let alone = Capture::from(vec![view.clone()]);
-    told.extend(alone.distortion());
-    Some((view, told))
+    kept.extend(alone.distortion());
+    Some((view, kept))
 }
 
 fn read_camera(top: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarning>), SourceError> {
@@ -98,10 +98,10 @@ mod tests {
     #[test]
     fn a_camera_json_is_one_view() {
         let (_dir, path) = written("camera.json", &planted());
-        let (view, told) = choose_view(read_views(&path).unwrap(), 0).unwrap();
+        let (view, message) = choose_view(read_views(&path).unwrap(), 0).unwrap();
         let size = Size { width: 64, height: 48 };
         assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
-        assert_eq!((view.name.as_str(), view.lens, told), ("camera.json", LensModel::Pinhole, Vec::new()));
+        assert_eq!((view.name.as_str(), view.lens, message), ("camera.json", LensModel::Pinhole, Vec::new()));
         // Images of three points, world to camera, computed by hand: (z + 1, y + 2, -x + 3).
         // Entries of 1 and 0 pass through a quaternion with roundings of 1e-16 each.
         let camera_from_world = view.world_from_camera.inverse();
@@ -121,10 +121,10 @@ mod tests {
         let mut camera = planted();
         camera["R"][1][1] = json!(1.0001);
         let (_dir, path) = written("camera.json", &camera);
-        let told = choose_view(read_views(&path).unwrap(), 0).unwrap().1;
+        let found = choose_view(read_views(&path).unwrap(), 0).unwrap().1;
         assert!(
-            matches!(&told[..], [SourceWarning::Projected { image, .. }] if image == "camera.json"),
-            "{told:?}"
+            matches!(&found[..], [SourceWarning::Projected { image, .. }] if image == "camera.json"),
+            "{found:?}"
         );
     }
 

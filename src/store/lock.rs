@@ -315,16 +315,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let claim = LockClaim { command: "first\nof two".into(), remind: 2 * TRY, ..LockClaim::default() };
         let first = StoreLock::take_lock(folder.path(), &claim, false, &mut |_| {}).unwrap();
-        let mut told = Vec::new();
+        let mut found = Vec::new();
         let mut held = Some(first);
         let second = StoreLock::take_lock(folder.path(), &claim, true, &mut |holder| {
-            told.push(holder.to_owned());
-            if told.len() == 3 {
+            found.push(holder.to_owned());
+            if found.len() == 3 {
                 held.take();
             }
         });
-        assert!(second.is_ok() && told.len() == 3, "{told:?}");
-        assert!(told.iter().all(|holder| holder.ends_with("(first of two)")), "{told:?}");
+        assert!(second.is_ok() && found.len() == 3, "{found:?}");
+        assert!(found.iter().all(|holder| holder.ends_with("(first of two)")), "{found:?}");
     }
 
     fn take_temporary(path: &Path) -> Result<StoreLock, StoreError> {
@@ -386,8 +386,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lock");
         std::fs::write(&path, sample().to_text().repeat(3)).unwrap();
-        let told = &mut |holder: &str| panic!("nobody holds it, and it waits for {holder}");
-        let _ours = StoreLock::take_lock(folder.path(), &LockClaim::default(), true, told).unwrap();
+        let message = &mut |holder: &str| panic!("nobody holds it, and it waits for {holder}");
+        let _ours = StoreLock::take_lock(folder.path(), &LockClaim::default(), true, message).unwrap();
         let text = std::fs::read_to_string(path).unwrap();
         assert_eq!(LockHolder::parse(&text).unwrap().pid, std::process::id());
         assert_eq!(text.lines().count(), 5);

@@ -16,7 +16,7 @@ use crate::frames::{DenseFrame, FrameSequence};
 use crate::seed::Seed;
 use crate::sensor::esim::EsimModel;
 use crate::sensor::v2e::{V2eModel, V2ePreset};
-use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use crate::sensor::voltmeter::VoltmeterPreset;
 use crate::sensor::{
     SensorChannel, SensorChoice, SensorSettings, SimulateError, SimulationAccount, simulate_all,
 };
@@ -37,10 +37,8 @@ pub struct StudiedSensor {
 /// and those of `v2e` as `v2e-NAME`.
 #[must_use]
 pub fn all_presets() -> Vec<StudiedSensor> {
-    let voltmeters = VoltmeterPreset::ALL.map(|preset| StudiedSensor {
-        name: preset.name().to_owned(),
-        sensor: VoltmeterModel::new(preset.k()).into(),
-    });
+    let voltmeters = VoltmeterPreset::ALL
+        .map(|preset| StudiedSensor { name: preset.name().to_owned(), sensor: preset.model().into() });
     let esim = SensorChoice::from(EsimModel::default());
     let esim = StudiedSensor { name: esim.name().to_owned(), sensor: esim };
     let v2es = V2ePreset::ALL.map(|preset| {
@@ -202,9 +200,9 @@ mod tests {
             simulate_one(&mut frames(), model.as_model(), Seed(99), &mut real, &mut go_on).unwrap();
             let found = compare_sensors(&mut frames(), &all_presets(), (real, &empty), Seed(1), &mut go_on);
             let found = found.unwrap();
-            let told: Vec<String> =
+            let seen: Vec<String> =
                 found.rows.iter().map(|row| format!("{} {:.4}", row.sensor, row.distance)).collect();
-            println!("{}: {}", planted.name, told.join(", "));
+            println!("{}: {}", planted.name, seen.join(", "));
             assert_eq!(found.rows[0].sensor, planted.name);
             let svg = picture::intervals_svg(&found);
             assert!(svg.contains(">recording<") && svg.contains(&format!(">{}<", planted.name)));

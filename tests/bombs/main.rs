@@ -122,10 +122,10 @@ fn detonate(bomb: &Bomb, program: &Path, own: &Path) -> Option<String> {
     let Bomb { name, what, .. } = bomb;
     say(&format!("| {name} | {what} | {} | {ended} | {} | {} |", bytes(size), mb(run.peak), mb(allowed)));
     let wanted: &[i32] = if bomb.fate == Fate::Refused { &[1, 2, 3] } else { &[0] };
-    let told = run.stderr.trim();
+    let message = run.stderr.trim();
     match run.code {
-        Some(code) if wanted.contains(&code) && !told.contains("panicked") => {}
-        _ => return Some(format!("it ended with {ended}, wanted one of {wanted:?}: {told}")),
+        Some(code) if wanted.contains(&code) && !message.contains("panicked") => {}
+        _ => return Some(format!("it ended with {ended}, wanted one of {wanted:?}: {message}")),
     }
     (run.peak > allowed).then(|| format!("its peak is {}, wanted at most {}", mb(run.peak), mb(allowed)))
 }

@@ -37,11 +37,11 @@ impl Run {
         let mut meter = Command::new(std::env::current_exe().unwrap());
         meter.arg(METER).arg(program).args(args.split_whitespace()).current_dir(folder).stdin(Stdio::null());
         let output = meter.output().unwrap();
-        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let found: Value = serde_json::from_slice(&output.stdout).unwrap();
         Self {
-            code: told["code"].as_i64().map(|code| i32::try_from(code).unwrap()),
-            stopped: told["stopped"] == true,
-            peak: told["peak"].as_u64().unwrap(),
+            code: found["code"].as_i64().map(|code| i32::try_from(code).unwrap()),
+            stopped: found["stopped"] == true,
+            peak: found["peak"].as_u64().unwrap(),
             stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
         }
     }
@@ -61,8 +61,8 @@ pub(crate) fn meter(args: impl Iterator<Item = String>) -> ExitCode {
     let watch = std::thread::spawn(move || watch(pid));
     let ended = child.wait4().unwrap();
     let stopped = watch.join().unwrap();
-    let told = json!({ "code": ended.status.code(), "stopped": stopped, "peak": ended.rusage.maxrss });
-    std::io::stdout().write_all(told.to_string().as_bytes()).unwrap();
+    let message = json!({ "code": ended.status.code(), "stopped": stopped, "peak": ended.rusage.maxrss });
+    std::io::stdout().write_all(message.to_string().as_bytes()).unwrap();
     ExitCode::SUCCESS
 }
 

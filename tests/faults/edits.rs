@@ -110,7 +110,7 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
     let mut wishes: BTreeMap<&str, Wish> =
         NAMES[..2].iter().map(|name| (*name, Wish::any(name, random))).collect();
     wishes.values().for_each(|wish| wish.write(&place));
-    let mut told = Vec::new();
+    let mut found = Vec::new();
     for round in 0..EDITS {
         if RESTS.contains(&round) {
             // From here on, unchanged scenes are recognised by their stat fields alone.
@@ -120,10 +120,10 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
         // Some edits come before the first build, and some follow one another without a build
         // between.
         for _ in 0..=random.below(3) {
-            told.push(edit(&place, &mut wishes, random)?);
+            found.push(edit(&place, &mut wishes, random)?);
             tally.count("edits", 1);
         }
-        let after = || told.join("; ");
+        let after = || found.join("; ");
         let with = random.pick(&["", "-j 2", "-j 2", "--verify", "--recheck 50%"]);
         let built = place.build(with).map_err(|why| format!("after {}: {why}", after()))?;
         same(&built, &clean.products(&wishes)?).map_err(|why| format!("after {}: {why}", after()))?;

@@ -73,7 +73,7 @@ struct Log {
     kinds: Vec<Kind>,
     hits: u64,
     /// Description of the first operation that failed.
-    told: Option<String>,
+    message: Option<String>,
 }
 
 /// The system's files, with injected faults.
@@ -101,8 +101,8 @@ impl Failing {
         self.log.lock().unwrap().hits
     }
 
-    pub(crate) fn told(&self) -> String {
-        self.log.lock().unwrap().told.clone().unwrap_or_default()
+    pub(crate) fn message(&self) -> String {
+        self.log.lock().unwrap().message.clone().unwrap_or_default()
     }
 
     /// Counts the operation. Returns its fault, if it has one.
@@ -116,7 +116,7 @@ impl Failing {
             return None;
         }
         log.hits += 1;
-        log.told.get_or_insert_with(|| format!("{kind:?} of {}", path.display()));
+        log.message.get_or_insert_with(|| format!("{kind:?} of {}", path.display()));
         Some(how)
     }
 

@@ -164,7 +164,7 @@ fn after_kill(
     let kept: BTreeSet<String> =
         plan.into_iter().filter(|(_, step)| step.keep).map(|(name, _)| name).collect();
     if let Some(step) = finished.iter().find(|step| !kept.contains(*step)) {
-        return Err(format!("{step} was told as made and is lost"));
+        return Err(format!("{step} was found as made and is lost"));
     }
     finished.extend(kept);
     Ok(())

@@ -164,9 +164,9 @@ fn trial(
         }
         Built::Done { .. } if failing.hits() > 0 && !is_retried => {
             tally.count("success despite an error", 1);
-            Err(format!("success although {} failed", failing.told()))
+            Err(format!("success although {} failed", failing.message()))
         }
-        Built::Failed(why) if is_retried => Err(format!("an interruption is tried again, not told: {why}")),
+        Built::Failed(why) if is_retried => Err(format!("an interruption is tried again, not text: {why}")),
         Built::Done { .. } | Built::Failed(_) => Ok(()),
     };
     let state = after(fixture, &built).inspect_err(|_| tally.count("wrong states", 1));

@@ -32,8 +32,8 @@ impl Ended {
 
     /// The steps that `build --json` reports as made. The last line may be truncated.
     pub(crate) fn made(&self) -> Vec<String> {
-        let told = self.stdout.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
-        let made = told.filter(|line| line["state"] == "made");
+        let found = self.stdout.lines().filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let made = found.filter(|line| line["state"] == "made");
         made.filter_map(|line| line["step"].as_str().map(str::to_owned)).collect()
     }
 
@@ -87,18 +87,18 @@ pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Sign
     let mut child = start(folder, args);
     let pid = Pid::from_child(&child);
     let (mut stdout, mut stderr) = (child.stdout.take().unwrap(), child.stderr.take().unwrap());
-    let (told, errors) = std::thread::scope(|scope| {
+    let (message, errors) = std::thread::scope(|scope| {
         // The pipes are read all the time: a program with a full pipe would wait, and every kill
         // would hit that wait.
-        let told = scope.spawn(|| read(&mut stdout));
+        let message = scope.spawn(|| read(&mut stdout));
         let errors = scope.spawn(|| read(&mut stderr));
         std::thread::sleep(after.saturating_sub(started.elapsed()));
         // An unreaped child keeps its number, so the signal can reach no other group.
         kill_process_group(pid, signal).unwrap();
-        (told.join().unwrap(), errors.join().unwrap())
+        (message.join().unwrap(), errors.join().unwrap())
     });
     let status = child.wait().unwrap();
-    let ended = Ended::of(Output { status, stdout: told, stderr: errors });
+    let ended = Ended::of(Output { status, stdout: message, stderr: errors });
     let was_hit = ended.code.is_none() || ended.code == Some(130);
     (ended, was_hit)
 }

@@ -13,16 +13,19 @@ fn refused(place: &Workspace, recipe: &str, codes: &[i32], said: &[&str]) {
     let before = tree(&place.path("")).into_keys().filter(|name| !name.starts_with(".gs2e/"));
     let before: Vec<String> = before.collect();
     let ended = place.gs2e(&format!("release --to out {recipe}"));
-    let told = &ended.stderr;
+    let message = &ended.stderr;
     assert!(
         codes.contains(&ended.code),
-        "exit {} where one of {codes:?} is due, about {said:?}:\n{told}",
+        "exit {} where one of {codes:?} is due, about {said:?}:\n{message}",
         ended.code
     );
-    assert_eq!(told.matches("error:").count(), 1, "one message:\n{told}");
-    assert!(!told.contains("panicked"), "{told}");
+    assert_eq!(message.matches("error:").count(), 1, "one message:\n{message}");
+    assert!(!message.contains("panicked"), "{message}");
     for part in said {
-        assert!(told.to_lowercase().contains(&part.to_lowercase()), "nothing about `{part}` in:\n{told}");
+        assert!(
+            message.to_lowercase().contains(&part.to_lowercase()),
+            "nothing about `{part}` in:\n{message}"
+        );
     }
     let after = tree(&place.path("")).into_keys().filter(|name| !name.starts_with(".gs2e/"));
     assert_eq!(before, after.collect::<Vec<_>>(), "a refused release leaves no file");

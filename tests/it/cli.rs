@@ -20,7 +20,7 @@ fn a_command_line_that_is_wrong_runs_nothing() {
         assert_eq!(ended.code, 2, "gs2e {args}: {}", ended.stderr);
         assert!(
             !ended.stderr.is_empty() && ended.stdout.is_empty(),
-            "people are told on stderr: gs2e {args}"
+            "people are message on stderr: gs2e {args}"
         );
     }
     assert!(!place.path(".gs2e").exists(), "nothing ran");
@@ -93,8 +93,8 @@ fn why_names_the_change() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     place.write("tiny.yaml", TINY.replace("on: 1.0", "on: 1.2"));
-    let told = place.ok("why tiny/base/events --recipes tiny.yaml").stdout;
-    assert!(told.contains("threshold") && told.contains("1.2"), "{told}");
+    let message = place.ok("why tiny/base/events --recipes tiny.yaml").stdout;
+    assert!(message.contains("threshold") && message.contains("1.2"), "{message}");
 }
 
 #[test]
@@ -116,11 +116,11 @@ fn verbs_take_recipes_folders_and_ids() {
     assert_eq!(place.ok("build --json lab/other").stdout.matches("\"step\":\"lab/other/").count(), 6);
     assert!(!place.ok("plan lab/other").stdout.contains("tiny"), "one scene is named");
     for words in ["lab/other", "recipes/other.yaml", "--recipes recipes lab/other"] {
-        let told = place.ok(&format!("check {words}")).stdout;
-        assert!(told.contains("lab/other/base") && !told.contains("tiny"), "{words}: {told}");
+        let message = place.ok(&format!("check {words}")).stdout;
+        assert!(message.contains("lab/other/base") && !message.contains("tiny"), "{words}: {message}");
     }
-    let told = place.ok("open lab/other").stdout;
-    let events = told.lines().find(|line| line.starts_with("lab/other/base/events  events.h5  ")).unwrap();
+    let message = place.ok("open lab/other").stdout;
+    let events = message.lines().find(|line| line.starts_with("lab/other/base/events  events.h5  ")).unwrap();
     assert!(place.path(events.rsplit("  ").next().unwrap()).is_file(), "{events}");
     let refused = place.gs2e("build no/such");
     assert_eq!(refused.code, 2);
@@ -136,8 +136,8 @@ fn skipped_work_is_shown_on_request() {
     let place = Workspace::with_tiny();
     assert!(!place.ok("build tiny.yaml").stderr.contains("skipped"), "without -v");
     place.write("tiny.yaml", TINY.replace("seed: 7", "seed: 8"));
-    let told = place.ok("build -v tiny.yaml").stderr;
-    assert!(told.contains("tiny/base"), "{told}");
+    let message = place.ok("build -v tiny.yaml").stderr;
+    assert!(message.contains("tiny/base"), "{message}");
 }
 
 /// The help of a verb lists the options that have an effect in it; the others are still accepted.

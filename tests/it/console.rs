@@ -109,7 +109,7 @@ fn programs_get_an_object_for_every_wrong_command_line() {
         assert!(objects[0]["code"].is_string(), "gs2e {arguments}");
         let message = objects[0]["message"].as_str().unwrap();
         assert!(!message.is_empty() && !message.starts_with("error"), "gs2e {arguments}: {message}");
-        assert!(!ended.stderr.is_empty(), "people are told too: gs2e {arguments}");
+        assert!(!ended.stderr.is_empty(), "people are found too: gs2e {arguments}");
     }
 }
 

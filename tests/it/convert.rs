@@ -40,7 +40,7 @@ fn compressed_scenes_become_ply_without_loss() {
 #[test]
 fn losses_need_permission() {
     let place = Workspace::new();
-    let t = |input: &str, output: &str, told: &[&str]| {
+    let t = |input: &str, output: &str, message: &[&str]| {
         let command = format!("convert {} {output}", golden(input));
         let refused = place.gs2e(&command);
         assert_eq!((refused.code, refused.stdout.as_str()), (2, ""), "{}", refused.stderr);
@@ -48,7 +48,7 @@ fn losses_need_permission() {
         assert!(refused.stderr.ends_with("help: pass --lossy to write it anyway\n"), "{}", refused.stderr);
         assert!(names(&place).is_empty(), "nothing is written");
         let written = place.ok(&format!("{command} --lossy"));
-        for line in told {
+        for line in message {
             assert!(refused.stderr.contains(line) && written.stderr.contains(line), "{}", refused.stderr);
         }
         std::fs::remove_file(place.path(output)).unwrap();
@@ -66,16 +66,16 @@ fn losses_need_permission() {
 fn programs_get_counts_and_losses() {
     let place = Workspace::new();
     let ended = place.ok(&format!("convert --json --lossy {} a.spz", golden("palette.sog")));
-    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    assert_eq!([&told["read"], &told["dropped"], &told["written"]], [90, 0, 90]);
-    assert_eq!(told["bytes"], std::fs::metadata(place.path("a.spz")).unwrap().len());
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!([&found["read"], &found["dropped"], &found["written"]], [90, 0, 90]);
+    assert_eq!(found["bytes"], std::fs::metadata(place.path("a.spz")).unwrap().len());
     let fields: Vec<&str> =
-        told["lost"].as_array().unwrap().iter().map(|l| l["field"].as_str().unwrap()).collect();
-    assert!(fields.contains(&"rotations"), "{told}");
+        found["lost"].as_array().unwrap().iter().map(|l| l["field"].as_str().unwrap()).collect();
+    assert!(fields.contains(&"rotations"), "{found}");
     // Values that have been rounded once are not rounded again.
     let again = place.ok("convert --json a.spz b.spz");
-    let told: Value = serde_json::from_str(&again.stdout).unwrap();
-    assert_eq!(told["lost"].as_array().unwrap().len(), 0, "{told}");
+    let found: Value = serde_json::from_str(&again.stdout).unwrap();
+    assert_eq!(found["lost"].as_array().unwrap().len(), 0, "{found}");
 }
 
 #[test]
@@ -87,8 +87,8 @@ fn gaussians_that_are_not_finite_are_dropped_and_counted() {
     bytes[last..last + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     place.write("nan.ply", bytes);
     let ended = place.ok("convert --json nan.ply out.ply");
-    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    assert_eq!([&told["read"], &told["dropped"], &told["written"]], [7, 1, 6]);
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!([&found["read"], &found["dropped"], &found["written"]], [7, 1, 6]);
     assert!(ended.stderr.contains("dropped 1 with a NaN or an infinity"), "{}", ended.stderr);
 }
 
@@ -114,10 +114,10 @@ fn a_command_that_is_wrong_writes_nothing() {
     place.write("folder.ply/x", "");
     std::fs::copy(golden("flat.sog"), place.path("a.sog")).unwrap();
     let before = names(&place);
-    let t = |args: &str, code: i32, told: &str| {
+    let t = |args: &str, code: i32, message: &str| {
         let ended = place.gs2e(&format!("convert {args}"));
         assert_eq!(ended.code, code, "{args}: {}", ended.stderr);
-        assert!(ended.stderr.contains(told), "{args}: {}", ended.stderr);
+        assert!(ended.stderr.contains(message), "{args}: {}", ended.stderr);
         assert_eq!(names(&place), before, "{args}");
     };
     t("a.sog", 2, "<OUT>");

@@ -46,9 +46,9 @@ fn evt2_is_read_as_it_is_documented() {
     assert_eq!(refused.code, 2);
     assert!(refused.stderr.contains("events: 1 before the first timestamp of the recording are dropped"));
     assert!(!place.path("out.txt").exists());
-    let told: Value =
+    let found: Value =
         serde_json::from_str(&place.ok("convert --lossy in.raw out.txt --json").stdout).unwrap();
-    assert_eq!((&told["events"], &told["on"], &told["untimed"]), (&4.into(), &2.into(), &1.into()));
+    assert_eq!((&found["events"], &found["on"], &found["untimed"]), (&4.into(), &2.into(), &1.into()));
     let end = (1_i64 << 34) - 1;
     let wanted = ["69 0 0 0", "69 639 479 1", &format!("{end} 7 8 1"), &format!("{} 9 10 0", end + 1)];
     assert_eq!(lines(&place, "out.txt"), wanted);
@@ -166,11 +166,11 @@ fn other_peoples_text_is_read() {
 fn faults_are_named_and_no_file_is_written() {
     let place = Workspace::new();
     let header = "% evt 3.0\n% geometry 8x8\n% end\n";
-    let t = |name: &str, bytes: &[u8], options: &str, code: i32, told: &str| {
+    let t = |name: &str, bytes: &[u8], options: &str, code: i32, found: &str| {
         place.write(name, bytes);
         let ended = place.gs2e(&format!("convert {name} out.h5 {options}"));
-        assert_eq!(ended.code, code, "{told}: {}", ended.stderr);
-        assert!(ended.stderr.contains(told), "{told}: {}", ended.stderr);
+        assert_eq!(ended.code, code, "{found}: {}", ended.stderr);
+        assert!(ended.stderr.contains(found), "{found}: {}", ended.stderr);
         let left: Vec<_> = fs::read_dir(place.path("")).unwrap().map(|e| e.unwrap().file_name()).collect();
         assert!(left.iter().all(|name| !name.to_string_lossy().contains("out")), "{left:?}");
     };

@@ -44,7 +44,7 @@ fn the_description_agrees_with_the_release() {
     let place = released();
     let out = place.path("out");
     let file = described(&out);
-    let told = [
+    let found = [
         ("name", "Example Events"),
         ("version", "1.2.0"),
         ("url", "https://example.org/data"),
@@ -54,7 +54,7 @@ fn the_description_agrees_with_the_release() {
         ("conformsTo", "http://mlcommons.org/croissant/1.1"),
         ("license", "(Apache-2.0 OR MIT) AND CC0-1.0"),
     ];
-    told.iter().for_each(|(name, wanted)| assert_eq!(file[name], *wanted));
+    found.iter().for_each(|(name, wanted)| assert_eq!(file[name], *wanted));
     assert_eq!(file["creator"]["name"], "Example Lab");
     assert_eq!(file["prov:wasDerivedFrom"], json!([{ "@type": "Dataset", "name": "procedural" }]));
     let nodes = file["distribution"].as_array().unwrap();

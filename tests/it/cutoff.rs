@@ -113,8 +113,9 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     edited["trajectories"][0]["refine"]["factor"] = json!(3);
     edited["sensor"] = json!({ "voltmeter": { "threshold": { "on": 1.25 } } });
     place.write("tiny.yaml", edited.to_string());
-    let told = place.ok("why tiny --recipes tiny.yaml").stdout;
-    let has = |line: &str| assert!(told.lines().any(|l| l.trim() == line), "no line `{line}` in\n{told}");
+    let message = place.ok("why tiny --recipes tiny.yaml").stdout;
+    let has =
+        |line: &str| assert!(message.lines().any(|l| l.trim() == line), "no line `{line}` in\n{message}");
     has("tiny/base/trajectory: `path.refine.count.factor` changed: 2/1 -> 3/1");
     has("tiny/base/events: waits for base/trajectory");
     has("tiny/base/sharp: waits for base/trajectory");
@@ -122,5 +123,5 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     has("tiny/capture: up to date");
     // This is known already, although the step has no key before the trajectory is made.
     has("changed since the last run: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");
-    assert_eq!(told.matches("changed since").count(), 2, "{told}");
+    assert_eq!(message.matches("changed since").count(), 2, "{message}");
 }

@@ -107,13 +107,13 @@ fn terms_of_an_upstream_are_stated_and_requested() {
     }
     assert!(!head.contains("concerns a person"), "DL3DV-10K alone asks for that: {head}");
     let sheet = text(&tree, "DATASHEET.md");
-    for told in [&card, &sheet] {
-        let row = told.lines().find(|line| line.starts_with("| MVImgNet |")).unwrap();
+    for message in [&card, &sheet] {
+        let row = message.lines().find(|line| line.starts_with("| MVImgNet |")).unwrap();
         assert!(
             row.contains("<https://github.com/GAP-LAB-CUHK-SZ/MVImgNet#license>")
                 && row.ends_with("| **no** |")
         );
-        assert!(told.contains("data@example.org"));
+        assert!(message.contains("data@example.org"));
     }
     let asked = answer(&sheet, "Have third parties imposed restrictions?");
     assert!(asked.ends_with("The terms of MVImgNet could not be verified in full."), "{asked}");

@@ -41,8 +41,8 @@ fn step<'m>(manifest: &'m mut Value, name: &str) -> &'m mut Value {
 }
 
 /// The steps of the only changed scene as (step, same bytes, reasons).
-fn steps(told: &Value) -> Vec<(String, bool, Value)> {
-    let steps = told["changed"][0]["steps"].as_array().unwrap().iter();
+fn steps(found: &Value) -> Vec<(String, bool, Value)> {
+    let steps = found["changed"][0]["steps"].as_array().unwrap().iter();
     steps
         .map(|s| {
             (s["step"].as_str().unwrap().into(), s["same_bytes"].as_bool().unwrap(), s["reasons"].clone())
@@ -53,11 +53,11 @@ fn steps(told: &Value) -> Vec<(String, bool, Value)> {
 #[test]
 fn equal_releases_differ_in_nothing() {
     let place = with_manifest(|_| {});
-    let told = diff(&place, "old", "new");
+    let found = diff(&place, "old", "new");
     for list in ["release", "files", "added", "removed", "changed"] {
-        assert_eq!(told[list], json!([]), "{list}");
+        assert_eq!(found[list], json!([]), "{list}");
     }
-    assert_eq!(told["unchanged"], 1);
+    assert_eq!(found["unchanged"], 1);
     let ended = place.ok("diff old new");
     assert_eq!(ended.stdout, "");
     assert!(ended.stderr.contains("0 added, 0 removed, 0 changed, 1 unchanged"), "{}", ended.stderr);
@@ -91,20 +91,20 @@ fn scenes_come_go_and_change_by_a_recipe_value() {
     place.write("recipes/release.yaml", "name: Another\nversion: 1.2.3\n");
     place.ok("release -q --to new");
 
-    let told = diff(&place, "old", "new");
-    let ids = |list: &str| told[list].as_array().unwrap().iter().map(|s| s["id"].clone()).collect::<Value>();
+    let seen = diff(&place, "old", "new");
+    let ids = |list: &str| seen[list].as_array().unwrap().iter().map(|s| s["id"].clone()).collect::<Value>();
     assert_eq!(
         [ids("added"), ids("removed"), ids("changed")],
         [json!(["come"]), json!(["gone"]), json!(["moved"])]
     );
-    assert_eq!(told["unchanged"], 1);
+    assert_eq!(seen["unchanged"], 1);
     let version = json!({ "path": "version", "old": "0.0.0", "new": "1.2.3" });
-    assert!(told["release"].as_array().unwrap().contains(&version), "{}", told["release"]);
+    assert!(seen["release"].as_array().unwrap().contains(&version), "{}", seen["release"]);
 
-    let scene = &told["changed"][0];
+    let scene = &seen["changed"][0];
     let value = json!([{ "path": "sensor.voltmeter.threshold.on", "old": 1.0, "new": 1.5 }]);
     assert_eq!(scene["recipe"], value);
-    let found = steps(&told);
+    let found = steps(&seen);
     assert_eq!(found[0], ("base/events".into(), false, json!([{ "code": "params-changed" }])));
     let (name, _, reasons) = &found[1];
     assert_eq!((name.as_str(), &reasons[0]["code"]), ("base/checks", &json!("input-changed")));
@@ -131,9 +131,9 @@ fn a_file_of_the_source_is_named() {
     place.ok("release -q --to old recipe.yaml");
     place.write("transforms.json", transforms(1.0).replace("\"cx\":32.0", "\"cx\":32.5"));
     place.ok("release -q --to new recipe.yaml");
-    let told = diff(&place, "old", "new");
-    assert_eq!(told["changed"][0]["recipe"], json!([]));
-    let (name, _, reasons) = &steps(&told)[0];
+    let found = diff(&place, "old", "new");
+    assert_eq!(found["changed"][0]["recipe"], json!([]));
+    let (name, _, reasons) = &steps(&found)[0];
     assert_eq!((name.as_str(), &reasons[0]["code"]), ("capture", &json!("input-changed")));
     assert_eq!(reasons[0]["name"], "file transforms.json");
     let (old, new) = (transforms(1.0), fs::read(place.path("transforms.json")).unwrap());

@@ -50,9 +50,9 @@ fn a_surface_shows_the_last_event_by_its_age() {
 #[test]
 fn rates_are_drawn_over_the_window_and_printed() {
     let place = workspace();
-    let told = place.ok("convert e.txt p.png --picture rate --window 0,1000 --json").stdout;
-    let told: Value = serde_json::from_str(&told).unwrap();
-    assert_eq!((&told["events"], &told["picture"]), (&5.into(), &"rate".into()));
+    let found = place.ok("convert e.txt p.png --picture rate --window 0,1000 --json").stdout;
+    let found: Value = serde_json::from_str(&found).unwrap();
+    assert_eq!((&found["events"], &found["picture"]), (&5.into(), &"rate".into()));
     let rate = picture(&place, "--picture rate --window 0,1000");
     let (width, middle) = (rate.size().width as usize, rate.size().height as usize / 2);
     // one bar per microsecond, each as high as the others: one event
@@ -65,10 +65,10 @@ fn rates_are_drawn_over_the_window_and_printed() {
 #[test]
 fn impossible_pictures_are_refused() {
     let place = workspace();
-    let t = |args: &str, told: &str| {
+    let t = |args: &str, message: &str| {
         let ended = place.gs2e(args);
         assert_eq!(ended.code, 2, "{args}: {}", ended.stderr);
-        assert!(ended.stderr.contains(told), "{args}: {}", ended.stderr);
+        assert!(ended.stderr.contains(message), "{args}: {}", ended.stderr);
         assert!(!place.path("p.png").exists() && !place.path("e.h5").exists());
     };
     t("convert e.txt e.h5 --picture rate", "e.h5 is not a .png, but a picture is requested");

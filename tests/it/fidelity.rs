@@ -48,10 +48,10 @@ pub(crate) fn photographed(change: impl Fn(usize, u8) -> u8) -> Workspace {
 
 /// The records of `gs2e check` on the scene itself, by statement.
 fn finding(place: &Workspace, part: &str) -> Value {
-    let told = place.gs2e("check --json --recipes recipe.yaml").stdout;
-    let findings = told.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let message = place.gs2e("check --json --recipes recipe.yaml").stdout;
+    let findings = message.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     let subject = format!("given#{part}");
-    findings.into_iter().find(|f| f["subject"] == subject).unwrap_or_else(|| panic!("{part}: {told}"))
+    findings.into_iter().find(|f| f["subject"] == subject).unwrap_or_else(|| panic!("{part}: {message}"))
 }
 
 fn measured(place: &Workspace, part: &str) -> f64 {
@@ -71,9 +71,9 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     for part in ["drop", "mean", "ssim", "gap", "outlier"] {
         assert_eq!(finding(&place, part)["verdict"], "pass", "{part}");
     }
-    let told = finding(&place, "reprojection");
-    assert_eq!((told["check"].as_str(), told["verdict"].as_str()), (Some("capture"), Some("not-run")));
-    assert_eq!(told["because"], "the source is not a COLMAP model");
+    let found = finding(&place, "reprojection");
+    assert_eq!((found["check"].as_str(), found["verdict"].as_str()), (Some("capture"), Some("not-run")));
+    assert_eq!(found["because"], "the source is not a COLMAP model");
 
     let read =
         |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
@@ -97,14 +97,17 @@ fn a_scene_scores_high_on_photos_of_its_own() {
         assert!(text.contains(from));
         place.write("tree/given/checks.json", text.replacen(from, to, 1));
         crate::release::small::reseal(&place.path("tree"));
-        let told = place.gs2e("audit tree");
+        let found = place.gs2e("audit tree");
         place.write("tree/given/checks.json", text);
-        (told.code, told.stdout + &told.stderr)
+        (found.code, found.stdout + &found.stderr)
     };
-    let (code, told) = altered(&mean.to_string(), "12.5");
-    assert!(code == 3 && told.contains(&format!("its mean PSNR is 12.5, scene.json says {mean}")), "{told}");
-    let (code, told) = altered("\"pass\"", "\"fail\"");
-    assert!(code == 3 && told.contains("checks.json: capture failed: "), "{told}");
+    let (code, found) = altered(&mean.to_string(), "12.5");
+    assert!(
+        code == 3 && found.contains(&format!("its mean PSNR is 12.5, scene.json says {mean}")),
+        "{found}"
+    );
+    let (code, found) = altered("\"pass\"", "\"fail\"");
+    assert!(code == 3 && found.contains("checks.json: capture failed: "), "{found}");
 }
 
 #[test]
@@ -113,9 +116,9 @@ fn one_bad_view_stops_a_release_unless_it_is_accepted() {
     let other = |v: u8| if v < 128 { v + 60 } else { v - 60 };
     let place = photographed(|i, v| if i == 3 { other(v) } else { v });
     place.ok("build recipe.yaml");
-    let told = finding(&place, "drop");
-    assert_eq!((told["check"].as_str(), told["verdict"].as_str()), (Some("recon_psnr"), Some("fail")));
-    assert!(told["because"].as_str().unwrap().starts_with("`images/003.png` has 12.57 dB"), "{told}");
+    let found = finding(&place, "drop");
+    assert_eq!((found["check"].as_str(), found["verdict"].as_str()), (Some("recon_psnr"), Some("fail")));
+    assert!(found["because"].as_str().unwrap().starts_with("`images/003.png` has 12.57 dB"), "{found}");
     assert_eq!(place.gs2e("check --recipes recipe.yaml").code, 3);
     assert_eq!(place.gs2e("release --to tree recipe.yaml").code, 3);
     let recipe = fs::read_to_string(place.path("recipe.yaml")).unwrap();
@@ -136,10 +139,10 @@ fn a_changed_photo_is_compared_again_and_an_invalid_one_is_reported() {
     assert!(place.stale("recipe.yaml").contains(&"given/fidelity".to_owned()));
     place.write("images/004.png", "no photo");
     place.ok("build recipe.yaml");
-    let told = finding(&place, "mean")["because"].as_str().unwrap().to_owned();
+    let message = finding(&place, "mean")["because"].as_str().unwrap().to_owned();
     assert!(
-        told.starts_with("5 views have") && told.ends_with("`images/004.png`: neither JPEG nor PNG"),
-        "{told}"
+        message.starts_with("5 views have") && message.ends_with("`images/004.png`: neither JPEG nor PNG"),
+        "{message}"
     );
     assert!(measured(&place, "drop") > 10.0, "the last view has the first one's photo");
 }
@@ -148,8 +151,8 @@ fn a_changed_photo_is_compared_again_and_an_invalid_one_is_reported() {
 fn nothing_is_compared_without_photos() {
     let place = given::sound();
     place.ok("build recipe.yaml");
-    let told = finding(&place, "drop");
-    assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &"there are no photos".into()));
+    let found = finding(&place, "drop");
+    assert_eq!((&found["verdict"], &found["because"]), (&"not-run".into(), &"there are no photos".into()));
 }
 
 /// A COLMAP model of 20 images one step apart along x, which see one point one pixel off, and its
@@ -181,11 +184,11 @@ fn a_model_is_compared_with_its_points_and_its_folder() {
     place.write("capture/images/notes.txt", "no photo");
     place.ok("build recipe.yaml");
     let close = |part: &str, wanted: f64, verdict: &str| {
-        let told = finding(&place, part);
-        let found = told["measured"].as_f64().unwrap();
+        let seen = finding(&place, part);
+        let found = seen["measured"].as_f64().unwrap();
         assert!(
-            (found - wanted).abs() < 1e-9 && told["verdict"] == verdict,
-            "{part}: {told}, wanted {wanted}"
+            (found - wanted).abs() < 1e-9 && seen["verdict"] == verdict,
+            "{part}: {seen}, wanted {wanted}"
         );
     };
     close("reprojection", 1.0, "pass");
@@ -193,9 +196,9 @@ fn a_model_is_compared_with_its_points_and_its_folder() {
     close("registered", 20.0 / 22.0, "pass");
     close("gap", 1.0, "pass");
     close("outlier", 0.0, "pass");
-    let told = finding(&place, "mean");
+    let seen = finding(&place, "mean");
     let because = "no photo can be compared; `0.jpg`: neither JPEG nor PNG";
-    assert_eq!((&told["verdict"], &told["because"]), (&"not-run".into(), &because.into()));
+    assert_eq!((&seen["verdict"], &seen["because"]), (&"not-run".into(), &because.into()));
 
     // A run of views is missing, and another view is six steps off the path, far from its point.
     planted.images.drain(5..14);

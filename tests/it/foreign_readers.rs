@@ -59,8 +59,8 @@ fn verdicts(place: &Workspace, name: &str, readers: &[&str]) -> Option<Vec<(Stri
     let sized = ["--size", &width, &height, "--only", &only, "--json", &report, "--timeout", "60"];
     let args = [&[tool.as_str(), &file, "--ref", &reference], &sized[..]].concat();
     let output = python(&args).expect("Python starts");
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    let report: Value = serde_json::from_slice(&std::fs::read(report).expect(&told)).unwrap();
+    let seen = String::from_utf8_lossy(&output.stdout).into_owned();
+    let report: Value = serde_json::from_slice(&std::fs::read(report).expect(&seen)).unwrap();
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
     let of = |reader: &&str| {
         let found = &report["readers"][reader];

@@ -82,14 +82,14 @@ fn misjudged(forgery: &Forgery) -> Option<String> {
         Found::Never(_) => audited.is_empty() && compared.is_empty(),
     };
     (!held).then(|| {
-        let told =
+        let seen =
             |faults: &[AuditFault]| faults.iter().take(4).map(|f| format!("\n    {f}")).collect::<String>();
         format!(
             "{}: wanted {:?}\n  audit:{}\n  rebuild:{}",
             forgery.name,
             forgery.found,
-            told(&audited),
-            told(&compared)
+            seen(&audited),
+            seen(&compared)
         )
     })
 }

@@ -39,9 +39,9 @@ fn several_sensors_see_the_same_as_each_alone() {
             "sensors:\n  usual: {{ voltmeter: {{}} }}\n  light: {{ {LIGHT} }}\n  bright: {{ {BRIGHT} }}\n"
         )),
     );
-    let told = place.ok("release --to several tiny.yaml").stderr;
+    let message = place.ok("release --to several tiny.yaml").stderr;
     let brightness = "brightness: 0.2126 R + 0.7152 G + 0.0722 B, in linear light, times 1.5";
-    assert!(told.contains(brightness), "{told}");
+    assert!(message.contains(brightness), "{message}");
     place.ok("audit several");
     let events = |path: &str| fs::read(place.path(path)).unwrap();
     let several =
@@ -139,8 +139,8 @@ fn cubics_see_through_front_ends() {
     for (between, sensor) in [("hermite", BRIGHT), ("catmull", LIGHT)] {
         let text = recipe(&format!("sensor: {{ {sensor} }}\n"));
         place.write("tiny.yaml", text.replace("between: linear", &format!("between: {between}")));
-        let told = place.ok("build tiny.yaml --json").stdout;
-        assert!(told.contains("tiny/base/events"), "{told}");
+        let message = place.ok("build tiny.yaml --json").stdout;
+        assert!(message.contains("tiny/base/events"), "{message}");
     }
 }
 

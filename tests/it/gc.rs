@@ -64,11 +64,11 @@ fn a_removed_recipe_frees_its_blobs_and_no_others() {
     assert_eq!(place.build("recipes"), [""; 0]);
     let bytes: u64 = a.iter().map(|path| fs::metadata(path).unwrap().len()).sum();
 
-    let told = gc(&place, "--min-age 0");
-    assert_eq!(told["blobs"], a.len());
-    assert_eq!(told["bytes"], bytes);
+    let found = gc(&place, "--min-age 0");
+    assert_eq!(found["blobs"], a.len());
+    assert_eq!(found["bytes"], bytes);
     assert_eq!(
-        (&told["records"], &told["kept_blobs"], &told["dry_run"]),
+        (&found["records"], &found["kept_blobs"], &found["dry_run"]),
         (&json!(4), &json!(b.len()), &json!(false))
     );
     assert!(a.iter().all(|path| !path.exists()) && b.iter().all(|path| path.exists()));
@@ -88,8 +88,8 @@ fn young_files_stay() {
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
     let before = stored(&place);
     for args in ["", "--min-age 1h"] {
-        let told = gc(&place, args);
-        assert_eq!((&told["blobs"], &told["records"]), (&json!(0), &json!(0)));
+        let found = gc(&place, args);
+        assert_eq!((&found["blobs"], &found["records"]), (&json!(0), &json!(0)));
     }
     age(&place);
     assert_eq!(gc(&place, "--min-age 3d")["blobs"], 0);
@@ -126,16 +126,16 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
     // A dry run takes no lock.
     let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let held = files();
-    let mut told = gc(&place, "--dry-run --min-age 0");
+    let mut found = gc(&place, "--dry-run --min-age 0");
     assert!(files() == held);
     drop(holder);
     assert_eq!(held.keys().collect::<Vec<_>>(), before.keys().collect::<Vec<_>>());
     assert_eq!(
-        (&told["dry_run"], &told["trash"], &told["trash_bytes"]),
+        (&found["dry_run"], &found["trash"], &found["trash_bytes"]),
         (&json!(true), &json!(1), &json!(15))
     );
-    told["dry_run"] = json!(false);
-    assert_eq!(gc(&place, "--min-age 0"), told);
+    found["dry_run"] = json!(false);
+    assert_eq!(gc(&place, "--min-age 0"), found);
     assert_eq!(tree(&place.path(".gs2e/trash")).len(), 0);
 
     let nowhere = Workspace::new();

@@ -150,8 +150,8 @@ fn an_estimate_comes_from_earlier_runs() {
     let estimate = || -> Value { serde_json::from_str(&place.ok("plan --estimate --json").stdout).unwrap() };
     let before = estimate();
     assert_eq!((&before["steps"], &before["unknown"], &before["bytes"]), (&json!(6), &json!(6), &json!(0.0)));
-    let told = place.ok("plan --estimate").stdout;
-    assert!(told.contains("unknown") && !told.contains("0.0"), "{told}");
+    let message = place.ok("plan --estimate").stdout;
+    assert!(message.contains("unknown") && !message.contains("0.0"), "{message}");
     place.ok("build");
     assert_eq!(estimate()["steps"], json!(0));
     let made = steps(&place, "recipes");

@@ -71,8 +71,8 @@ fn paths_and_texts_of_recipes_are_shown_and_do_not_act() {
         assert!(ended.stderr.contains(r"\u{1b}[31m"), "the name is shown: {}", ended.stderr);
     }
     // Programs get the name itself.
-    let told = objects(&inert(&place, "plan --json recipe.yaml"));
-    assert!(told.iter().any(|fault| fault.to_string().contains("PWN")), "{told:?}");
+    let message = objects(&inert(&place, "plan --json recipe.yaml"));
+    assert!(message.iter().any(|fault| fault.to_string().contains("PWN")), "{message:?}");
     for (from, to) in [
         ("scene: given", "scene: WICKED"),
         ("preset: dvs346", "preset: WICKED"),

@@ -80,12 +80,12 @@ fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i
         let before = fs::read(place.path(file)).ok();
         plant(kind, &place.path(file));
         let Ended { code, stdout, stderr } = run(&place.path(""), args);
-        let told = format!("{stdout}{stderr}");
-        let context = format!("{kind} at {file}, gs2e {args}: exit {code}\n{told}");
+        let message = format!("{stdout}{stderr}");
+        let context = format!("{kind} at {file}, gs2e {args}: exit {code}\n{message}");
         assert!(codes.contains(&code), "{context}");
         let name = Path::new(file).file_name().unwrap().to_str().unwrap();
-        assert!(told.contains(name), "{context}");
-        assert!(!told.contains("panicked"), "{context}");
+        assert!(message.contains(name), "{context}");
+        assert!(!message.contains("panicked"), "{context}");
         plant("folder", &place.path(file));
         fs::remove_dir(place.path(file)).unwrap();
         if let Some(before) = before {

@@ -329,6 +329,6 @@ fn programs_of_a_trainer_are_looked_for_in_absolute_folders() {
     assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
     let log = fs::read_dir(place.path(".gs2e/logs")).unwrap().next().unwrap().unwrap().path();
     let log = fs::read_to_string(log).unwrap();
-    let told = log.lines().find_map(|line| line.strip_prefix("path ")).unwrap();
-    assert!(told.split(':').all(|folder| Path::new(folder).is_absolute()), "{told}");
+    let message = log.lines().find_map(|line| line.strip_prefix("path ")).unwrap();
+    assert!(message.split(':').all(|folder| Path::new(folder).is_absolute()), "{message}");
 }

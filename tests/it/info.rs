@@ -36,7 +36,7 @@ fn ply(points: &[[f64; 3]], double: bool) -> Vec<u8> {
     file
 }
 
-fn told(place: &Workspace, args: &str) -> Value {
+fn info_of(place: &Workspace, args: &str) -> Value {
     serde_json::from_str(&place.ok(&format!("info --json {args}")).stdout).unwrap()
 }
 
@@ -52,7 +52,7 @@ fn close(found: DVec3, wanted: [f64; 3]) {
 fn a_scene_is_where_its_opacity_is() {
     let place = Workspace::new();
     place.write("scene.ply", ply(&planted(), false));
-    let found = told(&place, "scene.ply");
+    let found = info_of(&place, "scene.ply");
     assert_eq!((&found["kind"], &found["path"]), (&json!("scene"), &json!("scene.ply")));
     assert_eq!((&found["format"], &found["position_bits"]), (&json!(".ply"), &json!(32)));
     assert_eq!((&found["gaussians"], &found["sh_degree"]), (&json!(943), &json!(0)));
@@ -86,11 +86,11 @@ fn a_scene_is_where_its_opacity_is() {
 fn each_scene_format_is_named() {
     let place = Workspace::new();
     place.write("wide.ply", ply(&planted(), true));
-    let wide = told(&place, "wide.ply");
+    let wide = info_of(&place, "wide.ply");
     assert_eq!((&wide["format"], &wide["position_bits"]), (&json!(".ply"), &json!(64)));
     for (name, format) in [("a.spz", ".spz"), ("a.splat", ".splat")] {
         place.ok(&format!("convert --lossy wide.ply {name}"));
-        let found = told(&place, name);
+        let found = info_of(&place, name);
         assert_eq!((&found["format"], &found["gaussians"]), (&json!(format), &json!(943)));
         // A byte of opacity is at least 1/512, so the 500 faint Gaussians weigh as one together, and
         // move the end on the pillar by one point, which is 0.1.
@@ -102,7 +102,7 @@ fn each_scene_format_is_named() {
 fn shown_recipe(place: &Workspace) -> String {
     let shown = place.ok("info scene.ply").stdout;
     let (_, recipe) = shown.split_once("# A first recipe").unwrap();
-    assert!(told(place, "scene.ply")["recipe"].as_str().unwrap().ends_with(recipe));
+    assert!(info_of(place, "scene.ply")["recipe"].as_str().unwrap().ends_with(recipe));
     format!("#{recipe}")
 }
 
@@ -115,7 +115,7 @@ fn the_suggested_recipe_is_a_recipe_and_shows_the_scene() {
     assert!(steps.iter().any(|(step, _)| step == "my-scene/orbit/events"), "{steps:?}");
 
     // The view from the start of the orbit, by OpenCV's axes.
-    let orbit = &told(&place, "scene.ply")["orbit"];
+    let orbit = &info_of(&place, "scene.ply")["orbit"];
     let [centre, from, up] = ["centre", "from", "up"].map(|key| vector(&orbit[key]));
     let forward = (centre - from).normalize();
     let right = forward.cross(up).normalize();
@@ -165,7 +165,7 @@ fn an_orbit_without_values_is_the_suggested_one() {
             .collect();
         DVec3::new(numbers[1], numbers[2], numbers[3])
     };
-    let found = told(&place, "scene.ply");
+    let found = info_of(&place, "scene.ply");
     let [centre, from] = ["centre", "from"].map(|key| vector(&found["orbit"][key]));
     // `info` rounds to four digits of the radius.
     let tolerance = 1e-3 * (from - centre).length();
@@ -198,7 +198,7 @@ fn a_capture_is_counted_and_measured() {
     let file =
         json!({ "w": 64, "h": 48, "fl_x": 60.0, "fl_y": 60.0, "cx": 32.0, "cy": 24.0, "frames": frames });
     place.write("transforms.json", file.to_string());
-    let found = told(&place, "transforms.json");
+    let found = info_of(&place, "transforms.json");
     assert_eq!(
         (&found["kind"], &found["capture"], &found["views"]),
         (&json!("capture"), &json!("nerfstudio"), &json!(6))
@@ -212,7 +212,7 @@ fn a_capture_is_counted_and_measured() {
     let step = found["evenness"]["longest_step"]["times_median"].as_f64().unwrap();
     assert!((step - 1.0).abs() < 1e-9 && found["evenness"]["gaps"] == 0, "{step}");
     // The folder is the same capture.
-    assert_eq!(told(&place, ".")["views"], 6);
+    assert_eq!(info_of(&place, ".")["views"], 6);
     let shown = place.ok("info transforms.json").stdout;
     for wanted in ["a capture\n", "6 missing", "64x48", "4 units, the median distance"] {
         assert!(shown.contains(wanted), "{wanted}: {shown}");
@@ -226,7 +226,7 @@ fn events_are_counted() {
     let lines =
         "# t x y p in us; sensor 8x4\n1000 1 2 1\n1000 3 2 0\n5000 1 2 1\n4000 7 3 1\n2001000 0 0 0\n";
     place.write("few.txt", lines);
-    let found = told(&place, "few.txt");
+    let found = info_of(&place, "few.txt");
     let wanted = json!({
         "kind": "events", "path": "few.txt", "format": "txt", "width": 8, "height": 4, "events": 5, "on": 3,
         "on_share": 0.6, "first_us": 1000, "last_us": 2_001_000, "rate_ev_s": 2.5, "labelled": false,
@@ -240,9 +240,9 @@ fn events_are_counted() {
     // A .csv does not state the sensor.
     place.write("few.csv", "t,x,y,p\n0,1,2,1\n");
     assert_eq!(place.gs2e("info few.csv").code, 1);
-    assert_eq!(told(&place, "--size 8x4 few.csv")["events"], 1);
+    assert_eq!(info_of(&place, "--size 8x4 few.csv")["events"], 1);
     place.ok("convert --size 8x4 few.csv few.h5");
-    let stored = told(&place, "few.h5");
+    let stored = info_of(&place, "few.h5");
     assert_eq!((&stored["sorted"], &stored["rate_ev_s"]), (&json!(true), &Value::Null));
 }
 
@@ -251,7 +251,7 @@ fn releases_and_stores_are_counted() {
     let place = Workspace::new();
     place.write("tiny.yaml", TINY);
     place.ok("release --to tree tiny.yaml");
-    let found = told(&place, "tree");
+    let found = info_of(&place, "tree");
     let manifest: Value =
         serde_json::from_slice(&fs::read(place.path("tree/manifest.json")).unwrap()).unwrap();
     let scene: Value =
@@ -263,7 +263,7 @@ fn releases_and_stores_are_counted() {
     let shown = place.ok("info tree").stdout;
     assert!(shown.contains("tree: a release\n") && shown.contains("SHA256SUMS"), "{shown}");
 
-    let store = told(&place, ".gs2e");
+    let store = info_of(&place, ".gs2e");
     let steps = place.plan("tiny.yaml").len();
     assert_eq!(
         (&store["kind"], &store["records"], &store["releases"]),
@@ -272,7 +272,7 @@ fn releases_and_stores_are_counted() {
     assert!(store["bytes"].as_u64().unwrap() > 0 && place.ok("info .gs2e").stdout.contains("a store"));
 
     // Events of the release, with the law of their simulation.
-    let events = told(&place, "tree/tiny/base/events.h5");
+    let events = info_of(&place, "tree/tiny/base/events.h5");
     assert_eq!(events["events"], scene["trajectories"][0]["statistics"]["events"]);
     assert!(events["law"]["c_on"].is_number() && events["sorted"] == true, "{events}");
 

@@ -117,10 +117,10 @@ fn every_known_defect_is_named_and_the_others_go_on() {
     assert_eq!([written(0), written(1)], ["mvimgnet/7/0000000a", "mvimgnet/7/0000000b"]);
     let noticed = result["noticed"].as_array().unwrap();
     assert_eq!(noticed.len(), 1, "{noticed:?}");
-    let told = noticed[0]["because"].as_str().unwrap();
+    let seen = noticed[0]["because"].as_str().unwrap();
     assert!(
-        told.starts_with("1 of 12 photos are not in ") && told.ends_with("the first is `005.jpg`"),
-        "{told}"
+        seen.starts_with("1 of 12 photos are not in ") && seen.ends_with("the first is `005.jpg`"),
+        "{seen}"
     );
     // The list holds the same, one line each, and is not read as a recipe.
     let list = fs::read_to_string(place.path("recipes/rejected.tsv")).unwrap();
@@ -278,8 +278,8 @@ fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
     t(&format!("data/{sample}"), None, [1920, 1080], 1920.0, 4.0);
     t(&format!("data/{sample}"), Some(PoseFile::Colmap), [1920, 1080], 1920.0, 4.0);
     t(&format!("data/{sample}"), Some(PoseFile::Transforms), [1920, 1080], 1500.0, 7.0);
-    let told = read(&format!("data/1K/{bulk}"), Some(PoseFile::Colmap)).unwrap_err();
-    assert!(told.contains("it contains no COLMAP model"), "{told}");
+    let seen = read(&format!("data/1K/{bulk}"), Some(PoseFile::Colmap)).unwrap_err();
+    assert!(seen.contains("it contains no COLMAP model"), "{seen}");
 }
 
 #[test]

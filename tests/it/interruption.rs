@@ -24,17 +24,17 @@ fn two_scenes() -> Workspace {
 /// Starts the build and returns when its first step is finished.
 fn started(place: &Workspace) -> (Child, BufReader<std::process::ChildStderr>) {
     let mut child = place.spawn("build -j 1 tiny.yaml long.yaml");
-    let mut told = BufReader::new(child.stderr.take().expect("stderr is piped"));
+    let mut message = BufReader::new(child.stderr.take().expect("stderr is piped"));
     let mut line = String::new();
     while !line.starts_with("[1/") && !line.starts_with("[ 1/") {
         line.clear();
         assert_ne!(
-            told.read_line(&mut line).expect("stderr can be read"),
+            message.read_line(&mut line).expect("stderr can be read"),
             0,
             "it ended before its first step"
         );
     }
-    (child, told)
+    (child, message)
 }
 
 fn signal(child: &Child, signal: Signal) {
@@ -42,9 +42,9 @@ fn signal(child: &Child, signal: Signal) {
     kill_process(pid, signal).expect("it is ours");
 }
 
-fn ended((mut child, mut told): (Child, BufReader<std::process::ChildStderr>)) -> Ended {
+fn ended((mut child, mut message): (Child, BufReader<std::process::ChildStderr>)) -> Ended {
     let mut stderr = String::new();
-    told.read_to_string(&mut stderr).expect("it speaks UTF-8");
+    message.read_to_string(&mut stderr).expect("it speaks UTF-8");
     let status = child.wait().expect("it can be waited for");
     Ended { code: status.code().unwrap_or(-1), stdout: String::new(), stderr }
 }
@@ -73,10 +73,10 @@ fn an_interrupted_simulation_leaves_no_file() {
     place.write("frames.npy", head);
     File::options().write(true).open(place.path("frames.npy")).unwrap().set_len(length).unwrap();
     let mut child = place.spawn("simulate --frames frames.npy --fps 1000 --sensor dvs346 --out e.h5");
-    let mut told = BufReader::new(child.stderr.take().expect("stderr is piped"));
-    told.read_line(&mut String::new()).expect("it tells what the sensor will do");
+    let mut message = BufReader::new(child.stderr.take().expect("stderr is piped"));
+    message.read_line(&mut String::new()).expect("it tells what the sensor will do");
     signal(&child, Signal::INT);
-    let ended = ended((child, told));
+    let ended = ended((child, message));
     assert_eq!(ended.code, 130, "{}", ended.stderr);
     let names = fs::read_dir(place.path(".")).unwrap().map(|entry| entry.unwrap().file_name());
     assert_eq!(names.collect::<Vec<_>>(), ["frames.npy"]);

@@ -42,17 +42,17 @@ fn a_waiting_build_names_the_holder_and_continues() {
     let place = place();
     let holder = Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap();
     let mut waiting = start(&place);
-    let mut told = BufReader::new(waiting.stderr.take().unwrap());
+    let mut message = BufReader::new(waiting.stderr.take().unwrap());
     let mut line = String::new();
     while !line.starts_with("waiting:") {
         line.clear();
-        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it did not wait");
+        assert_ne!(message.read_line(&mut line).unwrap(), 0, "it did not wait");
     }
     let us = format!("pid {}", std::process::id());
     assert!(line.contains(".gs2e is in use by") && line.contains(&us), "{line}");
     drop(holder);
     let mut rest = String::new();
-    told.read_to_string(&mut rest).unwrap();
+    message.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait_with_output().unwrap().status.success(), "{rest}");
     assert!(rest.contains("made 8, up to date 4, failed 0"), "{rest}");
 }
@@ -106,19 +106,19 @@ fn a_long_wait_is_reported_again() {
         )
         .unwrap(),
     );
-    let mut told = 0;
+    let mut message = 0;
     let store = Store::open(
         folder.path(),
         StoreOptions { claim: claim.clone(), ..StoreAccess::Write.into() },
         &mut |holder| {
             assert!(holder.ends_with("(gs2e build)"), "{holder}");
-            told += 1;
-            if told == 4 {
+            message += 1;
+            if message == 4 {
                 held.take();
             }
         },
     );
-    assert!(store.is_ok() && told == 4, "told {told} times: {store:?}");
+    assert!(store.is_ok() && message == 4, "counted {message} times: {store:?}");
 }
 
 /// `plan`, `why` and `check` take no lock, and change nothing in a store that is in use.

@@ -172,11 +172,11 @@ fn locked() {
     let holder = hold(&place);
     check(&place, "locked-no-wait", &place.gs2e("build --no-wait --json tiny.yaml"));
     let mut child = place.spawn("build tiny.yaml");
-    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut message = BufReader::new(child.stderr.take().unwrap());
     let mut stderr = String::new();
-    told.read_line(&mut stderr).unwrap();
+    message.read_line(&mut stderr).unwrap();
     drop(holder);
-    told.read_to_string(&mut stderr).unwrap();
+    message.read_to_string(&mut stderr).unwrap();
     let code = child.wait().unwrap().code().unwrap();
     let stderr = stderr.lines().filter(|line| !line.starts_with("made ")).collect::<Vec<_>>().join("\n");
     check(&place, "locked", &Ended { code, stdout: String::new(), stderr });
@@ -246,13 +246,13 @@ fn interrupted() {
     let place = Workspace::new();
     place.write("tiny.yaml", TINY.replace("factor: 2", "factor: 40"));
     let mut child = place.spawn("build -j 1 tiny.yaml");
-    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut message = BufReader::new(child.stderr.take().unwrap());
     let mut stderr = String::new();
     while !stderr.contains("[1/") {
-        assert_ne!(told.read_line(&mut stderr).unwrap(), 0, "it ended before its first step:\n{stderr}");
+        assert_ne!(message.read_line(&mut stderr).unwrap(), 0, "it ended before its first step:\n{stderr}");
     }
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
-    told.read_to_string(&mut stderr).unwrap();
+    message.read_to_string(&mut stderr).unwrap();
     let code = child.wait().unwrap().code().unwrap();
     let stderr = after(&stderr, "interrupted: ", "N", |c| c.is_ascii_digit());
     check(&place, "interrupted", &Ended { code, stdout: String::new(), stderr });

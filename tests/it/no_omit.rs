@@ -51,8 +51,8 @@ fn place(between: &str, render: &str) -> Workspace {
 
 /// The steps that a build made, as reported to programs.
 fn build(place: &Workspace, options: &str) -> BTreeMap<String, Value> {
-    let told = place.ok(&format!("build --json {options} recipe.yaml")).stdout;
-    let steps = told.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let found = place.ok(&format!("build --json {options} recipe.yaml")).stdout;
+    let steps = found.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
     steps
         .filter(|step| step["state"] == "made")
         .map(|step| (step["step"].as_str().unwrap().trim_start_matches("given/").to_owned(), step))
@@ -149,8 +149,11 @@ fn rates_and_soft_layers_are_the_same_bytes_too() {
 #[test]
 fn releases_differ_only_in_their_omissions() {
     let place = place("linear", "");
-    let told = place.ok("release -v --to omitted recipe.yaml").stderr;
-    assert!(told.contains("work skipped for given/base (output is byte-identical unless noted)\n"), "{told}");
+    let message = place.ok("release -v --to omitted recipe.yaml").stderr;
+    assert!(
+        message.contains("work skipped for given/base (output is byte-identical unless noted)\n"),
+        "{message}"
+    );
     place.ok("release --no-omit --to whole recipe.yaml");
     let [mut omitted, mut whole] = ["omitted", "whole"].map(|name| tree(&place.path(name)));
     let manifest = |files: &mut BTreeMap<String, Vec<u8>>| {
@@ -198,8 +201,8 @@ fn saved_time_is_reported_for_long_paths_and_written_to_no_file() {
     assert_eq!((&saving["sampled"], &saving["frames"]), (&json!(3), &json!(1500)));
     assert_eq!(step("tiny/base/events")["saving"], Value::Null);
     assert_eq!(step("tiny/base/checks").get("left_out"), None, "it renders nothing");
-    let told = ended.stderr.matches("(an estimate from 3 of 1500 frames)").count();
-    assert_eq!(told, 1, "{}", ended.stderr);
+    let message = ended.stderr.matches("(an estimate from 3 of 1500 frames)").count();
+    assert_eq!(message, 1, "{}", ended.stderr);
     let again = place.ok("build --recheck 100% long.yaml").stderr;
     assert!(again.contains("5 steps rerun, each with the recorded bytes"), "{again}");
 }

@@ -169,14 +169,14 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
     assert_eq!(one, other);
     // Two pictures are too few, and an empty picture cannot be registered.
     let few = &filmed.pictures[..2];
-    let told = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
-    assert_eq!(told.unwrap_err(), "there are 2 pictures, 3 are the fewest");
+    let found = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
+    assert_eq!(found.unwrap_err(), "there are 2 pictures, 3 are the fewest");
     let blank: Vec<TrajectoryPicture> =
         (0..4).map(|pose| TrajectoryPicture { pose, file: filmed.folder.path().join("blank") }).collect();
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
     png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
-    let told = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
-    assert!(told.as_ref().unwrap_err().ends_with("finds no key points shared by two pictures"), "{told:?}");
+    let found = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
+    assert!(found.as_ref().unwrap_err().ends_with("finds no key points shared by two pictures"), "{found:?}");
 }
 
 #[test]
@@ -291,9 +291,9 @@ fn absent_programs_are_reported_and_run_once_installed() {
     };
     without("build recipe.yaml");
     let (code, found) = asked(&place, "", Some(nothing.path()));
-    let told: Vec<&str> = found.iter().map(|f| f["because"].as_str().unwrap()).collect();
+    let seen: Vec<&str> = found.iter().map(|f| f["because"].as_str().unwrap()).collect();
     let [colmap, python] = ["colmap", "python3"].map(|name| format!("there is no program `{name}`"));
-    assert_eq!((code, told), (0, vec![python.as_str(), &colmap, &python]));
+    assert_eq!((code, seen), (0, vec![python.as_str(), &colmap, &python]));
     assert_eq!(asked(&place, "--require pose_colmap", Some(nothing.path())).0, 3);
     let again: Vec<Value> = serde_json::from_str(&without("plan --json recipe.yaml")).unwrap();
     assert!(again.iter().all(|step| step["action"] == "keep"), "{again:?}");

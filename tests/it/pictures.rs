@@ -224,8 +224,8 @@ fn pictures_are_audited() {
         reseal(folder.path());
         let output = gs2e(folder.path(), &["audit", "--json", "."]);
         assert_eq!(output.status.code(), Some(3), "{words}");
-        let told = String::from_utf8(output.stdout).unwrap();
-        assert!(told.contains(code) && told.contains(words), "{code}, {words}: {told}");
+        let message = String::from_utf8(output.stdout).unwrap();
+        assert!(message.contains(code) && message.contains(words), "{code}, {words}: {message}");
     };
     for name in ["blur/000008.png", "depth/000012.npy", "flow/000000.npy"] {
         t(&|base| fs::remove_file(base.join(name)).unwrap(), "scene-incomplete", name);

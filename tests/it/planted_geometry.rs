@@ -246,8 +246,8 @@ fn planted_faults_of_poses_and_pictures_are_found_by_depth_and_frames() {
             let of = |record: &&Value| {
                 ["photometric", "depth_consistency", "pose_continuity"].iter().any(|c| record["check"] == *c)
             };
-            let told: Vec<&Value> = records.iter().filter(of).map(|r| &r["because"]).collect();
-            missed.push(format!("{name}: wanted {wanted:?}, found {failed:?}: {told:#?}"));
+            let found: Vec<&Value> = records.iter().filter(of).map(|r| &r["because"]).collect();
+            missed.push(format!("{name}: wanted {wanted:?}, found {failed:?}: {found:#?}"));
         }
     }
     assert!(missed.is_empty(), "{}", missed.join("\n"));
@@ -281,9 +281,9 @@ fn planted_faults_of_the_clock_are_found_from_events_and_frames() {
     ] {
         let records = checked(&["depth", "flow"], plant);
         let failed = with_verdict(&records, "fail");
-        let told: Vec<&Value> =
+        let found: Vec<&Value> =
             records.iter().filter(|r| r["check"] == "event_times").map(|r| &r["because"]).collect();
-        assert!(failed.iter().any(|of| of == wanted), "{name}: {failed:?} {told:#?}");
+        assert!(failed.iter().any(|of| of == wanted), "{name}: {failed:?} {found:#?}");
     }
 }
 

@@ -29,12 +29,12 @@ fn output_and_exit_of_a_program_are_reported() {
     let t = |script: &str, wanted: &str, said: &str| {
         let from = length(&log);
         let ended = run(&programs(), &shell(script, folder.path()), &log, &|| true);
-        let told = match ended {
+        let found = match ended {
             Ok(()) => "fine".to_owned(),
             Err(ProgramEnd::Failed(how)) => how.to_string(),
             Err(ProgramEnd::Stopped) => "stopped".to_owned(),
         };
-        assert_eq!(told, wanted, "{script}");
+        assert_eq!(found, wanted, "{script}");
         assert_eq!(last_lines(&log, from)[1..].join("|"), said, "{script}");
     };
     t("echo out; echo err >&2", "fine", "out|err");

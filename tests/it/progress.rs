@@ -15,9 +15,9 @@ fn two_scenes() -> Workspace {
 #[test]
 fn finished_steps_are_printed_in_plain_lines() {
     let place = Workspace::with_tiny();
-    let told = place.ok("build -j 1 tiny.yaml").stderr;
-    let lines: Vec<&str> = told.lines().filter(|line| line.starts_with('[')).collect();
-    assert_eq!(lines.len(), 6, "{told}");
+    let message = place.ok("build -j 1 tiny.yaml").stderr;
+    let lines: Vec<&str> = message.lines().filter(|line| line.starts_with('[')).collect();
+    assert_eq!(lines.len(), 6, "{message}");
     let mut names = Vec::new();
     for (i, line) in lines.iter().enumerate() {
         let rest = line.strip_prefix(&format!("[{}/6] tiny/", i + 1));
@@ -37,7 +37,7 @@ fn finished_steps_are_printed_in_plain_lines() {
         names,
         ["base/checks", "base/events", "base/sharp", "base/trajectory", "capture", "reconstruct"]
     );
-    let last = told.lines().last().unwrap();
+    let last = message.lines().last().unwrap();
     assert!(last.starts_with("made 6, up to date 0, failed 0; ") && last.ends_with(" s"), "{last}");
 }
 
@@ -46,11 +46,11 @@ fn finished_steps_are_printed_in_plain_lines() {
 fn finished_steps_are_printed_as_objects() {
     let place = two_scenes();
     for state in ["made", "kept"] {
-        let told = place.ok("build --json tiny.yaml other.yaml").stdout;
-        let mut steps: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let found = place.ok("build --json tiny.yaml other.yaml").stdout;
+        let mut steps: Vec<Value> = found.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         // Findings of checks follow the steps, as messages.
         let messages = steps.split_off(12);
-        assert!(messages.iter().all(|message| message["code"] == "check"), "{told}");
+        assert!(messages.iter().all(|message| message["code"] == "check"), "{found}");
         for step in &steps {
             assert_eq!((step["state"].as_str(), step["key"].as_str().map(str::len)), (Some(state), Some(64)));
             assert_eq!(step["seconds"].is_number(), state == "made", "{step}");
@@ -96,9 +96,9 @@ fn settled_steps_count() {
     std::thread::sleep(std::time::Duration::from_millis(2100));
     place.ok("build -q tiny.yaml other.yaml");
     place.write("other.yaml", TINY.replace("scene: tiny", "scene: other").replace("seed: 1 }", "seed: 3 }"));
-    let told = place.ok("build -j 1 tiny.yaml other.yaml").stderr;
+    let message = place.ok("build -j 1 tiny.yaml other.yaml").stderr;
     // The last step is one of checks or pictures: the order of steps depends on their earlier
     // times.
-    assert!(told.contains("[12/12] other/base/"), "{told}");
-    assert!(told.contains("made 6, up to date 6, failed 0; "), "{told}");
+    assert!(message.contains("[12/12] other/base/"), "{message}");
+    assert!(message.contains("made 6, up to date 6, failed 0; "), "{message}");
 }

@@ -68,8 +68,8 @@ fn a_bus_without_a_rate_is_refused() {
     let place = Workspace::new();
     let t = |readout: &str, wanted: &str| {
         place.write("tiny.yaml", tiny(readout));
-        let told = refused(&place, "plan tiny.yaml");
-        assert!(told.contains("tiny.yaml:12:") && told.contains(wanted), "{told}");
+        let message = refused(&place, "plan tiny.yaml");
+        assert!(message.contains("tiny.yaml:12:") && message.contains(wanted), "{message}");
     };
     t("{ rate_mev_s: 0 }", "\"sensor.voltmeter.readout.rate_mev_s\" is 0, wanted a number from 0.000001");
     t("{ rate_mev_s: -5 }", "is -5, wanted a number");

@@ -33,8 +33,8 @@ fn a_real_scene_at_a_small_size() {
     place.write("playbot.yaml", value.to_string());
     place.ok("build playbot.yaml");
 
-    let told = place.ok("check --json --recipes playbot.yaml").stdout;
-    let findings: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found = place.ok("check --json --recipes playbot.yaml").stdout;
+    let findings: Vec<Value> = found.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let failed: Vec<&Value> = findings.iter().filter(|f| f["verdict"] == "fail").collect();
     assert!(failed.is_empty(), "{failed:#?}");
     for (part, stated) in [("threshold-on", 1.0), ("threshold-off", 1.25)] {
@@ -82,8 +82,8 @@ fn a_colmap_model_at_a_small_size() {
     assert_eq!(poses.lines().filter(|line| !line.starts_with('#')).count(), 100);
     // COLMAP's own figures for its points, to the digits that it prints, and the frames that did
     // not register.
-    let told = place.gs2e("check --json --recipes fox.yaml").stdout;
-    let findings: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let found = place.gs2e("check --json --recipes fox.yaml").stdout;
+    let findings: Vec<Value> = found.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     for (part, wanted) in [("#reprojection", 1.09), ("#reprojection-observations", 1.15)] {
         let measured = finding(&findings, "capture", part)["measured"].as_f64().unwrap();
         assert!((measured - wanted).abs() < 0.005, "{part}: {measured}");

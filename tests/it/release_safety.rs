@@ -51,7 +51,7 @@ fn released() -> Workspace {
 }
 
 /// The names in the place, except the store and its recipe.
-fn beside(place: &Workspace) -> Vec<String> {
+fn neighbours(place: &Workspace) -> Vec<String> {
     let entries = fs::read_dir(place.path(".")).unwrap();
     let mut names: Vec<String> =
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -62,7 +62,7 @@ fn beside(place: &Workspace) -> Vec<String> {
 
 /// The only name with this prefix.
 fn named(place: &Workspace, prefix: &str) -> String {
-    let mut names = beside(place);
+    let mut names = neighbours(place);
     names.retain(|name| name.starts_with(prefix));
     let [name] = <[String; 1]>::try_from(names).unwrap();
     name

@@ -334,7 +334,7 @@ fn a_gpu_that_is_lost_is_an_error() {
 fn a_scene_without_room_is_an_error_that_states_the_sizes() {
     let Some(device) = gpu::device() else { return };
     let (crowd, view) = (blob_scene(&blob_crowd(1000, 6)), view_ahead(640, 480, 600.0));
-    let told = |room: u64| {
+    let message = |room: u64| {
         let device = device.clone().with_room(room);
         let rendered = GpuRenderer::new(device, &crowd, OFFICIAL)
             .and_then(|mut gpu| gpu.render(&view, ALL, &mut RenderedImages::default()));
@@ -343,7 +343,7 @@ fn a_scene_without_room_is_an_error_that_states_the_sizes() {
         assert!(*wanted > room && error.to_string().ends_with(&format!("{what}: {room} bytes are free")));
         *what
     };
-    assert_ne!(told(1000), told(16 << 20));
+    assert_ne!(message(1000), message(16 << 20));
 }
 
 #[test]
@@ -353,8 +353,8 @@ fn a_missing_gpu_is_an_error_that_lists_the_others() {
         (DeviceChoice::Index(99), "no GPU is number 99; there is "),
         (DeviceChoice::Name("Voodoo 2".to_owned()), "no GPU is called `Voodoo 2`; there is "),
     ] {
-        let told = GpuDevice::open(&choice).unwrap_err().to_string();
-        assert!(told.starts_with(wanted) && told.contains(device.name()), "{told}");
+        let message = GpuDevice::open(&choice).unwrap_err().to_string();
+        assert!(message.starts_with(wanted) && message.contains(device.name()), "{message}");
     }
     let name: String = device.name().chars().take(5).collect();
     assert!(GpuDevice::open(&DeviceChoice::Name(name.to_uppercase())).is_ok());

@@ -317,7 +317,7 @@ fn the_drawing_is_reported_to_users() {
     spoilt.positions[4][0] = f32::NAN;
     spoilt.rotations[5] = [0.0; 4];
     place.write("one.ply", ply_bytes(&spoilt));
-    let told = place.ok(RIGHT).stderr;
+    let message = place.ok(RIGHT).stderr;
     for part in [
         "rgb of camera.json, 101x81: rendered by cpu/",
         " s; read in ",
@@ -328,17 +328,17 @@ fn the_drawing_is_reported_to_users() {
         "warning: 1 of 6 rotations in the file are zero: the identity is used",
         "warning: 1 of 3 Gaussians drawn (33.3 %) extend so far in depth, relative to their distance",
     ] {
-        assert!(told.contains(part), "`{part}` is not in\n{told}");
+        assert!(message.contains(part), "`{part}` is not in\n{message}");
     }
     let quiet = place.ok(&format!("{RIGHT} -q"));
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
     // A velocity that does not affect the picture is reported, and changes nothing.
     let before = fs::read(place.path("new.npy")).unwrap();
-    let told = place.ok(&format!("{RIGHT} {VELOCITY}")).stderr;
-    assert!(told.contains("warning: rgb does not depend on --velocity"), "{told}");
+    let message = place.ok(&format!("{RIGHT} {VELOCITY}")).stderr;
+    assert!(message.contains("warning: rgb does not depend on --velocity"), "{message}");
     assert!(fs::read(place.path("new.npy")).unwrap() == before);
-    let told = place.ok(&format!("{RIGHT} --backend reference")).stderr;
-    assert!(told.contains("by reference/") && !told.contains("splat-tile pairs"), "{told}");
+    let message = place.ok(&format!("{RIGHT} --backend reference")).stderr;
+    assert!(message.contains("by reference/") && !message.contains("splat-tile pairs"), "{message}");
 }
 
 #[test]
@@ -348,13 +348,13 @@ fn an_inexact_view_is_reported() {
     bent["k1"] = json!(0.1);
     bent["frames"][0]["transform_matrix"][1][1] = json!(-1.0001);
     place.write("bent.json", bent.to_string());
-    let told = |index: usize| {
+    let message = |index: usize| {
         let args = RIGHT.replace("camera.json", "bent.json");
         place.ok(&format!("{args} --index {index}")).stderr
     };
     let projected = "warning: the rotation of `view 10.jpg` is off by";
-    assert!(told(1).contains(projected) && !told(0).contains(projected));
-    assert!(told(0).contains("warning: the photos are distorted by up to"));
+    assert!(message(1).contains(projected) && !message(0).contains(projected));
+    assert!(message(0).contains("warning: the photos are distorted by up to"));
 }
 
 #[test]
@@ -362,13 +362,13 @@ fn programs_get_one_object() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json -q"));
     assert_eq!((ended.stdout.lines().count(), ended.stderr.as_str()), (1, ""));
-    let mut told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    let seconds = told["seconds"].take();
+    let mut found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let seconds = found["seconds"].take();
     assert!(["read", "render"].iter().all(|part| seconds[part].as_f64().unwrap() > 0.0));
-    assert!(told["backend"].take().as_str().unwrap().starts_with("cpu/"));
+    assert!(found["backend"].take().as_str().unwrap().starts_with("cpu/"));
     // 31 px around (50.5, 40.5) reach columns 1 to 5 and rows 0 to 4 of tiles; a corner may be out
     // of reach.
-    let pairs = told["work"]["tile_pairs"].take().as_u64().unwrap();
+    let pairs = found["work"]["tile_pairs"].take().as_u64().unwrap();
     assert!((21..=25).contains(&pairs), "{pairs}");
     // Every pixel within the disc of opacity 1/255 blends the one layer.
     let blended = (0..WIDTH * HEIGHT).filter(|i| alpha(*i) > 0.0).count();
@@ -381,7 +381,7 @@ fn programs_get_one_object() {
             "affine_invalid": 0 },
         "screening": { "read": 1, "non_finite": 0, "zero_quaternions": 0 },
     });
-    assert_eq!(told, wanted);
+    assert_eq!(found, wanted);
 }
 
 #[test]

@@ -27,9 +27,9 @@ fn json(place: &Workspace, path: &str) -> Value {
 fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
     let place = Workspace::new();
     place.write("tiny.yaml", recipe(THREE));
-    let told = place.ok("release --to tree tiny.yaml").stderr;
+    let message = place.ok("release --to tree tiny.yaml").stderr;
     for name in ["coarse", "fine", "usual"] {
-        assert!(told.contains(&format!("sensor of tiny/{name}: ")), "{told}");
+        assert!(message.contains(&format!("sensor of tiny/{name}: ")), "{message}");
     }
     place.ok("audit tree");
     let scene = json(&place, "tree/tiny/scene.json");
@@ -118,10 +118,10 @@ fn a_twin_is_the_same_sensor_without_its_noise() {
         "tiny.yaml",
         recipe(&format!("sensors:\n  clean: {{ twin_of: noisy }}\n  {by_hand}\n  {noisy}\n")),
     );
-    let told = place.ok("release --to tree tiny.yaml").stderr;
+    let message = place.ok("release --to tree tiny.yaml").stderr;
     let line = "twins of tiny: by-hand is noisy without its noise, clean is noisy without its noise";
-    assert_eq!(told.lines().filter(|found| *found == line).count(), 1, "{told}");
-    assert!(!told.contains("no twin"), "{told}");
+    assert_eq!(message.lines().filter(|found| *found == line).count(), 1, "{message}");
+    assert!(!message.contains("no twin"), "{message}");
     place.ok("audit tree");
     let scene = json(&place, "tree/tiny/scene.json");
     let part = &scene["trajectories"][0]["sensors"];
@@ -138,14 +138,14 @@ fn a_twin_is_the_same_sensor_without_its_noise() {
 #[test]
 fn parameters_that_keep_a_sensor_from_being_a_twin_are_named() {
     let place = Workspace::new();
-    let told = |sensors: &str| {
+    let message = |sensors: &str| {
         place.write("tiny.yaml", recipe(sensors).replace("outputs: [events, sharp]", "outputs: []"));
         place.ok("build tiny.yaml").stderr
     };
-    let near = told("sensors:\n  a: { v2e: { preset: clean } }\n  b: { v2e: { preset: noisy } }\n");
+    let near = message("sensors:\n  a: { v2e: { preset: clean } }\n  b: { v2e: { preset: noisy } }\n");
     let wanted = "sensor of tiny/a: no twin of b, because of cutoff, threshold.spread; twin_of: b makes one";
     assert!(near.contains(wanted) && !near.contains("twins of"), "{near}");
-    let far = told("sensors:\n  a: { esim: {} }\n  b: { v2e: { preset: noisy } }\n");
+    let far = message("sensors:\n  a: { esim: {} }\n  b: { v2e: { preset: noisy } }\n");
     assert!(!far.contains("twin"), "{far}");
 }
 

@@ -108,16 +108,16 @@ fn the_library_makes_the_same_events() {
     let wanted = as_lines(&by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7));
     assert!(wanted.len() > 1000);
     assert_eq!(lines(&place, "e.txt"), wanted);
-    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    assert_eq!(told["account"]["events"], wanted.len());
-    assert_eq!(told["frames"]["count"], COUNT);
-    assert_eq!((&told["frames"]["first_us"], &told["frames"]["last_us"]), (&0.into(), &12_345.into()));
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(found["account"]["events"], wanted.len());
+    assert_eq!(found["frames"]["count"], COUNT);
+    assert_eq!((&found["frames"]["first_us"], &found["frames"]["last_us"]), (&0.into(), &12_345.into()));
     let seconds = 12_345e-6;
     let rate = wanted.len() as f64 / SIZE.pixels() as f64 / seconds;
-    assert!((told["events_per_pixel_second"].as_f64().unwrap() - rate).abs() < 1e-9 * rate);
+    assert!((found["events_per_pixel_second"].as_f64().unwrap() - rate).abs() < 1e-9 * rate);
     // the table of docs/design/numerics-sensor.md, "Units and presets"
-    assert!((told["contrast"][0].as_f64().unwrap() - 0.19).abs() < 0.001);
-    assert!((told["noise"][3]["leak_hz"].as_f64().unwrap() - 0.74).abs() < 0.001);
+    assert!((found["contrast"][0].as_f64().unwrap() - 0.19).abs() < 0.001);
+    assert!((found["noise"][3]["leak_hz"].as_f64().unwrap() - 0.74).abs() < 0.001);
     assert!(ended.stderr.contains("at grey 128: leak 0.7400 Hz"), "{}", ended.stderr);
     assert_eq!(place.ok(&format!("{RIGHT} -q")).stderr, "");
 }
@@ -300,10 +300,10 @@ fn labels_are_written_on_request() {
     let refused = place.gs2e("convert e.h5 e.txt");
     assert_eq!(refused.code, 2);
     assert!(refused.stderr.contains("labels (signal or noise) are dropped"), "{}", refused.stderr);
-    let told = place.ok("convert --lossy e.h5 e.txt");
-    assert!(format!("{}{}", told.stdout, told.stderr).contains("labels (signal or noise) are dropped"));
-    let told = place.ok("convert --lossy e.h5 e.npz");
-    assert!(!format!("{}{}", told.stdout, told.stderr).contains("labels (signal or noise) are dropped"));
+    let found = place.ok("convert --lossy e.h5 e.txt");
+    assert!(format!("{}{}", found.stdout, found.stderr).contains("labels (signal or noise) are dropped"));
+    let found = place.ok("convert --lossy e.h5 e.npz");
+    assert!(!format!("{}{}", found.stdout, found.stderr).contains("labels (signal or noise) are dropped"));
     place.ok("convert e.npz back.h5 --size 24x16");
     assert_eq!(labels(&read_h5(&place.path("back.h5")).1), labels(&wanted));
     let refused = place.gs2e(&RIGHT.replace("e.txt", "l.txt --labels"));
@@ -326,8 +326,8 @@ fn the_scale_of_floats_is_decided_by_two_frames() {
     assert!(
         ended.stderr.contains("full scale: 1, because the brightest value of the first two frames is 0.9")
     );
-    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-    assert_eq!(told["frames"]["full_scale"], 1);
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(found["frames"]["full_scale"], 1);
     floats(255.0);
     assert!(place.ok(RIGHT).stderr.contains("full scale: 255, because"));
     floats(8.0);
@@ -360,7 +360,7 @@ fn a_real_clip_makes_the_expected_number_of_events() {
         assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
         serde_json::from_slice(&ended.stdout).unwrap()
     };
-    let rate = |told: &Value| told["events_per_pixel_second"].as_f64().unwrap();
+    let rate = |found: &Value| found["events_per_pixel_second"].as_f64().unwrap();
     let (dvs346, si) = (run("dvs346"), run("gs2e-si"));
     eprintln!("dvs346 {}, gs2e-si {} events per pixel and second", rate(&dvs346), rate(&si));
     assert!((2.0..40.0).contains(&rate(&dvs346)), "{dvs346}");

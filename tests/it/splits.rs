@@ -25,7 +25,7 @@ fn json(place: &Workspace, path: &str) -> Value {
 }
 
 /// Split and group of a scene.
-fn told(place: &Workspace, scene: &str) -> (String, String) {
+fn split_of(place: &Workspace, scene: &str) -> (String, String) {
     let split = json(place, &format!("out/{scene}/scene.json"))["split"].clone();
     let text = |key: &str| split[key].as_str().unwrap().to_owned();
     (text("name"), text("group"))
@@ -64,7 +64,7 @@ fn the_split_of_a_scene_depends_only_on_its_own_key() {
         place.write(&format!("recipes/{id}.yaml"), recipe(id, seed));
     }
     place.ok("release --to out recipes");
-    let before: Vec<(String, String)> = ids.iter().map(|id| told(&place, id)).collect();
+    let before: Vec<(String, String)> = ids.iter().map(|id| split_of(&place, id)).collect();
     let rows = indexed(&place);
     for (id, (split, group)) in ids.iter().zip(&before) {
         let gaussians =
@@ -81,7 +81,7 @@ fn the_split_of_a_scene_depends_only_on_its_own_key() {
     place.write("recipes/0.yaml", recipe("0", 9));
     place.write("recipes/z.yaml", recipe("z", 10));
     place.ok("release --to out recipes");
-    assert_eq!(ids.iter().map(|id| told(&place, id)).collect::<Vec<_>>(), before);
+    assert_eq!(ids.iter().map(|id| split_of(&place, id)).collect::<Vec<_>>(), before);
 }
 
 /// Two instances of a dataset with the same photos, and a salt that separates them.
@@ -122,7 +122,7 @@ fn photos_that_two_splits_would_share_stop_a_release() {
     assert_eq!(place.gs2e("release --to out recipes").code, 3);
     place.write("recipes/release.yaml", salted(&salt));
     let ended = place.ok("release --to out recipes");
-    let [a, b] = ["mvimgnet/0/00000000", "mvimgnet/0/9e3779b1"].map(|id| told(&place, id));
+    let [a, b] = ["mvimgnet/0/00000000", "mvimgnet/0/9e3779b1"].map(|id| split_of(&place, id));
     assert_eq!((a.1.as_str(), &a), ("group/the same mug", &b));
     let empty = if a.0 == "train" { "test" } else { "train" };
     assert!(ended.stderr.contains(&format!("no scene is in the split {empty}")), "{}", ended.stderr);

@@ -65,9 +65,13 @@ fn a_lost_or_broken_index_is_rebuilt_from_the_records() {
         }
         let store = open(folder.path());
         assert_eq!(outputs(&store, "a"), Some(made.clone()), "{damage:?}");
-        let told = store.take_notices().join("\n");
-        assert!(told.contains("rebuilt from 1 records"), "{damage:?}: {told}");
-        assert_eq!(told.contains("old file kept as trash/state.db."), damage.is_some(), "{damage:?}: {told}");
+        let message = store.take_notices().join("\n");
+        assert!(message.contains("rebuilt from 1 records"), "{damage:?}: {message}");
+        assert_eq!(
+            message.contains("old file kept as trash/state.db."),
+            damage.is_some(),
+            "{damage:?}: {message}"
+        );
     }
 }
 
@@ -113,9 +117,9 @@ fn a_second_writer_is_refused_or_waits_for_a_named_holder() {
     // Looking needs no lock.
     assert!(Store::open(folder.path(), StoreAccess::Read, &mut |_| {}).is_ok());
     let root = folder.path().to_owned();
-    let (told, waits) = std::sync::mpsc::channel();
+    let (message, waits) = std::sync::mpsc::channel();
     let second = std::thread::spawn(move || {
-        Store::open(&root, StoreAccess::Write, &mut |holder| told.send(holder.to_owned()).unwrap()).is_ok()
+        Store::open(&root, StoreAccess::Write, &mut |holder| message.send(holder.to_owned()).unwrap()).is_ok()
     });
     assert!(waits.recv().unwrap().starts_with(&holder));
     drop(first);
@@ -174,8 +178,11 @@ fn the_database_may_lie_elsewhere() {
     assert!(index.join("state.db").is_file() && !store.path().join("state.db").exists());
     std::fs::write(index.join("state.db"), "no database").unwrap();
     let second = open(Some(&index));
-    let told = second.take_notices().join("\n");
-    assert!(told.contains(&format!("old file kept as {}", index.join("state.db.1").display())), "{told}");
+    let message = second.take_notices().join("\n");
+    assert!(
+        message.contains(&format!("old file kept as {}", index.join("state.db.1").display())),
+        "{message}"
+    );
     assert_eq!(outputs(&second, "a"), Some(made.clone()));
     drop(second);
     assert_eq!(outputs(&open(None), "a"), Some(made));

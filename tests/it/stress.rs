@@ -97,37 +97,37 @@ fn the_renderers_are_within_their_limits() {
 #[test]
 fn a_missing_gpu_is_reported_and_has_no_results() {
     let place = Workspace::new();
-    let told = place.ok("stress counted splat/near-plane splat/ties@gpu");
-    let lines: Vec<&str> = told.stdout.lines().collect();
-    assert_eq!(lines.len(), 7, "{}", told.stdout);
+    let found = place.ok("stress counted splat/near-plane splat/ties@gpu");
+    let lines: Vec<&str> = found.stdout.lines().collect();
+    assert_eq!(lines.len(), 7, "{}", found.stdout);
     let begins = |word: &str| lines.iter().filter(|line| line.starts_with(word)).count();
-    assert_eq!((begins("ok"), begins("not run  splat/")), (4, 3), "{}", told.stdout);
-    assert!(told.stderr.contains("4 ok, 0 miss their limit, 3 not run"), "{}", told.stderr);
-    let told = place.gs2e("stress --backend gpu near-plane");
-    assert_eq!((told.code, told.stdout.as_str()), (2, ""), "{}", told.stderr);
+    assert_eq!((begins("ok"), begins("not run  splat/")), (4, 3), "{}", found.stdout);
+    assert!(found.stderr.contains("4 ok, 0 miss their limit, 3 not run"), "{}", found.stderr);
+    let found = place.gs2e("stress --backend gpu near-plane");
+    assert_eq!((found.code, found.stdout.as_str()), (2, ""), "{}", found.stderr);
 }
 
 #[test]
 fn selected_cases_run_and_unknown_ones_are_refused() {
     let place = Workspace::new();
-    let told = place.ok("stress --area sensor --area clock polarity absolute-stamps --markdown t.md");
-    assert_eq!(told.stdout.lines().count(), 2, "{}", told.stdout);
+    let message = place.ok("stress --area sensor --area clock polarity absolute-stamps --markdown t.md");
+    assert_eq!(message.stdout.lines().count(), 2, "{}", message.stdout);
     let page = std::fs::read_to_string(place.path("t.md")).unwrap();
     assert!(
         page.contains("\n## sensor\n")
             && page.contains("\n| absolute-stamps |")
             && !page.contains("## splat")
     );
-    let told = place.ok("stress --backend reference near-plane --quiet");
-    assert_eq!((told.stdout.as_str(), told.stderr.as_str()), ("", ""));
+    let message = place.ok("stress --backend reference near-plane --quiet");
+    assert_eq!((message.stdout.as_str(), message.stderr.as_str()), ("", ""));
     for (args, wanted) in [
         ("stress --area colour", "sensor, trajectory, splat, clock"),
         ("stress polarities", "no case has the name `polarities`"),
         ("stress near-plane --scene nowhere.ply", "nowhere.ply does not exist"),
         ("stress polarity --markdown nowhere/t.md", "a folder that does not exist"),
     ] {
-        let told = place.gs2e(args);
-        assert_eq!(told.code, 2, "{args}: {}", told.stderr);
-        assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
+        let message = place.gs2e(args);
+        assert_eq!(message.code, 2, "{args}: {}", message.stderr);
+        assert!(message.stderr.contains(wanted), "{args}: {}", message.stderr);
     }
 }

@@ -7,15 +7,15 @@ use std::fs;
 #[test]
 fn thresholds_are_swept_over_a_built_scene() {
     let place = Workspace::with_tiny();
-    let told = place.gs2e("study thresholds tiny.yaml");
-    assert_eq!(told.code, 1, "{}", told.stderr);
-    assert!(told.stderr.contains("tiny/capture is not built"), "{}", told.stderr);
+    let found = place.gs2e("study thresholds tiny.yaml");
+    assert_eq!(found.code, 1, "{}", found.stderr);
+    assert!(found.stderr.contains("tiny/capture is not built"), "{}", found.stderr);
     place.ok("build tiny.yaml");
     let sweep = "study thresholds tiny.yaml --span 0,5 --csv t.csv --picture t.png";
-    let told = place.ok(sweep).stdout;
-    assert!(told.starts_with("tiny/base: 12 frames, 4.6 ms, rendered with two rules"), "{told}");
-    let (said, fragment) = told.split_once("For the recipe:\n").unwrap();
-    assert!(said.lines().last().unwrap().starts_with("recommended: "), "{told}");
+    let found = place.ok(sweep).stdout;
+    assert!(found.starts_with("tiny/base: 12 frames, 4.6 ms, rendered with two rules"), "{found}");
+    let (said, fragment) = found.split_once("For the recipe:\n").unwrap();
+    assert!(said.lines().last().unwrap().starts_with("recommended: "), "{found}");
     place.write(
         "pasted.yaml",
         format!(
@@ -49,9 +49,9 @@ fn sweeps_see_through_the_front_end() {
         let sensor = format!("preset: dvs346, front_end: {front_end},");
         place.write("tiny.yaml", TINY.replace("preset: dvs346,", &sensor));
         place.ok("build tiny.yaml");
-        let told = place.ok("study thresholds tiny.yaml --span 0,5 --thresholds 1 --json").stdout;
-        let told: Value = serde_json::from_str(&told).unwrap();
-        told["rows"][0]["events"].as_u64().unwrap()
+        let found = place.ok("study thresholds tiny.yaml --span 0,5 --thresholds 1 --json").stdout;
+        let found: Value = serde_json::from_str(&found).unwrap();
+        found["rows"][0]["events"].as_u64().unwrap()
     };
     let plain = events("{}");
     assert!(plain > 100, "{plain}");
@@ -67,9 +67,9 @@ fn impossible_sweeps_are_refused() {
     let place = Workspace::with_tiny();
     place.ok("build tiny.yaml");
     let refused = |args: &str, wanted: &str| {
-        let told = place.gs2e(&format!("study thresholds tiny.yaml {args}"));
-        assert_eq!(told.code, 2, "{args}: {}", told.stderr);
-        assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
+        let message = place.gs2e(&format!("study thresholds tiny.yaml {args}"));
+        assert_eq!(message.code, 2, "{args}: {}", message.stderr);
+        assert!(message.stderr.contains(wanted), "{args}: {}", message.stderr);
     };
     refused("--trajectory other", "tiny has no trajectory `other`; it has base");
     refused("--thresholds 1,0.5", "wanted increasing numbers");
@@ -81,9 +81,9 @@ fn impossible_sweeps_are_refused() {
         "two.yaml",
         TINY.replace("voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }", "v2e: {}"),
     );
-    let told = place.gs2e("study thresholds two.yaml");
-    assert_eq!(told.code, 2);
-    assert!(told.stderr.contains("is v2e, wanted a voltmeter"), "{}", told.stderr);
+    let message = place.gs2e("study thresholds two.yaml");
+    assert_eq!(message.code, 2);
+    assert!(message.stderr.contains("is v2e, wanted a voltmeter"), "{}", message.stderr);
 }
 
 /// One path, even and flow steps, two rule sets: the files of a study, and the required results.
@@ -94,9 +94,9 @@ fn work_and_precision_of_a_built_scene() {
     place.write("tiny.yaml", faster.iter().fold(TINY.to_owned(), |text, (from, to)| text.replace(from, to)));
     place.ok("build tiny.yaml");
     let study = "study tiny.yaml --rates 600,1200,2400 --seconds 0.019";
-    let told = place.ok(&format!("{study} --rules official,blended --to out")).stdout;
-    assert!(told.starts_with("`official linear` at 2400 frames a second costs "), "{told}");
-    let (lines, because) = told.split_once("For the recipe:\n").unwrap().1.split_once("because ").unwrap();
+    let found = place.ok(&format!("{study} --rules official,blended --to out")).stdout;
+    assert!(found.starts_with("`official linear` at 2400 frames a second costs "), "{found}");
+    let (lines, because) = found.split_once("For the recipe:\n").unwrap().1.split_once("because ").unwrap();
     assert!(because.contains("core-seconds"), "{because}");
     let [above, below] = TINY.split_once("sampling: { rate: 2400, between: linear }\n").unwrap().into();
     place.write("pasted.yaml", format!("{above}{lines}{below}").replace("scene: tiny", "scene: pasted"));
@@ -144,8 +144,9 @@ fn work_and_precision_of_a_built_scene() {
     assert_eq!(in_32_bits["what"], "luminance");
     assert!(in_32_bits["psnr_db"].as_f64() > Some(60.0), "{in_32_bits}");
     // The same stream with the sensor's noise, in the scene's own folder.
-    let told = place.ok(&format!("{study} --noise --rules soft --steps uniform --no-pictures --json")).stdout;
-    let json: Value = serde_json::from_str(&told).unwrap();
+    let found =
+        place.ok(&format!("{study} --noise --rules soft --steps uniform --no-pictures --json")).stdout;
+    let json: Value = serde_json::from_str(&found).unwrap();
     assert_eq!(json["pictures"].as_array().map(Vec::len), Some(0));
     assert_eq!((json["noise"].as_bool(), json["rows"].as_array().unwrap().len()), (Some(true), 9));
     assert!(json["recommended"]["recipe"].as_str().unwrap().starts_with("sampling: "), "{json}");
@@ -177,9 +178,9 @@ fn told_in_short(words: &str, head: &[&str], rows: &[Vec<&str>]) {
 fn impossible_studies_are_refused() {
     let place = Workspace::with_tiny();
     let refused = |args: &str, wanted: &str| {
-        let told = place.gs2e(&format!("study tiny.yaml {args}"));
-        assert_eq!(told.code, 2, "{args}: {}", told.stderr);
-        assert!(told.stderr.contains(wanted), "{args}: {}", told.stderr);
+        let message = place.gs2e(&format!("study tiny.yaml {args}"));
+        assert_eq!(message.code, 2, "{args}: {}", message.stderr);
+        assert!(message.stderr.contains(wanted), "{args}: {}", message.stderr);
     };
     refused("--rates 500", "--finest 9600 is not an even multiple of it");
     refused("--rates 600,300", "wanted increasing numbers");

@@ -51,8 +51,8 @@ fn the_sensor_of_the_recording_is_the_nearest() {
     {
         place.ok(&format!("simulate {INPUTS} --sensor {sensor} --seed 5 --out {file}"));
         let out = "--csv table.csv --picture intervals.svg";
-        let told = place.ok(&format!("study real {INPUTS} --events {file} {out} --json")).stdout;
-        let found: Value = serde_json::from_str(&told).unwrap();
+        let message = place.ok(&format!("study real {INPUTS} --events {file} {out} --json")).stdout;
+        let found: Value = serde_json::from_str(&message).unwrap();
         assert_eq!(found["nearest"], nearest, "{found:#}");
         assert_eq!(found["outside"], 0);
         let [first, second] = [0, 1].map(|i| found["sensors"][i]["distance"].as_f64().unwrap());
@@ -66,8 +66,8 @@ fn the_sensor_of_the_recording_is_the_nearest() {
         assert!(table.lines().nth(1).unwrap().starts_with("recording,"), "{table}");
         assert!(fs::read_to_string(place.path("intervals.svg")).unwrap().contains(">recording<"));
     }
-    let told = place.ok(&format!("study real {INPUTS} --events a.h5 --sensor noisy.yaml")).stdout;
-    assert!(told.contains("nearest: dvs240") && told.contains("noisy.yaml"), "{told}");
+    let message = place.ok(&format!("study real {INPUTS} --events a.h5 --sensor noisy.yaml")).stdout;
+    assert!(message.contains("nearest: dvs240") && message.contains("noisy.yaml"), "{message}");
 }
 
 #[test]
@@ -75,9 +75,9 @@ fn other_clocks_and_pixels_are_refused() {
     let place = Workspace::new();
     write_frames(&place);
     place.ok(&format!("simulate {INPUTS} --sensor dvs346 --out a.h5"));
-    let told = refused(&place, "study real --frames frames.npy --fps 500 --full-scale 1 --events a.h5");
-    assert!(told.contains("events is between the first frame, 0 us"), "{told}");
+    let message = refused(&place, "study real --frames frames.npy --fps 500 --full-scale 1 --events a.h5");
+    assert!(message.contains("events is between the first frame, 0 us"), "{message}");
     place.write("b.csv", "t,x,y,p\n5000100,3,4,1\n");
-    let told = refused(&place, &format!("study real {INPUTS} --events b.csv --size 32x16"));
-    assert!(told.contains("events of 32x16 and frames of 24x16"), "{told}");
+    let message = refused(&place, &format!("study real {INPUTS} --events b.csv --size 32x16"));
+    assert!(message.contains("events of 32x16 and frames of 24x16"), "{message}");
 }

@@ -42,9 +42,9 @@ fn listed_scenes_are_neither_planned_nor_built() {
     // The list is next to the recipe; it is in capitals and names more than the recipe's scenes.
     place.write("recipes/lab/takedown.txt", "SHOWN/face 2025-06-01\nelsewhere 2025-06-01\n");
     assert_eq!(scenes(&place), ["kept"]);
-    let told = place.ok("build recipes").stderr;
-    assert_eq!(told.matches("1 scene is left out because of takedown.txt").count(), 1, "{told}");
-    assert!(!told.contains("face"), "{told}");
+    let message = place.ok("build recipes").stderr;
+    assert_eq!(message.matches("1 scene is left out because of takedown.txt").count(), 1, "{message}");
+    assert!(!message.contains("face"), "{message}");
     // Now from memory: nothing is read of a scene that is up to date.
     fs::remove_file(place.path("recipes/lab/takedown.txt")).expect("it is there");
     place.ok("build recipes");

@@ -172,7 +172,7 @@ fn heads(sources: &[Source]) -> Vec<Fault> {
         let forest = source
             .path
             .ends_with("/mod.rs")
-            .then(|| Fault::new(source, 1, "`foo.rs` beside `foo/`, no `mod.rs`"));
+            .then(|| Fault::new(source, 1, "`foo.rs` next to `foo/`, no `mod.rs`"));
         [missing, forest]
     };
     sources.iter().flat_map(faults).flatten().collect()

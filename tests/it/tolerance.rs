@@ -60,14 +60,14 @@ fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
     assert_eq!(part["statistics"]["linear_unit_s"], other["statistics"]["linear_unit_s"]);
 
     // The chosen, predicted and measured figures.
-    let told = &part["sampling"]["tolerance"];
-    let number = |name: &str| told[name].as_f64().unwrap_or_else(|| panic!("{name}: {told}"));
+    let listed = &part["sampling"]["tolerance"];
+    let number = |name: &str| listed[name].as_f64().unwrap_or_else(|| panic!("{name}: {listed}"));
     assert!((number("tolerance") - 0.03).abs() < 1e-12);
-    assert!(number("predicted") <= 0.8 * 0.03 + 1e-9 && number("bound_95") <= 0.03, "{told}");
-    assert!(number("achieved") > 0.003 && number("achieved") <= number("bound_95"), "{told}");
+    assert!(number("predicted") <= 0.8 * 0.03 + 1e-9 && number("bound_95") <= 0.03, "{listed}");
+    assert!(number("achieved") > 0.003 && number("achieved") <= number("bound_95"), "{listed}");
     let poses = part["poses"].as_f64().unwrap();
-    assert!(number("frames") < poses, "{told}, {poses} poses");
-    assert_eq!(part["sampling"]["between"], told["between"]);
+    assert!(number("frames") < poses, "{listed}, {poses} poses");
+    assert_eq!(part["sampling"]["between"], listed["between"]);
     assert_eq!(part["render_rules"]["rules"], "soft");
     assert_eq!(other["sampling"], serde_json::json!({ "rate": "2400/1", "between": "linear" }));
 
@@ -96,9 +96,9 @@ fn an_unreachable_tolerance_is_refused_with_a_reachable_one() {
     place.write("tolerant.yaml", recipe("{ tolerance: 0.0001 }"));
     let ended = place.gs2e("release --to tree tolerant.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
-    let told: String = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(told.contains("the tolerance of 0.0001 thresholds cannot be met here"), "{told}");
-    assert!(told.contains("can be met; render: { rules: soft, order: blended } has fewer"), "{told}");
+    let listed: String = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(listed.contains("the tolerance of 0.0001 thresholds cannot be met here"), "{listed}");
+    assert!(listed.contains("can be met; render: { rules: soft, order: blended } has fewer"), "{listed}");
     assert!(!place.path("tree").exists());
 }
 
@@ -108,9 +108,9 @@ fn a_tolerance_below_the_jitter_is_warned_of() {
     let place = Workspace::new();
     let noisy = "sensor: { voltmeter: { k: [5.265, 20, 0.02, 0, 0, 0.002], units: { time: us, brightness: 255 } } }\n";
     place.write("tolerant.yaml", recipe("{ tolerance: 0.03 }") + noisy);
-    let told: String =
+    let listed: String =
         place.ok("build tolerant.yaml").stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(told.contains("sampling.tolerance 0.03 is below the sensor's own jitter"), "{told}");
+    assert!(listed.contains("sampling.tolerance 0.03 is below the sensor's own jitter"), "{listed}");
 }
 
 const SIZE: Size = Size { width: 80, height: 60 };

@@ -132,8 +132,8 @@ fn every_form_of_a_capture_gives_its_path() {
         let ended = place.ok(&format!(
             "trajectory --capture {capture} --recipe mine.yaml --name base --out out.txt --json"
         ));
-        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-        assert_eq!((told["capture"].as_str(), told["M"].as_u64()), (Some(kind), Some(25)), "{capture}");
+        let seen: Value = serde_json::from_str(&ended.stdout).unwrap();
+        assert_eq!((seen["capture"].as_str(), seen["M"].as_u64()), (Some(kind), Some(25)), "{capture}");
         let found = poses(&fs::read(place.path("out.txt")).unwrap());
         assert_eq!(found.stamps_us, wanted.stamps_us);
         for (a, b) in found.world_from_camera.iter().zip(&wanted.world_from_camera) {
@@ -193,7 +193,7 @@ const RIGHT: &str = "trajectory --capture transforms.json --recipe mine.yaml --n
 #[test]
 fn the_motion_is_reported_to_users() {
     let place = workspace();
-    let told = place.ok(RIGHT).stderr;
+    let message = place.ok(RIGHT).stderr;
     for part in [
         "base: 25 poses over 24.0 ms, 1000 per second, from a nerfstudio capture",
         "mixed, along the curve 1.0000..1.0000, 95 % within 0.00 %",
@@ -205,7 +205,7 @@ fn the_motion_is_reported_to_users() {
         "upper bound for a point in the picture's centre at the scale distance",
         "focal length 50.0 px",
     ] {
-        assert!(told.contains(part), "`{part}` is not in\n{told}");
+        assert!(message.contains(part), "`{part}` is not in\n{message}");
     }
     let quiet = place.ok(&format!("{RIGHT} -q"));
     assert_eq!((quiet.stdout.as_str(), quiet.stderr.as_str()), ("", ""));
@@ -216,16 +216,16 @@ fn programs_get_one_object() {
     let place = workspace();
     let ended = place.ok(&format!("{RIGHT} --json -q --svg picture.svg"));
     assert_eq!((ended.stdout.lines().count(), ended.stderr.as_str()), (1, ""));
-    let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let seen: Value = serde_json::from_str(&ended.stdout).unwrap();
     let made = base(&views(&nerfstudio::read_capture(&place.path("transforms.json")).unwrap().0));
     let report = serde_json::to_value(&made.report).unwrap();
     for (key, value) in report.as_object().unwrap() {
         let long = ["u", "s", "linear_unit_s", "angular_rad_s"].contains(&key.as_str());
-        assert_eq!(told.get(key), (!long).then_some(value), "{key}");
+        assert_eq!(seen.get(key), (!long).then_some(value), "{key}");
     }
-    assert_eq!(told["trajectory"], "base");
-    assert_eq!(told["duration_s"], 0.024);
-    assert_eq!(told["files"], json!({ "out": "new.txt", "svg": "picture.svg" }));
+    assert_eq!(seen["trajectory"], "base");
+    assert_eq!(seen["duration_s"], 0.024);
+    assert_eq!(seen["files"], json!({ "out": "new.txt", "svg": "picture.svg" }));
     // The largest motion of the middle, computed from the poses in another way: angle and distance
     // of neighbours, which here have little motion along or about the optical axis, so that it is
     // neglected.
@@ -242,11 +242,11 @@ fn programs_get_one_object() {
         })
         .collect();
     let largest = steps.iter().copied().fold(0.0, f64::max);
-    let found = told["px_per_frame"]["max"].as_f64().unwrap();
+    let found = seen["px_per_frame"]["max"].as_f64().unwrap();
     // the sine and the turn about the axis differ from the rotation vector by its cube, 0.06^3 of
     // 100 px
     assert!((found / largest - 1.0).abs() < 2e-3, "{found} {largest}");
-    let [median, p95] = ["median", "p95"].map(|q| told["px_per_frame"][q].as_f64().unwrap());
+    let [median, p95] = ["median", "p95"].map(|q| seen["px_per_frame"][q].as_f64().unwrap());
     assert!(0.0 < median && median <= p95 && p95 <= found);
 }
 
@@ -323,9 +323,9 @@ fn mistakes_are_objects_for_programs() {
     let place = workspace();
     let t = |change: [&str; 2], code: &str| {
         let ended: Ended = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
-        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let found: Value = serde_json::from_str(&ended.stdout).unwrap();
         assert_eq!(
-            (told["level"].as_str(), told["code"].as_str()),
+            (found["level"].as_str(), found["code"].as_str()),
             (Some("error"), Some(code)),
             "{}",
             ended.stderr
@@ -360,6 +360,6 @@ fn a_finished_file_replaces_another() {
 fn trained_exposures_are_reported() {
     let place = workspace();
     place.write("trained/exposure.json", "{ \"v0.jpg\": [[1, 0, 0, 0], [0, 0.9, 0, 0], [0, 0, 1, 0]] }");
-    let told = place.ok(&RIGHT.replace("transforms.json", "trained")).stderr;
-    assert!(told.contains("warning: exposure was trained for 1 images; it is not applied"), "{told}");
+    let message = place.ok(&RIGHT.replace("transforms.json", "trained")).stderr;
+    assert!(message.contains("warning: exposure was trained for 1 images; it is not applied"), "{message}");
 }

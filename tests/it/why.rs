@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 /// The head of `why` for a scene after an edit of its recipe; empty if there is no head.
 fn head(place: &Workspace, recipe: &str) -> Vec<String> {
     place.write("tiny.yaml", recipe);
-    let told = place.ok("why tiny --recipes tiny.yaml").stdout;
-    let mut lines = told.lines();
+    let found = place.ok("why tiny --recipes tiny.yaml").stdout;
+    let mut lines = found.lines();
     if lines.next() != Some("tiny: the recipe was edited since the last build") {
         return Vec::new();
     }
@@ -83,9 +83,9 @@ fn a_trajectory_that_comes_or_goes_is_named() {
     place.ok("build -q tiny.yaml");
     let more = TINY.replace("sampling:", "  - name: mini\n    refine: { factor: 3 }\nsampling:");
     let steps = "mini/trajectory";
-    let told = head(&place, &more);
+    let found = head(&place, &more);
     assert_eq!(
-        (told[0].as_str(), told[1].as_str()),
+        (found[0].as_str(), found[1].as_str()),
         ("trajectories.mini: added", format!("will run: {steps}").as_str())
     );
     place.ok("build -q tiny.yaml");
@@ -107,8 +107,8 @@ fn programs_get_the_edits_with_each_step() {
     let place = Workspace::with_tiny();
     place.ok("build -q tiny.yaml");
     place.write("tiny.yaml", TINY.replace("rate: 2400", "rate: 1200"));
-    let told = place.ok("why tiny/base/events --recipes tiny.yaml --json").stdout;
-    let step: Value = serde_json::from_str(told.trim()).unwrap();
+    let message = place.ok("why tiny/base/events --recipes tiny.yaml --json").stdout;
+    let step: Value = serde_json::from_str(message.trim()).unwrap();
     assert_eq!(step["recipe_edits"], json!([{ "path": "sampling.rate", "old": 2400, "new": 1200 }]));
     assert_eq!((step["scene"].as_str(), step["step"].as_str()), (Some("tiny"), Some("base/events")));
 }

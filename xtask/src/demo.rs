@@ -29,9 +29,9 @@ fn twice(command: &str) -> Outcome {
     let folder = Folder::new("first-command")?;
     release(command, &folder).run()?;
     let second = release(command, &folder).capture()?;
-    let told = String::from_utf8_lossy(&second.stderr);
-    if !told.lines().any(|line| line.starts_with("made 0,")) {
-        return Err(format!("the second run should have said `made 0, …`; it said:\n{told}"));
+    let message = String::from_utf8_lossy(&second.stderr);
+    if !message.lines().any(|line| line.starts_with("made 0,")) {
+        return Err(format!("the second run should have said `made 0, …`; it said:\n{message}"));
     }
     say("the second run made nothing");
     Ok(())

@@ -105,7 +105,7 @@ impl RebuildArgs {
             common.omit(),
             common.programs(),
         );
-        let beside = ReleaseContext::read(&self.recipes)?;
+        let context = ReleaseContext::read(&self.recipes)?;
         // No other process knows this new store, so there is no holder to report.
         let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
         let (targets, care) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
@@ -125,7 +125,7 @@ impl RebuildArgs {
         let cancel = &on_interrupt()?;
         let claim =
             TargetClaim { replace: false, guarded: &[], claim: LockClaim::default(), wait: false, cancel };
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, beside: &beside };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context };
         // The store is deleted together with the release, so hard links are safe here and no byte
         // is copied.
         ReleaseTarget::claim(&to, claim, &mut |_| {})

@@ -10,7 +10,7 @@ use crate::event::file::{self, EventFile, EventFormat, OpenEventFile, ReadHints}
 use crate::event::sorted::SortedEvents;
 use crate::event::text::TextTimeUnit;
 use crate::event::{Event, EventFileError, EventSource as _, h5};
-use crate::files::{self, write_beside};
+use crate::files::{self, write_by_rename};
 use crate::image::Size;
 use crate::units::format_amount;
 use clap::ValueEnum;
@@ -140,7 +140,7 @@ impl EventConversion<'_> {
             return Err(self.refused(&before));
         }
         let mut done = ConversionSummary::default();
-        let written = write_beside(self.to.0, |part| {
+        let written = write_by_rename(self.to.0, |part| {
             done = self.copy(&mut opened, part)?;
             // These losses are only known after all events were read.
             if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(ConvertFailure::Lossy) }

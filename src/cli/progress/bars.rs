@@ -61,7 +61,7 @@ impl ProgressBars {
     }
 
     /// Counts steps outside the plan that were up to date.
-    pub(super) fn beside(&self, settled: usize) {
+    pub(super) fn with_settled(&self, settled: usize) {
         self.whole.inc_length(settled as u64);
         self.whole.inc(settled as u64);
     }

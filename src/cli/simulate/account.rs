@@ -67,7 +67,7 @@ impl SimulateReport<'_> {
             drift_worst,
             ..
         } = self.account;
-        let told = [
+        let lines = [
             (capped, "events beyond the cap per pixel and frame were dropped".to_owned()),
             (negative_luminance, "luminance values below zero were set to zero".to_owned()),
             (same_us_same_pixel, "pairs of events of the same pixel share a microsecond".to_owned()),
@@ -76,7 +76,8 @@ impl SimulateReport<'_> {
                 format!("pixels deviate from their drift, at worst by {drift_worst:.2} times the limit"),
             ),
         ];
-        told.into_iter()
+        lines
+            .into_iter()
             .filter(|(count, _)| *count > 0)
             .map(|(n, what)| format!("warning: {n} {what}"))
             .collect()

@@ -73,7 +73,7 @@ pub(in crate::cli) struct StampedFrames {
     /// True if frames may have colours.
     pub(in crate::cli) may_be_coloured: bool,
     /// Lines to be printed.
-    pub(in crate::cli) told: Vec<String>,
+    pub(in crate::cli) notices: Vec<String>,
 }
 
 /// The frames, with the stamps that came with them.
@@ -88,17 +88,17 @@ impl StampedFrames {
         let source = open_frames(asked.frames)?;
         let stamps_us = find_stamps(asked, &source)?;
         require_two(asked.frames, &stamps_us)?;
-        let mut told = Vec::new();
+        let mut notices = Vec::new();
         let floats = matches!(&source, FrameSource::Stack(stack) if stack.kind() == SampleKind::Floats);
         let full_scale = match asked.full_scale {
             Some(full_scale) if floats => full_scale,
-            None if floats => decide_scale(asked.frames, &mut told)?,
+            None if floats => decide_scale(asked.frames, &mut notices)?,
             // Integers are grey from 0 to 255.
             _ => FullScale::Grey255,
         };
         let decided = floats && asked.full_scale.is_none();
         if !floats && asked.full_scale == Some(FullScale::One) {
-            told.push(
+            notices.push(
                 "warning: --full-scale applies to floats: these frames are already grey 0 to 255".to_owned(),
             );
         }
@@ -118,8 +118,8 @@ impl StampedFrames {
                 Box::new(RatedFrames::new(frames, rates, full_scale).map_err(|e| mismatched_frames(&e))?)
             }
         };
-        let mut sequence = Self { frames, stamps_us, full_scale, decided, may_be_coloured, told };
-        sequence.told.extend(sequence.many());
+        let mut sequence = Self { frames, stamps_us, full_scale, decided, may_be_coloured, notices };
+        sequence.notices.extend(sequence.many());
         Ok(sequence)
     }
 
@@ -134,9 +134,9 @@ impl StampedFrames {
             full_scale: FullScale::Grey255,
             decided: false,
             may_be_coloured: true,
-            told: Vec::new(),
+            notices: Vec::new(),
         };
-        sequence.told.extend(sequence.many());
+        sequence.notices.extend(sequence.many());
         Ok(sequence)
     }
 
@@ -246,7 +246,7 @@ fn find_stamps(asked: FrameInputs<'_>, source: &FrameSource) -> Result<Vec<i64>,
 }
 
 /// Decides the full scale of floats by the brightest sample of the first two frames.
-fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbError> {
+fn decide_scale(path: &Path, notices: &mut Vec<String>) -> Result<FullScale, VerbError> {
     let brightest = npy::brightest_sample(path).map_err(|e| unreadable_array("frames", &e, path))?;
     let Some(full_scale) = FullScale::decide(brightest) else {
         // Both scales are possible, and a wrong guess would scale the brightness by 255.
@@ -255,7 +255,7 @@ fn decide_scale(path: &Path, told: &mut Vec<String>) -> Result<FullScale, VerbEr
         return Err(VerbError::usage("full-scale", what).help("pass --full-scale 1 or --full-scale 255"));
     };
     let white = full_scale.white();
-    told.push(format!(
+    notices.push(format!(
         "full scale: {white}, because the brightest value of the first two frames is {brightest}"
     ));
     Ok(full_scale)

@@ -162,7 +162,7 @@ mod tests {
         file.close().unwrap();
     }
 
-    fn told(path: &Path) -> String {
+    fn outcome(path: &Path) -> String {
         Reader::open(path).map(|reader| reader.count().to_string()).unwrap_or_else(|error| error.to_string())
     }
 
@@ -174,19 +174,19 @@ mod tests {
             file.new_dataset::<u32>().shape([4]).create(name).unwrap().write_raw(&[1_u32, 2, 3, 4]).unwrap();
         };
         file(&at("whole.h5"), |file| times(file, "events/t"));
-        assert_eq!(told(&at("whole.h5")), "4");
+        assert_eq!(outcome(&at("whole.h5")), "4");
 
         file(&at("soft.h5"), |file| {
             times(file, "times");
             file.root_group().group("events").unwrap().create_soft_link("t", "/times").unwrap();
         });
-        assert!(told(&at("soft.h5")).contains("`events/t` is a soft link"), "{}", told(&at("soft.h5")));
+        assert!(outcome(&at("soft.h5")).contains("`events/t` is a soft link"), "{}", outcome(&at("soft.h5")));
 
         file(&at("external.h5"), |file| {
             let events = file.root_group().group("events").unwrap();
             events.create_external_link("t", at("whole.h5").to_str().unwrap(), "/events/t").unwrap();
         });
-        assert!(told(&at("external.h5")).contains("`events/t` is a link to another file"));
+        assert!(outcome(&at("external.h5")).contains("`events/t` is a link to another file"));
 
         file(&at("virtual.h5"), |file| {
             let source = at("whole.h5");
@@ -197,7 +197,7 @@ mod tests {
                 .create("events/t")
                 .unwrap();
         });
-        assert!(told(&at("virtual.h5")).contains("a virtual dataset"), "{}", told(&at("virtual.h5")));
+        assert!(outcome(&at("virtual.h5")).contains("a virtual dataset"), "{}", outcome(&at("virtual.h5")));
 
         std::fs::write(at("raw"), [1_u32, 2, 3, 4].map(u32::to_le_bytes).concat()).unwrap();
         file(&at("list.h5"), |file| {
@@ -205,6 +205,10 @@ mod tests {
             let files = [(raw.to_str().unwrap(), 0, 16)];
             file.new_dataset::<u32>().shape([4]).external(&files).create("events/t").unwrap();
         });
-        assert!(told(&at("list.h5")).contains("its values are in other files"), "{}", told(&at("list.h5")));
+        assert!(
+            outcome(&at("list.h5")).contains("its values are in other files"),
+            "{}",
+            outcome(&at("list.h5"))
+        );
     }
 }

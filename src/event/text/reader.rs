@@ -142,9 +142,9 @@ impl EventSource for Reader {
         out.clear();
         while out.len() < CHUNK {
             let Some(line) = self.line()? else { break };
-            let told = line.split('#').next().unwrap_or_default();
-            if !told.trim().is_empty() {
-                out.push(self.event(told).map_err(|because| error_at(self.lines.number, &because))?);
+            let content = line.split('#').next().unwrap_or_default();
+            if !content.trim().is_empty() {
+                out.push(self.event(content).map_err(|because| error_at(self.lines.number, &because))?);
             }
         }
         Ok(!out.is_empty())

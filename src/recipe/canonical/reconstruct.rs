@@ -24,8 +24,8 @@ pub(super) fn command_value(raw: &schema::RecipeSchema, command: &TrainerCommand
     add("iterations", command.iterations.map(|iterations| json!(iterations)));
     add("hold_out", command.hold_out.map(|every| json!(every)));
     add("gaussians", (!command.gaussians.is_any()).then(|| json!(command.gaussians)));
-    let told = command.min_psnr.to_bits() != TrainerCommand::MIN_PSNR_DB.to_bits();
-    add("min_psnr", told.then(|| json!(command.min_psnr)));
+    let is_stated = command.min_psnr.to_bits() != TrainerCommand::MIN_PSNR_DB.to_bits();
+    add("min_psnr", is_stated.then(|| json!(command.min_psnr)));
     add("environment", (!command.environment.is_empty()).then(|| json!(command.environment)));
     add("files", (!command.files.is_empty()).then(|| files_value(raw)));
     out

@@ -34,10 +34,11 @@ pub(super) fn compare_index(
         let found: Vec<&str> = names().map(|(name, _)| name).collect();
         return disagrees(format!("its columns differ from this release format: {}", found.join(", ")));
     }
-    let Some(told) = scenes.iter().map(|scene| index_sources(tree, scene)).collect::<Option<Vec<_>>>() else {
+    let Some(sources) = scenes.iter().map(|scene| index_sources(tree, scene)).collect::<Option<Vec<_>>>()
+    else {
         return Vec::new();
     };
-    let rows = scenes.iter().zip(&told).flat_map(|(scene, told)| index::scene_rows(scene, told));
+    let rows = scenes.iter().zip(&sources).flat_map(|(scene, sources)| index::scene_rows(scene, sources));
     let wanted = index::sorted_cells(rows.collect());
     if table.rows.len() != wanted.len() {
         return disagrees(format!("it has {} rows, the scenes have {}", table.rows.len(), wanted.len()));

@@ -99,9 +99,9 @@ fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<AuditFault> {
         |of: &'_ ManifestScene, name: &String| of.steps.iter().find(|step| step.step == *name).cloned();
     let differs = |name: &&String| {
         let (stated, made) = (find(stated, name), find(made, name));
-        let told =
+        let statement =
             |step: &ManifestStep| (step.stage.clone(), step.key, step.made_of.clone(), step.outputs.clone());
-        stated.as_ref().map(told) != made.as_ref().map(told)
+        stated.as_ref().map(statement) != made.as_ref().map(statement)
     };
     let because = key_cause(stated, made);
     let fault = |name: &String| {

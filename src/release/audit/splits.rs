@@ -18,11 +18,11 @@ pub(super) fn audit_splits(manifest: &ReleaseManifest, scenes: &[SceneRecord]) -
     for scene in scenes {
         let wanted = rule.map(|rule| split::split_part(scene, rule));
         if scene.split != wanted {
-            let told = |part: &Option<SplitPart>| match part {
+            let name_of = |part: &Option<SplitPart>| match part {
                 Some(part) => format!("in `{}`, group `{}`", part.name, part.group),
                 None => "in no split".to_owned(),
             };
-            let (found, wanted) = (told(&scene.split), told(&wanted));
+            let (found, wanted) = (name_of(&scene.split), name_of(&wanted));
             let message = format!("it is listed {found}; the rule of {} puts it {wanted}", manifest::NAME);
             faults.push(AuditFault::of_scene(FaultCode::SplitLeak, &scene.id, message));
         }

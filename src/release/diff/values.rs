@@ -87,10 +87,10 @@ mod tests {
     fn leaves_that_differ_are_told_by_their_place() {
         let t = |old: Value, new: Value, wanted: &[&str]| {
             let show = |value: &Option<Value>| value.as_ref().map_or("absent".to_owned(), Value::to_string);
-            let told = value_changes(&old, &new).into_iter();
-            let told: Vec<_> =
-                told.map(|c| format!("{}: {} -> {}", c.path, show(&c.old), show(&c.new))).collect();
-            assert_eq!(told, wanted, "{old} | {new}");
+            let found = value_changes(&old, &new).into_iter();
+            let found: Vec<_> =
+                found.map(|c| format!("{}: {} -> {}", c.path, show(&c.old), show(&c.new))).collect();
+            assert_eq!(found, wanted, "{old} | {new}");
         };
         t(json!({ "a": 1, "b": [1, 2] }), json!({ "b": [1, 2], "a": 1 }), &[]);
         t(json!({ "a": { "b": 1 } }), json!({ "a": { "b": 2 } }), &["a.b: 1 -> 2"]);

@@ -63,11 +63,11 @@ fn finding<'f>(
     (part, what): (&str, &str),
     faults: impl Iterator<Item = &'f AuditFault>,
 ) -> Finding {
-    let told = |fault: &AuditFault| match &fault.file {
+    let sentence = |fault: &AuditFault| match &fault.file {
         Some(file) => format!("{file}: {}", fault.message),
         None => fault.message.clone(),
     };
-    records::judge_agreement(subject, part, what, &faults.map(told).collect::<Vec<_>>())
+    records::judge_agreement(subject, part, what, &faults.map(sentence).collect::<Vec<_>>())
 }
 
 /// The trajectories of a scene: the folders of poses that its steps made.

@@ -64,7 +64,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         thousands_number(paths.filter(|path| product.owns(path)).count() as u64)
     };
     let seconds = parts().map(|part| part.duration_us as f64 * 1e-6).sum::<f64>();
-    let told = [
+    let figures = [
         (
             thousands_number(page.entries.len() as u64),
             if page.entries.len() == 1 { "scene" } else { "scenes" },
@@ -83,7 +83,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     ];
     html.within("ul", &[("class", "figures-row")], |html| {
         for (figure, what) in
-            told.into_iter().filter(|(figure, what)| *what != products::BLUR.noun || figure != "0")
+            figures.into_iter().filter(|(figure, what)| *what != products::BLUR.noun || figure != "0")
         {
             html.within("li", &[], |html| {
                 html.leaf("strong", &[], &figure);
@@ -362,7 +362,7 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     let images = page.entries.iter().flat_map(|entry| &entry.scene.file.images);
     let [unused, photos] = images.fold([0u64; 2], |[unused, all], i| [unused + u64::from(!i.used), all + 1]);
     let silent = page.entries.iter().filter(|entry| entry.counted().next().is_none()).count();
-    let mut told = vec![match withheld.len() {
+    let mut sentences = vec![match withheld.len() {
         0 => "No scene lacks its pictures and events because of its licence.".to_owned(),
         n => format!(
             "Pictures and events of {} are withheld, because the upstream terms forbid redistribution; recipe, poses and \
@@ -371,26 +371,26 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
         ),
     }];
     if page.taken_down > 0 {
-        told.push(format!(
+        sentences.push(format!(
             "{} on the takedown list {} not in the release.",
             counted_noun(page.taken_down, "scene", "scenes"),
             if page.taken_down == 1 { "is" } else { "are" }
         ));
     }
     if photos > 0 {
-        told.push(format!(
+        sentences.push(format!(
             "The release contains no photos; {} of {} source photos were not used.",
             thousands_number(unused),
             thousands_number(photos)
         ));
     }
     if silent > 0 {
-        told.push(format!(
+        sentences.push(format!(
             "Without events, because the recipes do not request them: {}.",
             counted_noun(silent, "scene", "scenes")
         ));
     }
-    told
+    sentences
 }
 
 /// Sums equal rows over all trajectories. The whole is unknown if one row does not know it.

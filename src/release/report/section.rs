@@ -282,8 +282,9 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
     }
     // A list would take two elements for each fact.
     if !page.detail.every {
-        let told = facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
-        return html.leaf("p", &[], &told.join(" "));
+        let sentences =
+            facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
+        return html.leaf("p", &[], &sentences.join(" "));
     }
     html.within("dl", &[], |html| {
         for (name, words) in facts {
@@ -295,8 +296,8 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
 
 fn source_words(file: &SceneRecord) -> String {
     let source = &file.source;
-    let told = [&source.upstream_id, &source.upstream_url].into_iter().flatten().map(String::as_str);
-    std::iter::once(source.kind.as_str()).chain(told).collect::<Vec<_>>().join(", ")
+    let upstream = [&source.upstream_id, &source.upstream_url].into_iter().flatten().map(String::as_str);
+    std::iter::once(source.kind.as_str()).chain(upstream).collect::<Vec<_>>().join(", ")
 }
 
 fn reconstruction_words(file: &SceneRecord) -> String {

@@ -204,7 +204,7 @@ impl SplatChunk {
         self.pairs.clear();
         self.starts.clear();
         self.starts.resize(band.len() + 1, 0);
-        let mut told = 0;
+        let mut counted = 0;
         let mut near = [Splat::default(); NEAR];
         for keys in frame.order.chunks(NEAR) {
             // Copied first: most of these reads miss the cache, and a plain copy lets them overlap.
@@ -222,14 +222,14 @@ impl SplatChunk {
                 });
             }
             // Threads share the counter, so it is not touched for every splat.
-            if self.pairs.len() - told >= STEP {
-                if !room.take(self.pairs.len() - told) {
+            if self.pairs.len() - counted >= STEP {
+                if !room.take(self.pairs.len() - counted) {
                     return false;
                 }
-                told = self.pairs.len();
+                counted = self.pairs.len();
             }
         }
-        let within = room.take(self.pairs.len() - told);
+        let within = room.take(self.pairs.len() - counted);
         if within {
             self.scatter();
         }

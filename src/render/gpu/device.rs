@@ -270,11 +270,11 @@ fn list_adapters() -> Result<Vec<Adapter>, GpuError> {
 }
 
 /// The reasons for missing GPUs, without interfaces that this system does not have.
-fn missing_reasons(told: &str) -> String {
-    let parts = told.split([';', ',']).map(str::trim).skip(1);
+fn missing_reasons(text: &str) -> String {
+    let parts = text.split([';', ',']).map(str::trim).skip(1);
     let ours: Vec<&str> =
         parts.filter(|part| !part.ends_with("not requested") && !part.ends_with("not compiled in")).collect();
-    if ours.is_empty() { told.to_owned() } else { ours.join(", ") }
+    if ours.is_empty() { text.to_owned() } else { ours.join(", ") }
 }
 
 fn adapter_name(info: &AdapterInfo) -> String {
@@ -304,9 +304,9 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_told_of_this_system_alone() {
-        let told = "No suitable graphics adapter found; noop not requested, vulkan drivers/libraries could not be \
+        let message = "No suitable graphics adapter found; noop not requested, vulkan drivers/libraries could not be \
                     loaded, metal support not compiled in, dx12 support not compiled in, gl not requested";
-        assert_eq!(missing_reasons(told), "vulkan drivers/libraries could not be loaded");
+        assert_eq!(missing_reasons(message), "vulkan drivers/libraries could not be loaded");
         assert_eq!(missing_reasons("anything else"), "anything else");
     }
 }

@@ -167,12 +167,12 @@ fn losses_are_named_with_their_size() {
     // A function that is odd in y turns its sign on the way, and 1 lies beyond 127/128.
     assert_eq!(back.sh[1..], [[0.5, -0.25, 1.0], [0.5; 3], [0.5; 3]]);
     assert_eq!(back.rotations, [[0.0, 1.0, 0.0, 0.0]]);
-    let told: Vec<(&str, &str)> = losses.iter().map(|l| (l.field, l.what.as_str())).collect();
-    assert_eq!(told[0], ("log scales", "rounded to steps of 1/16 from -10 to 5.9375, at most 2.41e1 off"));
+    let found: Vec<(&str, &str)> = losses.iter().map(|l| (l.field, l.what.as_str())).collect();
+    assert_eq!(found[0], ("log scales", "rounded to steps of 1/16 from -10 to 5.9375, at most 2.41e1 off"));
     // A colour of 1/2 lies between two bytes, an opacity of 1 beyond 254.5/255.
-    let fields: Vec<&str> = told.iter().map(|(field, _)| *field).collect();
+    let fields: Vec<&str> = found.iter().map(|(field, _)| *field).collect();
     assert_eq!(fields, ["log scales", "opacities", "colours", "harmonics"]);
-    assert_eq!(told[3].1, "rounded to steps of 1/128 within 127/128, at most 2.00e0 off");
+    assert_eq!(found[3].1, "rounded to steps of 1/128 within 127/128, at most 2.00e0 off");
     let (_, losses) = SceneFormat::Splat.write(&one([1.0; 3])).unwrap();
     let dropped: Vec<&str> = losses.iter().filter(|l| l.largest.is_none()).map(|l| l.what.as_str()).collect();
     assert_eq!(

@@ -103,13 +103,13 @@ fn no_sound_scene_raises_an_alarm() {
     // A check that never ran would raise no alarm either.
     let passed: BTreeSet<String> =
         records.iter().filter(|r| r["verdict"] == "pass").map(|r| text(r, "check")).collect();
-    let told: BTreeSet<String> = records.iter().map(|r| text(r, "check")).collect();
+    let found: BTreeSet<String> = records.iter().map(|r| text(r, "check")).collect();
     let asked_elsewhere = ["pose_colmap", "pose_opencv", "readback"];
     // They compare the pictures of a release.
     let of_releases = ["photometric", "depth_consistency", "flow_projection"];
     let elsewhere: Vec<&str> = asked_elsewhere.into_iter().chain(of_releases).collect();
     let silent: Vec<&String> =
-        told.difference(&passed).filter(|check| !elsewhere.contains(&check.as_str())).collect();
+        found.difference(&passed).filter(|check| !elsewhere.contains(&check.as_str())).collect();
     assert!(silent.is_empty(), "{silent:?}");
-    assert!(told.len() >= 18, "{told:?}");
+    assert!(found.len() >= 18, "{found:?}");
 }

@@ -164,12 +164,12 @@ fn a_scene_that_contradicts_its_photos_does_not_enter_the_store() {
     let ended = place.gs2e("build -j 1 --allow-commands recipe.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     // Of six views the first is held out.
-    for told in [
+    for message in [
         "given/reconstruct: failed to compare the trained scene with its photos",
         "its mean PSNR over 1 views is ",
         "dB, wanted at least 40; configure the trainer not to move",
     ] {
-        assert!(ended.stderr.contains(told), "{}", ended.stderr);
+        assert!(ended.stderr.contains(message), "{}", ended.stderr);
     }
     assert!(place.plan("recipe.yaml").contains(&("given/reconstruct".to_owned(), "run".to_owned())));
     place.write("planted.ply", ply(|_, value| value));

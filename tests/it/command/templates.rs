@@ -27,7 +27,7 @@ fn every_template_is_a_recipe() {
         assert!(command.probe.is_some(), "a template asks for the version: {block}");
         let given = command.arguments.iter().any(|a| a.names("capture"));
         let out = command.arguments.iter().any(|a| a.names("out"));
-        assert!(given && out, "it is given the capture, and told where to leave the scene: {block}");
+        assert!(given && out, "it is given the capture, and message where to leave the scene: {block}");
         place.write("merged.yaml", recipes[0].meta.merged.to_string());
         let again = recipe::read_all(&[place.path("merged.yaml")]).map(|mut recipes| recipes.remove(0));
         let again = again.unwrap_or_else(|faults| panic!("{}", faults.render_text()));

@@ -44,8 +44,8 @@ fn ids_that_name_no_scene_are_reported_by_their_number() {
     place.write("recipes/b.yaml", TINY.replace("scene: tiny", "scene: kept"));
     place.write("recipes/takedown.txt", "T/Tiny 2025-06-01\nother 2025-06-01\nt 2025-06-01\n");
     for args in ["plan recipes", "build recipes", "build recipes", "gc recipes"] {
-        let told = place.ok(args).stderr;
-        assert!(told.contains("2 ids in takedown.txt match none of these scenes"), "{args}: {told}");
+        let message = place.ok(args).stderr;
+        assert!(message.contains("2 ids in takedown.txt match none of these scenes"), "{args}: {message}");
     }
     place.write("recipes/takedown.txt", "t/tiny 2025-06-01\n");
     assert!(!place.ok("plan recipes").stderr.contains("none of these scenes"));

@@ -45,10 +45,10 @@ fn no_reader_of_a_tree_takes_a_special_file() {
         let before = fs::read(&path).unwrap();
         for kind in KINDS {
             plant(kind, &path);
-            let (code, told) = checked(verb, tree.path());
-            assert!(codes.contains(&code), "{kind} at {file}, {verb}: exit {code}\n{told}");
+            let (code, message) = checked(verb, tree.path());
+            assert!(codes.contains(&code), "{kind} at {file}, {verb}: exit {code}\n{message}");
             let name = file.rsplit('/').next().unwrap();
-            assert!(told.contains(name), "{kind} at {file}, {verb}:\n{told}");
+            assert!(message.contains(name), "{kind} at {file}, {verb}:\n{message}");
         }
         plant("folder", &path);
         fs::remove_dir(&path).unwrap();
@@ -68,9 +68,9 @@ fn links_of_a_tree_are_refused_even_to_equal_files() {
         let aside = tree.path().with_extension("aside");
         fs::rename(&path, &aside).unwrap();
         symlink(outside.path().join(name), &path).unwrap();
-        let (code, told) = checked("check --tree TREE", tree.path());
-        assert_eq!(code, 1, "{name}: {told}");
-        assert!(told.contains("a link"), "{name}: {told}");
+        let (code, message) = checked("check --tree TREE", tree.path());
+        assert_eq!(code, 1, "{name}: {message}");
+        assert!(message.contains("a link"), "{name}: {message}");
         assert_eq!(checked("audit TREE", tree.path()).0, 3, "{name}");
         fs::remove_file(&path).unwrap();
         fs::rename(&aside, &path).unwrap();
@@ -88,9 +88,9 @@ fn a_name_that_leads_out_of_the_tree_is_refused() {
     scene["trajectories"][0]["name"] = out_of("base").into();
     fs::write(&path, scene.to_string()).unwrap();
     reseal(tree.path());
-    let (code, told) = checked("check --tree TREE", tree.path());
-    assert_eq!(code, 1, "{told}");
-    assert!(told.contains("the path leads out of its folder"), "{told}");
+    let (code, message) = checked("check --tree TREE", tree.path());
+    assert_eq!(code, 1, "{message}");
+    assert!(message.contains("the path leads out of its folder"), "{message}");
     assert_eq!(checked("audit TREE", tree.path()).0, 3);
 
     fs::write(&path, sound).unwrap();
@@ -100,8 +100,8 @@ fn a_name_that_leads_out_of_the_tree_is_refused() {
     manifest["scenes"][0]["id"] = format!("../{}/{SCENE}", relative(outside.path())).into();
     fs::write(&path, manifest.to_string()).unwrap();
     for (verb, codes) in [("check --tree TREE", 1), ("audit TREE", 3)] {
-        let (code, told) = checked(verb, tree.path());
-        assert_eq!(code, codes, "{verb}: {told}");
+        let (code, message) = checked(verb, tree.path());
+        assert_eq!(code, codes, "{verb}: {message}");
     }
 }
 
@@ -122,13 +122,13 @@ fn events_that_lie_in_another_file_are_refused() {
     }
     file.close().unwrap();
     reseal(tree.path());
-    let (code, told) = checked("audit TREE", tree.path());
-    assert!(code == 3 && told.contains("a link to another file"), "{code} {told}");
-    let (code, told) = checked("check --tree TREE", tree.path());
-    assert!(code == 1 && told.contains("a link to another file"), "{code} {told}");
-    let (code, told) =
+    let (code, message) = checked("audit TREE", tree.path());
+    assert!(code == 3 && message.contains("a link to another file"), "{code} {message}");
+    let (code, message) = checked("check --tree TREE", tree.path());
+    assert!(code == 1 && message.contains("a link to another file"), "{code} {message}");
+    let (code, message) =
         checked("convert --lossy --size 64x48 TREE/small/one/base/events.h5 e.txt", tree.path());
-    assert!(code == 1 && told.contains("a link to another file"), "{code} {told}");
+    assert!(code == 1 && message.contains("a link to another file"), "{code} {message}");
     fs::remove_file(whole).unwrap();
     assert!(!read(tree.path()).contains_key("e.txt"));
 }

@@ -29,8 +29,8 @@ fn start(place: &Workspace) -> Child {
 
 /// The step that a line of `build --json` reports as made.
 fn made(line: &str) -> Option<String> {
-    let told: Value = serde_json::from_str(line).ok()?;
-    (told["state"] == "made").then(|| told["step"].as_str().unwrap().to_owned())
+    let found: Value = serde_json::from_str(line).ok()?;
+    (found["state"] == "made").then(|| found["step"].as_str().unwrap().to_owned())
 }
 
 fn files_in(place: &Workspace, folder: &str) -> usize {
@@ -41,16 +41,16 @@ fn files_in(place: &Workspace, folder: &str) -> usize {
 fn an_interrupt_reports_the_number_of_kept_steps() {
     let place = place();
     let mut child = start(&place);
-    let mut told = BufReader::new(child.stdout.take().unwrap());
+    let mut found = BufReader::new(child.stdout.take().unwrap());
     let (mut finished, mut line) = (BTreeSet::new(), String::new());
     while finished.len() < 3 {
         line.clear();
-        assert_ne!(told.read_line(&mut line).unwrap(), 0, "it ended by itself");
+        assert_ne!(found.read_line(&mut line).unwrap(), 0, "it ended by itself");
         finished.extend(made(line.trim()));
     }
     kill_process(Pid::from_child(&child), Signal::INT).unwrap();
     let mut rest = String::new();
-    told.read_to_string(&mut rest).unwrap();
+    found.read_to_string(&mut rest).unwrap();
     finished.extend(rest.lines().filter_map(made));
     let ended = child.wait_with_output().unwrap();
     let stderr = String::from_utf8(ended.stderr).unwrap();

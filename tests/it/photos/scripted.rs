@@ -138,8 +138,8 @@ fn fails(place: &Workspace, wanted: &[&str]) {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     for text in wanted {
         // Messages are wrapped to the width of the terminal.
-        let told = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(told.contains(text), "{text}\n{}", ended.stderr);
+        let message = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(message.contains(text), "{text}\n{}", ended.stderr);
     }
     let left = fs::read_dir(place.path(".gs2e/tmp")).map_or(0, Iterator::count);
     assert_eq!(left, 0, "nothing is left of its folder");
@@ -179,9 +179,9 @@ fn photos_that_cannot_be_used_are_named() {
             recipe("vocabulary: tree.bin").replace("path: photos", &format!("path: {path}")),
         );
         let ended = gs2e(&place, "build -j 1 recipe.yaml");
-        let told = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        let message = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
         // Nothing runs if a source cannot be listed.
-        assert!(ended.code == 2 && told.contains(wanted), "{}", ended.stderr);
+        assert!(ended.code == 2 && message.contains(wanted), "{}", ended.stderr);
     }
 }
 
@@ -189,9 +189,9 @@ fn photos_that_cannot_be_used_are_named() {
 fn a_missing_colmap_is_named() {
     let place = scripted(6, "");
     let ended = place.command("build -j 1 recipe.yaml").env("PATH", place.path("empty")).output().unwrap();
-    let told = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(1), "{told}");
-    assert!(told.contains("colmap") && told.contains("PATH"), "{told}");
+    let message = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{message}");
+    assert!(message.contains("colmap") && message.contains("PATH"), "{message}");
 }
 
 #[test]
@@ -215,8 +215,8 @@ fn recipes_that_cannot_work_are_refused() {
         let ended = gs2e(&place, "plan recipe.yaml");
         place.write("recipe.yaml", before);
         assert_eq!(ended.code, 2, "{}", ended.stderr);
-        let told = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(told.contains(wanted), "{wanted}\n{}", ended.stderr);
+        let message = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(message.contains(wanted), "{wanted}\n{}", ended.stderr);
     };
     t("registered: 0.6", "registered: 1.6", "a number from 0 to 1");
     t("registered: 0.6", "every: 5", "applies only to a source of a video");

@@ -97,8 +97,8 @@ fn videos_that_cannot_be_used_are_named() {
     film(&place, 4);
     let t = |name: &str, every: u32, wanted: &str| {
         let picking = FramePicking { every, ..FramePicking::default() };
-        let told = take(&place, name, picking).unwrap_err().to_string();
-        assert!(told.contains(wanted), "{told}");
+        let message = take(&place, name, picking).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
     };
     t("film.mkv", 10, "one frame in 10 gives 1, wanted at least 3");
     t("film.mkv", 2, "one frame in 2 gives 2, wanted at least 3");

@@ -1,6 +1,6 @@
 //! The user's folders with names like the program's own, and the program's leftovers.
 
-use super::{beside, named, out, place, released, text};
+use super::{named, neighbours, out, place, released, text};
 use crate::support::workspace::{Workspace, same_tree};
 use sha2::{Digest as _, Sha256};
 use std::fs;
@@ -138,12 +138,12 @@ fn an_updated_release_leaves_no_other_folder() {
     place.write("r.yaml", super::POSES.replace("seed: 7", "seed: 8"));
     place.ok("release --to out r.yaml");
     place.ok("audit out");
-    assert_eq!(beside(&place), ["out"]);
+    assert_eq!(neighbours(&place), ["out"]);
     // An empty folder holds nothing to lose.
     fs::create_dir(place.path("empty")).unwrap();
     place.ok("release --to empty r.yaml");
     same_tree(&place.path("out"), &place.path("empty"));
-    assert_eq!(beside(&place), ["empty", "out"]);
+    assert_eq!(neighbours(&place), ["empty", "out"]);
 }
 
 #[test]
@@ -155,5 +155,5 @@ fn a_failed_release_leaves_no_other_folder() {
     assert_ne!(ended.code, 0, "{}", ended.stderr);
     let ended = place.gs2e("release --to new/deep/folder r.yaml");
     assert_ne!(ended.code, 0, "{}", ended.stderr);
-    assert_eq!((beside(&place), out(&place)), (vec!["out".to_owned()], before));
+    assert_eq!((neighbours(&place), out(&place)), (vec!["out".to_owned()], before));
 }

@@ -1,6 +1,6 @@
 //! Two releases to one folder, and releases that are stopped.
 
-use super::{POSES, beside, out, place, released};
+use super::{POSES, neighbours, out, place, released};
 use crate::support::workspace::{Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -40,7 +40,7 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
         same_tree(&place.path("out"), &place.path(["a", "b"][won]));
         whole[won] += 1;
         let left = ["a", "a.store", "a.yaml", "b", "b.store", "b.yaml", "out"];
-        assert_eq!(beside(&place), left, "round {round}");
+        assert_eq!(neighbours(&place), left, "round {round}");
     }
     assert_eq!(whole[0] + whole[1], ROUNDS);
 }
@@ -66,7 +66,7 @@ fn a_waiting_release_names_the_holder_of_its_folder() {
     let mut rest = String::new();
     stderr.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait().unwrap().success(), "{rest}");
-    assert_eq!(beside(&place), ["out"]);
+    assert_eq!(neighbours(&place), ["out"]);
 }
 
 /// Starts a release and reads its stderr up to the line about waiting, which comes last.
@@ -91,7 +91,7 @@ fn an_interrupt_while_waiting_ends_it() {
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));
-    assert_eq!(beside(&place), [".out.gs2e-lock"], "it is the other one's");
+    assert_eq!(neighbours(&place), [".out.gs2e-lock"], "it is the other one's");
 }
 
 /// A release is stopped at instants that cover its whole run. It leaves the old tree or the new
@@ -116,7 +116,7 @@ fn a_release_that_is_stopped_anywhere_is_made_whole_by_the_next() {
             place.write("r.yaml", POSES);
             place.ok("release -q --to out r.yaml");
             assert!(out(&place) == old, "{signal:?} {step}");
-            assert_eq!(beside(&place), ["new", "out"], "{signal:?} {step}");
+            assert_eq!(neighbours(&place), ["new", "out"], "{signal:?} {step}");
             place.write("r.yaml", POSES.replace("seed: 7", "seed: 8"));
         }
     }

@@ -1,6 +1,6 @@
 //! A release that cannot be made is refused before any step runs.
 
-use super::{POSES, beside, named, place, released, text};
+use super::{POSES, named, neighbours, place, released, text};
 use crate::support::workspace::Workspace;
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -31,7 +31,7 @@ fn a_foreign_folder_is_refused_before_anything_runs() {
     refused(&place, "release --to .. r.yaml", "is not a name for a release folder");
     refused(&place, "release --to / r.yaml", "is not a name for a release folder");
     nothing_ran(&place);
-    assert_eq!(beside(&place), ["file", "link", "out"]);
+    assert_eq!(neighbours(&place), ["file", "link", "out"]);
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn photos_are_never_replaced() {
     refused(&place, "release --replace --to capture r.yaml", "capture is the source of a scene");
     refused(&place, "release --to capture/out r.yaml", "lies in the source of a scene");
     assert_eq!(text(&place.path("photos/a.png")), "mine");
-    assert_eq!(beside(&place), ["capture", "photos"]);
+    assert_eq!(neighbours(&place), ["capture", "photos"]);
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_speed_of_many_terms_is_released_or_refused_at_once() {
         write(&formula);
         refused(&place, "release --to other r.yaml", words);
     }
-    assert_eq!(beside(&place), ["out"]);
+    assert_eq!(neighbours(&place), ["out"]);
 }
 
 /// `--replace` of the recipes' own folder, which is also the only argument.

@@ -22,11 +22,11 @@ fn without_a_gpu_auto_renders_on_the_cpu_and_says_so_in_one_line() {
     let by_cpu = fs::read(place.path("new.npy")).unwrap();
     fs::remove_file(place.path("new.npy")).unwrap();
     for args in ["", "--backend auto", "--gpu 0"] {
-        let told = place.ok(&format!("{RIGHT} {args}")).stderr;
+        let message = place.ok(&format!("{RIGHT} {args}")).stderr;
         let fallen: Vec<&str> =
-            told.lines().filter(|line| line.starts_with("rendering on the CPU, because ")).collect();
-        assert!(fallen.len() == 1 && fallen[0].contains("no GPU is available: "), "{args}: {told}");
-        assert!(told.contains("by cpu/"), "{told}");
+            message.lines().filter(|line| line.starts_with("rendering on the CPU, because ")).collect();
+        assert!(fallen.len() == 1 && fallen[0].contains("no GPU is available: "), "{args}: {message}");
+        assert!(message.contains("by cpu/"), "{message}");
         assert!(fs::read(place.path("new.npy")).unwrap() == by_cpu, "{args}");
     }
     assert_eq!(place.ok(&format!("{RIGHT} -q")).stderr, "");
@@ -45,9 +45,9 @@ fn without_a_gpu_asking_for_one_fails_and_names_the_missing_part() {
         );
         assert!(!place.path("new.npy").exists());
     }
-    let told: Value =
+    let found: Value =
         serde_json::from_str(&place.gs2e(&format!("{RIGHT} --backend gpu --json")).stdout).unwrap();
-    assert_eq!((told["level"].as_str(), told["code"].as_str()), (Some("error"), Some("no-adapter")));
+    assert_eq!((found["level"].as_str(), found["code"].as_str()), (Some("error"), Some("no-adapter")));
 }
 
 #[test]
@@ -61,8 +61,8 @@ fn an_unused_gpu_option_is_refused() {
 #[test]
 fn scenes_are_built_by_a_gpu() {
     let place = Workspace::with_tiny();
-    let told = place.gs2e("build --backend gpu tiny.yaml");
-    assert_eq!((told.code, place.path(".gs2e").exists()), (2, false), "{}", told.stderr);
+    let found = place.gs2e("build --backend gpu tiny.yaml");
+    assert_eq!((found.code, place.path(".gs2e").exists()), (2, false), "{}", found.stderr);
     let Some(device) = gpu::device() else { return };
     let run = |args: &str| {
         let output = place.command_with_gpu(args).output().unwrap();
@@ -113,16 +113,20 @@ fn builds_stay_with_the_back_end_of_a_scene() {
     class(device.fingerprint());
     // If nothing is to be rendered, a missing GPU does not matter, nor does the memo.
     for args in ["build tiny.yaml", "build --recheck 0 tiny.yaml", "release --no-build --to tree tiny.yaml"] {
-        let told = place.ok(args).stderr;
-        assert!(!told.contains("on the CPU"), "{args}: {told}");
+        let message = place.ok(args).stderr;
+        assert!(!message.contains("on the CPU"), "{args}: {message}");
     }
     assert!(place.stale("tiny.yaml").is_empty());
     // If something is, it goes to the CPU together with everything else of the scene that is
     // rendered, and stays there.
     let recipe = fs::read_to_string(place.path("tiny.yaml")).unwrap();
     place.write("tiny.yaml", recipe.replace("seed: ", "seed: 1"));
-    let told = place.ok("build tiny.yaml").stderr;
-    assert_eq!(told.matches("rendering on the CPU, because no GPU is available: ").count(), 1, "{told}");
+    let message = place.ok("build tiny.yaml").stderr;
+    assert_eq!(
+        message.matches("rendering on the CPU, because no GPU is available: ").count(),
+        1,
+        "{message}"
+    );
     class("cpu/");
     assert!(!by_gpu("build").contains("events"));
     class("cpu/");

@@ -144,8 +144,8 @@ fn a_picture_is_not_written_to_a_device() {
     let before = tree(&place.path("")).into_keys().collect::<Vec<_>>();
     let ended = place.gs2e(&RIGHT.replace("new.npy", "full.npy"));
     assert_eq!(ended.code, 2, "{}", ended.stderr);
-    let told = "full.npy cannot be replaced: a device, not a regular file";
-    assert!(ended.stderr.contains(told), "{}", ended.stderr);
+    let found = "full.npy cannot be replaced: a device, not a regular file";
+    assert!(ended.stderr.contains(found), "{}", ended.stderr);
     assert_eq!(tree(&place.path("")).into_keys().collect::<Vec<_>>(), before);
 }
 
@@ -154,8 +154,8 @@ fn mistakes_are_objects_for_programs() {
     let place = wrong();
     let t = |change: [&str; 2], code: &str| {
         let ended: Ended = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
-        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-        let found = (told["level"].as_str(), told["code"].as_str());
+        let seen: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let found = (seen["level"].as_str(), seen["code"].as_str());
         assert_eq!(found, (Some("error"), Some(code)), "{}", ended.stderr);
     };
     t(["one.ply", "gone.ply"], "input-missing");

@@ -75,16 +75,16 @@ fn weights_choose_the_visible_colours() {
     colours(&place);
     let run = |options: &str| {
         let ended = place.ok(&format!("{} {options} --json", RIGHT.replace("frames.npy", "rgb")));
-        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
-        (lines(&place, "e.txt"), told, ended.stderr)
+        let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+        (lines(&place, "e.txt"), found, ended.stderr)
     };
-    let (plain, told, words) = run("");
-    assert_eq!(told["sensor"]["voltmeter"].get("front_end"), None);
+    let (plain, found, words) = run("");
+    assert_eq!(found["sensor"]["voltmeter"].get("front_end"), None);
     assert!(!words.contains("brightness:"), "{words}");
     assert_eq!(run("--luminance rec601 --decode none --exposure 1 --range 0,inf").0, plain);
-    let (red, told, words) = run("--luminance 1,0,0");
+    let (red, found, words) = run("--luminance 1,0,0");
     assert_eq!(red, as_lines(&of_greys(greys())));
-    assert_eq!(told["sensor"]["voltmeter"]["front_end"]["luminance"]["weights"][0], 1.0);
+    assert_eq!(found["sensor"]["voltmeter"]["front_end"]["luminance"]["weights"][0], 1.0);
     assert!(words.contains("brightness: 1 R + 0 G + 0 B, display-encoded\n"), "{words}");
     // A constant channel makes the same noise as a constant grey.
     assert_eq!(run("--luminance 0,0,1").0, as_lines(&of_greys(vec![50; greys().len()])));

@@ -114,7 +114,7 @@ fn events_above_the_cap_are_omitted_if_allowed() {
     let whole = by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7);
     place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");
     let args = format!("{} --allow-cap --json", RIGHT.replace("dvs346", "s.yaml"));
-    let told: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();
+    let found: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();
     // An event at a stamp belongs to the interval before it.
     let interval = |event: &Event| STAMPS_US.partition_point(|&stamp| 1000 * stamp < event.t.0);
     let mut seen = BTreeMap::new();
@@ -126,8 +126,8 @@ fn events_above_the_cap_are_omitted_if_allowed() {
     let wanted: Vec<Event> = whole.iter().filter(|event| first(event)).copied().collect();
     assert!(wanted.len() < whole.len());
     assert_eq!(lines(&place, "e.txt"), as_lines(&wanted));
-    assert_eq!(told["capped"], whole.len() - wanted.len());
-    assert_eq!(told["account"]["events"], wanted.len());
+    assert_eq!(found["capped"], whole.len() - wanted.len());
+    assert_eq!(found["account"]["events"], wanted.len());
 }
 
 #[test]

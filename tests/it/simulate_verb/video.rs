@@ -63,8 +63,8 @@ fn a_video_is_its_pictures_at_its_stamps() {
         assert!(video == pictures, "{clip}");
     }
     // A quarter turn swaps the sides.
-    let told = place.ok("info --json video.h5").stdout;
-    assert!(told.contains("48") && told.contains("64"), "{told}");
+    let found = place.ok("info --json video.h5").stdout;
+    assert!(found.contains("48") && found.contains("64"), "{found}");
 }
 
 #[test]

@@ -46,8 +46,8 @@ fn colmaps_points_fall_on_its_key_points() {
         );
         assert!(capture.views.iter().all(|v| v.sha256.is_some()), "every photo is there");
         // Both were taken through a real lens: the user must be warned that trajectories omit it.
-        let told = capture.distortion().expect("a bent lens is told").to_string();
-        assert!(told.contains("distorted by up to"), "{told}");
+        let message = capture.distortion().expect("a bent lens is message").to_string();
+        assert!(message.contains("distorted by up to"), "{message}");
         let straight = CapturedView { lens: LensModel::Pinhole, ..capture.views[0].clone() };
         assert_eq!(Capture::from(vec![straight]).distortion(), None);
     }
@@ -170,8 +170,11 @@ fn both_forms_together_are_compared() {
     other.write_text(dir.path());
     let (capture, warnings) = colmap::read_capture(dir.path()).unwrap();
     assert_eq!((capture.views.len(), warnings.len()), (4, 1));
-    let told = warnings[0].to_string();
-    assert!(told.contains("images.bin holds 4 records") && told.contains("images.txt holds 3"), "{told}");
+    let message = warnings[0].to_string();
+    assert!(
+        message.contains("images.bin holds 4 records") && message.contains("images.txt holds 3"),
+        "{message}"
+    );
 }
 
 #[test]

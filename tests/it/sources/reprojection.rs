@@ -82,8 +82,8 @@ fn a_model_without_points_is_not_measured_and_a_false_one_is_refused() {
     assert_eq!(measured(&unseen), Ok(None));
     let mut without = shifted();
     without.points.remove(0);
-    let told = measured(&without).unwrap_err();
-    assert!(told.contains("images.bin") && told.ends_with("point 7 is not in the model"), "{told}");
+    let message = measured(&without).unwrap_err();
+    assert!(message.contains("images.bin") && message.ends_with("point 7 is not in the model"), "{message}");
     let dir = tempfile::tempdir().unwrap();
     shifted().write_text(dir.path());
     std::fs::remove_file(dir.path().join("points3D.txt")).unwrap();
@@ -94,20 +94,20 @@ fn a_model_without_points_is_not_measured_and_a_false_one_is_refused() {
 /// stored with their points.
 #[test]
 fn real_models_are_as_far_off_as_colmap_says() {
-    let told = |dir: &Path| {
+    let message = |dir: &Path| {
         let points = ColmapModel::find_model(dir).unwrap().points().unwrap();
         points.values().map(|point| point.error).sum::<f64>() / points.len() as f64
     };
     for (name, over_points, over_observations) in [("fox", 1.09, Some(1.15)), ("castle", 0.75, None)] {
         let Some(dir) = shared(&format!("captures/{name}")) else { return };
         let found = ColmapModel::find_model(&dir).unwrap().reprojection().unwrap().unwrap();
-        eprintln!("{name}: {found:?}; its file says {:.6}", told(&dir));
+        eprintln!("{name}: {found:?}; its file says {:.6}", message(&dir));
         close(found.over_points_px, over_points, 0.005);
         if let Some(wanted) = over_observations {
             close(found.over_observations_px, wanted, 0.005);
         }
         // COLMAP stored the errors after its last adjustment, for the same model in 64 bits.
-        close(found.over_points_px, told(&dir), 1e-3);
+        close(found.over_points_px, message(&dir), 1e-3);
         assert_eq!(found.behind, 0);
     }
 }

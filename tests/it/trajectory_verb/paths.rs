@@ -67,16 +67,16 @@ fn paths_that_are_written_need_no_capture() {
     let place = place();
     for name in ["given", "hand"] {
         let ended = place.ok(&format!("trajectory --recipe recipe.yaml --name {name} --out out.txt --json"));
-        let told: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let message: Value = serde_json::from_str(&ended.stdout).unwrap();
         // The recipe's camera takes its field of view from a capture.
-        assert_eq!((&told["capture"], &told["px_per_frame"]), (&Value::Null, &Value::Null));
+        assert_eq!((&message["capture"], &message["px_per_frame"]), (&Value::Null, &Value::Null));
         assert!(!ended.stderr.contains("px from frame to frame"), "{}", ended.stderr);
     }
     let mut whole = all_kinds();
     whole["camera"]["fx"] = json!(60);
     place.write("whole.yaml", whole.to_string());
-    let told = place.ok("trajectory --recipe whole.yaml --name given --out out.txt").stderr;
-    assert!(told.contains("focal length 60.0 px"), "{told}");
+    let message = place.ok("trajectory --recipe whole.yaml --name given --out out.txt").stderr;
+    assert!(message.contains("focal length 60.0 px"), "{message}");
     place.ok("trajectory --recipe whole.yaml --name past --scene scene.ply --out out.txt");
 }
 

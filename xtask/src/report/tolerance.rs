@@ -40,8 +40,8 @@ pub(super) fn run(options: &Options) -> Outcome {
                 let start = Instant::now();
                 let text = scene.events(options.quick, trajectory, sampling);
                 std::fs::write(&recipe, text).map_err(|e| format!("{}: {e}", recipe.display()))?;
-                let told = gs2e(&["build", "--backend", "cpu"], work.path(), &recipe, &[])?;
-                let _ = write!(page, "{}", row(scene.name, sampling, &told).unwrap_or_default());
+                let message = gs2e(&["build", "--backend", "cpu"], work.path(), &recipe, &[])?;
+                let _ = write!(page, "{}", row(scene.name, sampling, &message).unwrap_or_default());
                 let seconds = start.elapsed().as_secs_f64();
                 say(&format!("{}, {trajectory}, {sampling}: {seconds:.0} s", scene.name));
             }
@@ -56,7 +56,7 @@ pub(super) fn run(options: &Options) -> Outcome {
 
 /// A table row from the step that made events: its seconds and its message. `None` if the step was
 /// up to date.
-fn row(scene: &str, sampling: &str, told: &str) -> Option<String> {
+fn row(scene: &str, sampling: &str, message: &str) -> Option<String> {
     let of_line = |line: &str| {
         let (step, rest) = line.split_once("] ")?.1.split_once("/events ")?;
         let (seconds, made) = rest.split_once(" s ")?;
@@ -64,7 +64,7 @@ fn row(scene: &str, sampling: &str, told: &str) -> Option<String> {
         let trajectory = step.rsplit('/').next()?;
         Some(format!("| {scene} | {trajectory} | `{sampling}` | {seconds} | {events} | {frames} |\n"))
     };
-    told.lines().find_map(of_line)
+    message.lines().find_map(of_line)
 }
 
 #[cfg(test)]
@@ -73,11 +73,11 @@ mod tests {
 
     #[test]
     fn the_step_that_made_events_is_a_row() {
-        let told = "scenes: 1\n[3/6] plant/base/trajectory 0.1 s\n[4/6] plant/base/events 33.6 s 421.8 kev, 33 frames (hermite) and \
+        let message = "scenes: 1\n[3/6] plant/base/trajectory 0.1 s\n[4/6] plant/base/events 33.6 s 421.8 kev, 33 frames (hermite) and \
                     96 to choose them\n";
         let wanted =
             "| a | base | `rate: 1` | 33.6 | 421.8 kev | 33 frames (hermite) and 96 to choose them |\n";
-        assert_eq!(row("a", "rate: 1", told).as_deref(), Some(wanted));
+        assert_eq!(row("a", "rate: 1", message).as_deref(), Some(wanted));
         let plain = "[5/6] plant/fast/events 7.0 s 1.2 Mev\n";
         assert_eq!(
             row("b", "rate: 1", plain).as_deref(),

@@ -199,7 +199,7 @@ fn speeds_agree(
     trajectory: &Trajectory,
     report: &SpeedReport,
 ) -> Option<AuditFault> {
-    let (told, found) = (report.poses, trajectory.stamps_us.len());
-    let message = || format!("it covers {told} poses, poses.txt has {found}");
-    (told != found).then(|| folder.fault(FaultCode::ClaimsDisagree, SPEED, message()))
+    let (stated, found) = (report.poses, trajectory.stamps_us.len());
+    let message = || format!("it covers {stated} poses, poses.txt has {found}");
+    (stated != found).then(|| folder.fault(FaultCode::ClaimsDisagree, SPEED, message()))
 }

@@ -198,9 +198,9 @@ mod tests {
     fn read(body: &str) -> Result<TakedownList, String> {
         let mut list = TakedownList::default();
         let faults = list.add(Path::new("takedown.txt"), body.to_owned());
-        let told: Vec<String> =
+        let found: Vec<String> =
             faults.iter().map(|fault| format!("{} {}", fault.location(), fault.message())).collect();
-        if told.is_empty() { Ok(list) } else { Err(told.join("\n")) }
+        if found.is_empty() { Ok(list) } else { Err(found.join("\n")) }
     }
 
     #[test]
@@ -235,10 +235,10 @@ mod tests {
             "t//tiny",
             "t/../tiny",
         ] {
-            let told = read(&format!("# list\n{id} 2025-06-01\n")).unwrap_err();
+            let message = read(&format!("# list\n{id} 2025-06-01\n")).unwrap_err();
             assert!(
-                told.starts_with("takedown.txt:2:1 ") && told.contains("is not a scene id"),
-                "{id}: {told}"
+                message.starts_with("takedown.txt:2:1 ") && message.contains("is not a scene id"),
+                "{id}: {message}"
             );
         }
         assert!(read("t/tiny 2025-06-01\nmvimgnet/11/16009258 2025-06-01\n").is_ok());

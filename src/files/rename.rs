@@ -13,7 +13,7 @@ static PARTS: AtomicUsize = AtomicUsize::new(0);
 ///
 /// # Errors
 /// The file cannot be written or replaced, or `fill` fails. No file is left then.
-pub fn write_beside<E: From<io::Error>>(
+pub fn write_by_rename<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> Result<(), E>,
 ) -> Result<(), E> {
