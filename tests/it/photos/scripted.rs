@@ -174,7 +174,10 @@ fn photos_that_cannot_be_used_are_named() {
     place.write("photos/note.jpg", "no photo");
     fails(&place, &["note.jpg", "its size cannot be read"]);
     for (path, wanted) in [("nowhere", "nowhere"), ("tree.bin", "it is a file, wanted a folder of photos")] {
-        place.write("recipe.yaml", recipe("vocabulary: tree.bin").replace("path: photos", &format!("path: {path}")));
+        place.write(
+            "recipe.yaml",
+            recipe("vocabulary: tree.bin").replace("path: photos", &format!("path: {path}")),
+        );
         let ended = gs2e(&place, "build -j 1 recipe.yaml");
         let told = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
         // Nothing runs if a source cannot be listed.
