@@ -96,7 +96,9 @@ impl DatasetViews {
                 Ok((*view, smoothed.transpose()?, depth.transpose()?))
             };
             let pictures: Vec<_> = some.par_iter().map(read).collect::<Result<_, String>>()?;
-            pictures.into_iter().for_each(|(view, smoothed, depth)| watch.see(view, smoothed, depth));
+            pictures
+                .into_iter()
+                .for_each(|(view, smoothed, depth)| watch.see(view, smoothed, depth.as_ref()));
         }
         let PictureMeasures { pictures, order, depths } = watch.finish(self)?;
         let flows = Err("the dataset has no flow images that the checks read".to_owned());

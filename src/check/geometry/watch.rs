@@ -70,7 +70,7 @@ impl<'a> GeometryWatch<'a> {
     ///
     /// # Panics
     /// A picture does not have the camera's size.
-    pub fn see(&mut self, pose: usize, smoothed: Option<Image<f32>>, depth: Option<Image<f32>>) {
+    pub fn see(&mut self, pose: usize, smoothed: Option<Image<f32>>, depth: Option<&Image<f32>>) {
         let world_from_camera = self.poses[pose];
         let picture = |values: &Image<f32>, depth: &Image<f32>| PosedPicture {
             pose,
@@ -78,7 +78,7 @@ impl<'a> GeometryWatch<'a> {
             values: values.clone(),
             depth: depth.clone(),
         };
-        if let Some(depth) = &depth {
+        if let Some(depth) = depth {
             if let Some(values) = &smoothed {
                 self.frames.see(&self.camera, picture(values, depth));
             }

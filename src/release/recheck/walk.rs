@@ -88,7 +88,9 @@ pub(super) fn walk_pictures(
         // The readers of streams stay on this thread.
         rayon::in_place_scope(|scope| {
             scope.spawn(|_| {
-                compared.into_iter().for_each(|(pose, smoothed, depth)| geometry.see(pose, smoothed, depth));
+                compared
+                    .into_iter()
+                    .for_each(|(pose, smoothed, depth)| geometry.see(pose, smoothed, depth.as_ref()));
             });
             show_frames(pictures, &frames, anchors, streams)
         })?;
