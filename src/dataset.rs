@@ -195,16 +195,21 @@ fn read_stream(
     let mut findings: Vec<Finding> =
         judge_trajectory(&subject, &[subject]).into_iter().filter(wanted).collect();
     if let Some(views) = dataset.views {
-        let of_views = TrajectorySubject {
-            trajectory: &views.trajectory,
-            geometry: Some(&views.geometry),
-            tally: None,
-            ..subject
-        };
-        let judged = judge_trajectory(&of_views, &[]).into_iter();
-        findings.extend(judged.filter(|finding| VIEW_PASSES.contains(&finding.check.as_str())));
+        findings.extend(judge_views(views, &subject));
     }
     Ok((curve, facts, findings))
+}
+
+/// The passes over pictures with poses and depth.
+fn judge_views(views: &ViewMeasures, stream: &TrajectorySubject<'_>) -> Vec<Finding> {
+    let subject = TrajectorySubject {
+        trajectory: &views.trajectory,
+        geometry: Some(&views.geometry),
+        tally: None,
+        ..*stream
+    };
+    let judged = judge_trajectory(&subject, &[]).into_iter();
+    judged.filter(|finding| VIEW_PASSES.contains(&finding.check.as_str())).collect()
 }
 
 /// Passes of a release that judge pictures by their poses.

@@ -116,7 +116,7 @@ fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     subject.finding(NAME, "scale", judged).detecting(detects.unwrap_or(f64::INFINITY), "1")
 }
 
-/// The smallest fault that exceeds the limit in 95 % of trials; `None` if there is none.
+/// The smallest fault that exceeds the limit in 95 % of trials; `None` if no size does.
 ///
 /// A fault of size `d` is shown as `g d`, `g` the response with its standard error `s`, and the present
 /// value may work against it. Parts of the picture respond differently, so that the standard error of

@@ -212,7 +212,7 @@ impl SensorDraws {
 }
 
 /// Removes the preset `randomised` from the sensors of a tree. Returns a recipe with the ranges of
-/// the presets, as YAML; empty if there is none.
+/// the presets, as YAML; empty without such a preset.
 pub(super) fn take_presets(tree: &mut TreeNode) -> String {
     let mut ranges = String::new();
     let indented = |text: &str, depth: usize| -> String {

@@ -138,7 +138,7 @@ fn sensor_of(
     }
 }
 
-/// Faults of which there is at least one.
+/// Faults from a list that is not empty.
 fn all_faults(faults: Vec<RecipeFault>) -> RecipeFaults {
     RecipeFaults::value_or((), faults).expect_err("there are faults")
 }

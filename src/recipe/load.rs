@@ -262,7 +262,7 @@ impl RecipeParts {
     }
 }
 
-/// A mapping without keys, which stands for an empty file.
+/// A mapping without keys: the content of an empty file.
 fn empty_tree() -> TreeNode {
     TreeNode { place: TextSpan { file: 0, start: 0, end: 0 }, kind: NodeKind::Map(Vec::new()) }
 }

@@ -70,8 +70,9 @@ pub trait SensorParameters {
     /// The sensor with another interpolation between frames; unchanged if the model has no choice.
     fn with_between(&self, between: BetweenFrames) -> SensorChoice;
 
-    /// The sensor with these contrast thresholds: changes of `ln` of the brightness that make one ON and one
-    /// OFF event, the inverse of [`super::SensorModel::contrast`]. The spread over the pixels keeps its value.
+    /// The sensor with these contrast thresholds: changes of `ln` of the brightness that make one ON and
+    /// one OFF event, the inverse of [`super::SensorModel::contrast`]. The spread over the pixels keeps
+    /// its value.
     fn with_contrast(&self, on: f64, off: f64) -> SensorChoice;
 
     /// Minimum time between two events of one pixel, in whole microseconds as files stamp them; 0

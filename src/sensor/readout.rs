@@ -147,7 +147,7 @@ struct BusState {
     waiting: WaitingEvents,
     /// True for pixels with a waiting event.
     requesting: Vec<bool>,
-    /// True for pixels of which an event was read.
+    /// True for pixels that had an event read.
     fired: Vec<bool>,
     /// Events of the present microsecond. Files are not sorted within one.
     arriving: Vec<Event>,

@@ -42,7 +42,7 @@ impl CaptureStage {
 /// The steps that find the poses of a source without poses: its model, and its frames if it is a
 /// video.
 pub type SolvingInputs = Option<(StepTarget<SolvedModel>, Option<StepTarget<PictureSet>>)>;
-/// What these steps made.
+/// The outputs of these steps.
 pub type SolvedInputs = Option<(SolvedModel, Option<PictureSet>)>;
 
 /// Endings of files that are not photos.

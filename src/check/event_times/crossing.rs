@@ -106,7 +106,7 @@ struct LineSums {
     yr: f64,
     /// `x^2` and `y^2` of the same events, without a subtraction of means.
     squares: [f64; 2],
-    /// The same of the events with a residual near the bound, on either side of it.
+    /// `squares` of the events with a residual near the bound, on either side of it.
     near_bound: [f64; 2],
 }
 

@@ -117,8 +117,8 @@ fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey
     }
 }
 
-/// Median motion of the image along its gradient, px, over pixels with a clear gradient; 0 if there
-/// is none.
+/// Median motion of the image along its gradient, px, over pixels with a clear gradient; 0 without
+/// such pixels.
 fn edge_motion(from: &Image<f32>, to: &Image<f32>) -> f32 {
     let width = from.size().width as usize;
     let (a, b) = (from.pixels(), to.pixels());

@@ -37,7 +37,7 @@ impl ReleasedPictures<'_> {
         Ok(found)
     }
 
-    /// The same among those that a release of this recipe has.
+    /// The poses with a picture, among those that a release of this recipe has.
     pub(super) fn kept_poses(&self, kind: OutputKind, extension: &str) -> Result<Vec<usize>, RecheckError> {
         let blurred = kind == OutputKind::Sharp && self.recipe.outputs.contains(&OutputKind::Blur);
         let exposed = blurred.then_some(self.recipe.shutter.frames);
