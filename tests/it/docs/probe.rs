@@ -6,9 +6,10 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 23] = [
+const CONTEXTS: [(&str, &str); 24] = [
     ("", ""),
     ("source.colmap", CAPTURE),
+    ("source.video", "{ source: { video: { path: c } }, outputs: [] }"),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),
     ("reconstruct.builtin", "{ source: { colmap: { path: c } }, reconstruct: { builtin: {} } }"),
