@@ -52,7 +52,7 @@ fn film(place: &Workspace, frames: usize) -> Vec<Vec<[u8; 3]>> {
 fn take(place: &Workspace, name: &str, picking: FramePicking) -> Result<TakenFrames, FrameError> {
     let number = fs::read_dir(place.path("")).unwrap().count();
     let [to, folder] = ["to", "desk"].map(|name| place.path(&format!("{name}-{number}")));
-    [&to, &folder].map(|folder| fs::create_dir(folder).unwrap());
+    [&to, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
     let desk = TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let taken = take_frames(&place.path(name), picking, (&to, 3), desk);
