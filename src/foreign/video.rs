@@ -127,8 +127,8 @@ fn frame_sharpness(file: &Path) -> Result<f64, ForeignError> {
     Ok(laplacian_variance(&frame))
 }
 
-/// Variance of the Laplacian of the luma, over the pixels that have four neighbours; 0 without such
-/// pixels.
+/// Variance of the Laplacian of the luma, over the pixels that have four neighbours; 0 if there are
+/// none.
 fn laplacian_variance(frame: &Image<[u8; 3]>) -> f64 {
     let (width, height) = (frame.size().width as usize, frame.size().height as usize);
     // Rec. 601 in thousandths: integers, so that the sum has no order.
@@ -181,7 +181,7 @@ mod tests {
         t(&|x, y| if (x + y) % 2 == 0 { 10 } else { 0 }, 1600.0);
         // Columns of 0 and 10 have 20 and -20.
         t(&|x, _| if x % 2 == 0 { 10 } else { 0 }, 400.0);
-        assert!(laplacian_variance(&Image::filled(Size { width: 2, height: 9 }, [1; 3])).abs() < 1e-12);
+        assert!(laplacian_variance(&Image::filled(Size { width: 2, height: 9 }, [1; 3])).abs() < 1e-9);
     }
 
     #[test]

@@ -26,7 +26,9 @@ pub(super) use sensor::{
     RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection,
     VoltmeterSection,
 };
-pub(super) use source::{FolderSection, KindKey, ProceduralSection, SourceSection};
+pub(super) use source::{
+    CaptureSection, FolderSection, KindKey, ProceduralSection, SourceSection, UnposedSection,
+};
 pub(super) use trajectory::{
     BezierSection, CurveSection, FlowSection, KeyframesSection, ListSection, MetricSection,
     NovelCurveSection, NovelSection, OrbitSection, PoseSection, RefineSection, SpeedSection,

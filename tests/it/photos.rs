@@ -29,7 +29,7 @@ fn colmap_is_there() -> bool {
 /// Finds poses in a new folder.
 fn solve(place: &Workspace, photos: &[(String, PathBuf)], to: &str) -> SolvedPhotos {
     let [out, folder] = [to.to_owned(), format!("{to}.desk")].map(|name| place.path(&name));
-    [&out, &folder].iter().for_each(|folder| fs::create_dir(folder).unwrap());
+    [&out, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
     let desk = TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let solving = PoseSolving { lens: SolvedLens::Pinhole, features: FEATURES, ..PoseSolving::default() };

@@ -4,6 +4,7 @@ use super::Resolver;
 use super::number::{RealRange, WholeRange};
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
+use crate::recipe::schema::CaptureSection;
 use crate::recipe::text::TextSpan;
 use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
 use crate::scene::procedural::StillLife;
@@ -21,7 +22,17 @@ impl Resolver<'_> {
                     mvimgnet or dl3dv with a path, or none";
         let (source, _) = self.required(field, "source", self.root, help)?;
         match (source, source.capture()) {
-            (_, Some((kind, raw))) => self.captured(kind, raw),
+            (_, Some((kind, CaptureSection::Posed(raw)))) => {
+                let (raw, place) = raw.given()?;
+                self.captured(kind, raw, place)
+            }
+            (_, Some((kind, CaptureSection::Unposed(raw)))) => {
+                let (raw, place) = raw.given()?;
+                let (solving, captured) =
+                    (self.solving(kind, raw), self.captured(kind, &raw.folder(), place));
+                let SceneSource::Captured(captured, upstream) = captured? else { return None };
+                Some(SceneSource::Captured(DiskCapture { solving: Some(solving?), ..captured }, upstream))
+            }
             (schema::SourceSection::Procedural(raw), _) => self.still_life(raw).map(SceneSource::Procedural),
             _ => Some(SceneSource::None),
         }
@@ -39,8 +50,12 @@ impl Resolver<'_> {
         Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed? })
     }
 
-    fn captured(&self, kind: CaptureKind, field: &Field<schema::FolderSection>) -> Option<SceneSource> {
-        let (raw, place) = field.given()?;
+    fn captured(
+        &self,
+        kind: CaptureKind,
+        raw: &schema::FolderSection,
+        place: TextSpan,
+    ) -> Option<SceneSource> {
         let path = self.path(&raw.path, place);
         let views = match &raw.views {
             Field::Absent => Some(None),
@@ -51,9 +66,8 @@ impl Resolver<'_> {
         let accessed = self.formed(&raw.accessed, forms::DAY);
         let accepted = raw.terms_accepted.given().map(|(accepted, _)| *accepted);
         let terms_accepted = (accepted.is_some() || raw.terms_accepted.is_absent()).then_some(accepted);
-        let solving = self.solving(kind, raw);
         let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
-        let captured = DiskCapture { kind, path: path?, selection, solving: solving? };
+        let captured = DiskCapture { kind, path: path?, selection, solving: None };
         // Statements of the recipe win over values that the folders reveal.
         let known = UpstreamOrigin::from_capture(&captured);
         let upstream = UpstreamOrigin {
@@ -65,30 +79,12 @@ impl Resolver<'_> {
         Some(SceneSource::Captured(captured, upstream))
     }
 
-    /// Resolves the search for poses, which only sources without poses have.
-    fn solving(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Option<PoseSolving>> {
-        let is_video = kind.is_video();
-        let of_poses = [
-            raw.lens.place(),
-            raw.features.place(),
-            raw.pairs.place(),
-            raw.vocabulary.place(),
-            raw.registered.place(),
-        ];
-        let of_frames = [raw.every.place(), raw.sharpness.place()];
-        let unused = of_poses.iter().filter(|_| !kind.needs_poses());
-        let unused: Vec<TextSpan> =
-            unused.chain(of_frames.iter().filter(|_| !is_video)).copied().flatten().collect();
-        for place in &unused {
-            let which = if kind.needs_poses() { "a video" } else { "photos without poses or a video" };
-            let problem = FieldProblem::of_key(format!("applies only to a source of {which}"));
-            self.refuse::<()>(problem.help("remove it").at(*place));
-        }
-        if !unused.is_empty() {
-            return None;
-        }
-        if !kind.needs_poses() {
-            return Some(None);
+    /// Resolves the search for poses.
+    fn solving(&self, kind: CaptureKind, raw: &schema::UnposedSection) -> Option<PoseSolving> {
+        let of_frames = [raw.every.place(), raw.sharpness.place()].into_iter().flatten().next();
+        if let Some(place) = of_frames.filter(|_| !kind.is_video()) {
+            let problem = FieldProblem::of_key("applies only to a video, which has frames");
+            return self.refuse(problem.help("remove it").at(place));
         }
         let plain = PoseSolving::default();
         let vocabulary = match &raw.vocabulary {
@@ -106,14 +102,14 @@ impl Resolver<'_> {
         let every = self.small(&raw.every, frames.every, WholeRange::new(1, 1_000_000));
         let sharpness = self.real(&raw.sharpness, frames.sharpness, RealRange::new(0.0, 1.0));
         let frames = FramePicking { every: every?, sharpness: sharpness? };
-        Some(Some(PoseSolving {
+        Some(PoseSolving {
             lens: lens?,
             features: features?,
             pairs: pairs?,
             vocabulary: vocabulary?,
             registered: registered?,
-            frames: is_video.then_some(frames),
-        }))
+            frames: kind.is_video().then_some(frames),
+        })
     }
 
     /// Resolves the patterns of excluded names. By default, the known leftover files of the dataset

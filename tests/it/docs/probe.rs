@@ -9,6 +9,7 @@ use serde_json::{Map, Value};
 const CONTEXTS: [(&str, &str); 25] = [
     ("", ""),
     ("source.colmap", CAPTURE),
+    ("source.video", "{ source: { video: { path: c } }, outputs: [] }"),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),
     ("reconstruct.builtin", "{ source: { colmap: { path: c } }, reconstruct: { builtin: {} } }"),

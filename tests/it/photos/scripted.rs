@@ -219,8 +219,8 @@ fn recipes_that_cannot_work_are_refused() {
         assert!(message.contains(wanted), "{wanted}\n{}", ended.stderr);
     };
     t("registered: 0.6", "registered: 1.6", "a number from 0 to 1");
-    t("registered: 0.6", "every: 5", "applies only to a source of a video");
-    t("photos: {", "colmap: {", "applies only to a source of photos without poses or a video");
+    t("registered: 0.6", "every: 5", "applies only to a video");
+    t("photos: {", "colmap: {", "registered");
     t(
         "builtin: { gaussians: 300, iterations: 6, resolution: 32 }",
         "given: { path: scene.ply }",

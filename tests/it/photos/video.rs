@@ -52,7 +52,7 @@ fn film(place: &Workspace, frames: usize) -> Vec<Vec<[u8; 3]>> {
 fn take(place: &Workspace, name: &str, picking: FramePicking) -> Result<TakenFrames, FrameError> {
     let number = fs::read_dir(place.path("")).unwrap().count();
     let [to, folder] = ["to", "desk"].map(|name| place.path(&format!("{name}-{number}")));
-    [&to, &folder].iter().for_each(|folder| fs::create_dir(folder).unwrap());
+    [&to, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
     let desk = TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let taken = take_frames(&place.path(name), picking, (&to, 3), desk);
@@ -97,8 +97,8 @@ fn videos_that_cannot_be_used_are_named() {
     film(&place, 4);
     let t = |name: &str, every: u32, wanted: &str| {
         let picking = FramePicking { every, ..FramePicking::default() };
-        let message = take(&place, name, picking).unwrap_err().to_string();
-        assert!(message.contains(wanted), "{message}");
+        let told = take(&place, name, picking).unwrap_err().to_string();
+        assert!(told.contains(wanted), "{told}");
     };
     t("film.mkv", 10, "one frame in 10 gives 1, wanted at least 3");
     t("film.mkv", 2, "one frame in 2 gives 2, wanted at least 3");
