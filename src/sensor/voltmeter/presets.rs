@@ -76,7 +76,7 @@ impl VoltmeterPreset {
     /// Every preset.
     pub const ALL: [Self; 5] = [Self::Dvs346, Self::Dvs240, Self::Gs2eSi, Self::Evk4, Self::Davis346];
     /// The preset of a recipe that names none.
-    pub const USUAL: Self = Self::Davis346;
+    pub const USUAL: Self = Self::Dvs346;
 
     /// The preset of this name, as a recipe writes it. `dvs346-paper` is `dvs346`.
     #[must_use]

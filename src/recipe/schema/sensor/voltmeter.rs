@@ -13,7 +13,7 @@ use serde::Deserialize;
 #[serde(default)]
 pub(in crate::recipe) struct VoltmeterSection {
     /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
-    /// `gs2e-si`. Default: `davis346`.
+    /// `gs2e-si`. Default: `dvs346`.
     pub preset: Field<String>,
     /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
     /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
