@@ -282,7 +282,8 @@ fn a_killed_build_goes_on_with_its_training() {
 
     let resumed = place.ok("build --store three recipe.yaml");
     assert!(!resumed.stderr.contains(" 6/120: loss "), "it started again: {}", resumed.stderr);
-    assert!(resumed.stderr.contains("given/reconstruct: 120/120: loss "), "{}", resumed.stderr);
+    // Lines of progress are rationed, so the last one may be absent.
+    assert!(resumed.stderr.contains("/120: loss "), "{}", resumed.stderr);
     assert_eq!(trained_outputs(&place, "--store three"), whole, "killed and resumed");
     assert_eq!(states(), [] as [PathBuf; 0], "a step that is made leaves no state");
 }

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 25] = [
+const CONTEXTS: [(&str, &str); 26] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.video", "{ source: { video: { path: c } }, outputs: [] }"),
