@@ -1,8 +1,8 @@
 //! An estimate of the picture's motion from frame to frame, from a few thousand pixels at edges.
 //!
-//! An edge of slope `g` that moves by `d` pixels across itself changes the brightness by `g d`, as long
-//! as the slope reaches that far. So `|change| / g` estimates `d`. Motion along an edge is invisible, and a change
-//! cannot exceed the contrast: the estimate is a lower bound of the motion.
+//! An edge of slope `g` that moves by `d` pixels across itself changes the brightness by `g d`, as
+//! long as the slope reaches that far. So `|change| / g` estimates `d`. Motion along an edge is
+//! invisible, and a change cannot exceed the contrast: the estimate is a lower bound of the motion.
 
 use crate::image::Image;
 
