@@ -4,11 +4,13 @@
 //! Results go to stdout, and all other text to stderr. `docs/command-line.md` lists the parts that
 //! programs may rely on.
 
+mod arguments;
 mod audit;
 mod build;
 mod check;
 mod clock;
 mod commands;
+mod common;
 mod completions;
 mod console;
 mod convert;
@@ -42,14 +44,14 @@ mod trajectory;
 mod verdicts;
 mod why;
 
-use crate::programs::{ProgramFinder, SUPERVISE};
-use crate::render::OmissionPolicy;
-use crate::render::backend::Backend;
-use crate::render::gpu::{self, GpuDevice, GpuError};
-use crate::run::backends::{AutoRenderers, RendererChoice, RendererKind};
-use crate::{escape, files, recipe};
-use clap::error::ErrorKind;
-use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand, ValueEnum};
+pub use arguments::command_line;
+use arguments::{misread, parse, wants_json};
+
+use common::{BackendArg, CommonArgs};
+
+use crate::programs::SUPERVISE;
+use crate::recipe;
+use clap::{Parser, Subcommand};
 use console::Console;
 pub use console::ConsoleStreams;
 pub use environment::Environment;
@@ -57,7 +59,6 @@ pub use problem::ExitKind;
 use problem::VerbError;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use std::ffi::OsString;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -117,207 +118,6 @@ enum VerbCommand {
     Completions(completions::CompletionsArgs),
 }
 
-/// Options of every verb.
-#[derive(Debug, Clone, Args)]
-struct CommonArgs {
-    /// Work in this folder
-    #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
-    directory: Option<PathBuf>,
-    /// Folder of the store, which keeps the built products
-    #[arg(long, value_name = "DIR", default_value = CommonArgs::STORE, global = true)]
-    store: PathBuf,
-    /// Cores to use [default: all]
-    #[arg(short = 'j', long = "jobs", value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..))]
-    jobs: Option<u16>,
-    /// Keep going past a failed scene
-    #[arg(short = 'k', long, global = true)]
-    keep_going: bool,
-    /// Renderer
-    #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
-    backend: BackendArg,
-    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name
-    #[arg(long, value_name = "NAME or INDEX", global = true)]
-    gpu: Option<gpu::DeviceChoice>,
-    /// Also do the rendering work that changes no bit, for comparison with a normal build
-    #[arg(long, global = true)]
-    no_omit: bool,
-    /// Run the programs that recipes name, instead of showing them
-    #[arg(long, global = true)]
-    allow_commands: bool,
-    /// Fail instead of waiting while another gs2e uses the store
-    #[arg(long, global = true)]
-    no_wait: bool,
-    /// Print results for programs to stdout
-    #[arg(long, global = true)]
-    json: bool,
-    /// Print failures only
-    #[arg(short, long, global = true)]
-    quiet: bool,
-    /// Print more: the work that each trajectory skipped
-    #[arg(short, long, global = true)]
-    verbose: bool,
-    /// The whole command as typed, shown to other processes that wait for this one.
-    #[arg(skip)]
-    command: String,
-    #[arg(skip)]
-    environment: Environment,
-}
-
-impl CommonArgs {
-    /// Default folder of the store.
-    const STORE: &'static str = ".gs2e";
-
-    /// The renderer of the scenes of recipes. The keys of their steps depend on it.
-    fn renderers(&self) -> Result<RendererChoice, VerbError> {
-        let by = match self.backend {
-            // A software GPU is slower than the CPU renderer, so it is used only if it is named.
-            BackendArg::Auto => RendererKind::Auto(AutoRenderers::new(
-                self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware),
-            )),
-            _ => RendererKind::One(self.backend()?),
-        };
-        Ok(RendererChoice::new(by, self.omit(), self.programs()))
-    }
-
-    /// The programs on the user's path. This program supervises them, even if its own file was
-    /// replaced meanwhile.
-    fn programs(&self) -> ProgramFinder {
-        // The link in /proc still leads to the running executable after its file was replaced or
-        // deleted.
-        let own = PathBuf::from("/proc/self/exe");
-        let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
-        ProgramFinder::new(self.environment.path(), own)
-    }
-
-    /// Number of cores to use.
-    fn cores(&self) -> usize {
-        self.jobs.map_or_else(machine::available_cores, usize::from)
-    }
-
-    /// Limits `-j` to the cores of this machine. Idle threads look for work at each other, so the
-    /// time that they take grows with the square of their number.
-    fn clamp_jobs(&mut self, console: &Console) {
-        let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
-        if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
-            console.say(&format!("-j {jobs} exceeds the cores of this machine: using {cores} cores"));
-            self.jobs = Some(cores);
-        }
-    }
-
-    /// The work that renderers leave out.
-    fn omit(&self) -> OmissionPolicy {
-        if self.no_omit { OmissionPolicy::Nothing } else { OmissionPolicy::Needless }
-    }
-
-    /// The back end for renderings other than the scenes of recipes: the CPU unless another one is
-    /// requested.
-    fn backend(&self) -> Result<Backend, VerbError> {
-        match self.backend {
-            BackendArg::Gpu => {
-                self.device(&gpu::DeviceChoice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e))
-            }
-            _ if self.gpu.is_some() => Err(VerbError::usage(
-                "no-adapter",
-                "--gpu selects a GPU, but the backend is not a GPU".to_owned(),
-            )
-            .help("add --backend gpu")),
-            BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
-            BackendArg::Reference => Ok(Backend::Reference),
-        }
-    }
-
-    /// The GPU that `--gpu` chooses, or else one that matches `otherwise`.
-    fn device(&self, otherwise: &gpu::DeviceChoice) -> Result<GpuDevice, GpuError> {
-        GpuDevice::open(self.gpu.as_ref().unwrap_or(otherwise))
-    }
-
-    /// Limits a single step to the cores that it may use.
-    fn limit_cores(&self) {
-        if let Some(jobs) = self.jobs {
-            // It fails only if a thread pool exists already, and no verb starts one before this
-            // call.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum BackendArg {
-    Auto,
-    Cpu,
-    Gpu,
-    Reference,
-}
-
-/// The error for a requested GPU that is absent or cannot be used.
-fn no_adapter(error: &GpuError) -> VerbError {
-    VerbError::usage("no-adapter", error.to_string()).help("use --backend cpu, or leave the option out")
-}
-
-/// Returns the command line as clap knows it: every verb and option with its help, from which
-/// `docs/cli.md` is written.
-#[must_use]
-pub fn command_line() -> clap::Command {
-    hide_irrelevant(Cli::command())
-}
-
-/// The common options that have an effect in some verbs only. All verbs accept them, so that scripts
-/// can pass one set of options; the help of a verb lists its own.
-const RELEVANT: [(&str, &[&str]); 9] = [
-    ("store", &["build", "plan", "why", "check", "release", "open", "gc", "study", "info"]),
-    (
-        "jobs",
-        &[
-            "build",
-            "plan",
-            "release",
-            "audit",
-            "render",
-            "simulate",
-            "stress",
-            "study",
-            "train",
-            "trajectory",
-        ],
-    ),
-    ("keep_going", &["build", "release"]),
-    ("backend", RENDERING),
-    ("gpu", RENDERING),
-    ("no_omit", &["build", "plan", "why", "check", "release", "open", "gc", "render", "study"]),
-    ("allow_commands", &["build", "release"]),
-    ("no_wait", &["build", "release", "gc"]),
-    ("verbose", &["build", "release"]),
-];
-
-/// Verbs that render, or that compute the keys of what is rendered.
-const RENDERING: &[&str] = &[
-    "build",
-    "plan",
-    "why",
-    "check",
-    "release",
-    "open",
-    "gc",
-    "render",
-    "study",
-    "stress",
-    "audit",
-    "trajectory",
-];
-
-fn hide_irrelevant(command: clap::Command) -> clap::Command {
-    let common: Vec<clap::Arg> = command.get_arguments().filter(|arg| arg.is_global_set()).cloned().collect();
-    command.mut_subcommands(|verb| {
-        let name = verb.get_name().to_owned();
-        let is_irrelevant = |arg: &&clap::Arg| {
-            let known = RELEVANT.iter().find(|(id, _)| arg.get_id() == *id);
-            known.is_some_and(|(_, verbs)| !verbs.contains(&name.as_str()))
-        };
-        // A common option that the verb has itself is not passed down to it, so it stays hidden.
-        verb.args(common.iter().filter(is_irrelevant).cloned().map(|arg| arg.hide(true)))
-    })
-}
-
 /// Runs the program with these arguments on the streams of the process. The first argument is the
 /// name of the program.
 #[must_use]
@@ -366,64 +166,6 @@ pub fn run_on(
         problem.exit
     });
     console.finish(exit)
-}
-
-fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
-    let mut known = with_negative_numbers(command_line());
-    let mut matches = known.try_get_matches_from_mut(arguments)?;
-    let mut cli = Cli::from_arg_matches_mut(&mut matches).map_err(|error| error.format(&mut known))?;
-    cli.common.command = typed_command(arguments);
-    Ok(cli)
-}
-
-/// Makes `-1` a value where one is expected. The error of the field then says more than an error
-/// about an unknown option.
-fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    let takes = |arg: clap::Arg| {
-        if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg }
-    };
-    command.mut_args(takes).mut_subcommands(with_negative_numbers)
-}
-
-/// Returns true if the command line asks for results for programs, even if it cannot be parsed as a
-/// whole.
-fn wants_json(arguments: &[OsString]) -> bool {
-    // Words after `--` are values.
-    arguments.iter().skip(1).take_while(|word| *word != "--").any(|word| word == "--json")
-}
-
-/// The error for a command line that cannot be parsed.
-fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
-    // The parser repeats words unchanged, and a hidden character in them could act on the terminal.
-    // So the words are parsed again in their visible form.
-    let shown = arguments.iter().map(|word| OsString::from(visible(word)));
-    let again = with_negative_numbers(command_line()).try_get_matches_from(shown).err();
-    // An escaped word may fail for another reason than the original; the original error counts
-    // then.
-    let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
-    let what = match error.kind() {
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is given".to_owned(),
-        _ => {
-            let text = error.render().to_string();
-            let first = text.split("\n\n").next().unwrap_or_default().trim_end();
-            first.strip_prefix("error: ").unwrap_or(first).to_owned()
-        }
-    };
-    VerbError::misread(what, error.render().to_string().trim_end().lines().map(str::to_owned).collect())
-}
-
-/// A word of the command line in visible characters, on one line.
-fn visible(word: &OsString) -> String {
-    escape::line(&console::path(word)).into_owned()
-}
-
-/// A command as it was typed, except for quotes, hidden characters and the path of the program.
-fn typed_command(arguments: &[OsString]) -> String {
-    let mut words: Vec<String> = arguments.iter().map(visible).collect();
-    if let Some(program) = words.first_mut() {
-        *program = program.rsplit(std::path::MAIN_SEPARATOR).next().unwrap_or_default().to_owned();
-    }
-    words.join(" ")
 }
 
 fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {

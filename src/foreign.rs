@@ -5,7 +5,7 @@
 //!
 //! This module finds the programs, hands the released files to them, runs them and reads the
 //! answers. The passes `pose_colmap`, `pose_opencv` and `readback` judge the answers. If a program
-//! cannot determine an answer for these pictures, the result is a reason, [`Told`]; a failing
+//! cannot determine an answer for these pictures, the result is a reason, [`ForeignAnswer`]; a failing
 //! program is an error. Only the programs `colmap`, `ffmpeg` and `python3` are run, and a recipe
 //! contributes only numbers and the paths of its source to their arguments.
 //!
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// The answer of a program, or the reason why it has no answer.
-pub type Told<T> = Result<T, String>;
+pub type ForeignAnswer<T> = Result<T, String>;
 
 /// The answers of the programs that were asked: `foreign.json`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -39,13 +39,13 @@ pub type Told<T> = Result<T, String>;
 pub struct ExternalReport {
     /// COLMAP's answer on the poses of pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub colmap: Option<Told<colmap::ColmapRegistration>>,
+    pub colmap: Option<ForeignAnswer<colmap::ColmapRegistration>>,
     /// OpenCV's answer on poses and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub opencv: Option<Told<opencv::OpencvGeometry>>,
+    pub opencv: Option<ForeignAnswer<opencv::OpencvGeometry>>,
     /// Answer of Python's readers on events and pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub readback: Option<Told<readback::ReadbackReport>>,
+    pub readback: Option<ForeignAnswer<readback::ReadbackReport>>,
 }
 
 /// A picture of a trajectory.

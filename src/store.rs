@@ -16,12 +16,14 @@ pub mod blob;
 pub mod description;
 mod digest;
 mod disk;
+mod error;
 pub mod fs;
 pub mod gc;
 mod hash;
 pub mod link_tree;
 mod lock;
 mod memo;
+mod options;
 mod publish;
 pub mod record;
 mod root;
@@ -29,6 +31,10 @@ pub mod space;
 pub mod stat_cache;
 mod state;
 mod unlike;
+
+pub use options::{StoreAccess, StoreOptions};
+
+pub use error::StoreError;
 
 pub use digest::{Digest, Key};
 pub use root::ReleaseRoot;
@@ -40,7 +46,6 @@ pub use publish::StepWorkspace;
 pub use unlike::OutputMismatch;
 
 use disk::StoreDisk;
-use fs::Fs;
 use record::{RecordSummary, StepRecord, StoredOutput};
 use space::DiskSpace;
 use stat_cache::{StatEntry, StatSighting};
@@ -49,51 +54,7 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
-
-/// The reason why the store cannot do what it was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum StoreError {
-    /// An operation on a file failed.
-    #[error("{doing} {}: {source}", path.display())]
-    Io {
-        /// The operation.
-        doing: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
-    /// The database reported an error.
-    #[error("using the state database {}: {source}", path.display())]
-    State {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: rusqlite::Error,
-    },
-    /// A newer program made the store.
-    #[error("{} has format {found}, this gs2e knows {known}", path.display())]
-    Newer {
-        /// The store.
-        path: PathBuf,
-        /// Its format.
-        found: String,
-        /// The format of this program.
-        known: u32,
-    },
-    /// Another process is working in the store.
-    #[error("{} is in use by {holder}", path.display())]
-    Locked {
-        /// The store.
-        path: PathBuf,
-        /// The holder of the lock: pid, host and command.
-        holder: String,
-    },
-    /// A key produced other bytes than before.
-    #[error("nondeterministic step: {0}")]
-    Nondeterministic(Box<OutputMismatch>),
-}
+use std::sync::{Mutex, MutexGuard};
 
 /// Format of the folder. Raise it when an older program can no longer use it.
 pub const FORMAT: u32 = 1;
@@ -119,48 +80,6 @@ pub struct Store {
 struct DigestCounts {
     trusted: AtomicUsize,
     hashed: AtomicUsize,
-}
-
-/// The purpose for which a store is opened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StoreAccess {
-    /// Reading: takes no lock, creates nothing.
-    Read,
-    /// Building: takes the lock, and waits for it.
-    Write,
-    /// Building: takes the lock, or fails at once.
-    WriteNow,
-}
-
-/// Options for opening a store.
-#[derive(Debug, Clone)]
-pub struct StoreOptions {
-    /// Purpose.
-    pub access: StoreAccess,
-    /// The writer, for others who wait.
-    pub claim: LockClaim,
-    /// True if every file is read, whatever its stat fields say.
-    pub verify: bool,
-    /// True if each file is synced before the next is written, instead of a whole batch at once.
-    pub sync_each: bool,
-    /// Folder of the database, if it must not lie in the store: for a store on a network file
-    /// system.
-    pub index: Option<PathBuf>,
-    /// Implementation of file operations.
-    pub fs: Arc<dyn Fs>,
-}
-
-impl From<StoreAccess> for StoreOptions {
-    fn from(access: StoreAccess) -> Self {
-        Self {
-            access,
-            claim: LockClaim::default(),
-            verify: false,
-            sync_each: false,
-            index: None,
-            fs: Arc::new(fs::SystemFs),
-        }
-    }
 }
 
 /// Folder of the states of interrupted steps, one folder per key.

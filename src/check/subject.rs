@@ -1,11 +1,15 @@
 //! The input of passes over a trajectory, and the construction of findings.
 
+mod judgement;
+
+pub(super) use judgement::{Judgement, LimitSide, between_bounds};
+
 use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
 use super::event_times::crossing::CrossingFit;
 use super::geometry::GeometryMeasures;
 use super::sampling::ResampledIntervals;
-use super::{DetectableFault, Finding, FindingSubject, Limits, StreamTally, Verdict};
+use super::{DetectableFault, Finding, Limits, StreamTally};
 use crate::foreign::ExternalReport;
 use crate::render::flow::FlowQuantiles;
 use crate::sensor::{SensorChoice, SimulationAccount};
@@ -108,44 +112,6 @@ impl TrajectorySubject<'_> {
     }
 }
 
-/// The verdict on one statement.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Judgement {
-    pub(super) verdict: Verdict,
-    pub(super) measured: Option<f64>,
-    pub(super) limit: Option<f64>,
-    pub(super) unit: &'static str,
-    pub(super) because: String,
-}
-
-impl Judgement {
-    /// The verdict on a statement that could not be measured.
-    pub(super) fn not_run(because: impl Into<String>) -> Self {
-        let verdict = Verdict::NotRun;
-        Self { verdict, measured: None, limit: None, unit: "1", because: because.into() }
-    }
-
-    /// The verdict on a measured value and a limit.
-    pub(super) fn from_value(
-        verdict: Verdict,
-        measured: f64,
-        limit: LimitSide,
-        unit: &'static str,
-        because: String,
-    ) -> Self {
-        Self { verdict, measured: Some(measured), limit: Some(limit.value), unit, because }
-    }
-
-    /// The finding of `name`; `part` names the statement if a pass makes several.
-    pub(super) fn finding(self, name: &str, check: &str, part: &str) -> Finding {
-        let subject = FindingSubject::new(name, part);
-        let Self { verdict, measured, limit, unit, because } = self;
-        let unit = unit.to_owned();
-        let detects = None;
-        Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because, detects }
-    }
-}
-
 impl Finding {
     /// This finding with the smallest fault that it would have shown.
     pub(super) fn detecting(self, size: f64, unit: &str) -> Self {
@@ -155,56 +121,10 @@ impl Finding {
     }
 }
 
-/// One end of an allowed range, and the verdict beyond it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct LimitSide {
-    pub(super) value: f64,
-    pub(super) beyond: Verdict,
-}
-
-impl LimitSide {
-    /// A limit that stops a release.
-    pub(super) fn gate(value: f64) -> Self {
-        Self { value, beyond: Verdict::Fail }
-    }
-
-    /// A limit that causes a warning.
-    pub(super) fn warning(value: f64) -> Self {
-        Self { value, beyond: Verdict::Warn }
-    }
-
-    /// The recipe's limit, which is a gate, or else the default.
-    pub(super) fn limit_or(recipe: Option<f64>, default: Self) -> Self {
-        recipe.map_or(default, Self::gate)
-    }
-
-    /// The verdict on a value that must not exceed this.
-    pub(super) fn at_most(self, measured: f64) -> Verdict {
-        // NaN is outside.
-        if measured <= self.value { Verdict::Pass } else { self.beyond }
-    }
-
-    /// The verdict on a value that must not be below this.
-    pub(super) fn at_least(self, measured: f64) -> Verdict {
-        if measured >= self.value { Verdict::Pass } else { self.beyond }
-    }
-}
-
-/// The verdict on a value between two bounds, and the relevant bound: the violated one, or else the
-/// nearer.
-pub(super) fn between_bounds(measured: f64, least: LimitSide, most: LimitSide) -> (Verdict, f64) {
-    match (least.at_least(measured), most.at_most(measured)) {
-        (Verdict::Pass, Verdict::Pass) if measured - least.value < most.value - measured => {
-            (Verdict::Pass, least.value)
-        }
-        (Verdict::Pass, verdict) => (verdict, most.value),
-        (verdict, _) => (verdict, least.value),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check::Verdict;
 
     #[test]
     fn a_value_is_held_against_the_bound_it_violates_or_the_nearer() {

@@ -1,16 +1,20 @@
 //! `gs2e build`: makes the stale steps, and no others.
 
+mod end;
+mod store;
+
+pub(super) use end::{exit_kind, tell_end};
+
+pub(super) use store::{open_store, option_tag, store_options, tell_notices};
+
 use super::BackendArg;
 use super::console::Console;
-use super::environment::Environment;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::progress::{EndSummary, Progress};
 use super::renderers::tell_gpu;
 use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
-use super::{
-    CommonArgs, RecipeTargets, clock, commands, failure, left_out, machine, on_interrupt, plan, takedown,
-};
+use super::{CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, plan, takedown};
 use crate::escape;
 use crate::files::is_there;
 use crate::plan::Plan;
@@ -22,11 +26,10 @@ use crate::run::backends::RendererChoice;
 use crate::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use crate::sensor::SensorChoice;
 use crate::stage::StepId;
-use crate::store::fs::FileStat;
+use crate::store::Store;
 use crate::store::link_tree::{LinkError, LinkTree};
 use crate::store::record::StoredOutput;
 use crate::store::space::DiskSpace;
-use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use crate::units::Hertz;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -166,14 +169,6 @@ fn link_outputs(to: &Path, store: &Store, outputs: &StepOutputs, console: &Conso
     Ok(())
 }
 
-/// Names this program and its options that may change a key.
-pub(super) fn option_tag(chosen: &RendererChoice) -> Digest {
-    // The stat fields identify a build of the program: a rebuilt program may compute other keys.
-    let program =
-        std::env::current_exe().and_then(|path| path.metadata()).map(|about| FileStat::from(&about));
-    Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
-}
-
 /// Prints one line for programs per step of the scenes that are up to date at a glance.
 fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     if console.json {
@@ -217,52 +212,6 @@ fn tell_sensor(scene: &str, sensor: &SensorChoice, rate: Hertz, console: &Consol
     super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, console);
     super::screening::tell_front_end(&sensor.as_model().front_end(), console);
     Ok(())
-}
-
-/// Opens the store for writing, and waits while another process holds it.
-pub(super) fn open_store(
-    common: &CommonArgs,
-    care: &TrustOptions,
-    console: &Console,
-) -> Result<Store, VerbError> {
-    let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
-    let claim =
-        LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
-    let sync_each = care.sync == SyncArg::Always;
-    let opening = StoreOptions { verify: care.verify, sync_each, claim, ..store_options(common, access) };
-    let store = Store::open(&common.store, opening, &mut |holder| {
-        let what = format!("{} is in use by {holder}", common.store.display());
-        console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));
-    })?;
-    tell_notices(&store, console);
-    Ok(store)
-}
-
-/// The options with which this user opens the store.
-pub(super) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
-    StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
-}
-
-/// The folder for the database of a store on a remote disk: in the user's cache, named after the
-/// store's path. `None` for a local store.
-fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
-    let path = std::path::absolute(store).ok()?;
-    // The store may not exist yet; its nearest existing ancestor is on the same file system.
-    let there = path.ancestors().find(|path| path.is_dir())?;
-    DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
-    Some(
-        environment
-            .cache_folder()?
-            .join("gs2e")
-            .join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()),
-    )
-}
-
-/// Prints the repairs of the store since the last call.
-pub(super) fn tell_notices(store: &Store, console: &Console) {
-    for notice in store.take_notices() {
-        console.tell(&UserMessage::new(MessageLevel::Warning, "state-rebuilt", notice));
-    }
 }
 
 /// A build as the user requested it.
@@ -394,43 +343,5 @@ fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice
         recheck: care.recheck.map(|share| RecheckPolicy { share, seed }),
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
-    }
-}
-
-fn last_line(summary: &RunSummary, seconds: f64) -> String {
-    let RunSummary { made, kept, failures, unreached, interrupted, .. } = summary;
-    if *interrupted {
-        let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
-        return format!(
-            "interrupted: {finished} of {all} steps are finished and kept; run the same command to continue"
-        );
-    }
-    let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
-    if *unreached > 0 {
-        text.push_str(&format!(", not reached {unreached}"));
-    }
-    format!("{text}; {seconds:.2} s")
-}
-
-/// Prints the last line, and for programs the interruption of a run.
-pub(super) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
-    let line = last_line(summary, seconds);
-    if summary.interrupted && console.json {
-        console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
-    }
-    if summary.rechecked > 0 {
-        console.say(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
-    }
-    console.say(&line);
-}
-
-pub(super) fn exit_kind(summary: &RunSummary) -> ExitKind {
-    // An interrupted run may have failures too; the interrupt decides.
-    if summary.interrupted {
-        ExitKind::Interrupted
-    } else if summary.failures.is_empty() {
-        ExitKind::Done
-    } else {
-        ExitKind::Failed
     }
 }

@@ -8,7 +8,7 @@
 
 use super::align::{CameraPair, PoseDistance, pose_distances};
 use super::colmap_run::{ColmapOptions, colmap_run};
-use super::{ForeignError, Told, TrajectoryPicture, features, versions};
+use super::{ForeignAnswer, ForeignError, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
 use crate::programs::EndKind;
 use crate::reconstruct::TrainingWorkspace;
@@ -69,7 +69,7 @@ pub fn register_pictures(
     pictures: &[TrajectoryPicture],
     camera: &Camera,
     desk: TrainingWorkspace<'_>,
-) -> Result<Told<ColmapPoses>, ForeignError> {
+) -> Result<ForeignAnswer<ColmapPoses>, ForeignError> {
     let program = match versions::colmap(desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
@@ -96,7 +96,7 @@ fn make_model(
     pictures: &[TrajectoryPicture],
     camera: &Camera,
     desk: TrainingWorkspace<'_>,
-) -> Result<Told<Vec<ColmapImage>>, ForeignError> {
+) -> Result<ForeignAnswer<Vec<ColmapImage>>, ForeignError> {
     let place = |name: &str| desk.folder.join(name);
     let (database, images, sparse) = (place("database.db"), place("images"), place("sparse"));
     for folder in [&images, &sparse] {

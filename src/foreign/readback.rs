@@ -1,7 +1,7 @@
 //! Released files as other programs read them: events by h5py, their index by numpy, pictures by
 //! OpenCV.
 
-use super::{ForeignError, Told, TrajectoryPicture, python, versions};
+use super::{ForeignAnswer, ForeignError, TrajectoryPicture, python, versions};
 use crate::event::{Event, EventSource as _, h5};
 use crate::files;
 use crate::image::png;
@@ -22,7 +22,7 @@ pub struct ReadbackReport {
     /// The event streams, ordered by name.
     pub streams: Vec<StreamRead>,
     /// The pictures, or the reason why they were not read.
-    pub pictures: Told<PicturesRead>,
+    pub pictures: ForeignAnswer<PicturesRead>,
 }
 
 /// Comparison of an event file as read by other programs and by this program.
@@ -74,7 +74,7 @@ pub fn read_back(
     streams: &[PathBuf],
     pictures: &[TrajectoryPicture],
     desk: TrainingWorkspace<'_>,
-) -> Result<Told<ReadbackReport>, ForeignError> {
+) -> Result<ForeignAnswer<ReadbackReport>, ForeignError> {
     let mut program = match versions::having(&["h5py", "numpy"], desk.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),

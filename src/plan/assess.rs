@@ -1,123 +1,22 @@
 //! Assessment of steps: compares the key of each step with the store to decide if it must run, and
 //! finds the reason.
 
+mod change;
+mod verdict;
+
+pub use change::{DescriptionChange, changed_lines};
+
+pub use verdict::{PlanError, StepAction, StepAssessment, StepReason};
+
 use super::{Plan, PlannedStep};
-use crate::recipe::RecipePosition;
 use crate::stage::capture::CaptureStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::{Stage, StageError, StepId};
-use crate::store::description::{DescribedValue, ExplanationLine};
+use crate::store::description::DescribedValue;
 use crate::store::record::{StoredOutput, content_digest};
 use crate::store::stat_cache::StatSighting;
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
-use serde::Serialize;
 use std::path::PathBuf;
-
-/// The action for a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum StepAction {
-    /// It must run: its key has no sound record.
-    Run,
-    /// An input will run, or a program must be asked for its version. If both are as before, the
-    /// step stays.
-    MayRun,
-    /// Up to date.
-    Keep,
-}
-
-/// The reason for an action.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-#[serde(tag = "code", rename_all = "kebab-case")]
-pub enum StepReason {
-    /// Recorded, with all outputs present.
-    UpToDate,
-    /// An input runs first.
-    InputMayChange {
-        /// The step that makes the input.
-        step: String,
-    },
-    /// Its key contains the version of a program, which is not asked before the step may run.
-    NotAsked {
-        /// Name of the program.
-        program: String,
-    },
-    /// Never made.
-    NoRecord,
-    /// An input has changed.
-    InputChanged {
-        /// Role of the input.
-        name: String,
-        /// Previous digest; empty if there was none.
-        old: String,
-        /// Present digest; empty if it is absent.
-        new: String,
-    },
-    /// A parameter has changed.
-    ParamChanged {
-        /// Path in the description.
-        name: String,
-        /// Previous value; empty if there was none.
-        old: String,
-        /// Present value; empty if it is absent.
-        new: String,
-    },
-    /// The revision of the stage has changed.
-    Revision {
-        /// Previous revision.
-        old: String,
-        /// Present revision.
-        new: String,
-    },
-    /// The numerical class has changed.
-    Class {
-        /// Previous class.
-        old: String,
-        /// Present class.
-        new: String,
-    },
-    /// Recorded, but an output is missing.
-    BlobMissing {
-        /// Its digest.
-        digest: String,
-    },
-    /// Recorded, but an output was altered.
-    BlobAltered {
-        /// Its digest.
-        digest: String,
-    },
-}
-
-/// A step compared with the store.
-#[derive(Debug, Clone)]
-pub struct StepAssessment {
-    /// The action.
-    pub action: StepAction,
-    /// The reason for the action.
-    pub reason: StepReason,
-    /// Its key; `None` while an input or the version of a program may change.
-    pub key: Option<Key>,
-    /// The description of the key, without inputs that are not known yet.
-    pub description: DescribedValue,
-    /// The files outside the store that it reads.
-    pub sources: SourceFiles,
-    /// Its outputs, if it is up to date.
-    pub outputs: Option<Vec<StoredOutput>>,
-}
-
-impl StepAssessment {
-    /// The difference from the last time the step was made, with `last` as the description on
-    /// record. An input that is not known yet is not a difference.
-    #[must_use]
-    pub fn changes(&self, last: &[ExplanationLine]) -> Vec<DescriptionChange> {
-        let mut changes = changed_lines(last, &self.description.lines());
-        let is_unknown =
-            |c: &DescriptionChange| c.path == "inputs" || c.path.starts_with("inputs.") && c.new.is_empty();
-        // Without a key, an absent input is one that is not known yet, and no difference.
-        changes.retain(|c| self.key.is_some() || !is_unknown(c));
-        changes
-    }
-}
 
 /// The files outside the store that a step reads, at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -162,40 +61,6 @@ pub struct StepProduct {
     pub outputs: Vec<StoredOutput>,
     /// Files that it read outside the store.
     pub sources: SourceFiles,
-}
-
-/// The reason why a plan cannot be made.
-#[derive(Debug, thiserror::Error)]
-pub enum PlanError {
-    /// A source file does not exist.
-    #[error("{scene}: the source does not exist: {}{}", path.display(), named_place(named_at.as_ref()))]
-    Missing {
-        /// Scene id.
-        scene: String,
-        /// Name of the step that reads it.
-        step: String,
-        /// The missing path.
-        path: std::path::PathBuf,
-        /// Its place in the recipe.
-        named_at: Option<RecipePosition>,
-    },
-    /// A source cannot be listed or read.
-    #[error("{scene}/{step}: failed to {cause}")]
-    Source {
-        /// Scene id.
-        scene: String,
-        /// Step name.
-        step: String,
-        /// Cause.
-        cause: StageError,
-    },
-    /// The store failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
-
-fn named_place(at: Option<&RecipePosition>) -> String {
-    at.map(|at| format!(", named at {at}")).unwrap_or_default()
 }
 
 /// Compares a whole plan with the store, and runs nothing.
@@ -345,56 +210,10 @@ fn find_difference(
     Ok(first.map_or(StepReason::NoRecord, DescriptionChange::reason))
 }
 
-/// A line that differs between two descriptions.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct DescriptionChange {
-    /// Path of the line.
-    pub path: String,
-    /// Previous text; empty if it was absent.
-    pub old: String,
-    /// Present text; empty if it is absent.
-    pub new: String,
-}
-
-impl DescriptionChange {
-    fn reason(self) -> StepReason {
-        let Self { path, old, new } = self;
-        let below = |prefix: &str| path.strip_prefix(prefix).map(str::to_owned);
-        match path.as_str() {
-            "revision" => StepReason::Revision { old, new },
-            "class" => StepReason::Class { old, new },
-            _ => match (below("inputs."), below("params.")) {
-                (Some(name), _) => StepReason::InputChanged { name, old, new },
-                (None, Some(name)) => StepReason::ParamChanged { name, old, new },
-                (None, None) => StepReason::ParamChanged { name: path, old, new },
-            },
-        }
-    }
-}
-
-/// The lines that differ, the most important first: revision and class, then parameters, then
-/// inputs.
-#[must_use]
-pub fn changed_lines(old: &[ExplanationLine], new: &[ExplanationLine]) -> Vec<DescriptionChange> {
-    let text = |lines: &[ExplanationLine], path: &str| {
-        lines.iter().find(|l| l.path == path).map(|l| l.text.clone()).unwrap_or_default()
-    };
-    let mut paths: Vec<&str> = old.iter().chain(new).map(|l| l.path.as_str()).collect();
-    let rank = |path: &str| match path {
-        "revision" | "class" => 0,
-        p if p.starts_with("params.") => 1,
-        _ => 2,
-    };
-    paths.sort_by_key(|path| (rank(path), *path));
-    paths.dedup();
-    let change =
-        |path: &str| DescriptionChange { path: path.to_owned(), old: text(old, path), new: text(new, path) };
-    paths.into_iter().map(change).filter(|c| c.old != c.new).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::description::ExplanationLine;
 
     fn lines(text: &str) -> Vec<ExplanationLine> {
         let split = text.split(';').filter_map(|line| line.trim().split_once('='));

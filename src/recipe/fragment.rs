@@ -1,16 +1,18 @@
 //! Trajectories or the sensor alone, read from a recipe or from a partial file. Single steps use
 //! them.
 
+mod sensor;
+
+pub use sensor::{draw_sensor, read_sensor, sensor_from_text};
+
 use super::fault::{RecipeFault, RecipeFaults};
 use super::find::find_all;
-use super::load::{DefaultsLibrary, RecipeParts};
+use super::load::DefaultsLibrary;
 use super::{RecipeFile, TrajectoryRecipe, keys};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
-use crate::sensor::{SensorChoice, SensorSet};
 use crate::trajectory::sample::SummationRule;
 use crate::units::Hertz;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The trajectories of a file, with the other settings that affect them.
@@ -50,94 +52,6 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     read_trajectories(file).map_err(all_faults)
 }
 
-/// Keys of a recipe that affect the sensor.
-const OF_THE_SENSOR: [&str; 5] = ["version", "preset", "group", SENSOR, "sampling"];
-/// Keys of a recipe that affect its named sensors.
-const OF_SENSORS: [&str; 5] = ["version", "preset", "group", SENSORS, "sampling"];
-
-/// The key of the only sensor, and the key of several.
-const SENSOR: &str = "sensor";
-const SENSORS: &str = "sensors";
-
-/// Replacement for the other keys. The check of the noise per frame interval needs an interval; it uses
-/// one microsecond here.
-const STAND_IN_FOR_THEM: &str = "version: 1\nscene: sensor\nsource: { procedural: {} }\n\
-    trajectories: [{ name: base, refine: {} }]\nsampling: { rate: 1000000 }\n";
-
-/// Reads the sensor of a file. The file contains either the content of the key `sensor` or a
-/// recipe. Of a recipe, only the sensors and `sampling` are read. `name` is the name of one of
-/// `sensors`, and is wanted exactly if the recipe has this key. Numbers with a law are drawn with seed 0.
-///
-/// # Errors
-/// The fragment has faults, or has no sensor of this name.
-pub fn read_sensor(path: &Path, name: Option<&str>) -> Result<SensorChoice, RecipeFaults> {
-    draw_sensor(path, name, 0).map(|(sensor, _)| sensor)
-}
-
-/// Like [`read_sensor`], with the numbers drawn for a seed, and their list by path.
-///
-/// # Errors
-/// As [`read_sensor`].
-pub fn draw_sensor(
-    path: &Path,
-    name: Option<&str>,
-    seed: u64,
-) -> Result<(SensorChoice, BTreeMap<String, f64>), RecipeFaults> {
-    let read = || sensor_of(RecipeParts::without_defaults(path)?, (path, name), seed);
-    read().map_err(all_faults)
-}
-
-/// Reads a sensor from a text with the same content as a file of [`read_sensor`]. Faults name the text
-/// as `shown`.
-///
-/// # Errors
-/// As [`read_sensor`].
-pub fn sensor_from_text(
-    text: String,
-    shown: &Path,
-    name: Option<&str>,
-) -> Result<SensorChoice, RecipeFaults> {
-    let read = || sensor_of(RecipeParts::of_text(shown, text)?, (shown, name), 0);
-    read().map(|(sensor, _)| sensor).map_err(all_faults)
-}
-
-fn sensor_of(
-    parts: RecipeParts,
-    (path, name): (&Path, Option<&str>),
-    seed: u64,
-) -> Result<(SensorChoice, BTreeMap<String, f64>), Vec<RecipeFault>> {
-    let refusal = |message: String, help: &str| vec![RecipeFault::of_file(path, &message, Some(help))];
-    let has_names = parts.has(SENSORS);
-    if let Some(name) = name.filter(|_| !has_names) {
-        let message = format!("it has one sensor without a name, asked for is {name}");
-        return Err(refusal(message, "leave the name out"));
-    }
-    // The content of the key may stand alone in the file.
-    let parts = if has_names || parts.has(SENSOR) { parts } else { parts.under(SENSOR) };
-    let kept = if has_names { OF_SENSORS } else { OF_THE_SENSOR };
-    let others = format!("{STAND_IN_FOR_THEM}seed: {seed}\n");
-    let recipe = parts.standing_in(&all_but(&kept), &others).with_ranges().resolved()?;
-    // The stand-in has one trajectory.
-    let drawn = recipe.trajectories.into_iter().find_map(|trajectory| trajectory.drawn);
-    let (sensors, mut numbers) = match drawn {
-        Some(drawn) => (drawn.sensors, drawn.numbers),
-        None => (recipe.sensors, BTreeMap::new()),
-    };
-    let mut sensors = match sensors {
-        SensorSet::One(sensor) => return Ok((sensor, numbers.remove("").unwrap_or_default())),
-        SensorSet::Named(sensors) => sensors,
-    };
-    let names = sensors.keys().cloned().collect::<Vec<_>>().join(", ");
-    let Some(name) = name else {
-        let help = "name one after a colon, such as recipe.yaml:noisy";
-        return Err(refusal(format!("it has several sensors: {names}"), help));
-    };
-    match sensors.remove(name) {
-        Some(sensor) => Ok((sensor, numbers.remove(name).unwrap_or_default())),
-        None => Err(refusal(format!("it has no sensor {name}"), &format!("its sensors are {names}"))),
-    }
-}
-
 /// Faults from a list that is not empty.
 fn all_faults(faults: Vec<RecipeFault>) -> RecipeFaults {
     RecipeFaults::value_or((), faults).expect_err("there are faults")
@@ -164,6 +78,7 @@ fn read_trajectories(file: &RecipeFile) -> Result<TrajectoryFragment, Vec<Recipe
 mod tests {
     use super::*;
     use crate::recipe::read_all;
+    use crate::sensor::SensorChoice;
 
     /// Reads a fragment from a file with this text.
     fn fragment(text: &str) -> Result<TrajectoryFragment, String> {

@@ -8,7 +8,7 @@ use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::foreign::versions::VersionQuery;
 use crate::foreign::{
-    ExternalReport, ForeignError, Told, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
+    ExternalReport, ForeignAnswer, ForeignError, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
 };
 use crate::reconstruct::TrainingWorkspace;
 use crate::source::Capture;
@@ -146,8 +146,8 @@ fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
 fn at_desk<T>(
     name: &str,
     cx: &StageContext<'_>,
-    ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<Told<T>, ForeignError>,
-) -> Result<Told<T>, StageError> {
+    ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<ForeignAnswer<T>, ForeignError>,
+) -> Result<ForeignAnswer<T>, StageError> {
     known_program(name, cx, ask, stage_failure)
 }
 

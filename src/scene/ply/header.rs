@@ -2,6 +2,10 @@
 //!
 //! Grammar: Greg Turk, "The PLY Polygon File Format", 1994.
 
+mod property;
+
+pub(super) use property::{NumberType, PlyElement, PlyProperty, PropertyKind};
+
 use super::notes::PlyNotes;
 use crate::scene::SceneError;
 use crate::scene::cursor::ByteCursor;
@@ -12,85 +16,6 @@ pub(super) enum BodyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
-}
-
-/// A property's number type.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum NumberType {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-impl NumberType {
-    /// Number of bytes of a value.
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-}
-
-/// The type of a property.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PropertyKind {
-    One(NumberType),
-    List { length: NumberType, item: NumberType },
-}
-
-#[derive(Debug, Clone)]
-pub(super) struct PlyProperty {
-    pub(super) name: String,
-    pub(super) kind: PropertyKind,
-}
-
-#[derive(Debug, Clone)]
-pub(super) struct PlyElement {
-    pub(super) name: String,
-    pub(super) count: usize,
-    pub(super) properties: Vec<PlyProperty>,
-}
-
-impl PlyElement {
-    /// Number of bytes of a row, or `None` if rows contain a list and differ.
-    pub(super) fn stride(&self) -> Option<usize> {
-        self.properties
-            .iter()
-            .map(|p| if let PropertyKind::One(n) = p.kind { Some(n.size()) } else { None })
-            .sum()
-    }
-
-    /// Number of bytes of a row; an error if rows differ.
-    pub(super) fn flat_stride(&self, at: &ByteCursor) -> Result<usize, SceneError> {
-        let what = format!("a list among the properties of `{}`", self.name);
-        self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
-    }
-
-    pub(super) fn has(&self, property: &str) -> bool {
-        self.properties.iter().any(|p| p.name == property)
-    }
 }
 
 /// Maximum length of a header, bytes: ours has 1,600. The bound keeps the search for repeated names

@@ -1,0 +1,44 @@
+//! The last lines of a build, and its exit code.
+
+use crate::cli::console::Console;
+use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::problem::ExitKind;
+use crate::run::RunSummary;
+
+fn last_line(summary: &RunSummary, seconds: f64) -> String {
+    let RunSummary { made, kept, failures, unreached, interrupted, .. } = summary;
+    if *interrupted {
+        let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
+        return format!(
+            "interrupted: {finished} of {all} steps are finished and kept; run the same command to continue"
+        );
+    }
+    let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
+    if *unreached > 0 {
+        text.push_str(&format!(", not reached {unreached}"));
+    }
+    format!("{text}; {seconds:.2} s")
+}
+
+/// Prints the last line, and for programs the interruption of a run.
+pub(in crate::cli) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
+    let line = last_line(summary, seconds);
+    if summary.interrupted && console.json {
+        console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
+    }
+    if summary.rechecked > 0 {
+        console.say(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
+    }
+    console.say(&line);
+}
+
+pub(in crate::cli) fn exit_kind(summary: &RunSummary) -> ExitKind {
+    // An interrupted run may have failures too; the interrupt decides.
+    if summary.interrupted {
+        ExitKind::Interrupted
+    } else if summary.failures.is_empty() {
+        ExitKind::Done
+    } else {
+        ExitKind::Failed
+    }
+}

@@ -1,0 +1,67 @@
+//! The store of a build: how it is opened, and its notices.
+
+use super::{SyncArg, TrustOptions};
+use crate::cli::console::Console;
+use crate::cli::environment::Environment;
+use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::problem::VerbError;
+use crate::cli::{CommonArgs, clock};
+use crate::run::backends::RendererChoice;
+use crate::store::fs::FileStat;
+use crate::store::space::DiskSpace;
+use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
+use std::path::{Path, PathBuf};
+
+/// Names this program and its options that may change a key.
+pub(in crate::cli) fn option_tag(chosen: &RendererChoice) -> Digest {
+    // The stat fields identify a build of the program: a rebuilt program may compute other keys.
+    let program =
+        std::env::current_exe().and_then(|path| path.metadata()).map(|about| FileStat::from(&about));
+    Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
+}
+
+/// Opens the store for writing, and waits while another process holds it.
+pub(in crate::cli) fn open_store(
+    common: &CommonArgs,
+    care: &TrustOptions,
+    console: &Console,
+) -> Result<Store, VerbError> {
+    let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
+    let claim =
+        LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
+    let sync_each = care.sync == SyncArg::Always;
+    let opening = StoreOptions { verify: care.verify, sync_each, claim, ..store_options(common, access) };
+    let store = Store::open(&common.store, opening, &mut |holder| {
+        let what = format!("{} is in use by {holder}", common.store.display());
+        console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));
+    })?;
+    tell_notices(&store, console);
+    Ok(store)
+}
+
+/// The options with which this user opens the store.
+pub(in crate::cli) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
+    StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
+}
+
+/// The folder for the database of a store on a remote disk: in the user's cache, named after the
+/// store's path. `None` for a local store.
+fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
+    let path = std::path::absolute(store).ok()?;
+    // The store may not exist yet; its nearest existing ancestor is on the same file system.
+    let there = path.ancestors().find(|path| path.is_dir())?;
+    DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
+    Some(
+        environment
+            .cache_folder()?
+            .join("gs2e")
+            .join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()),
+    )
+}
+
+/// Prints the repairs of the store since the last call.
+pub(in crate::cli) fn tell_notices(store: &Store, console: &Console) {
+    for notice in store.take_notices() {
+        console.tell(&UserMessage::new(MessageLevel::Warning, "state-rebuilt", notice));
+    }
+}

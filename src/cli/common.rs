@@ -1,0 +1,151 @@
+//! The options of all verbs, and the machine, renderer and programs that they choose.
+
+use super::console::Console;
+use super::environment::Environment;
+use super::machine;
+use super::problem::VerbError;
+use crate::files;
+use crate::programs::ProgramFinder;
+use crate::render::OmissionPolicy;
+use crate::render::backend::Backend;
+use crate::render::gpu::{self, GpuDevice, GpuError};
+use crate::run::backends::{AutoRenderers, RendererChoice, RendererKind};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Options of every verb.
+#[derive(Debug, Clone, Args)]
+pub(super) struct CommonArgs {
+    /// Work in this folder
+    #[arg(short = 'C', long = "directory", value_name = "DIR", global = true)]
+    pub(super) directory: Option<PathBuf>,
+    /// Folder of the store, which keeps the built products
+    #[arg(long, value_name = "DIR", default_value = CommonArgs::STORE, global = true)]
+    pub(super) store: PathBuf,
+    /// Cores to use [default: all]
+    #[arg(short = 'j', long = "jobs", value_name = "N", global = true, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) jobs: Option<u16>,
+    /// Keep going past a failed scene
+    #[arg(short = 'k', long, global = true)]
+    pub(super) keep_going: bool,
+    /// Renderer
+    #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
+    pub(super) backend: BackendArg,
+    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name
+    #[arg(long, value_name = "NAME or INDEX", global = true)]
+    pub(super) gpu: Option<gpu::DeviceChoice>,
+    /// Also do the rendering work that changes no bit, for comparison with a normal build
+    #[arg(long, global = true)]
+    pub(super) no_omit: bool,
+    /// Run the programs that recipes name, instead of showing them
+    #[arg(long, global = true)]
+    pub(super) allow_commands: bool,
+    /// Fail instead of waiting while another gs2e uses the store
+    #[arg(long, global = true)]
+    pub(super) no_wait: bool,
+    /// Print results for programs to stdout
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+    /// Print failures only
+    #[arg(short, long, global = true)]
+    pub(super) quiet: bool,
+    /// Print more: the work that each trajectory skipped
+    #[arg(short, long, global = true)]
+    pub(super) verbose: bool,
+    /// The whole command as typed, shown to other processes that wait for this one.
+    #[arg(skip)]
+    pub(super) command: String,
+    #[arg(skip)]
+    pub(super) environment: Environment,
+}
+
+impl CommonArgs {
+    /// Default folder of the store.
+    pub(super) const STORE: &'static str = ".gs2e";
+
+    /// The renderer of the scenes of recipes. The keys of their steps depend on it.
+    pub(super) fn renderers(&self) -> Result<RendererChoice, VerbError> {
+        let by = match self.backend {
+            // A software GPU is slower than the CPU renderer, so it is used only if it is named.
+            BackendArg::Auto => RendererKind::Auto(AutoRenderers::new(
+                self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware),
+            )),
+            _ => RendererKind::One(self.backend()?),
+        };
+        Ok(RendererChoice::new(by, self.omit(), self.programs()))
+    }
+
+    /// The programs on the user's path. This program supervises them, even if its own file was
+    /// replaced meanwhile.
+    pub(super) fn programs(&self) -> ProgramFinder {
+        // The link in /proc still leads to the running executable after its file was replaced or
+        // deleted.
+        let own = PathBuf::from("/proc/self/exe");
+        let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
+        ProgramFinder::new(self.environment.path(), own)
+    }
+
+    /// Number of cores to use.
+    pub(super) fn cores(&self) -> usize {
+        self.jobs.map_or_else(machine::available_cores, usize::from)
+    }
+
+    /// Limits `-j` to the cores of this machine. Idle threads look for work at each other, so the
+    /// time that they take grows with the square of their number.
+    pub(super) fn clamp_jobs(&mut self, console: &Console) {
+        let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
+        if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
+            console.say(&format!("-j {jobs} exceeds the cores of this machine: using {cores} cores"));
+            self.jobs = Some(cores);
+        }
+    }
+
+    /// The work that renderers leave out.
+    pub(super) fn omit(&self) -> OmissionPolicy {
+        if self.no_omit { OmissionPolicy::Nothing } else { OmissionPolicy::Needless }
+    }
+
+    /// The back end for renderings other than the scenes of recipes: the CPU unless another one is
+    /// requested.
+    pub(super) fn backend(&self) -> Result<Backend, VerbError> {
+        match self.backend {
+            BackendArg::Gpu => {
+                self.device(&gpu::DeviceChoice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e))
+            }
+            _ if self.gpu.is_some() => Err(VerbError::usage(
+                "no-adapter",
+                "--gpu selects a GPU, but the backend is not a GPU".to_owned(),
+            )
+            .help("add --backend gpu")),
+            BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
+            BackendArg::Reference => Ok(Backend::Reference),
+        }
+    }
+
+    /// The GPU that `--gpu` chooses, or else one that matches `otherwise`.
+    pub(super) fn device(&self, otherwise: &gpu::DeviceChoice) -> Result<GpuDevice, GpuError> {
+        GpuDevice::open(self.gpu.as_ref().unwrap_or(otherwise))
+    }
+
+    /// Limits a single step to the cores that it may use.
+    pub(super) fn limit_cores(&self) {
+        if let Some(jobs) = self.jobs {
+            // It fails only if a thread pool exists already, and no verb starts one before this
+            // call.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum BackendArg {
+    Auto,
+    Cpu,
+    Gpu,
+    Reference,
+}
+
+/// The error for a requested GPU that is absent or cannot be used.
+fn no_adapter(error: &GpuError) -> VerbError {
+    VerbError::usage("no-adapter", error.to_string()).help("use --backend cpu, or leave the option out")
+}

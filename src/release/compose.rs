@@ -1,0 +1,197 @@
+//! The files of a release, composed in memory.
+
+use super::built::{BuiltScene, BuiltTrajectory};
+use super::croissant::DescribedRelease;
+use super::facts::ReleaseFacts;
+use super::manifest::{Publisher, ReleaseManifest};
+use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
+use super::scene::SceneRecord;
+use super::scene::{SplitPart, TrajectoryPart};
+use super::tree::{FileContent, ReleaseTree};
+use super::{
+    ReleaseContext, ReleaseError, TOOL, card, checksum, croissant, datasheet, index, layout, loader,
+    manifest, path_picture, products, published, report, reuse, scene, split, standing,
+};
+use crate::artifact::TrajectoryProduct;
+use crate::camera::Camera;
+use crate::licence::{ComposedTerms, Redistributability};
+use crate::recipe::ReleaseInfo;
+use crate::store::Store;
+use crate::store::record::StoredOutput;
+use crate::trajectory::transforms;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Composes the tree without the sums. Also returns the scenes as their files describe them.
+pub(super) fn compose_tree(
+    scenes: Vec<BuiltScene<'_>>,
+    store: &Store,
+    context: &ReleaseContext,
+) -> Result<(ReleaseTree, Vec<PublishedScene>), ReleaseError> {
+    let info = &context.info;
+    let described = describe_all(&scenes, info)?;
+    let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
+    for (scene, file) in scenes.into_iter().zip(described) {
+        let files = scene_files(&scene, &file, store);
+        let described = manifest::manifest_scene(&scene, files.listing());
+        published.push(PublishedScene::of(scene, file, described.files.clone()));
+        listed.push(described);
+        tree.extend(files);
+    }
+    let licence = terms_of(&published);
+    let facts = ReleaseFacts { scenes: &published, info, taken_down: context.taken_down, licence: &licence };
+    let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
+    let manifest = ReleaseManifest {
+        format: standing::FORMAT,
+        name: info.name.clone(),
+        version: info.version.clone(),
+        publisher: Some(Publisher::of(info)),
+        tool: TOOL.into(),
+        licence: licence.expression,
+        taken_down: context.taken_down,
+        splits: info.splits.clone(),
+        scenes: listed,
+        // The manifest is not among them: it cannot contain its own digest.
+        files: top.listing(),
+    };
+    tree.extend(top);
+    tree.add(manifest::NAME.into(), FileContent::json(&manifest));
+    Ok((tree, published))
+}
+
+/// The combined terms of all scenes.
+pub(super) fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
+    crate::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
+}
+
+/// Composes the files at the top of the tree, except for the manifest and the sums.
+pub(super) fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
+    let ReleaseFacts { scenes, info, licence, .. } = *facts;
+    let mut top = ReleaseTree::default();
+    top.add(layout::CARD.into(), FileContent::Bytes(card::compose_card(facts).into_bytes()));
+    top.add(datasheet::NAME.into(), FileContent::Bytes(datasheet::compose_datasheet(facts).into_bytes()));
+    let files: Vec<&SceneRecord> = scenes.iter().map(|scene| &scene.file).collect();
+    let reuse = reuse::compose_reuse(&files, &licence.expression);
+    top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
+    // The loader has terms of its own, which no scene brings.
+    for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
+        let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
+        top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
+    }
+    top.add(loader::NAME.into(), FileContent::Bytes(loader::TEXT.into()));
+    let index = index_of(scenes);
+    let paths = scenes.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
+    let release =
+        DescribedRelease { info, licence: &licence.expression, scenes: &files, paths, index: &index };
+    top.add(croissant::NAME.into(), FileContent::json(&croissant::compose_croissant(&release)));
+    top.add(index::NAME.into(), FileContent::Bytes(index));
+    // Last, because it links to every other file.
+    let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
+    let linked = top.paths().map(str::to_owned).chain(others).collect();
+    top.add(
+        report::NAME.into(),
+        FileContent::Bytes(report::compose_page(facts, linked, places).into_bytes()),
+    );
+    top
+}
+
+/// The holders of the owners' parts, sorted.
+fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
+    let licences = scenes.iter().filter_map(|scene| scene.recipe.licence.as_ref());
+    let holders: BTreeSet<&String> = licences.map(|licence| &licence.holder).collect();
+    holders.into_iter().cloned().collect()
+}
+
+/// Describes the scenes, and deals them into splits if the release has splits.
+fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneRecord>, ReleaseError> {
+    let mut described: Vec<SceneRecord> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
+    // Afterwards, because the split follows from the description.
+    if let Some(splits) = &info.splits {
+        for file in &mut described {
+            file.split = Some(split::split_part(file, splits));
+        }
+    }
+    let leaks = split::find_leaks(&described);
+    if leaks.is_empty() { Ok(described) } else { Err(ReleaseError::Leaks(leaks)) }
+}
+
+/// Warnings for splits without a scene.
+pub(super) fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec<String> {
+    // Groups are dealt by a hash, so a small release may leave a split empty.
+    let names = info.splits.iter().flat_map(|splits| splits.shares.keys());
+    let splits: Vec<&SplitPart> = scenes.iter().filter_map(|scene| scene.file.split.as_ref()).collect();
+    let has = |name: &str| splits.iter().any(|split| split.name == name);
+    names.filter(|name| !has(name)).map(|name| format!("no scene is in the split {name}")).collect()
+}
+
+fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError> {
+    // Only the file of the Gaussians is read for it.
+    let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
+    scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
+}
+
+fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
+    let sources_of = |t: &PublishedTrajectory| index::IndexSources::from_files(&t.motion.report, &t.findings);
+    let rows = scenes.iter().flat_map(|scene| {
+        let sources: Vec<index::IndexSources> = scene.trajectories.iter().map(sources_of).collect();
+        index::scene_rows(&scene.file, &sources)
+    });
+    index::compose_index(rows.collect())
+}
+
+fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> ReleaseTree {
+    let id = &scene.recipe.scene;
+    let mut tree = ReleaseTree::default();
+    // These two show nothing of the scene, and are written for withheld scenes as well.
+    tree.add(format!("{id}/{}", layout::SCENE), FileContent::json(file));
+    if let Some(photographed) = &scene.photographed {
+        tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));
+    }
+    for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
+        let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
+        let shown =
+            |name: &str| scene.licence.passing != Redistributability::Withheld || products::is_metadata(name);
+        for (name, content) in trajectory_files(scene, (trajectory, part), store) {
+            if shown(&name) {
+                tree.add(at(&name), content);
+            }
+        }
+    }
+    tree
+}
+
+/// The files of a trajectory by their names in its folder. Internal files of the store (the
+/// brightness that the sensor saw, the counts of the simulation) stay there.
+fn trajectory_files(
+    scene: &BuiltScene<'_>,
+    (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
+    store: &Store,
+) -> BTreeMap<String, FileContent> {
+    let blob = |o: &StoredOutput| FileContent::Blob {
+        path: store.path_of(&o.digest),
+        digest: o.digest,
+        size: o.size,
+    };
+    let outputs = |step: &str| scene.outputs(&trajectory.name, step);
+    let made = layout::made(outputs, &published::stream_names(part));
+    let mut files: BTreeMap<String, FileContent> =
+        made.into_iter().map(|(name, output)| (name, blob(output))).collect();
+    files.insert(layout::CHECKS.into(), FileContent::json(&trajectory.findings));
+    let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
+    files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
+    let sharp: Vec<&str> = outputs(products::SHARP.name()).iter().map(|o| o.name.as_str()).collect();
+    let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
+    files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
+    files
+}
+
+/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted.
+pub(super) fn transforms_of(
+    camera: &Camera,
+    part: &TrajectoryPart,
+    motion: &TrajectoryProduct,
+    sharp: &[&str],
+) -> serde_json::Value {
+    let blurred = &published::exposures(part, motion);
+    transforms::compose_transforms(camera, &motion.trajectory, &transforms::PictureLinks { sharp, blurred })
+}

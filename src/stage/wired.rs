@@ -1,0 +1,126 @@
+//! A stage with its inputs, its type erased, as the plan holds it.
+
+use super::context::StageContext;
+use super::error::StageError;
+use super::target::StageInputs;
+use super::{SourceFile, Stage, StepId, StepNeed};
+use crate::artifact::ArtifactFiles;
+use crate::store::Digest;
+use crate::store::description::{DescribedValue, describe_value};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// A stage with its inputs.
+#[derive(Debug)]
+pub struct WiredStage<S: Stage> {
+    /// Parameters.
+    pub stage: S,
+    /// Sources of its inputs.
+    pub inputs: S::Inputs,
+}
+
+/// A wired stage with its types erased.
+pub trait AnyStep: std::fmt::Debug + Send + Sync {
+    /// Name of the stage.
+    fn stage(&self) -> &'static str;
+
+    /// Role and step of each input.
+    fn inputs(&self) -> Vec<(&'static str, StepId)>;
+
+    /// The numerical class, for stages whose bytes depend on the machine that computes them.
+    fn class(&self) -> Option<String>;
+
+    /// Files outside the store that the stage reads.
+    ///
+    /// # Errors
+    /// A source cannot be listed.
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError>;
+
+    /// Folders whose content decides which files those are.
+    fn source_folders(&self) -> Vec<PathBuf>;
+
+    /// The content of the key: the stage, its revision and class, its parameters, and the digests
+    /// of its inputs by role.
+    fn describe(&self, inputs: &[(String, Digest)]) -> DescribedValue;
+
+    /// Resources needed, by the sizes of the inputs.
+    fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed;
+
+    /// The programs that the stage would run, one command per line.
+    fn programs(&self) -> Vec<String>;
+
+    /// Returns true if the stage runs programs that need no permission.
+    fn runs_known_programs(&self) -> bool;
+
+    /// A program that must be asked for its version before the key is known.
+    fn unasked(&self) -> Option<&'static str>;
+
+    /// Opens the inputs and does the work.
+    ///
+    /// # Errors
+    /// An input cannot be opened, or the work fails.
+    fn run(&self, inputs: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError>;
+}
+
+impl<S> AnyStep for WiredStage<S>
+where
+    S: Stage + std::fmt::Debug + Send + Sync,
+    S::Inputs: std::fmt::Debug + Send + Sync,
+{
+    fn stage(&self) -> &'static str {
+        S::NAME
+    }
+
+    fn inputs(&self) -> Vec<(&'static str, StepId)> {
+        self.inputs.targets()
+    }
+
+    fn class(&self) -> Option<String> {
+        self.stage.class()
+    }
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        self.stage.sources()
+    }
+
+    fn source_folders(&self) -> Vec<PathBuf> {
+        self.stage.source_folders()
+    }
+
+    fn describe(&self, inputs: &[(String, Digest)]) -> DescribedValue {
+        let inputs =
+            inputs.iter().map(|(role, digest)| (role.clone(), DescribedValue::Digest(*digest))).collect();
+        let mut fields = BTreeMap::from([
+            ("stage".to_owned(), DescribedValue::Text(S::NAME.to_owned())),
+            ("revision".to_owned(), DescribedValue::Unsigned(S::REVISION.into())),
+            ("params".to_owned(), describe_value(&self.stage).with_implied(S::ADDED)),
+            ("inputs".to_owned(), DescribedValue::Record(inputs)),
+        ]);
+        if let Some(class) = self.stage.class() {
+            fields.insert("class".to_owned(), DescribedValue::Text(class));
+        }
+        DescribedValue::Record(fields)
+    }
+
+    fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed {
+        self.stage.need(inputs)
+    }
+
+    fn programs(&self) -> Vec<String> {
+        self.stage.programs()
+    }
+
+    fn runs_known_programs(&self) -> bool {
+        self.stage.runs_known_programs()
+    }
+
+    fn unasked(&self) -> Option<&'static str> {
+        self.stage.unasked()
+    }
+
+    fn run(&self, files: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        // The order of the files is that of `inputs`.
+        let inputs = self.inputs.open(&mut files.iter())?;
+        self.stage.run(inputs, cx)
+    }
+}

@@ -1,0 +1,48 @@
+//! Failures of the store.
+
+use super::unlike::OutputMismatch;
+use std::path::PathBuf;
+
+/// The reason why the store cannot do what it was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// An operation on a file failed.
+    #[error("{doing} {}: {source}", path.display())]
+    Io {
+        /// The operation.
+        doing: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The database reported an error.
+    #[error("using the state database {}: {source}", path.display())]
+    State {
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: rusqlite::Error,
+    },
+    /// A newer program made the store.
+    #[error("{} has format {found}, this gs2e knows {known}", path.display())]
+    Newer {
+        /// The store.
+        path: PathBuf,
+        /// Its format.
+        found: String,
+        /// The format of this program.
+        known: u32,
+    },
+    /// Another process is working in the store.
+    #[error("{} is in use by {holder}", path.display())]
+    Locked {
+        /// The store.
+        path: PathBuf,
+        /// The holder of the lock: pid, host and command.
+        holder: String,
+    },
+    /// A key produced other bytes than before.
+    #[error("nondeterministic step: {0}")]
+    Nondeterministic(Box<OutputMismatch>),
+}

@@ -1,0 +1,49 @@
+//! Access to a store, and the settings with which it is opened.
+
+use super::fs;
+use super::fs::Fs;
+use super::lock::LockClaim;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// The purpose for which a store is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StoreAccess {
+    /// Reading: takes no lock, creates nothing.
+    Read,
+    /// Building: takes the lock, and waits for it.
+    Write,
+    /// Building: takes the lock, or fails at once.
+    WriteNow,
+}
+
+/// Options for opening a store.
+#[derive(Debug, Clone)]
+pub struct StoreOptions {
+    /// Purpose.
+    pub access: StoreAccess,
+    /// The writer, for others who wait.
+    pub claim: LockClaim,
+    /// True if every file is read, whatever its stat fields say.
+    pub verify: bool,
+    /// True if each file is synced before the next is written, instead of a whole batch at once.
+    pub sync_each: bool,
+    /// Folder of the database, if it must not lie in the store: for a store on a network file
+    /// system.
+    pub index: Option<PathBuf>,
+    /// Implementation of file operations.
+    pub fs: Arc<dyn Fs>,
+}
+
+impl From<StoreAccess> for StoreOptions {
+    fn from(access: StoreAccess) -> Self {
+        Self {
+            access,
+            claim: LockClaim::default(),
+            verify: false,
+            sync_each: false,
+            index: None,
+            fs: Arc::new(fs::SystemFs),
+        }
+    }
+}
