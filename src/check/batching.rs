@@ -56,6 +56,7 @@ impl ValidationPass for BatchingPass {
 fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64) -> Finding {
     let limits = subject.limits.batching.unwrap_or_default();
     let limit = LimitSide::limit_or(limits.unique_per_frame, LimitSide::gate(UNIQUE_PER_FRAME));
+    // Stamps are counted, not events: a frame of a million events at one instant is one stamp.
     let measured = tally.distinct_us as f64 / frames;
     let because = format!(
         "{} events have {} distinct times in {frames} frames; about one per frame means that frames set the times",
@@ -71,6 +72,8 @@ fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding 
     let limit = LimitSide::limit_or(limits.phase_cv, LimitSide::warning(PHASE_CV));
     let bins = tally.phases.len() as f64;
     let mean = tally.events as f64 / bins;
+    // The variation, not a chi-square: with millions of events, sound streams deviate from a flat
+    // phase significantly, because motion speeds up and slows down.
     let variance = tally.phases.iter().map(|n| (*n as f64 - mean) * (*n as f64 - mean)).sum::<f64>() / bins;
     let measured = variance.sqrt() / mean;
     let because = format!(

@@ -62,6 +62,7 @@ fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
 }
 
 fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+    // Parts are numbered row by row.
     let side = tally.compared.tiles.len().isqrt().max(1);
     let parts = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
         (*sums, format!("in part ({}, {}) of {side}x{side} of the sensor", i % side, i / side))
@@ -75,6 +76,7 @@ fn judge_least(
     parts: impl Iterator<Item = (TileSums, String)>,
     what: &str,
 ) -> Finding {
+    // A part with few pixels may miss half of its drift by chance.
     let enough: Vec<(TileSums, String)> = parts.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
     let Some((sums, at)) = least else {

@@ -112,6 +112,7 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         return subject.not_run(NAME, "flow", "there is no optical flow to compare the rate with");
     };
     let steps = subject.trajectory.stamps_us.len().saturating_sub(1);
+    // The median over pixels: a near object in a corner moves far, but makes few of the events.
     let moved = f64::from(flow.median) * steps as f64;
     if moved < 1.0 {
         return subject.not_run(
@@ -122,6 +123,7 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     }
     let (on, off) = sensor.as_model().contrast();
     let contrast = 0.5 * (on + off);
+    // An edge of a given contrast makes that many more events as thresholds are finer.
     let sensitivity = CONTRAST / contrast;
     // The luminance of each pixel is not known here, so the noisiest of some greys bounds the
     // noise.

@@ -75,6 +75,8 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if let Err(because) = subject.compared_at_once() {
         return subject.not_run(NAME, "dead", because);
     }
+    // The worst instant decides. A mean over instants would hide pixels that die in the course of a
+    // recording.
     let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;
     let enough = tally.compared.fits.iter().filter(|fit| fit.doubled[0] >= MIN_PIXELS);
     let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {

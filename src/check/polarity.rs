@@ -72,6 +72,7 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
         Ok(both) => both,
         Err(because) => return subject.not_run(NAME, "contrary", because),
     };
+    // Over longer intervals a pixel may brighten and darken, and have events of both polarities.
     let short = tally.compared.intervals.iter().filter(|interval| interval.short);
     let [mut pixels, mut with, mut against, mut noise] = [0.0; 4];
     for interval in short {
@@ -104,6 +105,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
     // Without frames, half of the events are expected to be ON.
     let of_scene = predicted.unwrap_or(0.5);
     let hot = hot_share(subject, tally);
+    // Of the events that are not hot, the predicted share is ON; all hot ones are.
     let center = of_scene + (1.0 - of_scene) * hot[0];
     let width = WIDTH + largest_shift(subject, tally) + 5.0 * (1.0 - of_scene) * hot[1];
     let least = LimitSide::limit_or(limits.min, LimitSide::warning((center - width).max(0.0)));
@@ -141,5 +143,6 @@ fn predicted_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Opti
     if *events == 0 {
         return None;
     }
+    // The clamp is for few events, whose voltages at start and end weigh as much as the drift.
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }

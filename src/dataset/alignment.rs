@@ -60,9 +60,12 @@ impl Alignment {
     pub fn measure(events: OpenEvents<'_>, frames: &DatasetFrames) -> Result<Self, EventFileError> {
         let spans = frames.spans();
         let span_us = spans.first().map_or(1, |[from, to]| frames.stamps_us[*to] - frames.stamps_us[*from]);
+        // A quarter of a span: the correlation falls to half at about half a span, so no peak lies
+        // between two shifts.
         let step = (span_us as f64 * STEP).max(1.0);
         let shifts: Vec<f64> = (-SIDE..=SIDE).map(|k| k as f64 * step).collect();
         let counts = count_at_shifts(events, frames, &spans, &shifts)?;
+        // Every change is tried at all shifts, because wrong data may have a wrong clock as well.
         let highest = |mirror: [bool; 2], sign: f64| {
             let values = counts.iter().map(|spans_at| sign * correlate(frames, &spans, spans_at, mirror));
             values

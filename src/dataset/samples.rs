@@ -113,6 +113,7 @@ impl DatasetFrames {
         let count = self.stamps_us.len();
         let mut instants: Vec<usize> = (1..=INSTANTS).map(|k| k * count / (INSTANTS + 1)).collect();
         instants.dedup();
+        // An instant needs a frame on either side.
         instants.retain(|instant| *instant > 0 && instant + 1 < count);
         instants
     }
@@ -181,6 +182,7 @@ impl DatasetFrames {
                 (0..self.pixels.len()).filter_map(|place| self.change(*span, place, SampleDecode::Encoded));
             changes.filter(|change| change.abs() > CHANGED).count()
         };
+        // The same pixel counts in each span: it is compared once in each.
         let changed: usize = spans.iter().map(changed).sum();
         if changed < MIN_CHANGED {
             let all = self.pixels.len() * spans.len();
@@ -194,6 +196,8 @@ impl DatasetFrames {
 fn choose_spans(stamps_us: &[i64]) -> Vec<[usize; 2]> {
     let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else { return Vec::new() };
     let whole = last - first;
+    // A part of the recording, so that the spans of a short one differ; and short enough that a
+    // pixel's noise does not outweigh its change.
     let length = (whole / PART).min(MAX_SPAN_US);
     let mut spans: Vec<[usize; 2]> = (0..SPANS as i64)
         .filter_map(|number| {

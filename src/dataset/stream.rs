@@ -66,8 +66,10 @@ impl StreamFacts {
             self.first_us = t_us;
         }
         self.events += 1;
+        // Stamps of a damaged stream may go back; its length must not become negative.
         self.last_us = self.last_us.max(t_us);
         for (count, grid) in self.on_grid.iter_mut().zip(GRIDS) {
+            // Relative to the first stamp: many recordings begin at an odd microsecond.
             *count += u64::from((t_us - self.first_us).rem_euclid(grid) == 0);
         }
         let (x, y) = (u32::from(event.x), u32::from(event.y));
@@ -76,6 +78,7 @@ impl StreamFacts {
         }
         let at = y as usize * self.size.width as usize + x as usize;
         let pause = t_us.saturating_sub(self.last[at]);
+        // The first event of a pixel has no pause, and shows as a difference of 2^62.
         if (1..1 << 40).contains(&pause) {
             self.pauses[pause_bin(pause)] += 1;
         }

@@ -113,6 +113,7 @@ impl DatasetViews {
         let poses = &self.trajectory.world_from_camera;
         let seconds: Vec<f64> = self.trajectory.stamps_us.iter().map(|t| *t as f64 * 1e-6).collect();
         let twists = pose_twists(poses, &seconds);
+        // The flow changes slowly along a path, and each image of it costs a decoded depth.
         let count = FLOWS.min(deep.len());
         let flow = |i: usize| {
             let view = deep[if count > 1 { i * (deep.len() - 1) / (count - 1) } else { 0 }];
@@ -146,9 +147,11 @@ impl PosedPictures for DatasetViews {
 fn pose_at(poses: &Trajectory, t_us: i64) -> Option<Se3> {
     let Trajectory { world_from_camera, stamps_us } = poses;
     let after = stamps_us.partition_point(|t| *t < t_us);
+    // An exact pose stays exact: interpolation would round it.
     if stamps_us.get(after) == Some(&t_us) {
         return Some(world_from_camera[after]);
     }
+    // No pose is extrapolated.
     let before = after.checked_sub(1)?;
     let (a, b) = (world_from_camera[before], world_from_camera.get(after)?);
     let share = (t_us - stamps_us[before]) as f64 / (stamps_us[after] - stamps_us[before]) as f64;

@@ -98,6 +98,8 @@ impl WindowMoments {
         let [a, b, aa, bb, ab] = self.0;
         let [c1, c2] = STEADIERS;
         let means = (2.0 * a * b + c1) / (a * a + b * b + c1);
+        // Moments in 64 bits: a variance is the difference of two numbers near 1, and is compared
+        // with a steadier of 9e-4.
         let spreads = (2.0 * (ab - a * b) + c2) / ((aa - a * a) + (bb - b * b) + c2);
         means * spreads
     }
@@ -110,6 +112,8 @@ fn column_moments(
     row: usize,
     window: &[f64; EDGE],
 ) -> Vec<[WindowMoments; 3]> {
+    // The window is a product of two, so columns are summed first: 22 terms per pixel instead of
+    // 121.
     let mut columns = vec![[WindowMoments::default(); 3]; a.size().width as usize];
     let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
     for (k, weight) in rows.filter(|(k, _)| *k < a.size().height as usize) {

@@ -32,6 +32,7 @@ pub fn flow_displacement(depth: &Image<f32>, from: &CameraView, to: &CameraView)
     let mut moved = vec![0.0; size.pixels()];
     moved.par_iter_mut().enumerate().for_each(|(i, moved)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
+        // NaN for a pixel without depth; the projection refuses it, and the result is NaN again.
         let point = from.camera.unproject(pixel, f64::from(depth.pixels()[i]));
         *moved = match to.camera.project(turn * point + shift) {
             Some([x, y]) => DVec2::new(x - pixel[0], y - pixel[1]).length() as f32,
@@ -93,6 +94,8 @@ impl PixelFlowMeter {
         velocity: CameraVelocity,
         percent: usize,
     ) -> Result<Option<f64>, RenderError> {
+        // The small image has the field of view of the full one, so speeds differ by the ratio of
+        // widths.
         let view = CameraView { camera: self.small, world_from_camera: *world_from_camera, velocity };
         let want = ChannelSet { flow: true, ..ChannelSet::default() };
         self.renderer.render(&view, want, &mut self.rendered)?;
@@ -124,7 +127,10 @@ pub fn flow_rates(depth: &Image<f32>, view: &CameraView) -> Image<[f32; 2]> {
     let rate = |(i, z): (usize, &f32)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         let point = camera.unproject(pixel, f64::from(*z));
+        // In camera axes the camera rests, and the point moves against it.
         let moving = -view.velocity.linear - view.velocity.angular.cross(point);
+        // `d(x/z) = (dx - x dz/z) / z`. The form with `z^2` under the fraction overflows at far
+        // depths first.
         let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
         (slope * DVec2::new(camera.fx, camera.fy)).as_vec2().to_array()
     };

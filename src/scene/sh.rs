@@ -68,6 +68,8 @@ pub const fn function_count(degree: u8) -> usize {
 pub fn basis_values<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
     let mut b = [T::nearest(0.0); MAX_LEN];
     b[0] = T::nearest(C0);
+    // Degree by degree: most time of the functions goes into the third, and a scene without it
+    // skips it.
     if degree >= 1 {
         let [x, y, z] = dir;
         let c = T::nearest(C1);
@@ -84,6 +86,7 @@ pub fn basis_values<T: Scalar>(degree: u8, dir: [T; 3]) -> [T; MAX_LEN] {
 
 #[inline(always)]
 fn second_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 5] {
+    // The products are named, so that both precisions and the gradient round the same ones.
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let c = |k: usize| T::nearest(C2[k]);
     [c(0) * (x * y), c(1) * (y * z), c(2) * (zz + zz - xx - yy), c(3) * (x * z), c(4) * (xx - yy)]
@@ -93,6 +96,8 @@ fn second_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 5] {
 fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let three = T::nearest(3.0);
+    // Homogeneous: `5 zz - 1` has the same values on the sphere, but another gradient off it, and
+    // rounding leaves every direction a little off it.
     let ring = T::nearest(4.0) * zz - xx - yy;
     let c = |k: usize| T::nearest(C3[k]);
     [

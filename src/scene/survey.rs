@@ -68,6 +68,8 @@ impl SceneSurvey {
         });
         let [low, centre, high] = [0, 1, 2].map(|k| DVec3::from_array(quantiles.map(|axis| axis[k])));
         let distances = SortedWeights::new(means.iter().map(|mean| (*mean - centre).length()), &weights);
+        // Stray Gaussians would turn the axes: their squared distances outweigh thousands of
+        // others.
         let held: Vec<(DVec3, f64)> = means
             .iter()
             .zip(&weights)
@@ -82,6 +84,7 @@ impl SceneSurvey {
     #[must_use]
     pub fn orbit(&self, camera: &Camera) -> SceneOrbit {
         let [width, height] = [camera.size.width, camera.size.height].map(f64::from);
+        // The narrower angle of view decides, so that the scene fits in both directions.
         let half = libm::atan((width / camera.fx).min(height / camera.fy) * 0.5);
         // A scene at one point has no size, and any distance shows it.
         let radius = if self.radius > 0.0 { self.radius } else { 1.0 };
@@ -110,6 +113,7 @@ impl SceneOrbit {
 fn opacities(scene: &Gaussians) -> Vec<f64> {
     let sigmoid = |logit: &f32| 1.0 / (1.0 + libm::exp(-f64::from(*logit)));
     let found: Vec<f64> = scene.opacity_logits.iter().map(sigmoid).collect();
+    // Without any opacity, all Gaussians count alike, so that there is a centre to look at.
     if found.iter().any(|weight| *weight > 0.0) { found } else { vec![1.0; found.len()] }
 }
 

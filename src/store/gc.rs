@@ -74,6 +74,7 @@ impl Store {
             let outputs = self.record(&key)?.map(|record| record.outputs);
             named.extend(outputs.into_iter().flatten().map(|output| output.digest));
         }
+        // Young blobs stay without a record: a build that runs now publishes its record after them.
         let (blobs, kept): (Vec<_>, Vec<_>) = self
             .stored("cas", "")?
             .into_iter()
@@ -92,6 +93,7 @@ impl Store {
             trash_bytes: trash.iter().map(|(_, bytes)| bytes).sum(),
         };
         if !sweep.dry_run {
+            // The index goes first. It may name less than there is, never more.
             self.forget(&gone, &blobs)?;
             self.delete(gone.iter().chain(&blobs))?;
             trash.iter().try_for_each(|(path, _)| self.disk.remove(path))?;
@@ -116,6 +118,7 @@ impl Store {
             let digest = name.strip_suffix(suffix).and_then(|name| name.split_once('/'));
             let digest =
                 digest.filter(|(head, name)| name.starts_with(head)).and_then(|(_, d)| d.parse().ok());
+            // A file with another name is not from this program, and is not deleted.
             let Some(name) = digest else { continue };
             match self.disk.stat(&path) {
                 Ok(stat) => stored.push(SweepFile { name, path, stat }),
@@ -179,6 +182,8 @@ impl Store {
         {
             // The guard ends before `flush`, which locks the state itself.
             let mut state = self.state();
+            // A record of the index that outlives its file would be taken for a product that is
+            // there.
             for record in records {
                 state.delete(StateTable::Record, &record.name.to_string());
             }

@@ -48,6 +48,8 @@ pub(super) struct BiasTable(Vec<[f32; 2]>);
 impl BiasTable {
     #[expect(clippy::cast_possible_truncation, reason = "rounded once, after the arithmetic")]
     pub(super) fn new() -> Self {
+        // In 64 bits: `1 - 0.999` has lost four digits in 32, and every step of a young Gaussian is
+        // divided by it.
         let mut powers = [1.0_f64; 2];
         let entry = |_| {
             for (power, decay) in powers.iter_mut().zip(DECAY) {
@@ -59,6 +61,7 @@ impl BiasTable {
     }
 
     fn at(&self, age: u32) -> [f32; 2] {
+        // The last entry stands for all greater ages, at which both corrections round to 1.
         self.0[(age as usize).clamp(1, OLD) - 1]
     }
 }
@@ -109,6 +112,8 @@ impl AdamMeans {
         bias: &BiasTable,
     ) -> Result<(), NotFinite> {
         let sh_len = scene.sh_len();
+        // All arrays are cut at the same Gaussians. A task then owns every parameter of its range,
+        // and no lock or atomic addition can make the result depend on the schedule.
         let [g0, g1] = &mut self.geometry;
         let [h0, h1] = &mut self.harmonics;
         let parts = (
@@ -137,12 +142,15 @@ impl AdamMeans {
                 ages,
             };
             let first = k * RANGE;
+            // The drawn Gaussians ascend, so those of a range are found by halving.
             let at = |number: usize| found.numbers.partition_point(|n| (*n as usize) < number);
             let mine = at(first)..at(first + RANGE);
             let entries = found.numbers[mine.clone()].iter().zip(&found.gradients[mine]);
             let steps = StepSizes { rates, degree, sh_len };
             dispatch!(level, _simd => range.step_all(entries, first, &steps, bias))
         });
+        // The least index over all tasks, not that of the task that ends first: each run names the
+        // same Gaussian.
         match worst.flatten().min() {
             Some(gaussian) => Err(NotFinite { gaussian }),
             None => Ok(()),
@@ -179,6 +187,8 @@ impl AdamRange<'_> {
     #[inline(always)]
     fn step_one(&mut self, i: usize, g: &GaussianGradient, steps: &StepSizes<'_>, bias: &BiasTable) {
         let r = steps.rates;
+        // The age counts the views that draw this Gaussian. The number of the iteration would take
+        // the bias of a new Gaussian's means for removed.
         self.ages[i] = self.ages[i].saturating_add(1);
         let corrections = bias.at(self.ages[i]);
         let ([a, b, c], [d, e, f], [h, j, k, l]) = (g.position, g.log_scale, g.rotation);
@@ -225,6 +235,8 @@ impl AdamRange<'_> {
         let n = values.len();
         let (m, v, gradient) = (&mut m[..n], &mut v[..n], &gradient[..n]);
         for k in 0..n {
+            // The first three values are the mean colour. The others must explain reflections only;
+            // at the rate of the colour they learn the noise of single photos.
             let rate = if k < 3 { steps.rates.colour } else { steps.rates.harmonics };
             values[k] -= rate * direction(gradient[k], &mut m[k], &mut v[k], corrections);
         }
@@ -236,6 +248,8 @@ impl AdamRange<'_> {
 fn direction(g: f32, m: &mut f32, v: &mut f32, [by_mean, by_root]: [f32; 2]) -> f32 {
     *m = DECAY[0] * *m + (1.0 - DECAY[0]) * g;
     *v = DECAY[1] * *v + (1.0 - DECAY[1]) * (g * g);
+    // The constant stands outside the root, as in the paper. A parameter without any gradient so
+    // far then gets 0 / EPSILON, and stays.
     by_mean * *m / (by_root * v.sqrt() + EPSILON)
 }
 

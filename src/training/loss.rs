@@ -267,6 +267,7 @@ fn window_slopes(means: &[Vec<f32>; 5], [p, q, r]: [&mut [f32]; 3]) -> f64 {
         // One division serves all: both factors are at least their steadiers.
         let b1 = m * m + k * k + c1;
         let b2 = (aa[i] - m * m) + (bb[i] - k * k) + c2;
+        // A division costs as much as the ten multiplications that replace it.
         let inverse = 1.0 / (b1 * b2);
         let s = a1 * a2 * inverse;
         // `S / B1 = S B2 / (B1 B2)`.

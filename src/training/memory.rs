@@ -31,10 +31,14 @@ pub fn memory_needed(settings: &TrainingSettings, views: &[CapturedView]) -> u64
     for view in views {
         let size = pixels(trained_size(view.camera.size, settings.resolution));
         let mask = if view.lens == LensModel::Pinhole { 0.0 } else { BYTES_A_MASK_PIXEL };
+        // Photos stay in memory as bytes: decoding a view again in each iteration would take longer
+        // than rendering it.
         photos += size * (BYTES_A_PHOTO_PIXEL + mask);
+        // One view at a time is rendered, so the largest one decides.
         shown = shown.max(size);
         taken = taken.max(pixels(view.camera.size));
     }
+    // Reading and training do not overlap, so the larger of both counts.
     let reading = READ_AT_ONCE as f64 * BYTES_A_TAKEN_PIXEL * taken;
     let training = FIXED + BYTES_A_GAUSSIAN * f64::from(settings.gaussians) + BYTES_A_PIXEL * shown;
     // All photos are read before anything else is allocated.

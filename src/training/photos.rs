@@ -81,6 +81,7 @@ impl TrainingViews {
             }
         };
         let mut views = Vec::with_capacity(found.len());
+        // A few at a time: a decoded photo is many times larger than what is kept of it.
         for group in found.chunks(READ_AT_ONCE) {
             let read: Vec<TrainingView> = group.par_iter().map(read).collect::<Result<_, _>>()?;
             views.extend(read);
@@ -96,12 +97,14 @@ impl TrainingView {
         let failed = |because: String| TrainingError::Photo { path: photo.to_owned(), because };
         let bytes = files::read(photo, files::MAX_PICTURE).map_err(|e| failed(e.to_string()))?;
         let taken = photo::read_photo(&bytes, view.camera.size).map_err(|e| failed(e.to_string()))?;
+        // The renderer has no lens, so the photos must have none either.
         let straight = undistort_photo(&taken, &view.camera, &view.lens);
         let covered = covered_pixels(&view.camera, &view.lens);
         let mut levels = vec![scaled(&view.camera, &straight, covered.as_ref(), width)];
         for level in 1..LEVELS {
             let first: &(Camera, TrainingPhoto) = &levels[0];
             let Size { width, height } = first.0.size;
+            // A smaller picture would be little more than the window of the similarity.
             if (width.min(height) >> level) < LEAST_SIDE {
                 break;
             }
@@ -146,6 +149,7 @@ pub fn trained_size(photo: Size, width: u32) -> Size {
 fn rescaled(camera: &Camera, size: Size) -> Camera {
     let x = f64::from(size.width) / f64::from(camera.size.width);
     let y = f64::from(size.height) / f64::from(camera.size.height);
+    // Pixel centres are at half-integers, so the principal point scales without an offset.
     Camera { size, fx: camera.fx * x, fy: camera.fy * y, cx: camera.cx * x, cy: camera.cy * y }
 }
 
@@ -157,6 +161,8 @@ fn shrunk_mask(counted: &Image<bool>, to: Size) -> Image<bool> {
         at * from / to..((at + 1) * from).div_ceil(to)
     };
     let all = |x: u32, y: u32| {
+        // A shrunk pixel counts only if all of its pixels do: a single black one would darken the
+        // mean.
         range(y, to.height, from.height).all(|row| {
             let row = &counted.pixels()[row * from.width as usize..][..from.width as usize];
             row[range(x, to.width, from.width)].iter().all(|counted| *counted)

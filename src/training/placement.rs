@@ -30,6 +30,7 @@ pub(super) fn place_gaussians(
     count: usize,
     draws: &TrainingDraws,
 ) -> usize {
+    // Dead Gaussians are used again first, so the budget is not spent on what no view shows.
     let dead: Vec<usize> = (0..scene.len()).filter(|&i| is_dead(scene, i)).collect();
     let more = count.saturating_sub(scene.len());
     let parents = draw_parents(scene, scores, dead.len() + more, draws);
@@ -41,6 +42,8 @@ pub(super) fn place_gaussians(
             scene.len() - 1
         });
         split(scene, parent, place);
+        // The means belong to a Gaussian that does not exist any more. Kept, they would push both
+        // halves in the direction of the whole.
         means.forget(parent, scene.sh_len());
         means.forget(place, scene.sh_len());
     }
@@ -53,12 +56,14 @@ pub(super) fn place_gaussians(
 fn is_dead(scene: &Gaussians, i: usize) -> bool {
     let all = scene.positions[i].iter().chain(&scene.log_scales[i]).chain(&scene.rotations[i]);
     let sum = all.sum::<f32>() + scene.opacity_logits[i];
+    // A sum over all parameters is one test for eleven.
     !sum.is_finite() || opacity(scene.opacity_logits[i]) <= DEAD_OPACITY
 }
 
 /// Draws up to `wanted` Gaussians that are not dead, the best first.
 fn draw_parents(scene: &Gaussians, scores: &[f32], wanted: usize, draws: &TrainingDraws) -> Vec<usize> {
     let key = |i: usize| libm::log(draws.of_gaussian(i)) / f64::from(scores[i]);
+    // A Gaussian without a score was not drawn or blends where the image is right.
     let candidates = (0..scene.len()).filter(|&i| scores[i] > 0.0 && !is_dead(scene, i));
     let mut keyed: Vec<(f64, usize)> = candidates.map(|i| (key(i), i)).collect();
     // Draws differ, so keys hardly tie; the index decides all the same.
@@ -87,14 +92,17 @@ fn split(scene: &mut Gaussians, parent: usize, place: usize) {
     let scales = scene.log_scales[parent].map(|s| libm::exp(f64::from(s)));
     let longest = (0..3).fold(0, |a, b| if scales[b] > scales[a] { b } else { a });
     let shrunk = scales.map(|s| {
+        // A quotient first: the square of a scale of 1e-30 would be 0.
         let q = (s / scales[longest]) * (s / scales[longest]);
         libm::log(s * (1.0 - q * (1.0 - k))) as f32
     });
     let [w, x, y, z] = scene.rotations[parent].map(f64::from);
+    // Stored quaternions need not be of unit length. The bound keeps a zero quaternion from NaN.
     let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
     let turn = DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm);
     let axis = turn * DVec3::AXES[longest] * (scales[longest] * (1.0 - k * k).sqrt());
     let o = 1.0 - libm::pow(1.0 - opacity(scene.opacity_logits[parent]), k);
+    // Beyond 20 an opacity is 1 in 32 bits, and its gradient 0: it could never fall again.
     let logit = libm::log(o / (1.0 - o)).clamp(-20.0, 20.0) as f32;
     let centre = DVec3::from_array(scene.positions[parent].map(f64::from));
     for (i, sign) in [(parent, 1.0), (place, -1.0)] {

@@ -77,6 +77,8 @@ impl Moments {
 
     /// The correlation; 0 if one of both does not vary.
     fn correlation(&self) -> f64 {
+        // Sums of moments lose digits where the mean is large against the scatter. Both quantities
+        // are cut to a few thresholds around 0, so it is not.
         let covariance = self.products - self.events * self.changes / self.n;
         let [events, changes] = [(self.events_squared, self.events), (self.changes_squared, self.changes)]
             .map(|(squares, sum)| squares - sum * sum / self.n);
@@ -154,6 +156,8 @@ impl PlaceWatch {
             let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
             for (at, change) in pixels.zip(&self.changes) {
                 let [x, y] = placement.of(at, [width, height]);
+                // Pixels that the shift moves off the sensor are left out: counted as zeros, they
+                // would favour small shifts.
                 let inside = x >= 0 && y >= 0 && x < width && y < height;
                 if !change.is_nan() && inside {
                     moments.add(f64::from(self.shown[(y * width + x) as usize]), f64::from(*change));

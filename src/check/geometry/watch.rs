@@ -113,6 +113,7 @@ impl NeighbourWatch {
     }
 
     fn see(&mut self, camera: &Camera, next: PosedPicture) {
+        // Only the picture before is kept: memory does not grow with the length of the path.
         self.seen.push(next.pose);
         if let Some(before) = &self.before {
             self.pairs.extend(align_pair(self.quantity, camera, [before, &next]));
@@ -134,6 +135,8 @@ struct OrderWatch {
 impl OrderWatch {
     fn see(&mut self, pose: usize, frame: Image<f32>) {
         let after = self.latest.last().map_or(0.0, |(_, before)| difference(before, &frame));
+        // Three frames suffice: a frame in a wrong place is further from both neighbours than they
+        // are from each other.
         if let [(first, outer), (second, _)] = self.latest.as_slice() {
             let (poses, outer) = ([*first, *second, pose], difference(outer, &frame));
             self.triples.push(FrameTriple { poses, inner: [self.inner, after], outer });
@@ -155,6 +158,7 @@ impl OrderWatch {
 
 /// Root mean square difference of two images of one size.
 fn difference(a: &Image<f32>, b: &Image<f32>) -> f64 {
+    // In 64 bits: 32 lose the small differences of a picture next to the sum of a million others.
     let squares = a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from(a - b) * f64::from(a - b));
     (squares.sum::<f64>() / a.pixels().len().max(1) as f64).sqrt()
 }
@@ -177,6 +181,7 @@ impl<P: PosedPictures> PicturesAgain<'_, P> {
             .to_owned()));
         }
         let motion = mean_median(neighbours.iter().map(|pair| pair.motion_px).collect()).unwrap_or(0.0);
+        // Half of the pictures at most, so that several pairs exist on a short path.
         let most = MOST_APART.min((seen.len() - 1) / 2).max(1);
         // The first distance with enough motion; without motion, the largest.
         let apart = (1..=most).find(|n| *n as f64 * motion >= APART_PX).unwrap_or(most);
@@ -197,6 +202,8 @@ impl<P: PosedPictures> PicturesAgain<'_, P> {
             let pairs = align(read);
             !pairs.is_empty() && !disagrees(&pairs, FRAME_SHARE)
         };
+        // Each other reading of the poses costs an alignment of all pairs, so it is tried only
+        // where it may explain a fault.
         let agrees_with = if wrong { find_reading(self.poses, &explains) } else { None };
         Ok(Ok(AlignedPairs { apart, neighbours, agrees_with }))
     }
@@ -207,6 +214,7 @@ impl<P: PosedPictures> PicturesAgain<'_, P> {
         seen: &[usize],
         apart: usize,
     ) -> Result<Vec<[PosedPicture; 2]>, P::Error> {
+        // Pairs are spread over the whole path: a fault in one part of it must meet some of them.
         let last = seen.len() - 1 - apart;
         let count = PAIRS_APART.min(last + 1);
         let first = |i: usize| if count > 1 { i * last / (count - 1) } else { 0 };

@@ -176,6 +176,7 @@ impl<'a> PairWarp<'a> {
 
     fn rows(&self) -> Vec<WarpRow> {
         let Size { width, height } = self.camera.size;
+        // A lattice of pixels, not a random choice: the result is the same in each run.
         let mut step = 1;
         while (width as usize / step) * (height as usize / step) > MOST_PIXELS {
             step += 1;
@@ -192,10 +193,14 @@ impl<'a> PairWarp<'a> {
         let point = self.turn * self.camera.unproject(place, depth) + self.shift;
         let [u, v] = self.camera.project(point)?;
         let seen = value_at(&self.to.depth, [u, v])?;
+        // Another depth than predicted means that something else is seen there: an occlusion, whose
+        // difference says nothing about the poses.
         if (seen / point.z - 1.0).abs() > self.quantity.most_apart() {
             return None;
         }
         let (a, b) = ((u - cx) / fx, (v - cy) / fy);
+        // Linear motion is measured in units of the scene's depth, so that all six columns are
+        // pixels of like size and the normal equations are well scaled.
         let near = self.unit / point.z;
         // Motion by a twist (linear, angular) of the point: d(point) = linear + angular x point.
         let moves = [
@@ -215,6 +220,8 @@ impl<'a> PairWarp<'a> {
                 (residual, along([0.5 * (gx + hx), 0.5 * (gy + hy)]))
             }
             AlignedQuantity::Depth => {
+                // The motion also changes the depth of the point itself, by its third component
+                // over its depth.
                 let deeper = [0.0, 0.0, near, b, -a, 0.0];
                 let response = along([gx / point.z, gy / point.z]);
                 (seen / point.z - 1.0, std::array::from_fn(|i| response[i] - deeper[i]))
@@ -271,6 +278,9 @@ impl TwistFit {
         let mut parts = [Self::EMPTY; PARTS * PARTS];
         for _ in 0..ROUNDS {
             let left = |row: &WarpRow| row.residual + dot(&row.response, &twist);
+            // The weights of Cauchy's distribution, at twice the median residual: highlights and
+            // edges of depth lose their pull, and half of the pixels keep theirs. A picture without
+            // noise has a spread of 0, hence the least scale.
             let scale = 2.0 * spread(rows.iter().map(left)).max(least_scale);
             parts = [Self::EMPTY; PARTS * PARTS];
             for row in rows {
@@ -284,6 +294,8 @@ impl TwistFit {
             row.moves.iter().for_each(|moves| shown.add_square(moves, 1.0 / n));
         }
         let size = |twist: &[f64; 6]| shown.square_of(twist).max(0.0).sqrt();
+        // The jackknife over parts of the picture. Residuals of neighbouring pixels depend on each
+        // other, so the scatter of single pixels would state too small an error.
         let filled: Vec<usize> = (0..parts.len()).filter(|i| parts[*i].matrix[5][5] > 0.0).collect();
         let without = filled.iter().map(|i| {
             let other = sum_parts(&parts, Some(*i)).solve()?;
@@ -359,6 +371,7 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 fn spread(values: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = values.map(f64::abs).collect();
     let middle = sizes.len() / 2;
+    // The median of the absolute value of a normal number is its standard deviation over 1.4826.
     1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 

@@ -82,6 +82,7 @@ impl Evt3Encoder {
         let mut rest = &columns[..];
         while let Some(&x) = rest.first() {
             let (mask, taken) = leading_mask(rest, x);
+            // A base and a mask are two words, so fewer columns are shorter as single events.
             if taken < WORTH_A_MASK {
                 write_word(ADDRESS_X, x | polarity, out);
                 rest = &rest[1..];
@@ -103,6 +104,8 @@ impl Evt3Encoder {
     fn time(&mut self, t_us: i64, out: &mut Vec<u8>) {
         let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
         let mut at = self.high.unwrap_or(0);
+        // A reader takes a large step for an overflow of the counter, so long pauses are bridged in
+        // small ones.
         while high - at > STEP {
             at += STEP;
             write_word(TIME_HIGH, at as u16, out);

@@ -74,6 +74,8 @@ impl<'a> AnchorWatch<'a> {
 fn choose_anchors(stamps: &[i64], frame_px: f64, values: usize) -> AnchorChoice {
     // Without motion, the quotient is infinite, and the choice of anchors clamps it.
     let apart = (1.0 / frame_px).round() as usize;
+    // Anchors are kept for each sensor until the events are counted, so the choice bounds the
+    // memory.
     let room = FRAME_BYTES / (4 * values).max(1);
     let wanted = (frame_px * stamps.len() as f64 / PART_PX) as usize;
     let parts = wanted.min(room).clamp(PARTS[0], PARTS[1]);
@@ -100,6 +102,7 @@ fn frame_motion(
         if moved > 0.5 {
             return Ok(f64::from(moved) / apart as f64);
         }
+        // Doubled, so that a nearly still camera costs a few pictures and not all of them.
         apart *= 2;
     }
 }
@@ -111,6 +114,8 @@ fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey
             Some(colours) => colours.pixels()[i].iter().any(|channel| *channel >= FULL),
             None => grey.pixels()[i] >= FULL,
         };
+        // Released frames end at white, and the sensor saw the light above it. NaN keeps the pixel
+        // out of every comparison.
         if clipped {
             *seen = f32::NAN;
         }
@@ -125,6 +130,8 @@ fn edge_motion(from: &Image<f32>, to: &Image<f32>) -> f32 {
     let inner = (width + 1)..a.len().saturating_sub(width + 1);
     let moved = inner.filter_map(|i| {
         let [dx, dy] = [0.5 * (a[i + 1] - a[i - 1]), 0.5 * (a[i + width] - a[i - width])];
+        // At an edge, the change of brightness over its slope is the motion. Elsewhere noise would
+        // be divided by nearly nothing.
         let slope = (dx * dx + dy * dy).sqrt();
         (slope > EDGE).then(|| (b[i] - a[i]).abs() / slope)
     });

@@ -48,6 +48,8 @@ impl CrossingWatch {
             Ok(law) => law,
             Err(because) => return Ok(Self::Unfit(because.to_owned())),
         };
+        // The times of crossings are predicted between neighbouring frames. With some frames
+        // missing, the brightness between two may have gone up and down again.
         if frames < stamps_us.len() || frames < 2 {
             return Ok(Self::Unfit(format!(
                 "{frames} of {} poses have a sharp frame, and the sensor saw them all",
@@ -96,6 +98,7 @@ impl CrossingEvents {
         let Some(observer) = &mut self.observer else { return Ok(()) };
         loop {
             while let Some(event) = self.chunk.get(self.seen) {
+                // An event after this frame waits: its prediction needs the next one.
                 if event.t.floor_micros() > t_us {
                     return Ok(());
                 }

@@ -76,6 +76,8 @@ pub(super) fn walk_pictures(
     let mut geometry = GeometryWatch::new(pictures.camera, &pictures.motion.trajectory.world_from_camera);
     let mut differences = Vec::new();
     let poses: Vec<usize> = (0..pictures.poses()).collect();
+    // Decoding is the longest part, and independent per pose. The comparisons need the order of
+    // time.
     for poses in poses.chunks(AT_ONCE) {
         let decoded: Vec<DecodedPose> =
             poses.par_iter().map(|pose| present.decode(pictures, &views, *pose)).collect::<Result<_, _>>()?;

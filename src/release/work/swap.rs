@@ -1,4 +1,4 @@
-//! The exchange of a finished tree with the one that it replaces, and the note that lets an interrupted one go on.
+//! The exchange of a finished tree with the tree that it replaces, and the note for interrupted runs.
 
 use super::FORMAT;
 use crate::files::{self, LinkRule, MAX_DOCUMENT};

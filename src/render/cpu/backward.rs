@@ -167,6 +167,8 @@ impl GradientRenderer {
         assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
         let (scene, rules) = (&self.scene, self.style.rules);
         self.blocks.par_iter_mut().enumerate().for_each(|(k, block)| {
+            // Blocks are changed in place: to build all of them anew would cost as much as the
+            // rendering.
             let end = |lane: usize| numbers.partition_point(|&number| (number as usize) < k * LANES + lane);
             for &number in &numbers[end(0)..end(LANES)] {
                 block.refresh(scene, rules, number as usize - k * LANES);
@@ -211,6 +213,7 @@ impl GradientRenderer {
         let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
         let RenderStyle { rules, order: layers, background, .. } = self.style;
         work.tile_pairs = frame.lists.run(OrderedSplats { order, splats, grid }, |lists| {
+            // Work that changes no bit of the image changes none of the trace either.
             let omit = OmissionPolicy::Needless;
             work += raster_traced(
                 RasterInput { splats, rates, lists, grid, rules, order: layers, omit, level },
@@ -271,6 +274,8 @@ impl GradientRenderer {
     fn collect(&self, chain: &ProjectionChain<'_>, out: &mut ViewGradients) {
         let frame = &self.frame;
         let drawn = frame.drawn();
+        // In the order of the scene, not of depth: Adam walks the parameters once, from front to
+        // back in memory.
         out.numbers.clear();
         out.gradients.resize(drawn, GaussianGradient::default());
         let mut rest = out.gradients.as_mut_slice();
@@ -314,6 +319,8 @@ fn backward_band(
     level: fearless_simd::Level,
     pairs: &mut Vec<SplatMoments>,
 ) {
+    // Each tile writes the moments of its own entries. They are added by splat in a second pass, in
+    // the order of the tiles, so the sums have the same bits with any number of threads.
     let runs: Vec<Vec<&[u32]>> = lists.band().map(|tile| lists.of(tile).collect()).collect();
     let lengths: Vec<usize> = runs.iter().map(|runs| runs.iter().map(|run| run.len()).sum()).collect();
     // Entries that nothing blends keep their zeros.
@@ -322,6 +329,8 @@ fn backward_band(
     let mut rest = pairs.as_mut_slice();
     let parts = lengths.iter().map(|&n| rest.split_off_mut(..n).expect("the sum of all lengths"));
     let parts: Vec<&mut [SplatMoments]> = parts.collect();
+    // The choice is made once per band. A branch per pixel would keep the compiler from vector
+    // code.
     let soft = input.rules == RenderRules::Soft;
     parts.into_par_iter().zip(&runs).zip(lists.band()).for_each(|((out, runs), tile)| {
         let corner = [tile % grid.columns * TILE, tile / grid.columns * TILE];

@@ -38,10 +38,12 @@ impl IntervalProfile {
     fn add(&mut self, us: i64) {
         let us = (us as f64).max(SHORTEST_US);
         let ln = libm::log(us);
+        // Bins of equal width in the logarithm: intervals span microseconds to minutes.
         let bin = BINS_PER_OCTAVE * (ln - libm::log(SHORTEST_US)) / std::f64::consts::LN_2;
         self.bins[(bin as usize).min(BINS - 1)] += 1;
         self.count += 1;
         self.sum += us;
+        // The likelihood of an inverse Gaussian needs three sums only, so no interval is kept.
         self.sum_inverse += 1.0 / us;
         self.sum_ln += ln;
     }
@@ -72,6 +74,7 @@ impl IntervalProfile {
     /// both have none.
     #[must_use]
     pub fn distance(&self, other: &Self) -> f64 {
+        // Two empty profiles are alike; an empty one is as far from any other as can be.
         if self.count == 0 || other.count == 0 {
             return if self.count == other.count { 0.0 } else { 1.0 };
         }

@@ -76,6 +76,8 @@ fn measure_step(
     let (up, down) = model.contrast();
     let contrast = if on { up } else { down };
     let stated_spread = model.contrast_spread();
+    // Below 0.98 of the contrast no step reaches zero, at which a column would see no change at
+    // all.
     let reach = (RANGE[0] * stated_spread).max(RANGE[1] * contrast).min(0.98 * contrast);
     let columns = SIZE.width as usize;
     let spacing = 2.0 * reach / columns as f64;
@@ -129,6 +131,7 @@ fn judge(row: ContrastRow) -> ContrastRow {
     let start = first[0] - 0.5 * spacing;
     let [mut mean, mut square] = [0.0; 2];
     for [height, share] in &row.answers {
+        // Sums of the survival function: `E x` and `E x^2` of a quantity above `start`.
         mean += (1.0 - share) * spacing;
         square += 2.0 * (height - start) * (1.0 - share) * spacing;
     }
@@ -142,6 +145,8 @@ fn judge(row: ContrastRow) -> ContrastRow {
 
 /// The grey of this brightness, by bisection: brightness rises with grey.
 fn grey_at(brightness: impl Fn(f64) -> f64, wanted: f64) -> f64 {
+    // Bisection: brightness grows with grey in every model, and the inverse of a front end is not
+    // stated anywhere.
     let (mut low, mut high) = (0.0, 1e6);
     for _ in 0..100 {
         let middle = 0.5 * (low + high);

@@ -147,6 +147,7 @@ fn count_events(
     let sensor = settled.as_ref().unwrap_or(sensor);
     let size = Size { width: trial.side * greys.len() as u32, height: trial.side };
     let width = size.width as usize;
+    // All lights are in one picture, so that they share one simulation.
     let picture: Vec<f32> =
         (0..size.pixels()).map(|pixel| greys[pixel % width / trial.side as usize] as f32).collect();
     let frames: Vec<(i64, Vec<f32>)> =
@@ -156,6 +157,7 @@ fn count_events(
     let mut last: Vec<Option<i64>> = vec![None; size.pixels()];
     let mut least_us: Option<i64> = None;
     for event in &events {
+        // ON events are counted first.
         let side = usize::from(event.polarity == Polarity::Off);
         counted[usize::from(event.x) / trial.side as usize][side] += 1;
         let t = event.t.floor_micros();

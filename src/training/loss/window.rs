@@ -78,6 +78,7 @@ fn weighted_sum(w: &[f32; REACH + 1], values: [&[f32]; EDGE], out: &mut [f32]) {
     // Slices of one length, so that the loop has no check of bounds.
     let [a, b, c, d, e, f, g, h, i, j, k] = values.map(|of| &of[..n]);
     for x in 0..n {
+        // The window is symmetric: equal weights share a multiplication, six instead of eleven.
         out[x] = w[0] * f[x]
             + w[1] * (e[x] + g[x])
             + w[2] * (d[x] + h[x])

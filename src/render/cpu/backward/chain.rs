@@ -67,6 +67,8 @@ impl ProjectionChain<'_> {
         (splat, moments): (&Splat, &SplatMoments),
     ) -> GaussianGradient {
         let eye = &self.eye;
+        // In 64 bits until the slopes are known, as in the forward pass: far from the origin, the
+        // difference of a position and the camera's centre loses most digits of 32.
         let ray = eye.ray(self.scene.positions[i]);
         let point = eye.camera_from_world * ray;
         let slopes = [point.x / point.z, point.y / point.z];
@@ -87,8 +89,12 @@ impl ProjectionChain<'_> {
         let axes = [self.world_gradient(a), self.world_gradient(b), self.world_gradient(c)];
         GaussianGradient {
             position: three(|k| position[k] + (turned[k] - direction[k] * along) / length),
+            // A scaled axis is a column of the rotation times `exp(log scale)`, and so its own
+            // derivative.
             log_scale: three(|k| dot_product(axes[k], active.axes[k])),
             rotation: activate::rotation_gradient(self.scene.rotations[i], active.axes, axes),
+            // `d ln o / d logit = 1 - o` for `o = 1 / (1 + exp(-logit))`: exact where `o` nearly
+            // vanishes, unlike a quotient of small numbers.
             logit: moments.total() * (1.0 - active.opacity),
             colour,
             direction,
@@ -98,6 +104,7 @@ impl ProjectionChain<'_> {
 
     /// A gradient by camera axes as one by world axes.
     fn world_gradient(&self, g: [f32; 3]) -> [f32; 3] {
+        // The rows turn world axes into camera axes; gradients go back by the transpose.
         let rows = &self.eye.rows;
         three(|k| rows[0][k] * g[0] + rows[1][k] * g[1] + rows[2][k] * g[2])
     }
@@ -115,6 +122,8 @@ impl ProjectionChain<'_> {
         let [v1, v2] = moments.first();
         let mean = [2.0 * LN_2 * w1 * v1, 2.0 * LN_2 * (w2 * v1 + w3 * v2)];
         let focal = [eye.focal[0] as f32, eye.focal[1] as f32];
+        // The forward pass clamps the slopes in the derivative of the projection only. The position
+        // of the splat keeps the slopes as they are.
         let clamp = |k: usize| slopes[k].clamp(eye.slack[k][0], eye.slack[k][1]);
         let clamped = [clamp(0), clamp(1)];
         let scale = [focal[0] / depth, focal[1] / depth];
@@ -134,6 +143,8 @@ impl ProjectionChain<'_> {
             let clamped = if free { -scale[k] * dot_product(by_rows[k], along) } else { 0.0 };
             focal[k] * mean[k] + clamped
         };
+        // Both rows are proportional to 1 / depth, so the derivative by depth is minus their share
+        // over it.
         let shrink = dot_product(by_rows[0], rows[0]) + dot_product(by_rows[1], rows[1]);
         let axis = |k: usize| {
             let [x, y] = [scale[0] * by_rows[0][k], scale[1] * by_rows[1][k]];
@@ -153,6 +164,7 @@ impl ProjectionChain<'_> {
         direction: [f32; 3],
         (splat, by_colour): (&Splat, [f32; 3]),
     ) -> ([f32; 3], [f32; 3]) {
+        // A colour that the clamp holds at 0 does not follow a small change.
         let colour = three(|c| if splat.features[c] > 0.0 { by_colour[c] } else { 0.0 });
         let mut weights = [0.0; sh::MAX_LEN];
         let coefficients = &self.scene.sh_of(i)[..sh::function_count(self.sh_degree)];
@@ -167,6 +179,8 @@ impl CovarianceGradient {
     /// `dL` by the rows `a0, a1`: the covariance is `a0.a0, a0.a1, a1.a1` and the dilation.
     fn by_rows(&self, [a0, a1]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
         [
+            // The factor is that of a square on the diagonal, and that of the two equal entries off
+            // it.
             three(|k| 2.0 * (self.xx * a0[k] + self.xy * a1[k])),
             three(|k| 2.0 * (self.xy * a0[k] + self.yy * a1[k])),
         ]
@@ -188,6 +202,7 @@ fn compensation_gradient([a0, a1]: [[f32; 3]; 2], total: f32) -> [[f32; 3]; 2] {
     let n = cross_product(a0, a1);
     let det0 = dot_product(n, n);
     let det = det0 + d * (dot_product(a0, a0) + dot_product(a1, a1)) + d * d;
+    // At its floor the factor is constant.
     if det0 / det <= COMPENSATION_FLOOR {
         return [[0.0; 3]; 2];
     }
