@@ -70,6 +70,11 @@
 //!   bytes are the same on every machine and with any number of threads. Renderings of a GPU are
 //!   its own: its name and driver are in the key.
 
+#[cfg(not(unix))]
+compile_error!(
+    "gs2e uses file locks, signals and atomic exchanges of folders that only Unix has; on Windows, use WSL"
+);
+
 pub mod artifact;
 pub mod budget;
 pub mod camera;

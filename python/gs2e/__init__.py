@@ -24,8 +24,9 @@ from gs2e._reader import (
     split,
     trajectories,
 )
-from gs2e._recipe import read_recipes
+from gs2e._recipe import read_recipes, write_recipe
 from gs2e._simulate import Sensor, simulate, simulate_to_file, to_structured
+from gs2e._splats import SplatScene
 
 __all__ = [
     "Array",
@@ -38,6 +39,7 @@ __all__ = [
     "RecipeError",
     "Scene",
     "Sensor",
+    "SplatScene",
     "Windows",
     "open",
     "open_events",
@@ -48,4 +50,5 @@ __all__ = [
     "split",
     "to_structured",
     "trajectories",
+    "write_recipe",
 ]

@@ -6,6 +6,7 @@
 mod frames;
 mod received;
 mod recipe;
+mod scene;
 mod sensor;
 mod simulate;
 
@@ -16,6 +17,8 @@ use pyo3::prelude::*;
 mod _native {
     #[pymodule_export]
     use crate::recipe::read_recipes;
+    #[pymodule_export]
+    use crate::scene::SplatScene;
     #[pymodule_export]
     use crate::sensor::Sensor;
     #[pymodule_export]

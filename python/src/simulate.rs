@@ -158,7 +158,7 @@ impl RunSetup {
     ) -> Result<SimulationAccount, RunFailure> {
         let stream = SimulatedStream { sensor: &self.sensor.0, size: frames.size(), span_us: self.span_us };
         let mut account = SimulationAccount::default();
-        gs2e::files::write_beside(out, |part| {
+        gs2e::files::write_by_rename(out, |part| {
             let mut file = stream.create_file(part, format, filter)?;
             account = self.simulate(frames, &mut FileSink(&mut *file))?;
             EventFile::finish(file, stream.length_us())?;

@@ -14,7 +14,9 @@ const STEPS: [Step; 8] = [
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
-        cargo(&["clippy", "--quiet", "--all-targets"]).args(PACKAGES).args(by_name).run()
+        cargo(&["clippy", "--quiet", "--all-targets"]).args(PACKAGES).args(by_name).run()?;
+        // The binding compiles at least; `cargo xtask python` tests it.
+        cargo(&["clippy", "--quiet", "-p", "gs2e-python", "--", "-D", "warnings"]).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", faults::short),

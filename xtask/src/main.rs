@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | docs | manifest | python`.
+//! power | sound | docs | man | manifest | python`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -48,6 +48,7 @@ usage: cargo xtask <task>
   sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
                      `--program FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
+  man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
   python [ARGS]...   installs the wheel in target/python, and runs its tests and the examples of docs/python.md
                      (`--profile NAME` first; ARGS go to pytest)
@@ -76,6 +77,7 @@ fn main() -> ExitCode {
         (Some("power"), args) => power::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
+        (Some("man"), [folder]) => man_pages(folder),
         (Some("manifest"), []) => demo::rewrite_manifest(),
         (Some("python"), args) => python::run(args),
         _ => return usage(),
@@ -87,6 +89,13 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Writes the manual pages. An example does it, because only examples may use the program's library here.
+fn man_pages(folder: &str) -> command::Outcome {
+    // The example runs in the repository's root, and the folder is relative to the current one.
+    let folder = std::path::absolute(folder).map_err(|e| format!("{folder}: {e}"))?;
+    command::cargo(&["run", "--quiet", "--example", "man", "--"]).args([folder]).run()
 }
 
 fn usage() -> ExitCode {
