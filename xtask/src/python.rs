@@ -9,7 +9,17 @@ use std::time::Instant;
 const PLACE: &str = "target/python";
 
 /// What the tests need besides the wheel's own dependencies. torch is tested where it is installed.
-const NEEDS: [&str; 6] = ["maturin>=1.9,<2", "pytest", "pyarrow", "pillow", "jsonschema", "pyyaml"];
+const NEEDS: [&str; 9] = [
+    "maturin>=1.9,<2",
+    "pytest",
+    "pyarrow",
+    "pillow",
+    "jsonschema",
+    "pyyaml",
+    "matplotlib",
+    "nbclient",
+    "ipykernel",
+];
 
 /// Builds the wheel, installs it, and runs the tests and the examples of the documentation. `--profile
 /// NAME` chooses the profile of cargo; the other arguments go to pytest.
@@ -45,8 +55,18 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     program(python.as_os_str(), &tests).args(places).args(args).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
     let doctests = ["--doctest-modules", "--pyargs", "gs2e", "--ignore-glob", "*torch.py"];
     program(python.as_os_str(), &tests).args(doctests).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
+    run_notebook(&python)?;
     say(&format!("python: ok, {:.1} s", begin.elapsed().as_secs_f64()));
     Ok(())
+}
+
+/// Runs the notebook from the first cell to the last; `target/quickstart.ipynb` has its pictures.
+fn run_notebook(python: &Path) -> Outcome {
+    let script = "import nbformat, nbclient; \
+                  notebook = nbformat.read('examples/quickstart.ipynb', 4); \
+                  nbclient.NotebookClient(notebook, timeout=600).execute(); \
+                  nbformat.write(notebook, 'target/quickstart.ipynb')";
+    program(python.as_os_str(), &["-c", script]).run()
 }
 
 fn pip(python: &Path, packages: &[&str]) -> Outcome {
