@@ -7,7 +7,8 @@
 //! - `grid`: the coarsest grid on which nearly all stamps lie, from the stamps alone. The limit is
 //!   1 us, the unit of the files.
 //!
-//! The stated power takes the truncation of residuals into account, see `smallest_fault`.
+//! The stated power takes the truncation of residuals into account, and that the limit varies with its
+//! standard error, see `DetectedSize`.
 //!
 //! Offset and scale need the frames between which the sensor interpolated, one per pose. A release
 //! has them as `sharp/`. The allowances of 4 us and 2e-4 are far above the biases of sound streams,
@@ -18,7 +19,7 @@ pub mod grid;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};
-use crossing::{CrossingFit, ErrorBar};
+use crossing::{CrossingFit, ErrorBar, FAR_US, StreamClock};
 
 /// Largest offset, in addition to five standard errors, us.
 const OFFSET_US: f64 = 4.0;
@@ -58,7 +59,7 @@ impl ValidationPass for EventTimes {
         let mut findings = match subject.crossings {
             None => not_run_both(subject, NOT_KEPT),
             Some(Err(because)) => not_run_both(subject, because),
-            Some(Ok(fit)) => vec![judge_offset(subject, fit), judge_scale(subject, fit)],
+            Some(Ok(clock)) => vec![judge_offset(subject, clock), judge_scale(subject, clock)],
         };
         findings.push(judge_grid(subject));
         findings
@@ -69,7 +70,8 @@ fn not_run_both(subject: &TrajectorySubject<'_>, because: &str) -> Vec<Finding> 
     ["offset", "scale"].into_iter().map(|part| subject.not_run(NAME, part, because)).collect()
 }
 
-fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
+fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding {
+    let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.offset_us;
     let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
     let step = 1e6 / subject.rate.to_f64();
@@ -78,7 +80,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
     }
-    let detects = smallest_fault(OFFSET_US, fit.offset_us, fit.responses[0]);
+    let detects = smallest_offset(clock, UNSURE * step);
     let seen = detects.map_or_else(
         || "which would hide a larger one".to_owned(),
         |size| format!("an offset above {size:.1} us would be seen"),
@@ -93,7 +95,8 @@ fn judge_offset(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     subject.finding(NAME, "offset", judged).detecting(detects.unwrap_or(f64::INFINITY), "us")
 }
 
-fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
+fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding {
+    let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.scale;
     let limit = LimitSide::gate(SCALE + SURE * deviation);
     if limit.value.is_nan() || limit.value > UNSURE_SCALE {
@@ -101,7 +104,7 @@ fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
             format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
         return subject.not_run(NAME, "scale", because);
     }
-    let detects = smallest_fault(SCALE, fit.scale, fit.responses[1]);
+    let detects = smallest_scale(clock);
     let seen = detects.map_or_else(
         || "which would hide another".to_owned(),
         |size| format!("a scale beyond 1 +- {size:.4} would be seen"),
@@ -116,24 +119,86 @@ fn judge_scale(subject: &TrajectorySubject<'_>, fit: &CrossingFit) -> Finding {
     subject.finding(NAME, "scale", judged).detecting(detects.unwrap_or(f64::INFINITY), "1")
 }
 
-/// The smallest fault that exceeds the limit in 95 % of trials; `None` if no size does.
-///
-/// A fault of size `d` is shown as `g d`, `g` the response with its standard error `s`, and the present
-/// value may work against it. Parts of the picture respond differently, so that the standard error of
-/// the estimate grows from `e` to `hypot(e, s d)`, and the limit with it. Hence
-/// `g d = allowed + |value| + (SURE + POWER) hypot(e, s d)`, a quadratic equation for `d`.
-fn smallest_fault(allowed: f64, found: ErrorBar, response: ErrorBar) -> Option<f64> {
-    let ErrorBar { value: g, deviation: s } = response;
-    let least = allowed + found.value.abs().min(allowed + SURE * found.deviation);
-    let sure = SURE + POWER;
-    let square = g * g - sure * s * sure * s;
-    // Otherwise the limit grows faster than the fault.
-    if g.is_nan() || g <= 0.0 || square.is_nan() || square <= 0.0 {
-        return None;
+/// The smallest offset that is found in 95 % of trials, up to `most`, us. `None` if there is none.
+fn smallest_offset(clock: &StreamClock, most: f64) -> Option<f64> {
+    let near = FaultPower::of_offset(&clock.found, OFFSET_US).smallest_fault();
+    let far = clock.far.and_then(|fit| FaultPower::of_offset(&fit, FAR_US).smallest_fault());
+    // The response is that to a small fault.
+    near.into_iter().chain(far).filter(|size| *size <= most).min_by(f64::total_cmp)
+}
+
+/// The smallest difference of the scale from 1 that is found in 95 % of trials, of a clock that starts with
+/// the clip. `None` if there is none.
+fn smallest_scale(clock: &StreamClock) -> Option<f64> {
+    let near = FaultPower::of_scale(&clock.found).smallest_fault();
+    let far = clock.far.and_then(|fit| FaultPower::of_scale(&fit).smallest_fault());
+    // Events in the middle of the clip are off by half of the whole error. From `FAR_US` on, it is the far
+    // fit that may be judged.
+    let found = match near {
+        Some(near) if near * clock.half_us < FAR_US || clock.far.is_none() => Some(near),
+        Some(near) => far.map(|far| far.max(near)),
+        None => {
+            let shown = clock.far.and_then(|fit| FaultPower::of_offset(&fit, FAR_US).smallest_fault());
+            far.zip(shown).map(|(far, shown)| far.max(shown / clock.half_us))
+        }
+    };
+    found.filter(|size| *size <= UNSURE_SCALE)
+}
+
+/// What the size of a fault that is found depends on.
+#[derive(Debug, Clone, Copy)]
+struct FaultPower {
+    /// The part of the limit that no standard error adds to.
+    allowed: f64,
+    found: ErrorBar,
+    /// Share of the fault that the estimate shows.
+    response: ErrorBar,
+    /// Degrees of freedom of the standard errors.
+    freedom: f64,
+}
+
+impl FaultPower {
+    fn of_offset(fit: &CrossingFit, allowed: f64) -> Self {
+        let CrossingFit { offset_us, responses, freedom, .. } = fit;
+        Self { allowed, found: *offset_us, response: responses[0], freedom: freedom[0] }
     }
-    let rest = sure * found.deviation * sure * found.deviation - least * least;
-    let root = (g * least * g * least + square * rest).max(0.0).sqrt();
-    Some((g * least + root) / square)
+
+    fn of_scale(fit: &CrossingFit) -> Self {
+        let CrossingFit { scale, responses, freedom, .. } = fit;
+        Self { allowed: SCALE, found: *scale, response: responses[1], freedom: freedom[1] }
+    }
+
+    /// The smallest fault that exceeds the limit in 95 % of trials; `None` if no size does.
+    ///
+    /// A fault of size `d` is shown as `g d`, `g` the response with its standard error `s`, and the present
+    /// value may work against it. Parts of the picture respond differently, so that the standard error of
+    /// the estimate grows from `e` to `hypot(e, s d)`, and the limit with it. In another trial, it is up to
+    /// `r` times as large, see [`excess_of_errors`]. Hence
+    /// `g d = allowed + |value| + (SURE + POWER) r hypot(e, s d)`, a quadratic equation for `d`. The sum of
+    /// the 95 % quantiles of the limit and of the noise is above that of their sum.
+    fn smallest_fault(&self) -> Option<f64> {
+        let Self { allowed, found, response: ErrorBar { value: g, deviation: s }, freedom } = *self;
+        let least = allowed + found.value.abs().min(allowed + SURE * found.deviation);
+        let sure = (SURE + POWER) * excess_of_errors(freedom);
+        let square = g * g - sure * s * sure * s;
+        // Otherwise the limit grows faster than the fault.
+        if g.is_nan() || g <= 0.0 || square.is_nan() || square <= 0.0 {
+            return None;
+        }
+        let rest = sure * found.deviation * sure * found.deviation - least * least;
+        let root = (g * least * g * least + square * rest).max(0.0).sqrt();
+        Some((g * least + root) / square)
+    }
+}
+
+/// The factor by which a standard error exceeds another of the same distribution in 5 % of trials.
+///
+/// The square of the factor is the 95 % quantile of the F distribution with `freedom` degrees of freedom
+/// twice. Half of the logarithm of F is close to normal, with a variance of `1 / (freedom - 1)`
+/// (Fisher, Proc. Int. Math. Congress, Toronto, 1924). The factor is within 2 % from 5 degrees of freedom
+/// on, and too large by 5 % at 3 and by a fifth at 2. It is infinite at 1.
+fn excess_of_errors(freedom: f64) -> f64 {
+    libm::exp(POWER / (freedom - 1.0).max(0.0).sqrt())
 }
 
 fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
@@ -160,14 +225,24 @@ fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check::planted::SplitMixDraws;
+
+    fn power(value: f64, deviation: f64, [g, s]: [f64; 2], freedom: f64) -> FaultPower {
+        let bar = |value, deviation| ErrorBar { value, deviation };
+        FaultPower { allowed: 4.0, found: bar(value, deviation), response: bar(g, s), freedom }
+    }
 
     #[test]
     fn the_smallest_fault_just_exceeds_its_limit() {
-        for (value, deviation, g, s) in
-            [(0.0, 1.0, 1.0, 0.0), (2.0, 0.5, 0.8, 0.05), (-1.0, 3.0, 0.6, 0.02), (0.3, 0.0, 0.9, 0.0)]
-        {
-            let bar = |value, deviation| ErrorBar { value, deviation };
-            let d = smallest_fault(4.0, bar(value, deviation), bar(g, s)).unwrap();
+        for (value, deviation, response) in [
+            (0.0, 1.0, [1.0, 0.0]),
+            (2.0, 0.5, [0.8, 0.05]),
+            (-1.0, 3.0, [0.6, 0.02]),
+            (0.3, 0.0, [0.9, 0.0]),
+        ] {
+            let [g, s] = response;
+            // Without uncertainty of the standard error.
+            let d = power(value, deviation, response, f64::INFINITY).smallest_fault().unwrap();
             let under_fault = deviation.hypot(s * d);
             // The lower end of 95 % of estimates is at the limit.
             let lowest = g * d - f64::abs(value) - POWER * under_fault;
@@ -177,9 +252,57 @@ mod tests {
 
     #[test]
     fn an_estimate_that_hides_faults_states_none() {
-        let bar = |value, deviation| ErrorBar { value, deviation };
-        for response in [bar(0.5, 0.1), bar(-0.1, 0.0), bar(0.0, 0.0), bar(f64::NAN, 0.0)] {
-            assert_eq!(smallest_fault(4.0, bar(0.0, 1.0), response), None, "{response:?}");
+        for response in [[0.5, 0.1], [-0.1, 0.0], [0.0, 0.0], [f64::NAN, 0.0]] {
+            assert_eq!(power(0.0, 1.0, response, 60.0).smallest_fault(), None, "{response:?}");
+        }
+        // A single part of the picture.
+        assert_eq!(power(0.0, 1.0, [1.0, 0.0], 1.0).smallest_fault(), None);
+    }
+
+    #[test]
+    fn the_excess_of_errors_is_that_of_tables() {
+        // 95 % quantiles of the F distribution with equal degrees of freedom.
+        for (freedom, quantile, within) in [
+            (3.0, 9.277, 0.06),
+            (5.0, 5.050, 0.02),
+            (10.0, 2.978, 0.005),
+            (30.0, 1.841, 0.002),
+            (60.0, 1.534, 0.001),
+        ] {
+            let excess = excess_of_errors(freedom);
+            assert!((excess / f64::sqrt(quantile) - 1.0).abs() < within, "{freedom}: {excess}");
+        }
+    }
+
+    /// Trials by random numbers: estimates and limits of normal errors in parts of unequal shares.
+    #[test]
+    fn faults_of_the_stated_size_are_found_in_95_percent_of_trials() {
+        let mut draws = SplitMixDraws(5);
+        // The sum of twelve even numbers has a variance of 1, and a mean of 6.
+        let mut normal =
+            || (0..12).map(|_| draws.below(1 << 20) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0;
+        for shares in [vec![1.0; 40], vec![20.0, 8.0, 8.0, 4.0, 1.0, 1.0, 1.0, 1.0], vec![9.0, 3.0, 3.0, 3.0]]
+        {
+            let total: f64 = shares.iter().sum();
+            let freedom = 1.0 / shares.iter().map(|share| share / total * (share / total)).sum::<f64>();
+            // The estimate is the sum of the parts' errors, of variances in proportion to their shares, and its
+            // standard error the root of the sum of their squares.
+            let mut trial = || {
+                let errors: Vec<f64> =
+                    shares.iter().map(|share| normal() * f64::sqrt(share / total)).collect();
+                let squares: f64 = errors.iter().map(|error| error * error).sum();
+                ErrorBar { value: errors.iter().sum(), deviation: squares.sqrt() }
+            };
+            let found = (0..2000).filter(|_| {
+                let before = trial();
+                let d = power(before.value, before.deviation, [1.0, 0.0], freedom).smallest_fault().unwrap();
+                let after = trial();
+                d + after.value > 4.0 + SURE * after.deviation
+            });
+            let found = found.count();
+            println!("{found} of 2000 with {freedom:.1} degrees of freedom");
+            // 1900, less five standard deviations of a binomial number.
+            assert!(found > 1851, "{found} of 2000 with {freedom:.1} degrees of freedom");
         }
     }
 }

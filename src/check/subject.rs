@@ -6,7 +6,7 @@ pub(super) use judgement::{Judgement, LimitSide, between_bounds};
 
 use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
-use super::event_times::crossing::CrossingFit;
+use super::event_times::crossing::StreamClock;
 use super::geometry::GeometryMeasures;
 use super::sampling::ResampledIntervals;
 use super::{DetectableFault, Finding, Limits, StreamTally};
@@ -55,7 +55,7 @@ pub struct TrajectorySubject<'a> {
     pub geometry: Option<&'a GeometryMeasures>,
     /// Times of the events compared with those that the released frames predict, if they were
     /// read. An error is the reason why they cannot be compared.
-    pub crossings: Option<&'a Result<CrossingFit, String>>,
+    pub crossings: Option<&'a Result<StreamClock, String>>,
     /// Reports of other programs, if the recipe requests them.
     pub foreign: Option<&'a ExternalReport>,
     /// True if the files of a release are all that is known.

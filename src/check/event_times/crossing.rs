@@ -19,6 +19,12 @@
 //! residuals at the bound `c`, weighted by the square of the regressor, a small fault is shown
 //! `1 - c (f(c) + f(-c))` times as large. That share is measured, from the residuals near the bound,
 //! and so is its standard error; the stated power depends on both.
+//!
+//! A few parts of the picture may have most of the information. The standard error then varies much from one
+//! stream to the next, and with it the limit. If the errors of events are independent, the part of the error
+//! that comes from a part of the picture has a variance in proportion to its share `h` of the sum of squares.
+//! The standard error has the spread of one with `1 / sum h^2` degrees of freedom (Satterthwaite, Biometrics
+//! Bulletin 2, 1946).
 
 use crate::check::drift::DriftLaw;
 use crate::event::{Event, Polarity};
@@ -32,7 +38,7 @@ const SMALL: f64 = 0.4;
 /// large residuals.
 const LARGE: f64 = 4.0;
 /// Offset from which on large residuals count, us: there, small ones are only those of slow pixels.
-const FAR_US: f64 = 50.0;
+pub const FAR_US: f64 = 50.0;
 /// Width of the band of residuals around the largest that is used, as a share of it, on either side.
 const BAND: f64 = 0.25;
 /// Minimum number of parts with events for a jackknife.
@@ -56,8 +62,21 @@ pub struct CrossingFit {
     pub scale: ErrorBar,
     /// Shares of a small offset and of a small change of the scale that the estimates show.
     pub responses: [ErrorBar; 2],
+    /// Degrees of freedom of the standard errors of offset and scale.
+    pub freedom: [f64; 2],
     /// Number of events used.
     pub events: u64,
+}
+
+/// The clock of a stream.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StreamClock {
+    /// The clock from events with small residuals, or from all if the offset is large.
+    pub found: CrossingFit,
+    /// The clock from events with large residuals too, which is found if the offset is large.
+    pub far: Option<CrossingFit>,
+    /// Time from the first frame to the middle of the clip, us.
+    pub half_us: f64,
 }
 
 /// A frame as the sensor sees it.
@@ -127,6 +146,15 @@ impl LineSums {
     /// Shares of a small fault that the coefficients show. The band has a width of twice [`BAND`].
     fn responses(self) -> [f64; 2] {
         [0, 1].map(|i| 1.0 - self.near_bound[i] / (2.0 * BAND * self.squares[i]))
+    }
+
+    /// Degrees of freedom of the standard errors of both coefficients, from the shares of the parts.
+    fn freedom(self, parts: &[Self]) -> [f64; 2] {
+        let of = |square: fn(&Self) -> f64| {
+            let shares = parts.iter().map(|part| square(part) / square(&self));
+            1.0 / shares.map(|share| share * share).sum::<f64>()
+        };
+        [of(|sums| sums.xx), of(|sums| sums.yy)]
     }
 
     /// The sums of the deviations from the means.
@@ -284,11 +312,13 @@ impl CrossingObserver {
     ///
     /// # Errors
     /// The events do not determine it; the text is the reason.
-    pub fn finish(self) -> Result<CrossingFit, String> {
-        match (self.fit(0), self.fit(1)) {
-            (_, Ok(far)) if far.is_far() => Ok(far),
-            (near, _) => near,
-        }
+    pub fn finish(self) -> Result<StreamClock, String> {
+        let far = self.fit(1).ok();
+        let found = match far {
+            Some(far) if far.is_far() => far,
+            _ => self.fit(0)?,
+        };
+        Ok(StreamClock { found, far, half_us: self.middle_us - self.first_us as f64 })
     }
 
     /// The sums of each part of the picture.
@@ -320,9 +350,10 @@ impl CrossingObserver {
         let [offset_us, scale] = jackknife_bars(found, &without);
         let responses: Vec<[f64; 2]> = others.iter().map(|others| others.responses()).collect();
         let responses = jackknife_bars(all.responses(), &responses);
+        let freedom = all.freedom(&filled);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
         let events = all.n as u64;
-        Ok(CrossingFit { offset_us, scale, responses, events })
+        Ok(CrossingFit { offset_us, scale, responses, freedom, events })
     }
 }
 

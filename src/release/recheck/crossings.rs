@@ -4,7 +4,7 @@
 use super::RecheckError;
 use super::unreadable_file;
 use crate::check::drift::DriftLaw;
-use crate::check::event_times::crossing::{CrossingFit, CrossingObserver, SeenFrame};
+use crate::check::event_times::crossing::{CrossingObserver, SeenFrame, StreamClock};
 use crate::event::{Event, EventFileError, EventSource as _, h5};
 use crate::frames::DenseFrame;
 use crate::image::GreyImage;
@@ -83,7 +83,7 @@ impl CrossingWatch {
     }
 
     /// The comparison. The inner error is the reason why it says nothing.
-    pub(super) fn finish(self) -> Result<CrossingFit, String> {
+    pub(super) fn finish(self) -> Result<StreamClock, String> {
         match self {
             Self::Unfit(because) => Err(because),
             Self::Events(events) => events

@@ -9,7 +9,7 @@ use super::{AuditedTree, RecheckError};
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::check::drift::{DriftLaw, FrameRounding};
-use crate::check::event_times::crossing::CrossingFit;
+use crate::check::event_times::crossing::StreamClock;
 use crate::check::geometry::GeometryMeasures;
 use crate::check::records;
 use crate::check::records::exposure::{ExposureMean, ExposureMismatch};
@@ -76,7 +76,7 @@ struct CountedStream<'a> {
     sensor: &'a SensorChoice,
     tally: StreamTally,
     /// Times of the events against those that the frames predict, or the reason for their absence.
-    crossings: Result<CrossingFit, String>,
+    crossings: Result<StreamClock, String>,
 }
 
 impl ReleasedTrajectory<'_> {
