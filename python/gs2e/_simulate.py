@@ -37,7 +37,7 @@ class Sensor:
 
     def __init__(
         self,
-        sensor: SensorLike = "dvs346",
+        sensor: SensorLike = "davis346",
         *,
         name: str | None = None,
         threshold: float | tuple[float, float] | None = None,
@@ -150,7 +150,7 @@ def _request(stamps_us, sensor, seed, between, rates, full_scale, origin, labels
 def simulate(
     frames: npt.NDArray | Iterable[npt.NDArray],
     stamps_us: npt.ArrayLike,
-    sensor: SensorLike = "dvs346",
+    sensor: SensorLike = "davis346",
     *,
     seed: int = 0,
     between: Between | None = None,
@@ -190,7 +190,7 @@ def simulate_to_file(
     out: str | os.PathLike,
     frames: npt.NDArray | Iterable[npt.NDArray],
     stamps_us: npt.ArrayLike,
-    sensor: SensorLike = "dvs346",
+    sensor: SensorLike = "davis346",
     *,
     seed: int = 0,
     between: Between | None = None,

@@ -89,7 +89,9 @@ fn hidden(subject: &TrajectorySubject<'_>) -> Option<&'static str> {
     if DELAYS * law.delay_us > us {
         return Some("the sensor's low-pass filter delays events by a large part of the recording");
     }
-    let noisy = law.most_noise(us) > law.least_threshold() || law.disturbances(GREY, us) > MAX_NOISE;
+    let [on, off] = law.floor_rates(GREY);
+    let stray = law.disturbances(GREY, us) + (on + off) * us;
+    let noisy = law.most_noise(us) > law.least_threshold() || stray > MAX_NOISE;
     noisy.then_some("the sensor's noise makes more events than the frames do")
 }
 

@@ -56,11 +56,11 @@ struct ShotNoise {
     leak_hz: f64,
 }
 
-/// Rates of a noise floor at greys a factor of two apart, both polarities together.
+/// Rates of a noise floor at greys a factor of two apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct FloorRates {
-    /// Events per second at grey `255 / 2^i`.
-    hz: [f64; Self::LEN],
+    /// ON and OFF events per second at grey `255 / 2^i`.
+    hz: [[f64; 2]; Self::LEN],
 }
 
 impl FloorRates {
@@ -70,19 +70,20 @@ impl FloorRates {
         let white_lux = sensor.front_end.white_lux();
         let rate = |i: usize| {
             let grey = 255.0 * libm::exp2(-(i as f64));
-            sensor.floor.rates_at_grey(grey, white_lux).iter().sum()
+            sensor.floor.rates_at_grey(grey, white_lux)
         };
         (!sensor.floor.is_absent()).then(|| Self { hz: std::array::from_fn(rate) })
     }
 
-    /// Events per second at a luminance, linear in its logarithm between two greys of the table.
-    fn at(self, luminance: f64) -> f64 {
+    /// ON and OFF events per second at a luminance, linear in its logarithm between two greys of the
+    /// table.
+    fn at(self, luminance: f64) -> [f64; 2] {
         let last = (Self::LEN - 1) as f64;
         let place = libm::log2(255.0 / luminance.max(1e-9)).clamp(0.0, last);
         let share = place - libm::floor(place);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
         let [low, high] = [place as usize, (place as usize + 1).min(Self::LEN - 1)];
-        self.hz[low] * (1.0 - share) + self.hz[high] * share
+        [0, 1].map(|side| self.hz[low][side] * (1.0 - share) + self.hz[high][side] * share)
     }
 }
 
@@ -269,19 +270,29 @@ impl DriftLaw {
         1e-6 * (shots.at(luminance) + shots.leak_hz)
     }
 
-    /// Events of the noise floor of a pixel per microsecond.
+    /// ON and OFF events of the noise floor of a pixel per microsecond. They do not move its voltage.
+    #[must_use]
+    pub fn floor_rates(&self, luminance: f64) -> [f64; 2] {
+        self.floor.map_or([0.0; 2], |floor| floor.at(luminance).map(|hz| 1e-6 * hz))
+    }
+
     fn floor_events(&self, luminance: f64) -> f64 {
-        self.floor.map_or(0.0, |floor| 1e-6 * floor.at(luminance))
+        self.floor_rates(luminance).iter().sum()
+    }
+
+    /// Returns true if the sensor has a noise floor.
+    #[must_use]
+    pub fn has_floor(&self) -> bool {
+        self.floor.is_some()
     }
 
     /// Expected number of events of a pixel in `dt_us` microseconds that move its reference, or are
-    /// made, although its brightness does not move: shots, those of the noise floor and those of hot
-    /// pixels.
+    /// made, although its brightness does not move: shots, and the events of hot pixels. The noise
+    /// floor is [`DriftLaw::floor_rates`].
     #[must_use]
     pub fn disturbances(&self, luminance: f64, dt_us: f64) -> f64 {
         let shots = self.shots.map_or(0.0, |shots| 1e-6 * shots.at(luminance) * dt_us);
-        let floor = self.floor_events(luminance) * dt_us;
-        shots + floor + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
+        shots + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
     }
 
     /// Expected number of events of the hot pixels among `pixels` in `dt_us` microseconds, all of

@@ -24,21 +24,32 @@
 //!
 //! A residual is possible if `|dv - s| <= max(A, B)`, plus 2 %, six standard deviations of the
 //! noise and two of the leak. If voltages do not start at 0, the bound is `A + B`, and there is no
-//! edge. If thresholds differ between pixels, the bound grows by three standard deviations of the
-//! thresholds of the pixel's events, and there is no edge either.
+//! edge.
+//!
+//! If thresholds differ between pixels, their mean and spread are known. The bound of a residual
+//! grows by three standard deviations of the thresholds of the pixel's events. `s` in `gain` has the
+//! thresholds at which its mean is `dv`, and `<s, s>` is less what the spread adds to it. The edge is
+//! as wide as the spread, so its place is compared with the place that the stated law gives it for
+//! the same drifts. All limits grow by four standard deviations of their scatter.
+//!
+//! The events of a noise floor do not depend on the frames. Their numbers are expected at the light
+//! of each pixel. In `gain`, they are subtracted like the spread. The shares of `residual` and `sign`
+//! may be lower by the pixels that the floor is expected to spoil, and five standard deviations of
+//! their number. For `sign`, these are the pixels that have more contrary noise events than the rest
+//! of their drift makes up for.
 //!
 //! Frames of 8 bits add the largest error of their rounding to the bound of each pixel. A pixel for
 //! which this is more than half of a threshold is left out, as is one with a channel at full scale,
 //! where the picture is clipped. Shots of noise move the reference of a pixel. The shares may be
-//! lower by twice the expected number of such events per pixel; if that is more than a fifth, the
-//! statements are not made.
+//! lower by twice the expected number of such events per pixel. If noise spoils more than a fifth of
+//! the pixels, the statements are not made.
 
 pub mod fit;
 
 use super::drift::DriftLaw;
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
-use fit::{AnchorFit, SlopeSums};
+use fit::{AnchorFit, EventEdge, SlopeSums, SpoiltPixels};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -73,6 +84,8 @@ const MAX_DISTURBED: f64 = 0.2;
 const MIN_PIXELS: u64 = 100;
 /// Minimum of [`fit::EventEdge::reachable`]. Below it, an edge shows the scene and not the sensor.
 const MIN_REACHABLE: f64 = 0.98;
+/// The same for unequal pixels: smallest change of the edge for a change of the thresholds.
+const MIN_ANSWER: f64 = 0.7;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]
@@ -107,6 +120,21 @@ impl ValidationPass for EventFrame {
     }
 }
 
+/// A number of pixels among others.
+#[derive(Debug, Clone, Copy)]
+struct PixelShare {
+    part: u64,
+    of: u64,
+    /// Those of the others that noise may keep out.
+    spoilt: SpoiltPixels,
+}
+
+impl PixelShare {
+    fn measured(&self) -> f64 {
+        self.part as f64 / self.of as f64
+    }
+}
+
 struct EventFramePass<'a> {
     subject: &'a TrajectorySubject<'a>,
     tally: &'a StreamTally,
@@ -123,7 +151,7 @@ impl EventFramePass<'_> {
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
         let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
-        if let Some(because) = self.too_disturbed() {
+        if let Some(because) = self.too_disturbed().or_else(|| self.too_unequal()) {
             return self.subject.not_run(NAME, part, because);
         }
         let slopes =
@@ -146,13 +174,6 @@ impl EventFramePass<'_> {
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
     /// to fire, but no pixel can show a threshold that is too large.
     fn threshold(&self, part: &str, side: usize) -> Finding {
-        if self.law.spread > 0.0 {
-            return self.subject.not_run(
-                NAME,
-                part,
-                "the threshold cannot be measured, because each pixel has its own",
-            );
-        }
         if !self.law.from_zero {
             return self.subject.not_run(
                 NAME,
@@ -160,10 +181,14 @@ impl EventFramePass<'_> {
                 "the threshold cannot be measured, because pixel voltages do not start at 0",
             );
         }
+        if let Some(because) = self.too_unequal() {
+            return self.subject.not_run(NAME, part, because);
+        }
         let stated = self.law.thresholds[side];
         let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
         let edges = self.tally.compared.fits.iter().filter_map(|fit| fit.edges[side]);
-        let usable = edges.filter(|edge| edge.reachable >= MIN_REACHABLE);
+        let least = if self.law.spread > 0.0 { MIN_ANSWER } else { MIN_REACHABLE };
+        let usable = edges.filter(|edge| edge.reachable >= least);
         let Some(edge) = usable.max_by(|a, b| a.shown.total_cmp(&b.shown)) else {
             return self.subject.not_run(
                 NAME,
@@ -171,48 +196,73 @@ impl EventFramePass<'_> {
                 "too few pixels with a well-known brightness change were close to firing",
             );
         };
-        let verdict = LimitSide::gate(tolerance).at_most((edge.shown - 1.0).abs());
-        let limit = if edge.shown < 1.0 { 1.0 - tolerance } else { 1.0 + tolerance };
+        let EventEdge { pixels, shown, within: [low, high], .. } = edge;
+        let [least, most] = [low * (1.0 - tolerance), high * (1.0 + tolerance)];
+        let (verdict, limit) = if shown < 1.0 {
+            (LimitSide::gate(least).at_least(shown), least)
+        } else {
+            (LimitSide::gate(most).at_most(shown), most)
+        };
+        let what = if self.law.spread > 0.0 { "mean threshold" } else { "threshold" };
         let because = format!(
-            "the events of {} pixels imply a threshold of {:.3}; the recipe states {stated}",
-            edge.pixels,
-            edge.shown * stated
+            "the events of {pixels} pixels imply a {what} of {:.3}; the recipe states {stated}",
+            shown * stated
         );
-        self.finding(part, verdict, edge.shown * stated, limit * stated, because)
+        self.finding(part, verdict, shown * stated, limit * stated, because)
     }
 
     fn residual(&self) -> Finding {
-        if let Some(because) = self.too_disturbed() {
-            return self.subject.not_run(NAME, "residual", because);
-        }
-        let limit = self.limits().residual.unwrap_or(RESIDUAL - 2.0 * self.disturbed());
-        let shares = self
-            .tally
-            .compared
-            .fits
-            .iter()
-            .map(|fit| (fit.possible, fit.slopes[0].pixels + fit.slopes[1].pixels));
-        self.share("residual", limit, shares, "have events that match it to within the thresholds")
+        let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
+            part: fit.possible,
+            of: fit.slopes[0].pixels + fit.slopes[1].pixels,
+            spoilt: fit.disturbed_by_floor,
+        });
+        let usual = (self.limits().residual, RESIDUAL);
+        self.share("residual", usual, shares, "have events that match it to within the thresholds")
     }
 
     fn sign(&self) -> Finding {
-        if let Some(because) = self.too_disturbed() {
-            return self.subject.not_run(NAME, "sign", because);
-        }
-        let limit = self.limits().sign.unwrap_or(SIGN - 2.0 * self.disturbed());
-        let shares = self.tally.compared.fits.iter().map(|fit| (fit.doubled[1], fit.doubled[0]));
-        self.share("sign", limit, shares, "have events of the same sign")
+        let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
+            part: fit.doubled[1],
+            of: fit.doubled[0],
+            spoilt: fit.turned_by_floor,
+        });
+        self.share("sign", (self.limits().sign, SIGN), shares, "have events of the same sign")
     }
 
-    /// The smallest share over all instants with enough pixels.
-    fn share(&self, part: &str, limit: f64, shares: impl Iterator<Item = (u64, u64)>, what: &str) -> Finding {
-        let share = |(part, of): (u64, u64)| part as f64 / of as f64;
-        let enough = shares.filter(|(_, of)| *of >= MIN_PIXELS);
-        let Some(worst) = enough.min_by(|a, b| share(*a).total_cmp(&share(*b))) else {
-            return self.too_few(part);
+    /// The share that is lowest against its limit, of all instants with enough pixels and little
+    /// noise. `limit` is the recipe's, and the default.
+    fn share(
+        &self,
+        part: &str,
+        limit: (Option<f64>, f64),
+        shares: impl Iterator<Item = PixelShare>,
+        what: &str,
+    ) -> Finding {
+        if let Some(because) = self.too_disturbed() {
+            return self.subject.not_run(NAME, part, because);
+        }
+        let (asked, usual) = limit;
+        let least = |share: &PixelShare| {
+            asked.unwrap_or_else(|| usual - 2.0 * self.disturbed() - share.spoilt.most(share.of))
         };
-        let because = format!("{} of {} pixels with a brightness change {what}", worst.0, worst.1);
-        let measured = share(worst);
+        let enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
+        if enough.is_empty() {
+            return self.too_few(part);
+        }
+        let clear = enough.into_iter().filter(|share| share.spoilt.share(share.of) <= MAX_DISTURBED);
+        let Some(worst) =
+            clear.min_by(|a, b| (a.measured() - least(a)).total_cmp(&(b.measured() - least(b))))
+        else {
+            let because = "the noise floor spoils more than a fifth of the pixels with a brightness change";
+            return self.subject.not_run(NAME, part, because);
+        };
+        let (measured, limit) = (worst.measured(), least(&worst));
+        let mut because = format!("{} of {} pixels with a brightness change {what}", worst.part, worst.of);
+        let spoilt = worst.spoilt.share(worst.of);
+        if spoilt > 0.0 {
+            because += &format!("; the noise floor spoils up to {:.2} %", 100.0 * spoilt);
+        }
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }
 
@@ -229,6 +279,12 @@ impl EventFramePass<'_> {
             )
         };
         (disturbed > MAX_DISTURBED).then(because)
+    }
+
+    fn too_unequal(&self) -> Option<String> {
+        let spread = self.law.spread / self.law.least_threshold();
+        let because = || format!("the thresholds of the pixels differ by {:.0} %, too much for a mean", 100.0 * spread);
+        (spread > fit::MAX_SPREAD).then(because)
     }
 
     fn too_few(&self, part: &str) -> Finding {
@@ -252,3 +308,6 @@ impl EventFramePass<'_> {
         self.subject.finding(NAME, part, judged)
     }
 }
+
+#[cfg(test)]
+mod tests;

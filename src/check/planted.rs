@@ -19,6 +19,7 @@ use crate::frames::anchors::{AnchorChoice, AnchorFrames};
 use crate::image::{Image, Size};
 use crate::render::flow::FlowQuantiles;
 use crate::se3::Se3;
+use crate::sensor::noise::{FloorPoint, NoiseFloor};
 use crate::sensor::voltmeter::{InitialVoltage, VoltmeterModel};
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::speed::SpeedMeaning;
@@ -70,6 +71,10 @@ pub(super) struct WorldSettings {
     pub(super) dawn: f64,
     pub(super) initial: InitialVoltage,
     pub(super) frames: usize,
+    /// Standard deviation of the thresholds over the pixels.
+    pub(super) spread: f64,
+    /// ON and OFF events of the noise floor per pixel and second.
+    pub(super) floor_hz: [f64; 2],
 }
 
 impl Default for WorldSettings {
@@ -81,6 +86,8 @@ impl Default for WorldSettings {
             dawn: 0.0,
             initial: InitialVoltage::Zero,
             frames: FRAMES,
+            spread: 0.0,
+            floor_hz: [0.0; 2],
         }
     }
 }
@@ -91,6 +98,12 @@ impl PlantedWorld {
         let mut sensor = VoltmeterModel::new([5.265, 20.0, 0.0, 1e-7, 0.0, 0.0]);
         [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
         sensor.initial = setting.initial;
+        sensor.threshold_spread = setting.spread;
+        if setting.floor_hz != [0.0; 2] {
+            let [on, off] = setting.floor_hz;
+            sensor.floor = NoiseFloor(vec![FloorPoint { lux: 1.0, on, off }]);
+            sensor.front_end.lux = Some(250.0);
+        }
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| wave_picture(setting, j)).collect();
         let events = simulate_events(&sensor, &images, &stamps_us);
         let apart = (1..50).find(|n| setting.pace * *n as f64 >= 1.0).unwrap_or(50);
@@ -210,6 +223,17 @@ impl SplitMixDraws {
         ((z ^ (z >> 31)) % n) as usize
     }
 
+    /// A number between 0 and 1, uniformly.
+    pub(super) fn share(&mut self) -> f64 {
+        (self.below(1 << 40) as f64 + 0.5) / (1u64 << 40) as f64
+    }
+
+    /// A normal deviate, by Box and Muller.
+    fn normal(&mut self) -> f64 {
+        let (radius, angle) = (self.share(), self.share());
+        (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
+    }
+
     /// A column and a row, uniformly.
     pub(super) fn at(&mut self, n: u16) -> u16 {
         u16::try_from(self.below(n.into())).expect("it is below n")
@@ -236,7 +260,10 @@ fn wave_picture(setting: WorldSettings, frame: usize) -> Image<f32> {
 fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
     let [k1, k2, _, k4, ..] = sensor.k;
     let mut events = Vec::new();
+    let mut draws = SplitMixDraws(11);
     for i in 0..SIZE.pixels() {
+        let [up, down] = [sensor.threshold_on, sensor.threshold_off]
+            .map(|nominal| (nominal + sensor.threshold_spread * draws.normal()).max(0.01));
         let volts = |j: usize| {
             k1 * (f64::from(images[j].pixels()[i]) + k2).ln() + k4 * (stamps_us[j] - stamps_us[0]) as f64
         };
@@ -254,29 +281,37 @@ fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[
             let to = volts(j);
             let [t0, t1] = [stamps_us[j - 1], stamps_us[j]].map(|t| (1000 * t) as f64);
             loop {
-                let (next, polarity) = if to - level >= sensor.threshold_on {
-                    (level + sensor.threshold_on, Polarity::On)
-                } else if level - to >= sensor.threshold_off {
-                    (level - sensor.threshold_off, Polarity::Off)
+                let (next, polarity) = if to - level >= up {
+                    (level + up, Polarity::On)
+                } else if level - to >= down {
+                    (level - down, Polarity::Off)
                 } else {
                     break;
                 };
                 level = next;
                 let t = t0 + (t1 - t0) * ((level - from) / (to - from)).clamp(0.0, 1.0);
-                let (x, y) = (i % SIZE.width as usize, i / SIZE.width as usize);
-                events.push(Event {
-                    t: Timestamp(t.ceil() as i64),
-                    x: x as u16,
-                    y: y as u16,
-                    polarity,
-                    label: EventLabel::Signal,
-                });
+                events.push(event_at(i, t.ceil() as i64, polarity));
             }
             from = to;
+        }
+        let end = (1000 * (stamps_us[images.len() - 1] - stamps_us[0])) as f64;
+        let rates = sensor.floor.0.first().map_or([0.0; 2], |point| [point.on, point.off]);
+        for (hz, polarity) in rates.into_iter().zip([Polarity::On, Polarity::Off]) {
+            // Waiting times of a Poisson process; without a rate, the first is infinite.
+            let mut t = -draws.share().ln() / (1e-9 * hz);
+            while t < end {
+                events.push(event_at(i, t.ceil() as i64, polarity));
+                t -= draws.share().ln() / (1e-9 * hz);
+            }
         }
     }
     events.sort_by_cached_key(Event::file_order);
     events
+}
+
+fn event_at(pixel: usize, t_ns: i64, polarity: Polarity) -> Event {
+    let (x, y) = (pixel % SIZE.width as usize, pixel / SIZE.width as usize);
+    Event { t: Timestamp(t_ns), x: x as u16, y: y as u16, polarity, label: EventLabel::Signal }
 }
 
 fn count_events(events: &[Event]) -> SimulationAccount {

@@ -74,7 +74,7 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
     };
     // Over longer intervals a pixel may brighten and darken, and have events of both polarities.
     let short = tally.compared.intervals.iter().filter(|interval| interval.short);
-    let [mut pixels, mut with, mut against, mut noise] = [0.0; 4];
+    let [mut pixels, mut with, mut against, mut noise, mut floor] = [0.0; 5];
     for interval in short {
         let [from, to] = interval.span_us;
         pixels += interval.sums.pixels as f64;
@@ -82,7 +82,10 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
         against += interval.sums.events[1] as f64;
         // The darkest pixels have the most noise of this kind.
         noise += interval.sums.pixels as f64 * law.disturbances(0.0, (to - from) as f64);
+        floor += interval.sums.floor;
     }
+    // The light of these pixels is known, so their floor is expected, with the scatter of a count.
+    noise += floor + 5.0 * floor.sqrt();
     let events = with + against;
     if events < MIN_STEADY {
         let because =

@@ -138,8 +138,8 @@ fn add_constants(raw: Option<&schema::VoltmeterSection>, out: &mut Value) {
             out["units"] = json!(units);
         }
         None => {
-            out["preset"] =
-                json!(raw.and_then(|raw| written_text(&raw.preset)).unwrap_or(VoltmeterPreset::USUAL.name()))
+            let named = raw.and_then(|raw| VoltmeterPreset::by_name(written_text(&raw.preset)?));
+            out["preset"] = json!(named.unwrap_or(VoltmeterPreset::USUAL).name());
         }
     }
 }

@@ -116,7 +116,7 @@ trajectories:
     speed: {{ flow: {{ px_s: {px_s} }} }}
 sampling: {{ tolerance: 0.1 }}             # interpolation error between frames, in contrast thresholds
 sensor:
-  voltmeter: {{ preset: dvs346, threshold: {{ on: 1.0, off: 1.0 }} }}
+  voltmeter: {{ preset: davis346 }}
 outputs: [events, sharp]
 sharp: {{ every: 8 }}                      # one picture for each 8 poses: 300 per second
 "

@@ -16,7 +16,7 @@ trajectories:
 sampling: { rate: 2400, between: linear }
 render: { rules: official, antialiased: auto, background: [0, 0, 0] }
 sensor:
-  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
+  voltmeter: { preset: dvs346-paper, threshold: { on: 1.0, off: 1.0 } }
 outputs: [events, sharp]
 ";
 

@@ -36,7 +36,7 @@ pub struct ChecksStage {
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 9;
+    const REVISION: u32 = 10;
     type Inputs =
         (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
     type Output = VerdictsRecord;

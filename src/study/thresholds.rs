@@ -18,7 +18,7 @@ use crate::event::{Event, EventSink};
 use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::{Image, Size};
 use crate::seed::Seed;
-use crate::sensor::voltmeter::VoltmeterModel;
+use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use crate::sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError, SimulationAccount};
 use serde::Serialize;
 use std::ops::ControlFlow;
@@ -87,6 +87,8 @@ pub struct SweepResult {
     pub frames: usize,
     /// Duration from the first frame to the last, seconds.
     pub seconds: f64,
+    /// The preset of the sensor. Thresholds mean nothing without it.
+    pub preset: Option<VoltmeterPreset>,
 }
 
 impl SweepResult {
@@ -137,7 +139,8 @@ impl SweepResult {
         match self.recommended().0 {
             Some(row) => {
                 let threshold = row.threshold;
-                format!("sensor:\n  voltmeter: {{ threshold: {{ on: {threshold}, off: {threshold} }} }}")
+                let preset = self.preset.map_or_else(String::new, |preset| format!("preset: {}, ", preset.name()));
+                format!("sensor:\n  voltmeter: {{ {preset}threshold: {{ on: {threshold}, off: {threshold} }} }}")
             }
             None => "render: { rules: soft }".to_owned(),
         }
@@ -176,7 +179,13 @@ pub fn sweep_thresholds(
     }
     let jumps = jumps.sorted();
     let seconds = stamps.last().map_or(0.0, |t| *t as f64 * 1e-9);
-    let mut found = SweepResult { rows: Vec::new(), pictures: Vec::new(), frames: stamps.len(), seconds };
+    let mut found = SweepResult {
+        rows: Vec::new(),
+        pictures: Vec::new(),
+        frames: stamps.len(),
+        seconds,
+        preset: VoltmeterPreset::with_constants_of(&sweep.sensor),
+    };
     for (&threshold, [first, second]) in sweep.thresholds.iter().zip(pairs) {
         let ((events, account), (other, smooth)) = (first.end()?, second.end()?);
         let picture = WindowCounts::new(size, sweep.window_us.clone()).map_err(std::io::Error::from);
@@ -347,7 +356,6 @@ impl EventMatching<'_> {
 mod tests {
     use super::*;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
-    use crate::sensor::voltmeter::VoltmeterPreset;
 
     const SIZE: Size = Size { width: 4, height: 1 };
     const FRAME_US: i64 = 400;

@@ -111,7 +111,7 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     place.ok("build tiny.yaml");
     let mut edited = over_files("tiny");
     edited["trajectories"][0]["refine"]["factor"] = json!(3);
-    edited["sensor"] = json!({ "voltmeter": { "threshold": { "on": 1.25 } } });
+    edited["sensor"] = json!({ "voltmeter": { "preset": "dvs346-paper", "threshold": { "on": 1.25 } } });
     place.write("tiny.yaml", edited.to_string());
     let message = place.ok("why tiny --recipes tiny.yaml").stdout;
     let has =

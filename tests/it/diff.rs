@@ -86,7 +86,7 @@ fn scenes_come_go_and_change_by_a_recipe_value() {
     fs::remove_file(place.path("recipes/gone.yaml")).unwrap();
     place.write("recipes/come.yaml", recipe("come").to_string());
     let mut moved = recipe("moved");
-    moved["sensor"] = json!({ "voltmeter": { "threshold": { "on": 1.5 } } });
+    moved["sensor"] = json!({ "voltmeter": { "preset": "dvs346-paper", "threshold": { "on": 1.5 } } });
     place.write("recipes/moved.yaml", moved.to_string());
     place.write("recipes/release.yaml", "name: Another\nversion: 1.2.3\n");
     place.ok("release -q --to new");

@@ -23,8 +23,8 @@ fn recipe(sensors: &str) -> String {
     TINY.replace(SENSOR, sensors)
 }
 
-const LIGHT: &str = "voltmeter: { front_end: { luminance: rec709, decode: srgb, exposure: 1.5 } }";
-const BRIGHT: &str = "voltmeter: { front_end: { exposure: 2, range: { min: 10, max: 400 } } }";
+const LIGHT: &str = "voltmeter: { preset: dvs346-paper, front_end: { luminance: rec709, decode: srgb, exposure: 1.5 } }";
+const BRIGHT: &str = "voltmeter: { preset: dvs346-paper, front_end: { exposure: 2, range: { min: 10, max: 400 } } }";
 
 fn json(place: &Workspace, path: &str) -> Value {
     serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
@@ -36,7 +36,7 @@ fn several_sensors_see_the_same_as_each_alone() {
     place.write(
         "tiny.yaml",
         recipe(&format!(
-            "sensors:\n  usual: {{ voltmeter: {{}} }}\n  light: {{ {LIGHT} }}\n  bright: {{ {BRIGHT} }}\n"
+            "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n  bright: {{ {BRIGHT} }}\n"
         )),
     );
     let message = place.ok("release --to several tiny.yaml").stderr;
@@ -65,7 +65,7 @@ fn each_sensor_is_checked_by_its_own_brightness() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
-        recipe(&format!("sensors:\n  usual: {{ voltmeter: {{}} }}\n  light: {{ {LIGHT} }}\n")),
+        recipe(&format!("sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n")),
     );
     place.ok("release --to out tiny.yaml");
     let checks = json(&place, "out/tiny/base/checks.json");
@@ -108,7 +108,7 @@ fn a_release_states_the_brightness_of_each_sensor() {
     let front_end = &scene["trajectories"][0]["sensor"]["front_end"];
     assert_eq!((&front_end["decode"], &front_end["exposure"]), (&"srgb".into(), &1.5.into()));
     let (brightness, _, card) =
-        said(&format!("sensors:\n  usual: {{ voltmeter: {{}} }}\n  light: {{ {LIGHT} }}\n"));
+        said(&format!("sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n"));
     assert_eq!(brightness, "per-sensor");
     assert!(card.contains("| tiny | light | 0.2126 R") && !card.contains("| tiny | usual | 0."), "{card}");
 }

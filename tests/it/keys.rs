@@ -258,6 +258,7 @@ source:
   procedural: { seed: 1, arc: .5, views: 6, gaussians: 300 }
 seed: 7
 scene: \"tiny\"
+sensor: { voltmeter: { preset: dvs346 } }
 version: 1
 ";
     there.write("deep/down/renamed.yaml", shuffled);

@@ -80,7 +80,7 @@ fn one_of_several_sensors_is_asked_for_by_name() {
     let place = Workspace::new();
     let (head, tail) = TINY.split_once("sensor:\n").unwrap();
     let (_, tail) = tail.split_once('\n').unwrap();
-    let sensors = "sensors:\n  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n  \
+    let sensors = "sensors:\n  fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n  \
                    usual: { voltmeter: { preset: dvs346, labels: true } }\n";
     place.write("tiny.yaml", format!("{head}{sensors}{tail}"));
     place.ok("release --to tree tiny.yaml");

@@ -162,8 +162,8 @@ fn sensors_of_a_trajectory_can_be_compared() {
     let place = Workspace::new();
     let sensor = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
     let (head, tail) = TINY.split_once(sensor).unwrap();
-    let sensors = "sensors:\n  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n  \
-                   coarse: { voltmeter: { threshold: { on: 2.0, off: 2.0 } } }\n\
+    let sensors = "sensors:\n  fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n  \
+                   coarse: { voltmeter: { preset: dvs346-paper, threshold: { on: 2.0, off: 2.0 } } }\n\
                    checks: { event_rate: { max: 0.001 }, waive: \
                    [{ check: event_rate, because: \"the limit is `max: 0.001`\" }] }\n";
     place.write("tiny.yaml", format!("{head}{sensors}{tail}"));

@@ -14,9 +14,9 @@ fn recipe(sensors: &str) -> String {
 }
 
 const THREE: &str = "sensors:
-  fine: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }
+  fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }
   usual: { voltmeter: { preset: dvs346, labels: true } }
-  coarse: { voltmeter: { threshold: { on: 2.0, off: 2.0 } } }
+  coarse: { voltmeter: { preset: dvs346-paper, threshold: { on: 2.0, off: 2.0 } } }
 ";
 
 fn json(place: &Workspace, path: &str) -> Value {
@@ -77,7 +77,7 @@ fn a_sensor_makes_the_same_events_alone() {
     let place = Workspace::new();
     place.write("tiny.yaml", recipe(THREE));
     place.ok("release --to several tiny.yaml");
-    place.write("tiny.yaml", recipe("sensor: { voltmeter: { threshold: { on: 0.5, off: 0.5 } } }\n"));
+    place.write("tiny.yaml", recipe("sensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n"));
     place.ok("release --to one tiny.yaml");
     let [several, one] = ["several/tiny/base/events/fine.h5", "one/tiny/base/events.h5"]
         .map(|path| fs::read(place.path(path)).unwrap());

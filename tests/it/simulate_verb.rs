@@ -285,7 +285,7 @@ fn every_format_and_every_filter_holds_the_stream() {
 #[test]
 fn labels_are_written_on_request() {
     let place = workspace();
-    place.write("s.yaml", "voltmeter: { hot_pixels: { share: 0.1, rate: 900 } }\n");
+    place.write("s.yaml", "voltmeter: { preset: dvs346-paper, hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
     let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0, ..HotPixelNoise::default() };
     let sensor =

@@ -191,3 +191,28 @@ fn impossible_studies_are_refused() {
     refused("--rates 150 --seconds 0.003", "have fewer than two steps at 150 frames per second");
     refused("--start=-1", "must be at least 0");
 }
+
+/// A preset makes what it states and what was published, and the picture shows both.
+#[test]
+fn a_preset_is_studied() {
+    let place = Workspace::new();
+    let ended = place.ok("study sensor davis346 --json --picture davis346.svg");
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    assert_eq!(found["passes"], true, "{found}");
+    // Three lights, both polarities: ln 1.143 and -ln(1 - 0.225) of the camera's data.
+    let rows = found["contrast"].as_array().unwrap();
+    assert_eq!(rows.len(), 6);
+    for row in rows {
+        let wanted = if row["on"] == true { 0.133_656 } else { 0.254_892 };
+        assert!((row["found"].as_f64().unwrap() / wanted - 1.0).abs() < 0.03, "{row}");
+    }
+    // The two published lights, and four between them.
+    let noise = found["noise"]["rows"].as_array().unwrap();
+    assert_eq!(noise.iter().filter(|row| row["anchor"].is_array()).count(), 2);
+    let lux: Vec<f64> = noise.iter().map(|row| row["lux"].as_f64().unwrap()).collect();
+    assert!(lux.len() == 6 && lux.windows(2).all(|pair| pair[0] < pair[1]), "{lux:?}");
+    let svg = fs::read_to_string(place.path("davis346.svg")).unwrap();
+    // A dot for each polarity and light, and the published rate of 0.
+    assert_eq!(svg.matches("<circle").count(), 12);
+    assert!(svg.contains("davis346: share of pixels") && svg.contains(">0 Hz<"), "{svg}");
+}

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Sensors. Each of them makes events in these scenes.
-const SENSORS: [(&str, &str); 20] = [
+const SENSORS: [(&str, &str); 23] = [
     ("dvs346", "sensor: { voltmeter: { preset: dvs346 } }"),
     ("esim", "sensor: { esim: {} }"),
     ("v2e", "sensor: { v2e: { preset: clean } }"),
@@ -34,6 +34,9 @@ const SENSORS: [(&str, &str); 20] = [
     ("exposed", "sensor: { esim: { front_end: { exposure: 2, range: { min: 4, max: 255 } } } }"),
     ("dull", "sensor: { voltmeter: { preset: dvs346, threshold: { on: 1.4, off: 1.2 } } }"),
     ("two", "sensors: { a: { voltmeter: { preset: dvs346 } }, b: { v2e: { preset: clean } } }"),
+    ("usual", "sensor: { voltmeter: {} }"),
+    ("dim", "sensor: { voltmeter: { front_end: { lux: 5 } } }"),
+    ("evk4", "sensor: { voltmeter: { preset: evk4 } }"),
 ];
 
 const PATHS: [(&str, &str); 6] = [

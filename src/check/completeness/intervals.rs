@@ -31,6 +31,8 @@ pub struct TileSums {
     pub shown: f64,
     /// Number of events in the direction of the drift, and against it.
     pub events: [u64; 2],
+    /// Expected number of events of the noise floor against the direction of the drift.
+    pub floor: f64,
 }
 
 impl TileSums {
@@ -40,6 +42,7 @@ impl TileSums {
         self.shown += other.shown;
         self.events[0] += other.events[0];
         self.events[1] += other.events[1];
+        self.floor += other.floor;
     }
 
     /// Share of the change that events show; NaN without pixels.
@@ -80,8 +83,15 @@ impl IntervalWatch {
     }
 
     /// Takes a pixel at the next anchor: its drift since the first, if it is known, its events
-    /// until now, and the error of their difference.
-    pub(in crate::check) fn see(&mut self, pixel: usize, drift: Option<f64>, counts: [u32; 2], error: f64) {
+    /// until now, the error of their difference, and the events of the noise floor that are expected
+    /// since the last anchor.
+    pub(in crate::check) fn see(
+        &mut self,
+        pixel: usize,
+        drift: Option<f64>,
+        counts: [u32; 2],
+        (error, floor): (f64, [f64; 2]),
+    ) {
         let change = drift.unwrap_or(f64::NAN) - self.drift[pixel];
         let before = std::mem::replace(&mut self.counts[pixel], counts);
         self.drift[pixel] = drift.unwrap_or(f64::NAN);
@@ -90,8 +100,9 @@ impl IntervalWatch {
         if change.abs() > LEAST * 0.5 * (a + b) + error {
             let [on, off] = [0, 1].map(|side| u64::from(counts[side] - before[side]));
             let shown = a * on as f64 - b * off as f64;
-            let events = if change > 0.0 { [on, off] } else { [off, on] };
-            let own = TileSums { pixels: 1, asked: change.abs(), shown: shown * change.signum(), events };
+            let (events, floor) = if change > 0.0 { ([on, off], floor[1]) } else { ([off, on], floor[0]) };
+            let (asked, shown) = (change.abs(), shown * change.signum());
+            let own = TileSums { pixels: 1, asked, shown, events, floor };
             self.sums.add(own);
             let tile = self.tile(pixel);
             self.tiles[tile].add(own);

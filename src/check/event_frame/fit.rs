@@ -2,31 +2,40 @@
 //! since the first frame.
 
 mod balance;
+mod edge;
+mod floor;
 mod lag;
+mod unequal;
 
 pub(in crate::check) use balance::DriftBalance;
 pub use balance::FrameComparison;
+pub use edge::EventEdge;
+pub use floor::SpoiltPixels;
 pub use lag::LagSums;
+pub(super) use unequal::MAX_SPREAD;
 
 use crate::check::drift::DriftLaw;
 use balance::PixelChange;
+use edge::{NearPixel, find_edge, find_unequal_edge};
+use unequal::UnequalLaw;
 
-/// Minimum number of pixels near the threshold. An edge of fewer is not measured.
-const MIN_NEAR: usize = 1000;
-/// The edge is the value that this share of its pixels does not exceed. The rest may be noise.
-const EDGE: f64 = 0.995;
-/// Shown threshold of a pixel whose events all have the wrong sign, in place of infinity.
-const MAX_SHOWN: f64 = 1000.0;
 /// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
 /// is sharp to 2 %, an error of the threshold of a tenth is still visible.
 const MAX_BLUR: f64 = 0.04;
+/// The same for unequal pixels, in spreads of their thresholds: it widens their edge by an eighth.
+const MAX_UNEQUAL_BLUR: f64 = 0.5;
+/// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
+/// many events of both polarities would blur it.
+const MAX_OWN_SPREAD: f64 = 1.5;
+/// Standard deviations of a sum that are allowed.
+const DEVIATIONS: f64 = 4.0;
 
 /// The state of all pixels at one anchor, as statistics.
 ///
 /// For each pixel, `dv` is the drift since the first frame, and `s = A on - B off` the drift
 /// according to its events. The residual voltage is `dv - s` minus the pixel's initial voltage:
 /// between `-B` and `A`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct AnchorFit {
     /// Stamp of the anchor.
     pub t_us: i64,
@@ -36,9 +45,13 @@ pub struct AnchorFit {
     pub slopes: [SlopeSums; 2],
     /// Number of these pixels with a possible residual.
     pub possible: u64,
+    /// Those among them whose residual the noise floor may make impossible.
+    pub disturbed_by_floor: SpoiltPixels,
     /// Number of pixels with a drift of more than two thresholds, and of those among them whose
     /// events have the same sign.
     pub doubled: [u64; 2],
+    /// Those among them whose sign the noise floor may turn.
+    pub turned_by_floor: SpoiltPixels,
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
     /// Delay of the events, if a span of frames shows it.
@@ -62,13 +75,14 @@ pub struct SlopeSums {
     pub pixels: u64,
     /// Sum of `s dv`.
     pub products: f64,
-    /// Sum of `s^2`.
+    /// Sum of `s^2`, less what noise and unequal thresholds are expected to add to it.
     pub squares: f64,
     /// Sum of `|s|`.
     pub sizes: f64,
-    /// Sum of `|s|` times the further error of the pixel, by rounded frames and by thresholds that
-    /// differ between pixels.
+    /// Sum of `|s|` times the further error of the pixel, by rounded frames.
     pub errors: f64,
+    /// Variance of `products - squares` by noise and unequal thresholds.
+    pub scatter: f64,
 }
 
 impl std::ops::Add for SlopeSums {
@@ -81,6 +95,7 @@ impl std::ops::Add for SlopeSums {
             squares: self.squares + o.squares,
             sizes: self.sizes + o.sizes,
             errors: self.errors + o.errors,
+            scatter: self.scatter + o.scatter,
         }
     }
 }
@@ -92,127 +107,131 @@ impl SlopeSums {
         self.products / self.squares
     }
 
-    /// Largest distance of a sound stream's factor from 1 that residuals alone can cause. With
+    /// Largest distance of a sound stream's factor from 1 that residuals and noise can cause. With
     /// `|dv - s| <= most`, `|factor - 1| <= most <|s|> / <s, s>`.
     #[must_use]
     pub fn allowance(&self, most: f64) -> f64 {
-        (most * self.sizes + self.errors) / self.squares
+        (most * self.sizes + self.errors + DEVIATIONS * self.scatter.sqrt()) / self.squares
     }
 
-    fn add(&mut self, s: f64, dv: f64, error: f64) {
+    /// Adds a pixel with the events `s`. `second` and `fourth` are the cumulants of the part of `s`
+    /// that does not follow the drift.
+    fn add(&mut self, s: f64, dv: f64, error: f64, [second, fourth]: [f64; 2]) {
         self.errors += s.abs() * error;
         self.pixels += 1;
         self.products += s * dv;
-        self.squares += s * s;
+        // A part without correlation to the drift adds its variance to the square, and nothing to
+        // the product.
+        self.squares += s * s - second;
         self.sizes += s.abs();
+        // `s (dv - s)` changes by `s e` and by `e^2`, whose variance is the fourth cumulant plus
+        // twice the square of the second.
+        self.scatter += s * s * second + 2.0 * second * second + fourth;
     }
-}
-
-/// The voltage at which events of one polarity happen, measured from the pixels that are about to
-/// fire: no residual lies beyond the threshold, and many lie close to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EventEdge {
-    /// Number of pixels used.
-    pub pixels: usize,
-    /// The measured threshold, relative to the stated one.
-    pub shown: f64,
-    /// The value for pixels that drift straight from the first frame to this one: near 1 if enough
-    /// pixels are about to fire. If it is lower, the stream cannot show the threshold.
-    pub reachable: f64,
 }
 
 /// Sums over pixels for a [`AnchorFit`].
 struct FitSums {
-    thresholds: [f64; 2],
+    law: DriftLaw,
+    unequal: UnequalLaw,
     /// Largest possible difference of drift and events.
     most_residual: f64,
-    /// True if residuals are 0 at the first frame.
-    from_zero: bool,
-    events: u64,
-    slopes: [SlopeSums; 2],
-    possible: u64,
-    doubled: [u64; 2],
-    silent: u64,
-    lag: LagSums,
-    near: [Vec<[f32; 2]>; 2],
-    expected: f64,
-    unknown: u64,
+    near: [Vec<NearPixel>; 2],
     known: u64,
-    disturbed: f64,
-    spread: f64,
+    /// The sums so far.
+    fit: AnchorFit,
 }
 
 impl FitSums {
-    fn new(law: &DriftLaw, slack: f64) -> Self {
+    fn new(law: &DriftLaw, slack: f64, t_us: i64) -> Self {
         Self {
-            thresholds: law.thresholds,
+            law: *law,
+            unequal: UnequalLaw::new(law.thresholds, law.spread),
             // 2 % for events in the microsecond of the anchor, and for the law's finer steps.
             most_residual: 1.02 * law.most_residual() + slack,
-            from_zero: law.from_zero,
-            events: 0,
-            slopes: [SlopeSums::default(); 2],
-            possible: 0,
-            doubled: [0; 2],
-            silent: 0,
-            lag: LagSums::default(),
             near: [Vec::new(), Vec::new()],
-            expected: 0.0,
-            unknown: 0,
             known: 0,
-            disturbed: 0.0,
-            spread: law.spread,
+            fit: AnchorFit { t_us, ..AnchorFit::default() },
         }
     }
 
     /// Adds a pixel, and returns its drift minus that of its events, if its drift is known.
-    fn add(&mut self, change: PixelChange, [on, off]: [u32; 2]) -> Option<f64> {
-        let PixelChange { dv, s, blur, error, disturbed } = change;
-        let [a, b] = self.thresholds;
+    fn add(&mut self, change: PixelChange, counts: [u32; 2]) -> Option<f64> {
+        let PixelChange { dv, s, blur, error, disturbed, floor, .. } = change;
+        let (law, fit) = (self.law, &mut self.fit);
         if dv.is_nan() {
-            self.unknown += 1;
+            fit.unknown += 1;
             return None;
         }
         self.known += 1;
-        self.disturbed += disturbed;
-        self.events += u64::from(on) + u64::from(off);
-        let (side, threshold) = if dv > 0.0 { (0, a) } else { (1, b) };
+        fit.disturbed += disturbed;
+        fit.events += counts.map(u64::from).iter().sum::<u64>();
+        let side = usize::from(dv <= 0.0);
+        let threshold = law.thresholds[side];
         let steps = (dv.abs() / threshold).floor();
-        self.expected += if self.from_zero { steps * threshold.copysign(dv) } else { dv };
+        fit.expected += if law.from_zero { steps * threshold.copysign(dv) } else { dv };
+        fit.expected += floor.mean(law.thresholds);
         // Below a threshold, a residual alone may explain the drift.
         if dv.abs() > threshold {
-            self.slopes[side].add(s, dv, error);
-            self.possible += u64::from((dv - s).abs() <= self.most_residual + error);
+            self.add_slope(side, change, counts);
+            let fit = &mut self.fit;
+            fit.possible += u64::from((dv - s).abs() <= self.most_residual + error);
+            fit.disturbed_by_floor.add(floor.spoils_residual(self.most_residual + error, side, law.thresholds));
         }
-        // With two thresholds of drift, a residual hardly turns the sign of `s`.
-        if dv.abs() > 2.0 * threshold {
-            self.doubled[0] += 1;
-            self.doubled[1] += u64::from(s * dv > 0.0);
-            self.silent += u64::from(on + off == 0 && dv.abs() > self.most_residual + error);
+        let fit = &mut self.fit;
+        // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
+        // of the thresholds, beyond its own bound.
+        let unequal = law.spread_error(counts);
+        if dv.abs() > 2.0 * threshold + unequal {
+            fit.doubled[0] += 1;
+            fit.doubled[1] += u64::from(s * dv > 0.0);
+            let silent = counts == [0, 0] && dv.abs() > self.most_residual + error;
+            fit.silent += u64::from(silent);
+            // A standard deviation of what else is uncertain.
+            let size = dv.abs() - unequal / 3.0 - blur;
+            fit.turned_by_floor.add(floor.turns_sign(size, side, law.thresholds));
         }
-        // A pixel without half a threshold of drift is too far from its next event to show an edge.
-        let sharp = self.from_zero && self.spread == 0.0 && blur < MAX_BLUR * a.min(b);
-        if sharp && dv.abs() > threshold / 2.0 {
-            // The size of `s`, negative if the events have the wrong sign.
-            self.near[side].push(edge_ratios(dv.abs(), s.copysign(s * dv), threshold, steps));
-        }
+        self.add_near(side, change, counts);
         Some(dv - s)
     }
 
-    fn fit(self, t_us: i64) -> AnchorFit {
-        let Self { events, slopes, possible, doubled, silent, lag, near, expected, unknown, .. } = self;
-        AnchorFit {
-            t_us,
-            events,
-            slopes,
-            possible,
-            doubled,
-            silent,
-            lag,
-            edges: near.map(find_edge),
-            expected,
-            unknown,
-            disturbed: self.disturbed / self.known.max(1) as f64,
+    fn add_slope(&mut self, side: usize, PixelChange { dv, rounding, floor, .. }: PixelChange, counts: [u32; 2]) {
+        let even = self.unequal.even;
+        let s = even[0] * f64::from(counts[0]) - even[1] * f64::from(counts[1]) - floor.mean(even);
+        let [second, fourth] = floor.cumulants(even);
+        let second = second + self.unequal.variance(counts);
+        self.fit.slopes[side].add(s, dv, rounding, [second, fourth]);
+    }
+
+    fn add_near(&mut self, side: usize, PixelChange { dv, s, blur, .. }: PixelChange, counts: [u32; 2]) {
+        let law = &self.law;
+        let unequal = law.spread > 0.0;
+        let most = if unequal { MAX_UNEQUAL_BLUR * law.spread } else { MAX_BLUR * law.least_threshold() };
+        let threshold = law.thresholds[side];
+        // The size of `s`, negative if the events have the wrong sign.
+        let [way, said, blur_share] = [dv.abs(), s.copysign(s * dv), blur].map(|value| value / threshold);
+        // Every event has the deviation of its own threshold.
+        let [along, against] = [counts[side], counts[1 - side]].map(f64::from);
+        let spread = law.spread / threshold * libm::hypot(along + 1.0, against) / (said + 1.0).max(1e-9);
+        let usable = blur < most && spread * threshold <= MAX_OWN_SPREAD * law.spread;
+        // A pixel without half a threshold of drift is too far from its next event to show an edge.
+        if law.from_zero && usable && way > 0.5 {
+            self.near[side].push(NearPixel { way, said, blur: blur_share, spread });
         }
+    }
+
+    fn fit(self) -> AnchorFit {
+        let [a, b] = self.law.thresholds;
+        let spread = self.law.spread;
+        let edge = |side: usize| {
+            let [own, other] = if side == 0 { [a, b] } else { [b, a] };
+            match spread > 0.0 {
+                true => find_unequal_edge(&self.near[side], other / own),
+                false => find_edge(&self.near[side]),
+            }
+        };
+        let disturbed = self.fit.disturbed / self.known.max(1) as f64;
+        AnchorFit { edges: [edge(0), edge(1)], disturbed, ..self.fit }
     }
 }
 
@@ -220,30 +239,4 @@ impl FitSums {
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
 fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
     (if left > 0.0 { left / on } else { left / off }) as f32
-}
-
-/// A residual below the threshold means `dv < s + threshold` at the true thresholds. So
-/// `dv / (s + threshold)` at the stated thresholds is below the ratio of true to stated, and close
-/// to it if the pixel is about to fire. The second value is the same for a pixel whose events are
-/// the whole `steps` of its drift.
-#[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
-fn edge_ratios(dv: f64, s: f64, threshold: f64, steps: f64) -> [f32; 2] {
-    let shown = if s + threshold > 0.0 { (dv / (s + threshold)).min(MAX_SHOWN) } else { MAX_SHOWN };
-    [shown as f32, (dv / (threshold * (steps + 1.0))) as f32]
-}
-
-fn find_edge(near: Vec<[f32; 2]>) -> Option<EventEdge> {
-    let pixels = near.len();
-    let (shown, reachable): (Vec<f32>, Vec<f32>) = near.into_iter().map(|[s, r]| (s, r)).unzip();
-    (pixels >= MIN_NEAR).then(|| EventEdge {
-        pixels,
-        shown: edge_quantile(shown),
-        reachable: edge_quantile(reachable),
-    })
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index below the length")]
-fn edge_quantile(mut values: Vec<f32>) -> f64 {
-    let rank = (EDGE * values.len() as f64).ceil() as usize - 1;
-    f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1)
 }

@@ -180,7 +180,7 @@ impl Resolver<'_> {
         let k = self.k(raw, place);
         let preset = Self::preset_of(raw);
         let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
-        let threshold = self.threshold(&raw.threshold, &usual);
+        let threshold = self.threshold_in_volts(raw, &usual);
         let (floor, refractory) =
             (self.floor(&raw.floor, usual.floor.clone()), self.refractory(&raw.refractory, usual.refractory));
         let law = self.or(&raw.law, SamplerKind::Exact);
@@ -257,6 +257,18 @@ impl Resolver<'_> {
         let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name);
         VoltmeterPreset::by_name(name)
             .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
+    }
+
+    /// Resolves the thresholds of a voltmeter. They are voltages, which only the constants turn into
+    /// contrasts, so a recipe that writes them names its constants too.
+    fn threshold_in_volts(&self, raw: &schema::VoltmeterSection, usual: &VoltmeterModel) -> Option<[f64; 3]> {
+        if let (Some(at), Field::Absent, Field::Absent) = (raw.threshold.place(), &raw.preset, &raw.k) {
+            let found = "has a unit of the preset's own, and the recipe names no preset";
+            let help = "write preset: davis346, where a threshold of 1 is a contrast of 0.134, or preset: \
+                        dvs346-paper, where it is 0.190";
+            return self.refuse(FieldProblem::of_field(found).help(help).at(at));
+        }
+        self.threshold(&raw.threshold, usual)
     }
 
     /// Resolves the thresholds of ON and OFF, and their spread.

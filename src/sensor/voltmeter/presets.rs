@@ -12,7 +12,7 @@ use crate::sensor::noise::{FloorPoint, NoiseFloor, ReferenceRule, RefractoryPeri
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VoltmeterPreset {
-    /// DAVIS346, as published with DVS-Voltmeter; the default.
+    /// DAVIS346, as published with DVS-Voltmeter. Its constants make no OFF noise at any light.
     Dvs346,
     /// DAVIS240, as published with DVS-Voltmeter.
     Dvs240,
@@ -23,7 +23,8 @@ pub enum VoltmeterPreset {
     /// Prophesee EVK4 (Sony IMX636) with factory biases, anchored in the measurement of Noise2Params
     /// (arXiv 2605.16317).
     Evk4,
-    /// iniVation DAVIS346, anchored in its contrast sensitivity and in the noise rates of DND21.
+    /// iniVation DAVIS346, anchored in its contrast sensitivity and in the noise rates of DND21; the
+    /// default.
     Davis346,
 }
 
@@ -74,14 +75,15 @@ const DAVIS346_CONTRAST: [f64; 2] = [0.133_656, 0.254_892];
 
 impl VoltmeterPreset {
     /// Every preset.
-    pub const ALL: [Self; 5] = [Self::Dvs346, Self::Dvs240, Self::Gs2eSi, Self::Evk4, Self::Davis346];
+    pub const ALL: [Self; 5] = [Self::Davis346, Self::Evk4, Self::Dvs346, Self::Dvs240, Self::Gs2eSi];
     /// The preset of a recipe that names none.
-    pub const USUAL: Self = Self::Dvs346;
+    pub const USUAL: Self = Self::Davis346;
 
-    /// The preset of this name, as a recipe writes it. `dvs346-paper` is `dvs346`.
+    /// The preset of this name, as a recipe writes it. `dvs346`, the name in the published program, is
+    /// `dvs346-paper`.
     #[must_use]
     pub fn by_name(name: &str) -> Option<Self> {
-        if name == "dvs346-paper" {
+        if name == "dvs346" {
             return Some(Self::Dvs346);
         }
         Self::ALL.into_iter().find(|preset| preset.name() == name)
@@ -91,7 +93,7 @@ impl VoltmeterPreset {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::Dvs346 => "dvs346",
+            Self::Dvs346 => "dvs346-paper",
             Self::Dvs240 => "dvs240",
             Self::Gs2eSi => "gs2e-si",
             Self::Evk4 => "evk4",
@@ -126,6 +128,14 @@ impl VoltmeterPreset {
             Self::Davis346 => Some([1.0 / DAVIS346_CONTRAST[0], 1.0, 1e-3, 1e-7, 4e-10, 0.0]),
             Self::Dvs346 | Self::Dvs240 | Self::Gs2eSi => None,
         }
+    }
+
+    /// The preset with the constants of a sensor, at the sensor's light.
+    #[must_use]
+    pub fn with_constants_of(sensor: &VoltmeterModel) -> Option<Self> {
+        let lux = sensor.front_end.white_lux();
+        let equal = |preset: &Self| preset.model_at(lux).k.map(f64::to_bits) == sensor.k.map(f64::to_bits);
+        Self::ALL.into_iter().find(equal)
     }
 
     /// Returns true if the set follows the light on the sensor.
@@ -190,7 +200,7 @@ mod tests {
         for preset in VoltmeterPreset::ALL {
             assert_eq!(VoltmeterPreset::by_name(preset.name()), Some(preset));
         }
-        assert_eq!(VoltmeterPreset::by_name("dvs346-paper"), Some(VoltmeterPreset::Dvs346));
+        assert_eq!(VoltmeterPreset::by_name("dvs346"), Some(VoltmeterPreset::Dvs346));
         assert_eq!(VoltmeterPreset::by_name("dvs128"), None);
     }
 

@@ -13,6 +13,8 @@ use serde::Serialize;
 
 /// Greys for a sensor without published rates.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
+/// Smallest number of lights for a sensor with published rates, of which there may be two.
+const LEAST_LIGHTS: usize = 6;
 /// Largest factor between a rate and its published value, in the median and at worst.
 const FACTORS: [f64; 2] = [1.5, 2.0];
 /// Largest difference of the share of ON events.
@@ -69,7 +71,8 @@ pub struct NoiseRow {
     pub holds: bool,
 }
 
-/// Measures the noise of a sensor at the lights of `anchors`, or at five greys without them.
+/// Measures the noise of a sensor at the lights of `anchors` and between them, or at five greys
+/// without anchors.
 ///
 /// # Errors
 /// The sensor cannot be simulated.
@@ -79,11 +82,18 @@ pub fn measure_noise(
     trial: NoiseTrial,
 ) -> Result<NoiseCurve, SensorError> {
     let white = sensor.as_model().front_end().lux;
-    let anchored = white.filter(|_| !anchors.is_empty());
-    let greys: Vec<f64> = match anchored {
-        Some(white) => anchors.iter().map(|anchor| WHITE * anchor.lux / white).collect(),
-        None => GREYS.to_vec(),
+    let lights: Vec<(f64, Option<&NoiseAnchor>)> = match (white, anchors) {
+        (Some(white), [first, .., last]) => {
+            let grey = |lux: f64| WHITE * lux / white;
+            let between = between_lights([first.lux, last.lux], anchors.len());
+            let all = anchors.iter().map(|anchor| (grey(anchor.lux), Some(anchor)));
+            let mut all: Vec<_> = all.chain(between.map(|lux| (grey(lux), None))).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            all
+        }
+        _ => GREYS.map(|grey| (grey, None)).to_vec(),
     };
+    let greys: Vec<f64> = lights.iter().map(|(grey, _)| *grey).collect();
     let counted = count_events(sensor, &greys, trial)?;
     let pixel_seconds = f64::from(trial.side * trial.side) * 0.1 * f64::from(trial.tenths);
     let rows = greys.iter().enumerate().map(|(i, &grey)| {
@@ -99,10 +109,17 @@ pub fn measure_noise(
             let phase = if counted.in_step { 5.0 / f64::from(trial.tenths) } else { 0.0 };
             (found - wanted).abs() <= error + phase + ERRORS / pixel_seconds
         });
-        let anchor = anchored.and_then(|_| anchors.get(i)).map(|anchor| [anchor.on, anchor.off]);
+        let anchor = lights[i].1.map(|anchor| [anchor.on, anchor.off]);
         NoiseRow { grey, lux: white.map(|white| white * grey / WHITE), predicted, found, anchor, holds }
     });
     Ok(judge(rows.collect(), counted.least_us, sensor.dead_us()))
+}
+
+/// Lights between two others, evenly spaced on a logarithmic axis, so that `known` lights become
+/// [`LEAST_LIGHTS`] or more.
+fn between_lights([from, to]: [f64; 2], known: usize) -> impl Iterator<Item = f64> {
+    let missing = LEAST_LIGHTS.saturating_sub(known);
+    (1..=missing).map(move |i| from * libm::pow(to / from, i as f64 / (missing + 1) as f64))
 }
 
 fn judge(rows: Vec<NoiseRow>, least_us: Option<i64>, dead_us: i64) -> NoiseCurve {

@@ -1,4 +1,4 @@
-//! Twenty-four sound scenes with varied settings: no check raises an alarm, and each check passes
+//! Twenty-six sound scenes with varied settings: no check raises an alarm, and each check passes
 //! somewhere.
 
 use super::checked;
@@ -18,7 +18,7 @@ const COMMON: [(&str, &str); 8] = [
 ];
 
 /// Name and own settings of each scene.
-const SCENES: [(&str, &[(&str, &str)]); 24] = [
+const SCENES: [(&str, &[(&str, &str)]); 26] = [
     ("plain", &[]),
     ("slow", &[("arc", "3")]),
     ("fast", &[("arc", "25")]),
@@ -64,6 +64,8 @@ const SCENES: [(&str, &[(&str, &str)]); 24] = [
             ("sensor", "sensor: { voltmeter: { preset: gs2e-si, initial: stationary } }"),
         ],
     ),
+    ("usual", &[("sensor", "sensor: { voltmeter: {} }")]),
+    ("dim", &[("sensor", "sensor: { voltmeter: { front_end: { lux: 5 } } }")]),
 ];
 
 fn recipe(index: usize) -> String {

@@ -71,7 +71,7 @@ fn spelling_changes_nothing() {
         .replace("function: 1 + t", "function: |-\n        1 + t"));
     t(&plain.replace("- events\n  - sharp", "- sharp\n  - events"));
     t(
-        "licence: { holder: \"Example Lab\", expression: 'CC0-1.0' }\nsensor: { voltmeter: { threshold: { on: 5e-1 } } }\n\
+        "licence: { holder: \"Example Lab\", expression: 'CC0-1.0' }\nsensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 5e-1 } } }\n\
        outputs: [sharp, events]\nsampling: { rate: 2400.000 }\nseed: 0x7\ntrajectories: [{ speed: { function: \"1 + t\" }, \
        refine: { factor: 1.1, window: 2.0 }, name: base }]\nsource: { procedural: { arc: 20 } }\nscene: a/b\nversion: 1.0\n",
     );
@@ -130,7 +130,7 @@ fn units_are_converted_and_presets_are_numbers() {
 
 #[test]
 fn a_value_may_be_named_and_used_again() {
-    let found = voltmeter(sound("sensor: { voltmeter: { threshold: { on: &theta 0.7, off: *theta } } }"));
+    let found = voltmeter(sound("sensor: { voltmeter: { preset: dvs240, threshold: { on: &theta 0.7, off: *theta } } }"));
     assert_eq!(
         (found.threshold_on.to_bits(), found.threshold_off.to_bits()),
         (0.7_f64.to_bits(), 0.7_f64.to_bits())
@@ -213,7 +213,7 @@ fn front_ends_are_read() {
     let words = "front_end: { luminance: { weights: [0.2, 0.7, 0.1] }, decode: srgb, exposure: 2.5, \
                  range: { min: 1, max: 200 } }";
     t(
-        &format!("{{ voltmeter: {{ {words} }} }}"),
+        &format!("{{ voltmeter: {{ preset: dvs346-paper, {words} }} }}"),
         SensorChoice::Voltmeter(VoltmeterModel {
             front_end: seen,
             ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k())
@@ -262,9 +262,9 @@ fn all_sensors_are_read() {
     let dvs346 = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
     let hot_pixels = HotPixelNoise { share: 0.001, rate: 20.0, ..HotPixelNoise::default() };
     let official = VoltmeterModel { law: SamplerKind::Official, ..dvs346 };
-    t("{ voltmeter: { law: official } }", SensorChoice::Voltmeter(official.clone()));
+    t("{ voltmeter: { preset: dvs346-paper, law: official } }", SensorChoice::Voltmeter(official.clone()));
     t(
-        "{ voltmeter: { law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true, \
+        "{ voltmeter: { preset: dvs346-paper, law: official, threshold: { spread: 0.1 }, hot_pixels: { share: 1e-3, rate: 20 }, allow_cap: true, \
          labels: true } }",
         SensorChoice::Voltmeter(VoltmeterModel {
             threshold_spread: 0.1,

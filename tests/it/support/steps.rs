@@ -15,6 +15,7 @@ pub(crate) fn recipe(scene: &str) -> Value {
         "source": { "procedural": { "gaussians": 300, "views": 6, "arc": 0.5, "seed": 1 } },
         "camera": { "width": 48, "height": 32 },
         "trajectories": [{ "name": "base", "refine": { "factor": 2 } }],
+        "sensor": { "voltmeter": { "preset": "dvs346-paper" } },
         "licence": { "expression": "CC0-1.0", "holder": "Nobody" }
     })
 }

@@ -1,5 +1,6 @@
 //! The drift of all pixels from anchor to anchor, and their events.
 
+use super::floor::FloorCounts;
 use super::{AnchorFit, FitSums, in_thresholds};
 use crate::check::alignment::places::{PlaceSums, PlaceWatch};
 use crate::check::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
@@ -22,6 +23,8 @@ pub(in crate::check) struct DriftBalance<'a> {
     /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
     /// whole interval.
     variance: Vec<f64>,
+    /// Expected numbers of events of each pixel's noise floor; empty without one.
+    floor: Vec<FloorCounts>,
     found: FrameComparison,
     intervals: IntervalWatch,
     places: PlaceWatch,
@@ -77,6 +80,7 @@ impl<'a> DriftBalance<'a> {
             first: first.pixels().iter().map(|l| law.brightness(*l)).collect(),
             exposure: none(),
             variance: none(),
+            floor: vec![FloorCounts::default(); if law.has_floor() { size.pixels() } else { 0 }],
             found: FrameComparison { residuals: vec![0.0; size.pixels()], ..FrameComparison::default() },
             intervals: IntervalWatch::new(size, law, anchors),
             places: PlaceWatch::new(size, law.thresholds),
@@ -101,7 +105,8 @@ impl<'a> DriftBalance<'a> {
         let view = self.view(number);
         // The noise of the noisiest luminance bounds that of every pixel.
         let slack = 6.0 * self.law.most_noise(view.total) + 2.0 * view.leak_error;
-        let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error());
+        let t_us = self.anchors.stamps_us[number];
+        let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error(), t_us);
         let is_last = number + 1 == self.anchors.images.len();
         let placed = is_last || view.around.is_some();
         for i in 0..view.now.len() {
@@ -110,10 +115,10 @@ impl<'a> DriftBalance<'a> {
             let left = stock.add(change, [on, off]);
             if let (Some([from, to]), Some(left)) = (view.around, left) {
                 let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
-                stock.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
+                stock.fit.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
             }
             let known = left.is_some().then_some(change.dv);
-            self.intervals.see(i, known, [on, off], change.error);
+            self.intervals.see(i, known, [on, off], (change.error, change.floor_since));
             if placed {
                 self.places.see(i, known, change.s);
             }
@@ -123,7 +128,7 @@ impl<'a> DriftBalance<'a> {
         if placed {
             self.places.settle();
         }
-        self.found.fits.push(stock.fit(self.anchors.stamps_us[number]));
+        self.found.fits.push(stock.fit());
     }
 
     fn view(&self, number: usize) -> AnchorView<'a> {
@@ -152,6 +157,12 @@ impl<'a> DriftBalance<'a> {
         self.exposure[i] += view.step * 0.5 * (f64::from(before.max(0.0)) + f64::from(now.max(0.0)));
         let noise = [before, now].map(|l| law.noise(f64::from(l), view.step));
         self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
+        let mut floor_since = [0.0; 2];
+        if let Some(floor) = self.floor.get_mut(i) {
+            let [from, to] = [before, now].map(|l| law.floor_rates(f64::from(l)));
+            floor_since = [0, 1].map(|side| 0.5 * view.step * (from[side] + to[side]));
+            floor.counts.iter_mut().zip(floor_since).for_each(|(all, since)| *all += since);
+        }
         let rounding = law.rounding_error(view.first[i]) + law.rounding_error(now);
         // A uniform error has a standard deviation of its half-width over the root of 3.
         let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
@@ -163,7 +174,10 @@ impl<'a> DriftBalance<'a> {
             dv: if known && rounding <= MAX_ROUNDING * law.least_threshold() { dv } else { f64::NAN },
             s: a * f64::from(counts[0]) - b * f64::from(counts[1]),
             blur: (self.variance[i] + others).sqrt() + view.leak_error,
+            rounding,
             error: rounding + law.spread_error(counts),
+            floor: self.floor.get(i).copied().unwrap_or_default(),
+            floor_since,
             disturbed: law.disturbances(f64::from(now), view.total),
         }
     }
@@ -193,8 +207,15 @@ pub(super) struct PixelChange {
     pub(super) s: f64,
     /// Standard deviation of `dv`.
     pub(super) blur: f64,
+    /// Largest error of `dv` by rounded frames.
+    pub(super) rounding: f64,
     /// Largest error of `dv - s` by rounded frames and by thresholds that differ.
     pub(super) error: f64,
-    /// Expected number of events that move the reference for no reason in the frames.
+    /// Events of the noise floor that are expected since the first anchor.
+    pub(super) floor: FloorCounts,
+    /// The same since the previous anchor.
+    pub(super) floor_since: [f64; 2],
+    /// Expected number of events that move the reference for no reason in the frames, without the
+    /// noise floor, which moves none.
     pub(super) disturbed: f64,
 }

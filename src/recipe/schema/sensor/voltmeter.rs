@@ -13,15 +13,15 @@ use serde::Deserialize;
 #[serde(default)]
 pub(in crate::recipe) struct VoltmeterSection {
     /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
-    /// `gs2e-si`. Default: `dvs346`.
+    /// `gs2e-si`. Default: `davis346`.
     pub preset: Field<String>,
     /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
     /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
     pub k: Field<[Field<f64>; 6]>,
     /// Units of `k`. Default: required with `k`, refused with a preset.
     pub units: Field<ConstantUnits>,
-    /// Contrast thresholds; divided by `k1`, they are contrasts. Default: the preset's, or `{ on: 1,
-    /// off: 1, spread: 0 }`.
+    /// Contrast thresholds; divided by `k1`, they are contrasts. They need a `preset` or `k`. Default:
+    /// the preset's, or `{ on: 1, off: 1, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
     /// Sampler of the process. Default: `exact`.
     pub law: Field<SamplerKind>,

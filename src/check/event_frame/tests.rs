@@ -1,0 +1,90 @@
+//! Sound and planted streams of unequal pixels with a noise floor.
+
+use crate::check::Verdict;
+use crate::check::planted::{PlantedWorld, SplitMixDraws, WorldSettings};
+use crate::event::{Event, Polarity};
+use crate::sensor::noise::NoiseFloor;
+
+/// Thresholds of a DAVIS346, their spread, and its noise at these rates.
+fn uneven(floor_hz: [f64; 2]) -> WorldSettings {
+    WorldSettings { thresholds: [1.0, 1.907], spread: 0.157, floor_hz, contrast: 0.8, ..WorldSettings::default() }
+}
+
+const PARTS: [&str; 7] = ["gain", "gain-on", "gain-off", "threshold-on", "threshold-off", "residual", "sign"];
+
+fn verdicts(world: &PlantedWorld) -> Vec<Verdict> {
+    let found = PARTS.map(|part| world.finding(&format!("event_frame#{part}")));
+    found.iter().for_each(|f| println!("{} {:?} of {:?}: {}", f.subject.text_without("world/base"), f.measured, f.limit, f.because));
+    found.into_iter().map(|f| f.verdict).collect()
+}
+
+#[test]
+fn sound_unequal_pixels_pass_every_statement() {
+    let mut thresholds = 0;
+    // No floor, that of bright light, and that of dim light over these 62 ms.
+    for floor_hz in [[0.0; 2], [0.2, 0.05], [2.0, 3.0]] {
+        for (pace, dawn) in [(0.3, 0.0), (0.8, 0.0), (0.3, 1.0)] {
+            let mut world = PlantedWorld::new(WorldSettings { pace, dawn, ..uneven(floor_hz) });
+            // The usual rate per flow holds for scenes, which these waves are not.
+            world.flow = None;
+            println!("{floor_hz:?}, {pace} px per frame, {dawn} brighter");
+            let found = verdicts(&world);
+            // Waves that rise and fall show few pixels about to fire.
+            let judged = |i: &usize| found[*i] != Verdict::NotRun || ![3, 4].contains(i);
+            assert!((0..7).filter(judged).all(|i| found[i] == Verdict::Pass), "{found:?}");
+            assert_eq!(world.faults(), [""; 0]);
+            thresholds += usize::from(found[3] == Verdict::Pass) + usize::from(found[4] == Verdict::Pass);
+        }
+    }
+    assert!(thresholds >= 9, "{thresholds} of 18 statements on thresholds");
+}
+
+/// The statement of the sensor differs from the sensor.
+fn stated(world: &PlantedWorld, change: impl FnOnce(&mut crate::sensor::voltmeter::VoltmeterModel)) -> PlantedWorld {
+    let mut sensor = world.sensor.clone();
+    change(&mut sensor);
+    PlantedWorld { stated: Some(sensor.into()), ..world.clone() }
+}
+
+#[test]
+fn mean_thresholds_off_by_a_quarter_are_found() {
+    let world = PlantedWorld::new(WorldSettings { dawn: 1.0, ..uneven([0.2, 0.05]) });
+    for factor in [0.75, 1.33] {
+        let on = stated(&world, |sensor| sensor.threshold_on *= factor);
+        println!("{factor}: {:?}", verdicts(&on));
+        assert_eq!(on.finding("event_frame#threshold-on").verdict, Verdict::Fail, "{factor}");
+    }
+}
+
+/// Turns the polarity of one event in `one_in`.
+fn turn_some(world: &mut PlantedWorld, one_in: u64) {
+    let mut draws = SplitMixDraws(2);
+    for event in world.events.iter_mut().filter(|_| draws.below(one_in) == 0) {
+        event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+    }
+    world.events.sort_by_cached_key(Event::file_order);
+}
+
+#[test]
+fn turned_events_are_found_where_a_floor_makes_contrary_events() {
+    for floor_hz in [[0.2, 0.05], [2.0, 3.0]] {
+        let mut world = PlantedWorld::new(uneven(floor_hz));
+        turn_some(&mut world, 20);
+        let found = verdicts(&world);
+        assert_eq!(found[5..], [Verdict::Fail; 2], "{floor_hz:?}");
+    }
+}
+
+/// The events of a floor that the sensor does not state look like turned events, and are found.
+#[test]
+fn a_floor_that_is_not_stated_is_found() {
+    let world = PlantedWorld::new(uneven([60.0, 60.0]));
+    let silent = stated(&world, |sensor| sensor.floor = NoiseFloor::default());
+    assert_eq!(silent.finding("event_frame#sign").verdict, Verdict::Fail);
+}
+
+#[test]
+fn noise_that_spoils_most_pixels_leaves_residuals_unjudged() {
+    let world = PlantedWorld::new(uneven([60.0, 60.0]));
+    assert_eq!(verdicts(&world)[5..], [Verdict::NotRun, Verdict::Pass]);
+}
