@@ -9,7 +9,7 @@ use crate::image::photo;
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
 use crate::render::fidelity::{
-    ComparedView, NotCompared, PhotoFidelity, compare_view, held_out, picked_indices,
+    ComparedView, HeldOutViews, NotCompared, PhotoFidelity, compare_view, picked_indices,
 };
 use crate::scene::Gaussians;
 use crate::source::{Capture, CapturedView};
@@ -17,11 +17,14 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Parameters: the rendering. The camera is that of each photo.
+/// Parameters: the rendering, and the views that the training did not see. The camera is that of
+/// each photo.
 #[derive(Debug, Serialize)]
 pub struct FidelityStage {
     /// The rendering.
     pub render: RenderChoice,
+    /// The views that the training did not see.
+    pub held_out: HeldOutViews,
     /// The photos.
     #[serde(skip)]
     pub capturing: CaptureStage,
@@ -36,7 +39,7 @@ const BYTES_A_PIXEL: u64 = 48;
 
 impl Stage for FidelityStage {
     const NAME: &'static str = "fidelity";
-    const REVISION: u32 = 1;
+    const REVISION: u32 = 2;
     type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, SolvingInputs);
     type Output = PhotoFidelity;
 
@@ -64,7 +67,12 @@ impl Stage for FidelityStage {
         let photos = self.capturing.all_photos(&solved)?;
         let taken = views_taken(&capture, &photos);
         let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
-        let fidelity = measure_fidelity(&Arc::new(gaussians), (self.render, &self.backend), &picked, cx)?;
+        let fidelity = measure_fidelity(
+            &Arc::new(gaussians),
+            (self.render, &self.backend),
+            (&picked, self.held_out),
+            cx,
+        )?;
         let out = cx.out.join("fidelity.json");
         write_json(&out, &fidelity).map_err(StageError::io_error(&out))
     }
@@ -83,10 +91,10 @@ pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) ->
 pub(super) fn measure_fidelity(
     gaussians: &Arc<Gaussians>,
     (render, backend): (RenderChoice, &Backend),
-    taken: &[Taken<'_>],
+    (taken, held_out): (&[Taken<'_>], HeldOutViews),
     cx: &StageContext<'_>,
 ) -> Result<PhotoFidelity, StageError> {
-    let mut fidelity = PhotoFidelity::default();
+    let mut fidelity = PhotoFidelity { held_out, ..PhotoFidelity::default() };
     if taken.is_empty() {
         return Ok(fidelity);
     }
@@ -100,7 +108,7 @@ pub(super) fn measure_fidelity(
             Ok(photo) => {
                 let [psnr, ssim] = compare_view(renderer.as_mut(), view, &photo)
                     .map_err(StageError::work_failed("render"))?;
-                fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out(i) });
+                fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });
             }
             // A photo that cannot be compared is a result, not a failure of the step.
             Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
