@@ -26,6 +26,7 @@ mod record;
 mod schedule;
 mod settings;
 mod start;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod watch;
@@ -54,7 +55,7 @@ use watch::TrainingPace;
 
 /// Number of the laws of training. Raise it when equal settings and photos make other bytes: it is
 /// part of a step's key.
-pub const LAWS: u32 = 2;
+pub const LAWS: u32 = 3;
 
 /// Number of reports of a training.
 const REPORTS: u32 = 20;

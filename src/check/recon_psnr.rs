@@ -1,13 +1,14 @@
 //! Agreement of a scene with its photos: PSNR and SSIM of renderings from the poses of the photos.
 //!
-//! - `drop`: mean minus smallest PSNR over the views, at most 3 dB: a gate. GS-Blur (GitHub
-//!   dongwoohhh/GS-Blur), the predecessor with the same first half, rejects scenes above that.
+//! - `drop`: mean minus smallest PSNR over the views that the training saw, at most 3 dB: a gate.
+//!   GS-Blur (GitHub dongwoohhh/GS-Blur), the predecessor with the same first half, rejects scenes
+//!   above that. A held-out view at the end of the walk may be far below the others in a good scene.
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, SceneSubject, Verdict, limits};
-use crate::render::fidelity::{PhotoFidelity, PsnrFigures};
+use crate::render::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -37,8 +38,7 @@ pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     // A statement that was not measured appears in the report all the same.
     let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
     let Some(fidelity) = subject.fidelity else { return not_run("there is no scene to render") };
-    let (Some(psnr), Some(worst), Some(similarity)) = (fidelity.psnr(), fidelity.worst(), fidelity.ssim())
-    else {
+    let (Some(psnr), Some(similarity)) = (fidelity.psnr(), fidelity.ssim()) else {
         let because = match fidelity.not_compared.first() {
             Some(first) => format!("no photo can be compared; `{}`: {}", first.name, first.because),
             None => "there are no photos".to_owned(),
@@ -47,16 +47,25 @@ pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
     };
     let limits = subject.limits.recon_psnr.unwrap_or_default();
     vec![
-        judge_drop(subject, &psnr, &worst.name, &limits),
+        judge_drop(subject, fidelity, &limits),
         judge_mean(subject, fidelity, &psnr, &limits),
         judge_ssim(subject, similarity, psnr.views, &limits),
     ]
 }
 
-fn judge_drop(subject: &SceneSubject<'_>, psnr: &PsnrFigures, worst: &str, limits: &Limits) -> Finding {
+fn judge_drop(subject: &SceneSubject<'_>, fidelity: &PhotoFidelity, limits: &Limits) -> Finding {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::gate(DROP_DB));
+    let seen = fidelity.trained_on();
+    let (Some(psnr), Some(worst)) = (seen.psnr(), seen.worst()) else {
+        return subject.not_run(NAME, "drop", "all photos that can be compared were held out from training");
+    };
     let measured = psnr.mean - psnr.min;
-    let because = format!("`{worst}` has {:.2} dB, {measured:.2} dB below the mean of all views", psnr.min);
+    let views = match fidelity.held_out {
+        HeldOutViews::Every(_) => "the views that were trained on",
+        HeldOutViews::Unknown | HeldOutViews::Nothing => "all views",
+    };
+    let because =
+        format!("`{}` has {:.2} dB, {measured:.2} dB below the mean of {views}", worst.name, psnr.min);
     subject.finding(
         NAME,
         "drop",
@@ -71,9 +80,17 @@ fn judge_mean(
     limits: &Limits,
 ) -> Finding {
     let limit = LimitSide::limit_or(limits.mean, LimitSide::warning(MEAN_DB));
-    let held_out = psnr.held_out.map_or_else(String::new, |held_out| {
-        format!("; every eighth view, which trainers usually hold out, {held_out:.2} dB")
-    });
+    let held_out = match (fidelity.held_out, psnr.held_out) {
+        (HeldOutViews::Nothing, _) => "; none was held out from training".to_owned(),
+        (HeldOutViews::Every(_), Some(held_out)) => {
+            let count = fidelity.views.iter().filter(|view| view.held_out).count();
+            format!("; the {count} that were held out from training, {held_out:.2} dB")
+        }
+        (HeldOutViews::Unknown, Some(held_out)) => {
+            format!("; every eighth view, which trainers usually hold out, {held_out:.2} dB")
+        }
+        (_, None) => String::new(),
+    };
     let not_compared = match fidelity.not_compared.as_slice() {
         [] => String::new(),
         [first, ..] => {
@@ -105,14 +122,19 @@ mod tests {
 
     /// The finding of a statement on views with this PSNR.
     fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {
+        found_by(HeldOutViews::Unknown, part, limits, psnr)
+    }
+
+    fn found_by(held_out: HeldOutViews, part: &str, limits: &str, psnr: &[f64]) -> Finding {
         let view = |(i, psnr): (usize, &f64)| ComparedView {
             name: format!("{i}.jpg"),
             psnr: *psnr,
             ssim: 0.8,
-            held_out: i == 0,
+            held_out: held_out.holds_out(i),
         };
         let not_compared = vec![NotCompared { name: "9.jpg".into(), because: "neither JPEG nor PNG".into() }];
-        let fidelity = PhotoFidelity { views: psnr.iter().enumerate().map(view).collect(), not_compared };
+        let views = psnr.iter().enumerate().map(view).collect();
+        let fidelity = PhotoFidelity { held_out, views, not_compared };
         let why = || "not asked here".to_owned();
         let limits = serde_json::from_str(limits).unwrap();
         let subject = SceneSubject {
@@ -135,6 +157,22 @@ mod tests {
         let waived = r#"{"waive": [{"check": "recon_psnr", "because": "known"}]}"#;
         assert_eq!(found("drop", waived, &[30.0, 20.0]).verdict, Verdict::Waived);
         assert_eq!(found("drop", r#"{"recon_psnr": {"drop": 6}}"#, &[30.0, 20.0]).verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn the_drop_is_that_of_views_that_were_trained_on() {
+        let psnr = [20.0, 30.0, 31.0, 21.0, 32.0, 31.0];
+        let found = |by, part| found_by(by, part, "{}", &psnr);
+        let [every, nothing] = [3, 0].map(HeldOutViews::by_training);
+        // 31 without the first and the fourth; 27.5 with all.
+        assert_eq!((found(every, "drop").verdict, found(every, "drop").measured), (Verdict::Pass, Some(1.0)));
+        assert_eq!(found(nothing, "drop").measured, Some(7.5));
+        let said = found(every, "mean").because;
+        assert!(said.contains("the 2 that were held out from training, 20.50 dB"), "{said}");
+        let said = found(nothing, "mean").because;
+        assert!(said.contains("dB; none was held out from training"), "{said}");
+        let all = HeldOutViews::Every(1);
+        assert_eq!(found(all, "drop").verdict, Verdict::NotRun);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::foreign::versions::VersionQuery;
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
+use crate::render::fidelity::HeldOutViews;
 use crate::scene::Gaussians;
 use crate::seed::{Seed, StreamPurpose};
 use crate::source::Capture;
@@ -97,6 +98,7 @@ fn wire_photo_checks(recipe: &Recipe, ground: SceneGround<'_>, wiring: &mut Scen
     let fidelity = gaussians.map(|gaussians| {
         let comparing = FidelityStage {
             render: recipe.render,
+            held_out: held_out_views(recipe),
             capturing: capture_stage(recipe),
             backend: backend.clone(),
         };
@@ -104,6 +106,18 @@ fn wire_photo_checks(recipe: &Recipe, ground: SceneGround<'_>, wiring: &mut Scen
     });
     let checking = CheckingScene { limits: recipe.checks.of_scene(), capturing: capture_stage(recipe) };
     wiring.add("checks".into(), checking, (capture, fidelity, solving));
+}
+
+/// The views that the training of the recipe's scene does not see. A program that gets all views may
+/// hold some out itself.
+fn held_out_views(recipe: &Recipe) -> HeldOutViews {
+    match &recipe.reconstruct {
+        Some(ReconstructMethod::Builtin(training)) => HeldOutViews::by_training(training.hold_out),
+        Some(ReconstructMethod::Command(command)) => {
+            command.hold_out.map_or(HeldOutViews::Unknown, HeldOutViews::by_training)
+        }
+        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => HeldOutViews::Unknown,
+    }
 }
 
 fn capture_stage(recipe: &Recipe) -> CaptureStage {

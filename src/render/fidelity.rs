@@ -5,9 +5,9 @@
 //! clipped to 0..1, as images are. Pixels outside the undistorted photo are excluded from PSNR, and
 //! made equal for SSIM.
 //!
-//! Every eighth view, in natural order of the names from the first, counts as *held out*. The
-//! official trainer (GitHub graphdeco-inria/gaussian-splatting, `--eval`) does not train on these.
-//! Whether the trainer of this scene held them out is unknown.
+//! Views that the training did not see are *held out*: see [`HeldOutViews`].
+
+pub mod sheet;
 
 use super::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use crate::image::Image;
@@ -18,13 +18,48 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum number of compared views.
 const MAX_VIEWS: usize = 100;
-/// Distance between held-out views.
-const HELD_OUT: usize = 8;
+/// Distance between held-out views by convention.
+const HELD_OUT: u32 = 8;
+
+/// The views that the training of a scene did not see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeldOutViews {
+    /// Unknown. By the convention of the official trainer (GitHub
+    /// graphdeco-inria/gaussian-splatting, `--eval`), every eighth view from the first counts.
+    #[default]
+    Unknown,
+    /// None: the training saw all views.
+    Nothing,
+    /// Every n-th view, the first included.
+    Every(u32),
+}
+
+impl HeldOutViews {
+    /// The views that a training with this `hold_out` did not see; 0 holds out none.
+    #[must_use]
+    pub fn by_training(hold_out: u32) -> Self {
+        if hold_out == 0 { Self::Nothing } else { Self::Every(hold_out) }
+    }
+
+    /// Returns true if the view at this index, in natural order of the names, is held out.
+    #[must_use]
+    pub fn holds_out(self, index: usize) -> bool {
+        let every = match self {
+            Self::Unknown => HELD_OUT,
+            Self::Nothing => return false,
+            Self::Every(every) => every,
+        };
+        index.is_multiple_of(every as usize)
+    }
+}
 
 /// Result of the comparison.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PhotoFidelity {
+    /// The rule by which views are held out.
+    pub held_out: HeldOutViews,
     /// Compared views, in natural order of their names.
     pub views: Vec<ComparedView>,
     /// Views that could not be compared.
@@ -41,7 +76,7 @@ pub struct ComparedView {
     pub psnr: f64,
     /// SSIM.
     pub ssim: f64,
-    /// True if the view is held out by the convention of the official trainer.
+    /// True if the view is held out.
     pub held_out: bool,
 }
 
@@ -119,6 +154,13 @@ impl PhotoFidelity {
     pub fn worst(&self) -> Option<&ComparedView> {
         self.views.iter().min_by(|a, b| a.psnr.total_cmp(&b.psnr))
     }
+
+    /// The views that the training saw; all of them if it is unknown.
+    #[must_use]
+    pub fn trained_on(&self) -> Self {
+        let is_kept = |view: &&ComparedView| self.held_out == HeldOutViews::Unknown || !view.held_out;
+        Self { views: self.views.iter().filter(is_kept).cloned().collect(), ..self.clone() }
+    }
 }
 
 fn mean_value(values: impl Iterator<Item = f64>) -> Option<f64> {
@@ -126,26 +168,39 @@ fn mean_value(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-/// Returns true if the view at this index in natural order is held out.
-#[must_use]
-pub fn held_out(index: usize) -> bool {
-    index.is_multiple_of(HELD_OUT)
-}
-
 /// Indices of the compared photos: all photos if there are at most 100, otherwise 100 of them,
-/// evenly spread: `round(i (count - 1) / 99)`.
+/// evenly spread.
 #[must_use]
 pub fn picked_indices(count: usize) -> Vec<usize> {
-    let steps = MAX_VIEWS - 1;
-    match count {
-        0..=MAX_VIEWS => (0..count).collect(),
-        // Rounding to the nearest, in integers.
-        _ => (0..MAX_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
-    }
+    spread_indices(count, MAX_VIEWS)
 }
 
-/// PSNR (dB) and SSIM of the rendering of a view, compared with its photo. The photo has the size
-/// of the view's camera.
+/// All indices if there are at most `most`, otherwise `most` of them, evenly spread:
+/// `round(i (count - 1) / (most - 1))`. `most` is at least 2.
+#[must_use]
+pub fn spread_indices(count: usize, most: usize) -> Vec<usize> {
+    let steps = most - 1;
+    if count <= most {
+        return (0..count).collect();
+    }
+    // Rounding to the nearest, in integers.
+    (0..most).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect()
+}
+
+/// The rendering of a view, compared with its photo.
+#[derive(Debug)]
+pub struct ViewComparison {
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// SSIM.
+    pub ssim: f64,
+    /// The undistorted photo, black where the lens shows nothing.
+    pub photo: Image<[f32; 3]>,
+    /// The rendering, clipped to 0..1, black there too.
+    pub shown: Image<[f32; 3]>,
+}
+
+/// Compares the rendering of a view with its photo, which has the size of the view's camera.
 ///
 /// # Errors
 /// The view cannot be rendered.
@@ -153,7 +208,7 @@ pub fn compare_view(
     renderer: &mut dyn Renderer,
     view: &source::CapturedView,
     photo: &Image<[u8; 3]>,
-) -> Result<[f64; 2], RenderError> {
+) -> Result<ViewComparison, RenderError> {
     let mut rendered = RenderedImages::default();
     let want = ChannelSet { rgb: true, ..ChannelSet::default() };
     renderer.render(&CameraView::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
@@ -176,7 +231,8 @@ pub fn compare_view(
     }
     // The mean counts pixels outside the photo, which have no error. The factor leaves them out.
     let part = photo.size().pixels() as f64 / counted as f64;
-    Ok([psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)])
+    let [psnr, ssim] = [psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)];
+    Ok(ViewComparison { psnr, ssim, photo: wanted, shown })
 }
 
 #[cfg(test)]
@@ -221,7 +277,8 @@ mod tests {
     }
 
     fn compared(colour: [f32; 3], lens: LensModel, photo: [u8; 3]) -> [f64; 2] {
-        compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
+        let found = compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap();
+        [found.psnr, found.ssim]
     }
 
     #[test]
@@ -259,8 +316,10 @@ mod tests {
         }
         // 17 (250 - 1) / 99 = 42.76.
         assert_eq!(picked_indices(250)[17], 43);
-        let held: Vec<usize> = (0..20).filter(|i| held_out(*i)).collect();
-        assert_eq!(held, [0, 8, 16]);
+        let held = |by: HeldOutViews| (0..20).filter(|i| by.holds_out(*i)).collect::<Vec<usize>>();
+        assert_eq!(held(HeldOutViews::Unknown), [0, 8, 16]);
+        assert_eq!(held(HeldOutViews::by_training(6)), [0, 6, 12, 18]);
+        assert_eq!(held(HeldOutViews::by_training(0)), [0; 0]);
     }
 
     #[test]
@@ -268,12 +327,15 @@ mod tests {
         let view =
             |name: &str, psnr, ssim, held_out| ComparedView { name: name.into(), psnr, ssim, held_out };
         let views = vec![view("a", 30.0, 0.9, true), view("b", 20.0, 0.5, false), view("c", 26.0, 0.7, true)];
-        let fidelity = PhotoFidelity { views, not_compared: Vec::new() };
+        let mut fidelity = PhotoFidelity { views, ..PhotoFidelity::default() };
         let psnr = fidelity.psnr().unwrap();
         assert!((psnr.mean - 76.0 / 3.0).abs() < 1e-12 && (psnr.min - 20.0).abs() < 1e-12);
         assert!((psnr.held_out.unwrap() - 28.0).abs() < 1e-12 && psnr.views == 3);
         assert!((fidelity.ssim().unwrap() - 0.7).abs() < 1e-12);
         assert_eq!(fidelity.worst().unwrap().name, "b");
+        assert_eq!(fidelity.trained_on(), fidelity);
+        fidelity.held_out = HeldOutViews::Every(2);
+        assert_eq!(fidelity.trained_on().views, fidelity.views[1..2]);
         assert_eq!(PhotoFidelity::default().psnr(), None);
     }
 }

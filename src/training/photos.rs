@@ -120,6 +120,12 @@ impl TrainingView {
         let (camera, photo) = &self.levels[level.min(self.levels.len() - 1)];
         (CameraView::at_rest(*camera, self.world_from_camera), photo)
     }
+
+    /// The photo scaled down to a width, with the camera that sees it.
+    pub(super) fn at_width(&self, width: u32) -> (Camera, TrainingPhoto) {
+        let (camera, photo) = &self.levels[0];
+        scaled(camera, &photo.colours, photo.counted.as_ref(), width)
+    }
 }
 
 /// A photo scaled down to `width`, with the camera that sees it.

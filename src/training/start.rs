@@ -7,16 +7,22 @@ use super::TrainingError;
 use super::draws::TrainingDraws;
 use super::nearest::neighbour_distances;
 use super::photos::TrainingView;
+use super::sweep::PlaneSweep;
 use crate::render::shared::NEAR;
 use crate::scene::{Gaussians, SceneScreening, sh};
 use crate::source::colmap::ColmapPoint;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Number of points that are drawn where a capture has none, at most.
 const DRAWN: usize = 10_000;
-/// Tries per drawn point.
+/// Sweeps per drawn point.
+const SWEEPS: u64 = 3;
+/// Share of the drawn points that is enough to grow from.
+const ENOUGH: usize = 100;
+/// Tries per scattered point.
 const TRIES: u64 = 40;
-/// Smallest share of the views that see a drawn point.
+/// Smallest share of the views that see a scattered point.
 const COMMON: usize = 4;
 /// Smallest distance between neighbours, relative to the extent: points may coincide.
 const LEAST_SPACING: f64 = 1e-6;
@@ -100,8 +106,8 @@ fn seen_at(view: &TrainingView, point: DVec3) -> Option<[usize; 2]> {
     inside.then_some([x as usize, y as usize])
 }
 
-/// Points drawn along the rays of random pixels, at depths around that at which the optical axes
-/// meet. Those that too few views see are dropped; the others have the colour of their pixel.
+/// Points on surfaces that a [`PlaneSweep`] finds for random pixels, and [`scattered_points`] where
+/// it finds too few.
 fn drawn_points(
     views: &[TrainingView],
     spread: &CameraSpread,
@@ -109,13 +115,48 @@ fn drawn_points(
     draws: &TrainingDraws,
 ) -> Result<Vec<(DVec3, [u8; 3])>, TrainingError> {
     let middle = axes_meet(views, spread);
+    let sweep = PlaneSweep::new(views, middle);
+    let surface_point = |index: u64| {
+        // Index 0 belongs to the choice among given points.
+        let mut draw = draws.start(1 + index);
+        let view = draw.index(views.len());
+        sweep.surface_point(view, [draw.uniform(), draw.uniform()])
+    };
+    let mut points: Vec<(DVec3, [u8; 3])> = Vec::with_capacity(2 * wanted);
+    for round in 0..SWEEPS {
+        // A round has a fixed set of draws, so the points are the same with any number of threads.
+        let draws = (round * wanted as u64..(round + 1) * wanted as u64).into_par_iter();
+        points.par_extend(draws.filter_map(surface_point));
+        if points.len() >= wanted {
+            break;
+        }
+    }
+    if points.len() * ENOUGH < wanted {
+        points.extend(scattered_points(views, middle, wanted, draws));
+    }
+    points.truncate(wanted);
+    if points.len() * ENOUGH < wanted {
+        Err(TrainingError::NoCommonView { views: views.len() })
+    } else {
+        Ok(points)
+    }
+}
+
+/// Points drawn along the rays of random pixels, at depths around that at which the optical axes
+/// meet. Those that too few views see are dropped; the others have the colour of their pixel.
+fn scattered_points(
+    views: &[TrainingView],
+    middle: DVec3,
+    wanted: usize,
+    draws: &TrainingDraws,
+) -> Vec<(DVec3, [u8; 3])> {
     let least = (views.len() / COMMON).clamp(2, views.len());
+    let first = wanted as u64 * SWEEPS;
     let mut points = Vec::with_capacity(wanted);
-    for index in 0..wanted as u64 * TRIES {
+    for index in first..first + wanted as u64 * TRIES {
         if points.len() == wanted {
             break;
         }
-        // Index 0 belongs to the choice among given points.
         let mut draw = draws.start(1 + index);
         let view = &views[draw.index(views.len())];
         let (at, photo) = view.at_level(0);
@@ -132,12 +173,7 @@ fn drawn_points(
             points.push((point, photo.colours.pixels()[pixel]));
         }
     }
-    // A hundredth of what is wanted is enough to grow from.
-    if points.len() * 100 < wanted {
-        Err(TrainingError::NoCommonView { views: views.len() })
-    } else {
-        Ok(points)
-    }
+    points
 }
 
 /// The point nearest to all optical axes, by least squares; one extent in front of the first camera

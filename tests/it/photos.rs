@@ -1,6 +1,7 @@
 //! Scenes from photos alone or from a video: poses by COLMAP, frames by ffmpeg. Where one of them is
 //! absent, a message goes to stderr; with `REQUIRE_COLMAP=1` or `REQUIRE_FFMPEG=1` that is a failure.
 
+mod fox;
 mod planted;
 mod scripted;
 mod video;
