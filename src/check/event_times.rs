@@ -82,7 +82,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding
     }
     let detects = smallest_offset(clock, UNSURE * step);
     let seen = detects.map_or_else(
-        || "which would hide a larger one".to_owned(),
+        || "the smallest that would be seen is not known".to_owned(),
         |size| format!("an offset above {size:.1} us would be seen"),
     );
     let side = if value < 0.0 { "earlier" } else { "later" };
@@ -104,9 +104,10 @@ fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding 
             format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
         return subject.not_run(NAME, "scale", because);
     }
-    let detects = smallest_scale(clock);
+    let step = 1e6 / subject.rate.to_f64();
+    let detects = smallest_scale(clock, UNSURE * step);
     let seen = detects.map_or_else(
-        || "which would hide another".to_owned(),
+        || "the smallest that would be seen is not known".to_owned(),
         |size| format!("a scale beyond 1 +- {size:.4} would be seen"),
     );
     let because = format!(
@@ -119,21 +120,21 @@ fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding 
     subject.finding(NAME, "scale", judged).detecting(detects.unwrap_or(f64::INFINITY), "1")
 }
 
-/// The smallest offset that is found in 95 % of trials, up to `most`, us. `None` if there is none.
+/// The smallest offset that is found in 95 % of trials, us; `None` if it is not known. The response is that
+/// to small faults: events that are off by more than `most` meet the rates of other intervals, and show less.
 fn smallest_offset(clock: &StreamClock, most: f64) -> Option<f64> {
     let near = FaultPower::of_offset(&clock.found, OFFSET_US).smallest_fault();
     let far = clock.far.and_then(|fit| FaultPower::of_offset(&fit, FAR_US).smallest_fault());
-    // The response is that to a small fault.
     near.into_iter().chain(far).filter(|size| *size <= most).min_by(f64::total_cmp)
 }
 
 /// The smallest difference of the scale from 1 that is found in 95 % of trials, of a clock that starts with
-/// the clip. `None` if there is none.
-fn smallest_scale(clock: &StreamClock) -> Option<f64> {
+/// the clip; `None` if it is not known. No event may be off by more than `most` us, as in [`smallest_offset`].
+fn smallest_scale(clock: &StreamClock, most: f64) -> Option<f64> {
     let near = FaultPower::of_scale(&clock.found).smallest_fault();
     let far = clock.far.and_then(|fit| FaultPower::of_scale(&fit).smallest_fault());
-    // Events in the middle of the clip are off by half of the whole error. From `FAR_US` on, it is the far
-    // fit that may be judged.
+    // The middle of the clip is off by half as much as its end. If that is more than `FAR_US`, the far fit may
+    // be the one that is judged.
     let found = match near {
         Some(near) if near * clock.half_us < FAR_US || clock.far.is_none() => Some(near),
         Some(near) => far.map(|far| far.max(near)),
@@ -142,7 +143,7 @@ fn smallest_scale(clock: &StreamClock) -> Option<f64> {
             far.zip(shown).map(|(far, shown)| far.max(shown / clock.half_us))
         }
     };
-    found.filter(|size| *size <= UNSURE_SCALE)
+    found.filter(|size| 2.0 * clock.half_us * size <= most)
 }
 
 /// What the size of a fault that is found depends on.

@@ -9,7 +9,7 @@ use super::{GreyImage, Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Size, to_byte};
 use crate::budget::{self, ByteBudget, MAX_DEFLATE_RATIO};
 use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Reader, Transformations};
 use std::collections::TryReserveError;
-use std::io::{self, BufRead, Seek, SeekFrom, Write};
+use std::io::{self, BufRead, Cursor, Seek, SeekFrom, Write};
 
 /// A pixel in the form in which a PNG stores it.
 pub trait PngPixel: Copy {
@@ -81,14 +81,19 @@ pub fn to_bytes(image: &Image<[f32; 3]>) -> Image<[u8; 3]> {
 /// # Errors
 /// `out` fails, or the image has no pixels.
 pub fn write_image<P: PngPixel>(image: &Image<P>, out: impl Write) -> std::io::Result<()> {
-    let Size { width, height } = image.size();
+    write_rows(image.size(), P::COLOUR, P::bytes(image.pixels()), out)
+}
+
+/// Writes the rows of an image of 8 bits.
+fn write_rows(size: Size, colour: ColorType, rows: &[u8], out: impl Write) -> std::io::Result<()> {
+    let Size { width, height } = size;
     let mut encoder = png::Encoder::new(out, width, height);
-    encoder.set_color(P::COLOUR);
+    encoder.set_color(colour);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_filter(Filter::Paeth);
     encoder.set_deflate_compression(DeflateCompression::FdeflateUltraFast);
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(P::bytes(image.pixels()))?;
+    writer.write_image_data(rows)?;
     Ok(writer.finish()?)
 }
 
@@ -138,6 +143,17 @@ pub fn read_colours(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<
     Ok(GreyImage { luminance: samples.luminance(), colours: samples.colours() })
 }
 
+/// [`read_colours`] of the bytes of a file, and true if this program writes the same bytes for the
+/// colours: then the file holds nothing else.
+///
+/// # Errors
+/// As [`read_luminance`].
+pub fn read_composed(file: &[u8], wanted: Option<Size>) -> Result<(GreyImage, bool), PngError> {
+    let samples = read_samples(Cursor::new(file), wanted)?;
+    let image = GreyImage { luminance: samples.luminance(), colours: samples.colours() };
+    Ok((image, samples.are_written_as(file)))
+}
+
 /// An image with its samples on the grey scale.
 struct GreySamples {
     size: Size,
@@ -174,6 +190,14 @@ impl GreySamples {
             }
         };
         Image::from_vec(self.size, pixels)
+    }
+
+    /// Returns true if [`write_image`] makes this file of the colours.
+    fn are_written_as(&self, file: &[u8]) -> bool {
+        let StoredSamples::Bytes(bytes) = &self.samples else { return false };
+        let mut written = Vec::with_capacity(file.len());
+        let done = self.coloured && write_rows(self.size, ColorType::Rgb, bytes, &mut written).is_ok();
+        done && written == file
     }
 
     fn colours(&self) -> Option<Image<[f32; 3]>> {
@@ -314,7 +338,6 @@ fn other_kind((depth, colour): (BitDepth, ColorType), wanted: &'static str) -> P
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Cursor;
 
     const SIZE: Size = Size { width: 37, height: 23 };
 
@@ -335,6 +358,30 @@ mod tests {
         let grey = Image::from_vec(SIZE, noise(SIZE.pixels()));
         let spread = grey.pixels().iter().map(|&v| [v; 3]).collect();
         assert_eq!(read_rgb(Cursor::new(encoded(&grey))).unwrap(), Image::from_vec(SIZE, spread));
+    }
+
+    #[test]
+    fn a_file_is_composed_if_it_holds_its_colours_alone() {
+        let rgb = Image::from_vec(SIZE, noise(SIZE.pixels() * 3).as_chunks().0.to_vec());
+        let file = encoded(&rgb);
+        let (image, is_composed) = read_composed(&file, Some(SIZE)).unwrap();
+        assert!(is_composed);
+        let plain = read_colours(Cursor::new(&file), Some(SIZE)).unwrap();
+        assert_eq!((image.luminance, image.colours), (plain.luminance, plain.colours));
+        let t = |what: &str, file: &[u8]| {
+            let read = read_composed(file, Some(SIZE)).unwrap();
+            assert!(!read.1, "{what}");
+        };
+        t("bytes after the end", &[file.as_slice(), b"more"].concat());
+        t("a grey picture", &encoded(&Image::from_vec(SIZE, noise(SIZE.pixels()))));
+        let mut other = Vec::new();
+        let mut encoder = png::Encoder::new(&mut other, SIZE.width, SIZE.height);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_filter(Filter::NoFilter);
+        let mut writer = encoder.write_header().unwrap();
+        writer.write_image_data(rgb.pixels().as_flattened()).unwrap();
+        writer.finish().unwrap();
+        t("another filter", &other);
     }
 
     #[test]

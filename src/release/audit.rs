@@ -161,7 +161,8 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     let signed_by = read_signature(dir, &mut faults);
     // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
-        let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums) };
+        let composed = BTreeSet::new();
+        let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums), composed: &composed };
         let manifest: Option<ReleaseManifest> =
             claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);

@@ -23,6 +23,7 @@ use crate::check::{Finding, records};
 use crate::image::Size;
 use crate::recipe::{Recipe, RecipeFaults};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use trajectory::ReleasedTrajectory;
 use tree::AuditedTree;
 
@@ -61,7 +62,8 @@ fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError
 /// A named scene does not exist, or a file of a scene cannot be read. The audit also reports events
 /// that cannot be read; here they are an error.
 pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
-    let tree = AuditedTree { dir };
+    let composed = Mutex::default();
+    let tree = AuditedTree { dir, composed: &composed };
     let manifest: ReleaseManifest = tree.json(super::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
@@ -73,12 +75,11 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
     let listed: Vec<&str> =
         manifest.scenes.iter().map(|scene| scene.id.as_str()).filter(|id| is_wanted(id)).collect();
     // Scenes come one after the other, so that the pictures of one are in memory at a time.
-    let (scenes, agreement) = rayon::join(
-        || listed.iter().map(|id| of_scene(tree, id)).collect::<Result<Vec<_>, _>>(),
-        || agreement::compare_files(dir, &manifest, &is_wanted).map_err(|e| unreadable_file(dir, e)),
-    );
-    let mut findings: Vec<Finding> = scenes?.into_iter().flatten().collect();
-    findings.extend(agreement?);
+    let scenes: Vec<Vec<Finding>> = listed.iter().map(|id| of_scene(tree, id)).collect::<Result<_, _>>()?;
+    let composed = composed.into_inner().expect("no thread panics while it holds the names");
+    let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &composed);
+    let mut findings: Vec<Finding> = scenes.into_iter().flatten().collect();
+    findings.extend(agreement.map_err(|e| unreadable_file(dir, e))?);
     Ok(findings)
 }
 

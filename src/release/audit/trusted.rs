@@ -1,6 +1,6 @@
 //! The files of a tree that have the bytes of its sums.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,8 @@ pub(super) struct TrustedTree<'a> {
     pub(super) dir: &'a Path,
     /// Files with the bytes that the sums state, and their SHA-256.
     pub(super) intact: BTreeMap<&'a str, &'a str>,
+    /// Pictures whose files are known to be what this program writes for them.
+    pub(super) composed: &'a BTreeSet<String>,
 }
 
 impl TrustedTree<'_> {

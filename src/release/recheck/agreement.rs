@@ -5,6 +5,7 @@ use crate::release::audit::AuditFault;
 use crate::release::audit::contradictions::find_contradictions;
 use crate::release::manifest::{ManifestScene, ReleaseManifest};
 use crate::release::{croissant, index};
+use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
@@ -24,7 +25,8 @@ const OF_RELEASE: [(&str, &str); 3] = [
 ];
 
 /// Returns one finding per kind of file of the scenes that are `wanted`. The files of the whole
-/// release are compared if all scenes are.
+/// release are compared if all scenes are. The files of the pictures in `composed` are known to be what
+/// this program writes for them.
 ///
 /// # Errors
 /// The folder cannot be listed.
@@ -32,8 +34,9 @@ pub(super) fn compare_files(
     dir: &Path,
     manifest: &ReleaseManifest,
     wanted: &dyn Fn(&str) -> bool,
+    composed: &BTreeSet<String>,
 ) -> io::Result<Vec<Finding>> {
-    let faults = find_contradictions(dir, manifest, wanted)?;
+    let faults = find_contradictions(dir, manifest, wanted, composed)?;
     let mut findings = Vec::new();
     for scene in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {
         let own: Vec<&AuditFault> =

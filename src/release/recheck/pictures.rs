@@ -65,6 +65,17 @@ impl ReleasedPictures<'_> {
         read.map_err(|e| self.tree.refusal(&name, e))
     }
 
+    /// [`Self::frame`], which also notes the form of its file.
+    pub(super) fn frame_with_form(&self, pose: usize) -> Result<GreyImage, RecheckError> {
+        let name = self.name("sharp", pose, "png");
+        let read = png::read_composed(&self.bytes(&name)?, Some(self.camera.size));
+        let (frame, is_composed) = read.map_err(|e| self.tree.refusal(&name, e))?;
+        if is_composed {
+            self.tree.note_composed(name);
+        }
+        Ok(frame)
+    }
+
     /// The flow at a pose, px/s.
     pub(super) fn flow(&self, pose: usize) -> Result<Image<[f32; 2]>, RecheckError> {
         let values = self.values("flow", pose, &[2])?;

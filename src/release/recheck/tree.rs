@@ -3,13 +3,18 @@
 use super::{RecheckError, unreadable_file};
 use crate::files;
 use serde::de::DeserializeOwned;
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 /// A release tree. Nothing outside its folder is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AuditedTree<'a> {
     pub(super) dir: &'a Path,
+    /// Names of the pictures whose files are what this program writes for them. Each was decoded for
+    /// the passes, and need not be decoded again for its form.
+    pub(super) composed: &'a Mutex<BTreeSet<String>>,
 }
 
 impl AuditedTree<'_> {
@@ -43,6 +48,11 @@ impl AuditedTree<'_> {
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
             Err(e) => Err(self.refusal(name, e)),
         }
+    }
+
+    /// Notes a picture whose file is what this program writes for it.
+    pub(super) fn note_composed(self, name: String) {
+        self.composed.lock().expect("no thread panics while it holds the names").insert(name);
     }
 
     pub(super) fn refusal(self, name: &str, because: impl std::fmt::Display) -> RecheckError {

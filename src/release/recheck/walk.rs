@@ -52,7 +52,7 @@ impl PicturesPresent {
         pose: usize,
     ) -> Result<DecodedPose, RecheckError> {
         let is_in = |poses: &[usize]| poses.binary_search(&pose).is_ok();
-        let frame = if is_in(&self.sharp) { Some(pictures.frame(pose)?) } else { None };
+        let frame = if is_in(&self.sharp) { Some(pictures.frame_with_form(pose)?) } else { None };
         let depth = if is_in(&self.depth) { Some(pictures.depth(pose)?) } else { None };
         let flow = match &depth {
             Some(depth) if is_in(&self.flow) => {

@@ -32,7 +32,8 @@ pub(super) fn audit_pictures(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
     let mut found = Vec::new();
     for (kind, end, product) in products.into_iter().chain([("checks", ".png", None)]) {
         let prefix = folder.path_of(&format!("{kind}/"));
-        let paths = folder.tree.below(&prefix).filter(|path| path.ends_with(end));
+        let open = |path: &&str| path.ends_with(end) && !folder.tree.composed.contains(*path);
+        let paths = folder.tree.below(&prefix).filter(open);
         found.extend(paths.map(|path| (product, path[folder.path.len() + 1..].to_owned())));
     }
     found.into_par_iter().filter_map(|(product, name)| picture_fault(folder, product, &name)).collect()
