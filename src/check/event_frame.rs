@@ -283,7 +283,8 @@ impl EventFramePass<'_> {
 
     fn too_unequal(&self) -> Option<String> {
         let spread = self.law.spread / self.law.least_threshold();
-        let because = || format!("the thresholds of the pixels differ by {:.0} %, too much for a mean", 100.0 * spread);
+        let because =
+            || format!("the thresholds of the pixels differ by {:.0} %, too much for a mean", 100.0 * spread);
         (spread > fit::MAX_SPREAD).then(because)
     }
 

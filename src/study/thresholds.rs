@@ -139,8 +139,11 @@ impl SweepResult {
         match self.recommended().0 {
             Some(row) => {
                 let threshold = row.threshold;
-                let preset = self.preset.map_or_else(String::new, |preset| format!("preset: {}, ", preset.name()));
-                format!("sensor:\n  voltmeter: {{ {preset}threshold: {{ on: {threshold}, off: {threshold} }} }}")
+                let preset =
+                    self.preset.map_or_else(String::new, |preset| format!("preset: {}, ", preset.name()));
+                format!(
+                    "sensor:\n  voltmeter: {{ {preset}threshold: {{ on: {threshold}, off: {threshold} }} }}"
+                )
             }
             None => "render: { rules: soft }".to_owned(),
         }

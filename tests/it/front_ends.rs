@@ -23,8 +23,10 @@ fn recipe(sensors: &str) -> String {
     TINY.replace(SENSOR, sensors)
 }
 
-const LIGHT: &str = "voltmeter: { preset: dvs346-paper, front_end: { luminance: rec709, decode: srgb, exposure: 1.5 } }";
-const BRIGHT: &str = "voltmeter: { preset: dvs346-paper, front_end: { exposure: 2, range: { min: 10, max: 400 } } }";
+const LIGHT: &str =
+    "voltmeter: { preset: dvs346-paper, front_end: { luminance: rec709, decode: srgb, exposure: 1.5 } }";
+const BRIGHT: &str =
+    "voltmeter: { preset: dvs346-paper, front_end: { exposure: 2, range: { min: 10, max: 400 } } }";
 
 fn json(place: &Workspace, path: &str) -> Value {
     serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
@@ -65,7 +67,9 @@ fn each_sensor_is_checked_by_its_own_brightness() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
-        recipe(&format!("sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n")),
+        recipe(&format!(
+            "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n"
+        )),
     );
     place.ok("release --to out tiny.yaml");
     let checks = json(&place, "out/tiny/base/checks.json");
@@ -107,8 +111,9 @@ fn a_release_states_the_brightness_of_each_sensor() {
     assert_eq!(brightness, "linear");
     let front_end = &scene["trajectories"][0]["sensor"]["front_end"];
     assert_eq!((&front_end["decode"], &front_end["exposure"]), (&"srgb".into(), &1.5.into()));
-    let (brightness, _, card) =
-        said(&format!("sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n"));
+    let (brightness, _, card) = said(&format!(
+        "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n"
+    ));
     assert_eq!(brightness, "per-sensor");
     assert!(card.contains("| tiny | light | 0.2126 R") && !card.contains("| tiny | usual | 0."), "{card}");
 }

@@ -28,7 +28,8 @@ fn a_real_scene_at_a_small_size() {
     value["camera"] = json!({ "width": 160, "height": 90 });
     value["licence"] = json!({ "expression": "CC-BY-4.0", "holder": "Stephane Agullo" });
     // The two thresholds differ, so that they cannot be confused.
-    value["sensor"] = json!({ "voltmeter": { "preset": "dvs346-paper", "threshold": { "on": 1.0, "off": 1.25 } } });
+    value["sensor"] =
+        json!({ "voltmeter": { "preset": "dvs346-paper", "threshold": { "on": 1.0, "off": 1.25 } } });
     let place = Workspace::new();
     place.write("playbot.yaml", value.to_string());
     place.ok("build playbot.yaml");

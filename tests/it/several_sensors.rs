@@ -77,7 +77,10 @@ fn a_sensor_makes_the_same_events_alone() {
     let place = Workspace::new();
     place.write("tiny.yaml", recipe(THREE));
     place.ok("release --to several tiny.yaml");
-    place.write("tiny.yaml", recipe("sensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n"));
+    place.write(
+        "tiny.yaml",
+        recipe("sensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n"),
+    );
     place.ok("release --to one tiny.yaml");
     let [several, one] = ["several/tiny/base/events/fine.h5", "one/tiny/base/events.h5"]
         .map(|path| fs::read(place.path(path)).unwrap());

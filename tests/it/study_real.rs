@@ -46,9 +46,11 @@ fn the_sensor_of_the_recording_is_the_nearest() {
     let place = Workspace::new();
     write_frames(&place);
     place.write("noisy.yaml", "sensor: { v2e: { preset: noisy } }\n");
-    for (sensor, file, nearest) in
-        [("dvs240", "a.h5", "dvs240"), ("noisy.yaml", "b.h5", "v2e-noisy"), ("dvs346-paper", "c.txt", "dvs346-paper")]
-    {
+    for (sensor, file, nearest) in [
+        ("dvs240", "a.h5", "dvs240"),
+        ("noisy.yaml", "b.h5", "v2e-noisy"),
+        ("dvs346-paper", "c.txt", "dvs346-paper"),
+    ] {
         place.ok(&format!("simulate {INPUTS} --sensor {sensor} --seed 5 --out {file}"));
         let out = "--csv table.csv --picture intervals.svg";
         let message = place.ok(&format!("study real {INPUTS} --events {file} {out} --json")).stdout;

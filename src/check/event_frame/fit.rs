@@ -176,7 +176,11 @@ impl FitSums {
             self.add_slope(side, change, counts);
             let fit = &mut self.fit;
             fit.possible += u64::from((dv - s).abs() <= self.most_residual + error);
-            fit.disturbed_by_floor.add(floor.spoils_residual(self.most_residual + error, side, law.thresholds));
+            fit.disturbed_by_floor.add(floor.spoils_residual(
+                self.most_residual + error,
+                side,
+                law.thresholds,
+            ));
         }
         let fit = &mut self.fit;
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
@@ -195,7 +199,12 @@ impl FitSums {
         Some(dv - s)
     }
 
-    fn add_slope(&mut self, side: usize, PixelChange { dv, rounding, floor, .. }: PixelChange, counts: [u32; 2]) {
+    fn add_slope(
+        &mut self,
+        side: usize,
+        PixelChange { dv, rounding, floor, .. }: PixelChange,
+        counts: [u32; 2],
+    ) {
         let even = self.unequal.even;
         let s = even[0] * f64::from(counts[0]) - even[1] * f64::from(counts[1]) - floor.mean(even);
         let [second, fourth] = floor.cumulants(even);

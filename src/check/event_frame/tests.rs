@@ -7,14 +7,22 @@ use crate::sensor::noise::NoiseFloor;
 
 /// Thresholds of a DAVIS346, their spread, and its noise at these rates.
 fn uneven(floor_hz: [f64; 2]) -> WorldSettings {
-    WorldSettings { thresholds: [1.0, 1.907], spread: 0.157, floor_hz, contrast: 0.8, ..WorldSettings::default() }
+    WorldSettings {
+        thresholds: [1.0, 1.907],
+        spread: 0.157,
+        floor_hz,
+        contrast: 0.8,
+        ..WorldSettings::default()
+    }
 }
 
 const PARTS: [&str; 7] = ["gain", "gain-on", "gain-off", "threshold-on", "threshold-off", "residual", "sign"];
 
 fn verdicts(world: &PlantedWorld) -> Vec<Verdict> {
     let found = PARTS.map(|part| world.finding(&format!("event_frame#{part}")));
-    found.iter().for_each(|f| println!("{} {:?} of {:?}: {}", f.subject.text_without("world/base"), f.measured, f.limit, f.because));
+    found.iter().for_each(|f| {
+        println!("{} {:?} of {:?}: {}", f.subject.text_without("world/base"), f.measured, f.limit, f.because)
+    });
     found.into_iter().map(|f| f.verdict).collect()
 }
 
@@ -40,7 +48,10 @@ fn sound_unequal_pixels_pass_every_statement() {
 }
 
 /// The statement of the sensor differs from the sensor.
-fn stated(world: &PlantedWorld, change: impl FnOnce(&mut crate::sensor::voltmeter::VoltmeterModel)) -> PlantedWorld {
+fn stated(
+    world: &PlantedWorld,
+    change: impl FnOnce(&mut crate::sensor::voltmeter::VoltmeterModel),
+) -> PlantedWorld {
     let mut sensor = world.sensor.clone();
     change(&mut sensor);
     PlantedWorld { stated: Some(sensor.into()), ..world.clone() }

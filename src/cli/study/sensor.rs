@@ -43,7 +43,8 @@ impl SensorArgs {
             noise: measure_noise(&sensor, anchors, NoiseTrial::USUAL).map_err(failed)?,
         };
         if let Some(path) = &self.picture {
-            let fill = |out: &mut dyn Write| out.write_all(study_svg(&self.sensor, &sensor, &study).as_bytes());
+            let fill =
+                |out: &mut dyn Write| out.write_all(study_svg(&self.sensor, &sensor, &study).as_bytes());
             output::write_outputs(&[OutputFile { path, fill: &fill }])?;
         }
         self.tell(&sensor, &study, console);

@@ -40,7 +40,8 @@ fn bottom(panel: PicturePanel) -> f64 {
 /// Round numbers within a range, four to ten of them.
 fn round_marks([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     let decade = libm::exp10(libm::floor(libm::log10((high - low) / 4.0)));
-    let step = [5.0, 2.0].map(|n| n * decade).into_iter().find(|step| 4.0 * step <= high - low).unwrap_or(decade);
+    let step =
+        [5.0, 2.0].map(|n| n * decade).into_iter().find(|step| 4.0 * step <= high - low).unwrap_or(decade);
     let first = (low / step).ceil();
     (0..).map(move |i| (first + f64::from(i)) * step).take_while(move |mark| *mark <= high)
 }
@@ -123,7 +124,11 @@ fn draw_noise(out: &mut SvgText, sensor: &SensorChoice, rows: &[NoiseRow]) {
     }
     let at = |light: f64, rate: f64| place(NOISE, [x.share(light), y.share(rate.max(y.low))]);
     for (side, colour) in COLOURS.into_iter().enumerate() {
-        out.polyline(predicted(sensor, rows, side).into_iter().map(|[light, rate]| at(light, rate)), colour, 1.4);
+        out.polyline(
+            predicted(sensor, rows, side).into_iter().map(|[light, rate]| at(light, rate)),
+            colour,
+            1.4,
+        );
         for row in rows {
             if let Some(published) = row.anchor {
                 draw_cross(out, at(light(row), published[side]), published[side] <= 0.0);

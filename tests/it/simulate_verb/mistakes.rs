@@ -112,7 +112,7 @@ fn mistakes_are_named_and_nothing_is_written() {
 fn events_above_the_cap_are_omitted_if_allowed() {
     let place = workspace();
     let whole = by_library(&VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), 7);
-    place.write("s.yaml", "voltmeter: { max_events_per_pixel_frame: 2 }\n");
+    place.write("s.yaml", "voltmeter: { preset: dvs346-paper, max_events_per_pixel_frame: 2 }\n");
     let args = format!("{} --allow-cap --json", RIGHT.replace("dvs346", "s.yaml"));
     let found: Value = serde_json::from_str(&place.ok(&args).stdout).unwrap();
     // An event at a stamp belongs to the interval before it.

@@ -157,7 +157,8 @@ mod tests {
                 let (with, against) = if along == 0 { (on, 1.907 * off) } else { (1.907 * off, on) };
                 turned += u32::from(against > 0.0 && level + with - against <= 0.0);
             }
-            let (wanted, found) = (f64::from(turned) / f64::from(trials), floor.outweighs(level, along, thresholds));
+            let (wanted, found) =
+                (f64::from(turned) / f64::from(trials), floor.outweighs(level, along, thresholds));
             // Four standard deviations of the drawn share.
             let error = 4.0 * (found.max(1e-4) / f64::from(trials)).sqrt();
             assert!((found - wanted).abs() < error, "{counts:?} {level}: {found} and {wanted}");
