@@ -264,7 +264,9 @@ fn others_of(views: &[SweptView], own: usize) -> Vec<usize> {
     let aim = translation + rotation * DVec3::Z * views[own].typical;
     let fitness = |other: &SweptView| {
         other.pixel_of(aim)?;
-        let angle = (translation - aim).angle_between(other.world_from_camera.translation - aim).to_degrees();
+        let [a, b] = [translation, other.world_from_camera.translation].map(|centre| centre - aim);
+        let cosine = a.dot(b) / (a.length_squared() * b.length_squared()).sqrt();
+        let angle = libm::acos(cosine.clamp(-1.0, 1.0)).to_degrees();
         let apart = angle - BEST_ANGLE;
         let width = ANGLE_WIDTHS[usize::from(apart > 0.0)];
         Some(apart.abs() / width)
