@@ -4,7 +4,7 @@
 use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
-use gs2e::image::png;
+use gs2e::image::{Size, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
