@@ -44,7 +44,7 @@ usage: cargo xtask <task>
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
   power [ARGS]...    the share of planted faults that the checks find from files, by size, as the table of docs/checks.md
-                     (`--releases N`, `--program FILE`)
+                     (`--releases N`, `--program FILE`; `--stated` plants the faults of the stated sizes alone)
   sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
                      `--program FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program

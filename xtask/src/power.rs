@@ -59,7 +59,8 @@ fn recipe(i: usize, factor: f64, outputs: &str) -> String {
     )
 }
 
-/// Measures the power: `--releases N` (20), `--program FILE` (built in release mode).
+/// Measures the power: `--releases N` (20), `--program FILE` (built in release mode), `--stated` (faults of
+/// the stated sizes alone).
 pub(crate) fn run(args: &[String]) -> Outcome {
     let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
     let releases = value("--releases").map_or(Ok(20), |text| text.parse());
@@ -71,11 +72,13 @@ pub(crate) fn run(args: &[String]) -> Outcome {
             root().join("target/release/gs2e")
         }
     };
+    let stated = args.iter().find(|arg| *arg == "--stated");
+    let sizes: &[f64] = if stated.is_some() { &[] } else { &THRESHOLDS };
     let mut made = Vec::new();
     for i in 0..releases {
         let folder = root().join(format!("target/power/{i:02}"));
         make_release(&gs2e, &folder, "out", &recipe(i, 1.0, "events, sharp, depth"))?;
-        for size in THRESHOLDS {
+        for size in sizes {
             for (sign, factor) in [("-", 1.0 - size), ("+", 1.0 + size)] {
                 make_release(
                     &gs2e,
@@ -87,7 +90,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         }
         made.push(folder.join("out").into_os_string());
     }
-    cargo(&["run", "--release", "--quiet", "--example", "power", "--"]).args(made).run()
+    cargo(&["run", "--release", "--quiet", "--example", "power", "--"]).args(stated).args(made).run()
 }
 
 /// Makes a release in the folder, unless it is there.
