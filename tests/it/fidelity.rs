@@ -87,7 +87,7 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     // of rounding, four times as large.
     let bytes = fs::read(place.path("tree/given/held_out.png")).unwrap();
     let sheet = png::read_rgb(std::io::Cursor::new(bytes)).unwrap();
-    assert_eq!(sheet.size(), gs2e::image::Size { width: 3 * 64 + 4, height: 48 });
+    assert_eq!(sheet.size(), Size { width: 3 * 64 + 4, height: 48 });
     let columns = |from: usize| sheet.pixels().chunks(196).flat_map(move |row| &row[from..from + 64]);
     assert!(columns(0).any(|rgb| rgb[0] > 60), "the photo is not black");
     assert!(columns(132).all(|rgb| rgb.iter().all(|v| *v <= 4)));
