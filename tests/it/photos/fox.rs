@@ -42,14 +42,6 @@ fn poses_from_photos_alone_are_those_of_the_given_model() {
     assert!(median < 0.5 && worst < 2.0, "{median} {worst}");
 }
 
-#[test]
-fn tmp_figures() {
-    let capture = shared::path("data/captures/fox").unwrap();
-    for v in differences(Path::new("/tmp/photos/fox/model"), &capture.join("sparse/0")) {
-        eprintln!("TMP {:?}", median_and_worst(v));
-    }
-}
-
 fn photos_of(folder: &Path) -> Vec<(String, PathBuf)> {
     let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
