@@ -25,6 +25,8 @@ const INVERSE_DEPTHS: [f64; 2] = [0.02, 4.0];
 /// Reach of the square around a pixel, px.
 const REACH: usize = 2;
 const SIDE: usize = 2 * REACH + 1;
+/// Distance of a square from the middles of the outer pixels, px.
+const MARGIN: f32 = 0.01;
 /// Largest mean difference of two squares that show the same surface, of 255.
 const MAX_COST: f32 = 20.0;
 /// A second depth must be worse by this factor and by this difference. Flat areas have no best depth.
@@ -226,7 +228,8 @@ impl<'a> OtherRays<'a> {
         let reach = REACH as f32;
         let span = [0, 1].map(|c| reach * (across[c].abs() + down[c].abs()));
         let size = [self.view.camera.size.width, self.view.camera.size.height].map(|n| n as f32);
-        let fits = |at: f32, span: f32, side: f32| at - span >= 0.0 && at + span < side - 1.0;
+        // The sums below round otherwise than these: without the margin a place could lie outside.
+        let fits = |at: f32, span: f32, side: f32| at - span >= MARGIN && at + span < side - 1.0 - MARGIN;
         if !(fits(x, span[0], size[0]) && fits(y, span[1], size[1])) {
             return None;
         }
@@ -261,7 +264,9 @@ fn others_of(views: &[SweptView], own: usize) -> Vec<usize> {
     let aim = translation + rotation * DVec3::Z * views[own].typical;
     let fitness = |other: &SweptView| {
         other.pixel_of(aim)?;
-        let angle = (translation - aim).angle_between(other.world_from_camera.translation - aim).to_degrees();
+        let [a, b] = [translation, other.world_from_camera.translation].map(|centre| centre - aim);
+        let cosine = a.dot(b) / (a.length_squared() * b.length_squared()).sqrt();
+        let angle = libm::acos(cosine.clamp(-1.0, 1.0)).to_degrees();
         let apart = angle - BEST_ANGLE;
         let width = ANGLE_WIDTHS[usize::from(apart > 0.0)];
         Some(apart.abs() / width)
