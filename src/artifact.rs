@@ -395,6 +395,9 @@ impl Artifact for BlurredFrames {
     }
 }
 
+/// The picture of held-out views next to `fidelity.json`, if there are any.
+pub const HELD_OUT_PICTURE: &str = "held_out.png";
+
 impl Artifact for PhotoFidelity {
     const KIND: &'static str = "fidelity";
 

@@ -349,10 +349,15 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     if let Some(photographed) = &scene.photographed {
         tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));
     }
+    let shown =
+        |name: &str| scene.licence.passing != Redistributability::Withheld || products::is_metadata(name);
+    if let Some((name, output)) =
+        layout::made_of_scene(|step| scene.own_outputs(step)).filter(|of| shown(of.0))
+    {
+        tree.add(format!("{id}/{name}"), stored_file(output, store));
+    }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
-        let shown =
-            |name: &str| scene.licence.passing != Redistributability::Withheld || products::is_metadata(name);
         for (name, content) in trajectory_files(scene, (trajectory, part), store) {
             if shown(&name) {
                 tree.add(at(&name), content);
@@ -362,6 +367,12 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     tree
 }
 
+/// An output of a step as a file of the tree.
+fn stored_file(output: &StoredOutput, store: &Store) -> FileContent {
+    let StoredOutput { digest, size, .. } = *output;
+    FileContent::Blob { path: store.path_of(&digest), digest, size }
+}
+
 /// The files of a trajectory by their names in its folder. Internal files of the store (the
 /// brightness that the sensor saw, the counts of the simulation) stay there.
 fn trajectory_files(
@@ -369,15 +380,10 @@ fn trajectory_files(
     (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
     store: &Store,
 ) -> BTreeMap<String, FileContent> {
-    let blob = |o: &StoredOutput| FileContent::Blob {
-        path: store.path_of(&o.digest),
-        digest: o.digest,
-        size: o.size,
-    };
     let outputs = |step: &str| scene.outputs(&trajectory.name, step);
     let made = layout::made(outputs, &published::stream_names(part));
     let mut files: BTreeMap<String, FileContent> =
-        made.into_iter().map(|(name, output)| (name, blob(output))).collect();
+        made.into_iter().map(|(name, output)| (name, stored_file(output, store))).collect();
     files.insert(layout::CHECKS.into(), FileContent::json(&trajectory.findings));
     let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));

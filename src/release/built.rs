@@ -238,7 +238,11 @@ impl BuiltScene<'_> {
 
     /// The outputs of a step of a trajectory; empty if there is no step of that name.
     pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
-        let name = format!("{trajectory}/{step}");
+        self.own_outputs(&format!("{trajectory}/{step}"))
+    }
+
+    /// The outputs of a step of the scene, by its whole name.
+    pub(super) fn own_outputs(&self, name: &str) -> &[StoredOutput] {
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 

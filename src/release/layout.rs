@@ -17,6 +17,11 @@ const LICENCES: &str = "LICENSES/";
 pub(super) const SCENE: &str = "scene.json";
 /// Findings, in a scene's folder and in a trajectory's.
 pub(super) const CHECKS: &str = "checks.json";
+/// Photos, renderings and differences of held-out views, in a scene's folder; an output of the step
+/// `fidelity`.
+pub(super) const HELD_OUT: &str = crate::artifact::HELD_OUT_PICTURE;
+/// The step that makes it.
+const COMPARING: &str = "fidelity";
 /// Poses and camera in nerfstudio's form.
 pub(super) const TRANSFORMS: &str = "transforms.json";
 
@@ -85,6 +90,14 @@ pub(super) fn made<'o>(
     let seen = outputs("checks").iter().filter(|o| is_picture_of_check(&o.name, streams));
     files.extend(seen.map(|o| (format!("checks/{}", o.name), o)));
     files
+}
+
+/// The files in a scene's own folder that steps made, by name. `outputs` gives the outputs of a step
+/// of the scene.
+pub(super) fn made_of_scene<'o>(
+    outputs: impl Fn(&str) -> &'o [StoredOutput],
+) -> Option<(&'static str, &'o StoredOutput)> {
+    outputs(COMPARING).iter().find(|output| output.name == HELD_OUT).map(|output| (HELD_OUT, output))
 }
 
 /// Returns true if a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.

@@ -97,6 +97,8 @@ pub(super) enum FilePresence {
     WithStreams,
     /// A trajectory has several sensors.
     WithSeveralSensors,
+    /// A scene has photos of held-out views.
+    WithHeldOut,
 }
 
 /// Permission to redistribute a file of a scene whose upstream forbids redistribution.

@@ -7,6 +7,8 @@
 //!
 //! Views that the training did not see are *held out*: see [`HeldOutViews`].
 
+pub mod sheet;
+
 use super::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
@@ -167,19 +169,38 @@ fn mean_value(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Indices of the compared photos: all photos if there are at most 100, otherwise 100 of them,
-/// evenly spread: `round(i (count - 1) / 99)`.
+/// evenly spread.
 #[must_use]
 pub fn picked_indices(count: usize) -> Vec<usize> {
-    let steps = MAX_VIEWS - 1;
-    match count {
-        0..=MAX_VIEWS => (0..count).collect(),
-        // Rounding to the nearest, in integers.
-        _ => (0..MAX_VIEWS).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect(),
-    }
+    spread_indices(count, MAX_VIEWS)
 }
 
-/// PSNR (dB) and SSIM of the rendering of a view, compared with its photo. The photo has the size
-/// of the view's camera.
+/// All indices if there are at most `most`, otherwise `most` of them, evenly spread:
+/// `round(i (count - 1) / (most - 1))`. `most` is at least 2.
+#[must_use]
+pub fn spread_indices(count: usize, most: usize) -> Vec<usize> {
+    let steps = most - 1;
+    if count <= most {
+        return (0..count).collect();
+    }
+    // Rounding to the nearest, in integers.
+    (0..most).map(|i| (2 * i * (count - 1) + steps) / (2 * steps)).collect()
+}
+
+/// The rendering of a view, compared with its photo.
+#[derive(Debug)]
+pub struct ViewComparison {
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// SSIM.
+    pub ssim: f64,
+    /// The undistorted photo, black where the lens shows nothing.
+    pub photo: Image<[f32; 3]>,
+    /// The rendering, clipped to 0..1, black there too.
+    pub shown: Image<[f32; 3]>,
+}
+
+/// Compares the rendering of a view with its photo, which has the size of the view's camera.
 ///
 /// # Errors
 /// The view cannot be rendered.
@@ -187,7 +208,7 @@ pub fn compare_view(
     renderer: &mut dyn Renderer,
     view: &source::CapturedView,
     photo: &Image<[u8; 3]>,
-) -> Result<[f64; 2], RenderError> {
+) -> Result<ViewComparison, RenderError> {
     let mut rendered = RenderedImages::default();
     let want = ChannelSet { rgb: true, ..ChannelSet::default() };
     renderer.render(&CameraView::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
@@ -210,7 +231,8 @@ pub fn compare_view(
     }
     // The mean counts pixels outside the photo, which have no error. The factor leaves them out.
     let part = photo.size().pixels() as f64 / counted as f64;
-    Ok([psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)])
+    let [psnr, ssim] = [psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)];
+    Ok(ViewComparison { psnr, ssim, photo: wanted, shown })
 }
 
 #[cfg(test)]
@@ -255,7 +277,8 @@ mod tests {
     }
 
     fn compared(colour: [f32; 3], lens: LensModel, photo: [u8; 3]) -> [f64; 2] {
-        compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap()
+        let found = compare_view(&mut Wall(colour), &view(lens), &Image::filled(SIZE, photo)).unwrap();
+        [found.psnr, found.ssim]
     }
 
     #[test]

@@ -3,17 +3,21 @@
 
 use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, write_json};
+use crate::artifact::{ArtifactFiles, HELD_OUT_PICTURE, write_json};
 use crate::files;
-use crate::image::photo;
+use crate::image::{photo, png};
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
+use crate::render::fidelity::sheet::{ComparisonSheet, MAX_ROWS};
 use crate::render::fidelity::{
-    ComparedView, HeldOutViews, NotCompared, PhotoFidelity, compare_view, picked_indices,
+    ComparedView, HeldOutViews, NotCompared, PhotoFidelity, ViewComparison, compare_view, picked_indices,
+    spread_indices,
 };
 use crate::scene::Gaussians;
 use crate::source::{Capture, CapturedView};
 use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -67,12 +71,19 @@ impl Stage for FidelityStage {
         let photos = self.capturing.all_photos(&solved)?;
         let taken = views_taken(&capture, &photos);
         let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
+        let mut sheet = ComparisonSheet::default();
         let fidelity = measure_fidelity(
             &Arc::new(gaussians),
             (self.render, &self.backend),
             (&picked, self.held_out),
+            &mut sheet,
             cx,
         )?;
+        if let Some(image) = sheet.into_image() {
+            let out = cx.out.join(HELD_OUT_PICTURE);
+            let write = |file| png::write_image(&image, BufWriter::new(file));
+            File::create(&out).and_then(write).map_err(StageError::io_error(&out))?;
+        }
         let out = cx.out.join("fidelity.json");
         write_json(&out, &fidelity).map_err(StageError::io_error(&out))
     }
@@ -87,11 +98,13 @@ pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) ->
     views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
 }
 
-/// Compares a scene with these photos. Without photos, no renderer is created.
+/// Compares a scene with these photos. Without photos, no renderer is created. `sheet` gets some of
+/// the held-out views.
 pub(super) fn measure_fidelity(
     gaussians: &Arc<Gaussians>,
     (render, backend): (RenderChoice, &Backend),
     (taken, held_out): (&[Taken<'_>], HeldOutViews),
+    sheet: &mut ComparisonSheet,
     cx: &StageContext<'_>,
 ) -> Result<PhotoFidelity, StageError> {
     let mut fidelity = PhotoFidelity { held_out, ..PhotoFidelity::default() };
@@ -101,13 +114,19 @@ pub(super) fn measure_fidelity(
     let style = render.resolve(gaussians.antialiased);
     let mut renderer =
         backend.renderer(gaussians.clone(), style).map_err(StageError::work_failed("render"))?;
+    let held: Vec<usize> = taken.iter().map(|(i, ..)| *i).filter(|i| held_out.holds_out(*i)).collect();
+    let pictured: Vec<usize> = spread_indices(held.len(), MAX_ROWS).into_iter().map(|k| held[k]).collect();
     for &(i, view, photo) in taken {
         cx.go_on()?;
         let name = view.name.clone();
         match read_photo(view, photo)? {
             Ok(photo) => {
-                let [psnr, ssim] = compare_view(renderer.as_mut(), view, &photo)
+                let found = compare_view(renderer.as_mut(), view, &photo)
                     .map_err(StageError::work_failed("render"))?;
+                if pictured.contains(&i) {
+                    sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.shown));
+                }
+                let ViewComparison { psnr, ssim, .. } = found;
                 fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });
             }
             // A photo that cannot be compared is a result, not a failure of the step.

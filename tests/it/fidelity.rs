@@ -4,7 +4,7 @@
 use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
-use gs2e::image::png;
+use gs2e::image::{Size, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
@@ -83,6 +83,16 @@ fn a_scene_scores_high_on_photos_of_its_own() {
         (&mean.into(), &6.into())
     );
     assert_eq!(reconstruction["ssim"], finding(&place, "ssim")["measured"]);
+    // Of six views the first is held out by convention: photo, rendering, and no difference but that
+    // of rounding, four times as large.
+    let bytes = fs::read(place.path("tree/given/held_out.png")).unwrap();
+    let sheet = png::read_rgb(std::io::Cursor::new(bytes)).unwrap();
+    assert_eq!(sheet.size(), Size { width: 3 * 64 + 4, height: 48 });
+    let columns = |from: usize| sheet.pixels().chunks(196).flat_map(move |row| &row[from..from + 64]);
+    assert!(columns(0).any(|rgb| rgb[0] > 60), "the photo is not black");
+    assert!(columns(132).all(|rgb| rgb.iter().all(|v| *v <= 4)));
+    let page = fs::read_to_string(place.path("tree/report.html")).unwrap();
+    assert!(page.contains("difference x 4") && page.contains("given/held_out.png"));
     let findings = read("tree/given/checks.json");
     assert_eq!(findings.as_array().unwrap().len(), 8);
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();

@@ -8,7 +8,7 @@ use crate::release::products::is_metadata;
 use crate::release::published::stream_names;
 use crate::release::scene::SceneRecord;
 use crate::store::Digest;
-use crate::store::record::content_digest;
+use crate::store::record::{StoredOutput, content_digest};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Prefix of the role of an input that is a file of the source.
@@ -59,22 +59,21 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
     let files: BTreeMap<&str, &ManifestFile> =
         listed.files.iter().map(|file| (file.path.as_str(), file)).collect();
     let mut faults = Vec::new();
+    // A withheld scene has only those files that show nothing of it.
+    let is_released = |name: &str| !scene.licence.withheld || is_metadata(name);
+    let compare = |path: &str, output: &StoredOutput| match files.get(path) {
+        Some(file) if file.blake3 == output.digest && file.size == output.size => None,
+        Some(_) => Some(step_disagrees(path, "manifest.json lists other bytes than its step made")),
+        None => Some(step_disagrees(path, "its step made it, but manifest.json does not list it")),
+    };
+    let own = layout::made_of_scene(|step| listed.own_outputs(step)).filter(|of| is_released(of.0));
+    faults.extend(own.and_then(|(name, output)| compare(&format!("{}/{name}", scene.id), output)));
     for part in &scene.trajectories {
         let made = layout::made(|step| listed.outputs(&part.name, step), &stream_names(part));
-        // A withheld scene has only those files that show nothing of it.
-        let made = made.into_iter().filter(|(name, _)| !scene.licence.withheld || is_metadata(name));
         let mut known = BTreeSet::new();
-        for (name, output) in made {
+        for (name, output) in made.into_iter().filter(|(name, _)| is_released(name)) {
             let path = format!("{}/{}/{name}", scene.id, part.name);
-            match files.get(path.as_str()) {
-                Some(file) if file.blake3 == output.digest && file.size == output.size => {}
-                Some(_) => {
-                    faults.push(step_disagrees(&path, "manifest.json lists other bytes than its step made"))
-                }
-                None => {
-                    faults.push(step_disagrees(&path, "its step made it, but manifest.json does not list it"))
-                }
-            }
+            faults.extend(compare(&path, output));
             known.insert(path);
         }
         // The release composes these files, so they are outputs of no step.

@@ -1,6 +1,7 @@
 //! The sections of the card on files: a table, and lines of Python that load them.
 
 use crate::release::facts::ReleaseFacts;
+use crate::release::layout;
 use crate::release::products::{self, FilePresence, FileRow, PICTURES, products};
 use std::fmt::Write as _;
 
@@ -9,6 +10,11 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
     let counts = facts.counts();
     let several =
         facts.scenes.iter().any(|scene| scene.file.trajectories.iter().any(|part| !part.sensors.is_empty()));
+    let held_out = facts
+        .scenes
+        .iter()
+        .flat_map(|scene| &scene.files)
+        .any(|file| file.path.strip_suffix(layout::HELD_OUT).is_some_and(|folder| folder.ends_with('/')));
     let pictures = PICTURES.into_iter().filter(|product| counts.has(product));
     let rows = products::SCENE
         .iter()
@@ -21,6 +27,7 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         FilePresence::Always => true,
         FilePresence::WithStreams => counts.has(&products::EVENTS),
         FilePresence::WithSeveralSensors => several,
+        FilePresence::WithHeldOut => held_out,
     };
     let mut text = String::from("## Files\n\n| file | content |\n|---|---|\n");
     for FileRow { name, content, .. } in rows.filter(is_there) {

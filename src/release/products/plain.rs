@@ -8,16 +8,30 @@ const JSON: &str = "application/json";
 pub(in crate::release) const SCENE_FILES: &str = "scene-files";
 
 /// The description of a scene.
-pub(in crate::release) static SCENE: [FileRow; 1] = [metadata(
-    "<scene>/scene.json",
-    "source, camera, recipe, licence, seeds and statistics of a scene",
-    Some(FileSet {
-        id: SCENE_FILES,
-        media: JSON,
-        glob: "**/scene.json",
-        description: "source, camera, recipe, licence, seeds and statistics of a scene",
-    }),
-)];
+pub(in crate::release) static SCENE: [FileRow; 2] = [
+    metadata(
+        "<scene>/scene.json",
+        "source, camera, recipe, licence, seeds and statistics of a scene",
+        Some(FileSet {
+            id: SCENE_FILES,
+            media: JSON,
+            glob: "**/scene.json",
+            description: "source, camera, recipe, licence, seeds and statistics of a scene",
+        }),
+    ),
+    FileRow {
+        name: "<scene>/held_out.png",
+        content: "small photos of held-out views, their renderings, and the differences times 4",
+        set: Some(FileSet {
+            id: "held-out-picture-files",
+            media: "image/png",
+            glob: "**/held_out.png",
+            description: "small photos of held-out views, their renderings, and the differences times 4",
+        }),
+        presence: FilePresence::WithHeldOut,
+        class: LicenceClass::Material,
+    },
+];
 
 /// Poses and speeds of a trajectory.
 pub(in crate::release) static PATH: [FileRow; 6] = [

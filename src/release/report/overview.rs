@@ -379,7 +379,7 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
     }
     if photos > 0 {
         sentences.push(format!(
-            "The release contains no photos; {} of {} source photos were not used.",
+            "The release contains no photos at their own size; {} of {} source photos were not used.",
             thousands_number(unused),
             thousands_number(photos)
         ));

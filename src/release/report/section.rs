@@ -4,8 +4,10 @@ use super::ReportPage;
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
 use super::html::{HtmlFragment, link_address};
+use super::seen::tree_picture;
 use super::trajectory;
 use crate::check::{Finding, Verdict};
+use crate::release::layout;
 use crate::release::products::{self, ReleaseProduct};
 use crate::release::published::{PublishedScene, PublishedTrajectory};
 use crate::release::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
@@ -237,6 +239,7 @@ fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEn
                 html.leaf("h4", &[], "About the scene");
                 write_facts(html, page, entry);
                 write_training(html, page, entry);
+                write_held_out(html, page, entry);
                 own_findings(html, page, entry);
                 write_files(html, entry);
             });
@@ -278,7 +281,10 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
     let photos = file.images.len();
     if photos > 0 {
         let unused = file.images.iter().filter(|image| !image.used).count();
-        facts.push(("Photos", format!("{photos}, {unused} of them unused; no photo is in the release")));
+        facts.push((
+            "Photos",
+            format!("{photos}, {unused} of them unused; none is in the release at its own size"),
+        ));
     }
     // A list would take two elements for each fact.
     if !page.detail.every {
@@ -345,6 +351,29 @@ fn write_training(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneE
                 });
             }
         });
+    });
+}
+
+/// Width of the picture of held-out views, px: that of three pictures in the file.
+const HELD_OUT_WIDTH: u32 = 484;
+
+/// Writes the pictures of the views that were held out.
+fn write_held_out(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
+    let path = format!("{}/{}", entry.id(), layout::HELD_OUT);
+    let Some(picture) = tree_picture(&path, page.places, HELD_OUT_WIDTH).filter(|_| page.detail.frames)
+    else {
+        return;
+    };
+    html.within("figure", &[("class", "wide")], |html| {
+        html.within("div", &[("class", "panels")], |html| {
+            ["photo", "rendering", "difference x 4"].iter().for_each(|panel| html.leaf("span", &[], panel));
+        });
+        write_image(html, &picture, "", "held-out views");
+        html.leaf(
+            "figcaption",
+            &[],
+            "Views that were held out from training, or every eighth one if the training is unknown.",
+        );
     });
 }
 

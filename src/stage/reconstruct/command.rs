@@ -5,6 +5,7 @@ use crate::reconstruct::{LAYOUT, LayoutError, TrainError, TrainedScene, TrainerC
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
 use crate::render::fidelity::HeldOutViews;
+use crate::render::fidelity::sheet::ComparisonSheet;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use crate::stage::capture::{CaptureStage, SolvedInputs};
@@ -97,9 +98,10 @@ impl TrainingStage {
     ) -> Result<(), StageError> {
         let photos = self.source.all_photos(solved)?;
         let mut taken = views_taken(capture, &photos);
-        let held_out = HeldOutViews::Unknown;
+        let (held_out, mut sheet) = (HeldOutViews::Unknown, ComparisonSheet::default());
         taken.retain(|(i, ..)| held_out.holds_out(*i));
-        let fidelity = measure_fidelity(gaussians, (self.render, &Backend::Cpu), (&taken, held_out), cx)?;
+        let fidelity =
+            measure_fidelity(gaussians, (self.render, &Backend::Cpu), (&taken, held_out), &mut sheet, cx)?;
         let held = fidelity.hold(self.command.min_psnr);
         held.map_err(StageError::work_failed("compare the trained scene with its photos"))
     }
