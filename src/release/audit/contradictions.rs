@@ -13,7 +13,7 @@ use std::io;
 use std::path::Path;
 
 /// Returns the contradictions in the scenes of a release that are `wanted`, sorted. The files at
-/// the top, which describe all scenes, are compared if all of them are. The pictures in `seen` are
+/// the top, which describe all scenes, are compared if all of them are. The pictures in `as_written` are
 /// not read.
 ///
 /// # Errors
@@ -22,7 +22,7 @@ pub(in crate::release) fn find_contradictions(
     dir: &Path,
     manifest: &ReleaseManifest,
     wanted: &dyn Fn(&str) -> bool,
-    seen: &BTreeSet<String>,
+    as_written: &BTreeSet<String>,
 ) -> io::Result<Vec<AuditFault>> {
     let owners = &FileOwners::new(manifest);
     let mut files = walk::walk_tree(dir)?.files;
@@ -31,7 +31,7 @@ pub(in crate::release) fn find_contradictions(
     let hashes = bytes::hash_files(dir, &files);
     let intact =
         hashes.iter().filter_map(|(path, hashes)| Some((path.as_str(), hashes.as_ref()?.sha256.as_str())));
-    let tree = &TrustedTree { dir, intact: intact.collect(), composed: seen };
+    let tree = &TrustedTree { dir, intact: intact.collect(), composed: as_written };
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     for listed in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {
         let path = format!("{}/{}", listed.id, layout::SCENE);
