@@ -205,8 +205,10 @@ impl EventFramePass<'_> {
         };
         let what = if self.law.spread > 0.0 { "mean threshold" } else { "threshold" };
         let because = format!(
-            "the events of {pixels} pixels imply a {what} of {:.3}; the recipe states {stated}",
-            shown * stated
+            "the events of {pixels} pixels imply a {what} of {:.3}; the recipe states {}",
+            shown * stated,
+            // Four digits: the OFF threshold of a preset may have no short form.
+            (1e4 * stated).round() / 1e4
         );
         self.finding(part, verdict, shown * stated, limit * stated, because)
     }

@@ -24,6 +24,9 @@ use serde_json::Value;
 use std::fs;
 use std::sync::Arc;
 
+/// The sensor of the recipe. Its figures are pinned.
+const SENSOR: &str = "sensor: { voltmeter: { preset: dvs346-paper } }\n";
+
 /// A recipe with this sampling, over 0.1 s with a fast passage in the middle.
 fn recipe(sampling: &str) -> String {
     format!(
@@ -31,7 +34,8 @@ fn recipe(sampling: &str) -> String {
          source: {{ procedural: {{ kind: still-life, gaussians: 500, views: 6, arc: 12, seed: 1 }} }}\n\
          camera: {{ width: 64, height: 48 }}\ntrajectories:\n  - name: base\n    \
          refine: {{ window: 2, duration: 0.1, curve: cubic }}\n    \
-         speed: {{ function: \"1 + 2*exp(-100*(t - 0.5)^2)\" }}\nsampling: {sampling}\n"
+         speed: {{ function: \"1 + 2*exp(-100*(t - 0.5)^2)\" }}\nsampling: {sampling}\n\
+         {SENSOR}"
     )
 }
 
@@ -107,7 +111,7 @@ fn an_unreachable_tolerance_is_refused_with_a_reachable_one() {
 fn a_tolerance_below_the_jitter_is_warned_of() {
     let place = Workspace::new();
     let noisy = "sensor: { voltmeter: { k: [5.265, 20, 0.02, 0, 0, 0.002], units: { time: us, brightness: 255 } } }\n";
-    place.write("tolerant.yaml", recipe("{ tolerance: 0.03 }") + noisy);
+    place.write("tolerant.yaml", recipe("{ tolerance: 0.03 }").replace(SENSOR, noisy));
     let listed: String =
         place.ok("build tolerant.yaml").stderr.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(listed.contains("sampling.tolerance 0.03 is below the sensor's own jitter"), "{listed}");
