@@ -99,7 +99,7 @@ impl PlantedWorld {
         [sensor.threshold_on, sensor.threshold_off] = setting.thresholds;
         sensor.initial = setting.initial;
         sensor.threshold_spread = setting.spread;
-        if setting.floor_hz != [0.0; 2] {
+        if setting.floor_hz.iter().any(|hz| *hz > 0.0) {
             let [on, off] = setting.floor_hz;
             sensor.floor = NoiseFloor(vec![FloorPoint { lux: 1.0, on, off }]);
             sensor.front_end.lux = Some(250.0);

@@ -27,7 +27,7 @@ const MAX_UNEQUAL_BLUR: f64 = 0.5;
 /// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
 /// many events of both polarities would blur it.
 const MAX_OWN_SPREAD: f64 = 1.5;
-/// Standard deviations of a sum that are allowed.
+/// Standard deviations of a sum or a quantile that are allowed.
 const DEVIATIONS: f64 = 4.0;
 
 /// The state of all pixels at one anchor, as statistics.

@@ -78,7 +78,7 @@ fn spelling_changes_nothing() {
     t(
         "{\"version\": 1, \"scene\": \"a/b\", \"seed\": 7, \"source\": {\"procedural\": {}}, \"trajectories\": [{\"name\": \
        \"base\", \"refine\": {\"factor\": \"11/10\"}, \"speed\": {\"function\": \"1 + t\"}}], \"sensor\": {\"voltmeter\": \
-       {\"threshold\": {\"on\": 0.5}}}, \"licence\": {\"expression\": \"CC0-1.0\", \"holder\": \"Example Lab\"}}",
+       {\"preset\": \"dvs346\", \"threshold\": {\"on\": 0.5}}}, \"licence\": {\"expression\": \"CC0-1.0\", \"holder\": \"Example Lab\"}}",
     );
 }
 

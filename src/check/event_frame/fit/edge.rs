@@ -9,6 +9,8 @@
 //! spread. The ratios of the drifts at hand are then computed for thresholds of the stated law, and
 //! a quantile near the edge is compared with theirs.
 
+use super::DEVIATIONS;
+use super::unequal::LEAST_THRESHOLD;
 use crate::seed::normal::normal_quantile;
 
 /// Minimum number of pixels near the threshold. An edge of fewer is not measured.
@@ -17,16 +19,12 @@ const MIN_NEAR: usize = 1000;
 const EDGE: f64 = 0.995;
 /// The same for unequal pixels. A thousand of them have 20 beyond it, enough for a quantile.
 const UNEQUAL_EDGE: f64 = 0.98;
-/// Standard deviations of a quantile that are allowed.
-const DEVIATIONS: f64 = 4.0;
 /// Number of values that a law of unequal pixels is computed from.
 const MODELLED: usize = 40_000;
 /// Change of the thresholds for which the answer of an unequal edge is computed.
 const TRIED: f64 = 0.1;
 /// Ratio of a pixel whose events all have the wrong sign, in place of infinity.
 const MAX_SHOWN: f64 = 1000.0;
-/// Smallest threshold of an unequal pixel, relative to the nominal one, as the sensors draw it.
-const FLOOR: f64 = 0.01;
 
 /// A measured threshold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,11 +115,12 @@ fn modelled(near: &[NearPixel], scale: f64) -> Vec<f32> {
     let (each, step) = ((MODELLED / near.len()).max(1), near.len().div_ceil(MODELLED));
     let drawn = near.iter().step_by(step).flat_map(|pixel| std::iter::repeat_n(*pixel, each));
     let value = |(i, pixel): (usize, NearPixel)| {
-        // Multiples of the golden ratio fill the unit interval evenly.
-        let place = ((i as f64 + 0.5) * 0.618_033_988_749_895).fract().clamp(1e-9, 1.0 - 1e-9);
+        // Multiples of an irrational number fill the unit interval evenly.
+        let place = ((i as f64 + 0.5) * std::f64::consts::SQRT_2).fract().clamp(1e-9, 1.0 - 1e-9);
         // Noise of the voltage moves the point of the next event like a part of the threshold.
         let own = pixel.blur / (pixel.way.floor() + 1.0);
-        let threshold = scale * (1.0 + libm::hypot(pixel.spread, own) * normal_quantile(place)).max(FLOOR);
+        let threshold =
+            scale * (1.0 + libm::hypot(pixel.spread, own) * normal_quantile(place)).max(LEAST_THRESHOLD);
         pixel.straight(threshold)
     };
     drawn.enumerate().map(value).collect()

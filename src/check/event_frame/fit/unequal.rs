@@ -9,8 +9,8 @@ use crate::seed::normal::normal_quantile;
 /// Largest relative spread for which sums are used. Beyond it the lowest thresholds, which the
 /// sensor cuts off, dominate them.
 pub(in crate::check::event_frame) const MAX_SPREAD: f64 = 0.3;
-/// Smallest threshold, relative to the nominal one.
-const FLOOR: f64 = 0.01;
+/// Smallest threshold of a pixel, relative to the nominal one, as the sensors draw it.
+pub(super) const LEAST_THRESHOLD: f64 = 0.01;
 /// Number of quantiles of the law.
 const QUANTILES: u32 = 400;
 
@@ -32,7 +32,7 @@ impl UnequalLaw {
         let of = thresholds.map(|threshold| {
             let inverse = |i: u32| {
                 let place = (f64::from(i) + 0.5) / f64::from(QUANTILES);
-                1.0 / (1.0 + spread / threshold * normal_quantile(place)).max(FLOOR)
+                1.0 / (1.0 + spread / threshold * normal_quantile(place)).max(LEAST_THRESHOLD)
             };
             let [mut mean, mut square] = [0.0; 2];
             for value in (0..QUANTILES).map(inverse) {
