@@ -12,6 +12,6 @@ mod layout;
 mod trained;
 
 pub use argument::{ArgumentError, ArgumentTemplate};
-pub use command::{ArgumentPlaces, TrainError, TrainedScene, TrainerCommand, TrainingWorkspace};
+pub use command::{ArgumentPlaces, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand};
 pub use layout::{LAYOUT, LayoutError, find_photo, model_points, photo_memory};
 pub use trained::GaussianCount;

@@ -41,7 +41,7 @@ const OUTLIER: f64 = 3.0;
 const REGISTERED: f64 = 0.9;
 
 /// Maximum number of names in a finding.
-const TOLD: usize = 3;
+const MAX_LISTED: usize = 3;
 
 /// Name of the pass.
 pub(super) const NAME: &str = "capture";
@@ -96,8 +96,8 @@ fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, Str
     // A finding within its limit names the largest all the same.
     let phrase = match beyond.len() {
         0 => first,
-        count if count <= TOLD => beyond.join(", "),
-        count => format!("{} and {} more", beyond[..TOLD].join(", "), count - TOLD),
+        count if count <= MAX_LISTED => beyond.join(", "),
+        count => format!("{} and {} more", beyond[..MAX_LISTED].join(", "), count - MAX_LISTED),
     };
     Some((measured, phrase))
 }

@@ -84,7 +84,7 @@ const MAX_DISTURBED: f64 = 0.2;
 const MIN_PIXELS: u64 = 100;
 /// Minimum of [`fit::EventEdge::reachable`]. Below it, an edge shows the scene and not the sensor.
 const MIN_REACHABLE: f64 = 0.98;
-/// The same for unequal pixels: smallest change of the edge for a change of the thresholds.
+/// For unequal pixels: smallest change of the edge for a change of the thresholds.
 const MIN_ANSWER: f64 = 0.7;
 
 /// The pass.
@@ -125,7 +125,7 @@ impl ValidationPass for EventFrame {
 struct PixelShare {
     part: u64,
     of: u64,
-    /// Those of the others that noise may keep out.
+    /// Number of the others that noise may keep out.
     spoilt: SpoiltPixels,
 }
 

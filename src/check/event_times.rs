@@ -146,7 +146,7 @@ fn smallest_scale(clock: &StreamClock, most: f64) -> Option<f64> {
     found.filter(|size| 2.0 * clock.half_us * size <= most)
 }
 
-/// What the size of a fault that is found depends on.
+/// The quantities on which the size of the smallest found fault depends.
 #[derive(Debug, Clone, Copy)]
 struct FaultPower {
     /// The part of the limit that no standard error adds to.

@@ -113,7 +113,7 @@ fn parse_glob(text: &str) -> Result<String, String> {
 }
 
 /// Default place of scene files.
-const BESIDE: &str = "{path}/point_cloud.ply";
+const NEXT_TO_VIEWS: &str = "{path}/point_cloud.ply";
 
 /// The result of `init`, by scene.
 #[derive(Debug, Default)]
@@ -189,7 +189,7 @@ impl InitArgs {
         // A model folder contains Gaussians, and a reconstruction makes them.
         let reconstructs = reconstructs == Some(true);
         let own = self.format.has_gaussians() || self.format.needs_poses() || reconstructs;
-        let pattern = pattern.or((!own).then_some(BESIDE));
+        let pattern = pattern.or((!own).then_some(NEXT_TO_VIEWS));
         for candidate in chosen {
             self.write(candidate, (pattern, reconstructs), &mut outcome)?;
         }

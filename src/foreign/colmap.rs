@@ -11,7 +11,7 @@ use super::colmap_run::{ColmapOptions, colmap_run};
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
 use crate::programs::EndKind;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::se3::Se3;
 use crate::source::colmap::{ColmapImage, ColmapModel};
 use crate::source::solving::PairRule;
@@ -68,16 +68,16 @@ pub struct ColmapPoses {
 pub fn register_pictures(
     pictures: &[TrajectoryPicture],
     camera: &Camera,
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<ForeignAnswer<ColmapPoses>, ForeignError> {
-    let program = match versions::colmap(desk.programs) {
+    let program = match versions::colmap(workspace.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
     if pictures.len() < MIN_PICTURES as usize {
         return Ok(Err(format!("there are {} pictures, {MIN_PICTURES} are the fewest", pictures.len())));
     }
-    let images = match make_model(pictures, camera, desk)? {
+    let images = match make_model(pictures, camera, workspace)? {
         Ok(images) => images,
         Err(because) => return Ok(Err(format!("{program} {because}"))),
     };
@@ -95,9 +95,9 @@ pub fn register_pictures(
 fn make_model(
     pictures: &[TrajectoryPicture],
     camera: &Camera,
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<ForeignAnswer<Vec<ColmapImage>>, ForeignError> {
-    let place = |name: &str| desk.folder.join(name);
+    let place = |name: &str| workspace.folder.join(name);
     let (database, images, sparse) = (place("database.db"), place("images"), place("sparse"));
     for folder in [&images, &sparse] {
         std::fs::create_dir(folder).map_err(ForeignError::io_error(folder))?;
@@ -108,11 +108,11 @@ fn make_model(
         let file = std::path::absolute(&picture.file).map_err(ForeignError::io_error(&picture.file))?;
         std::os::unix::fs::symlink(file, &link).map_err(ForeignError::io_error(&link))?;
     }
-    let colmap = |command: &str, options| colmap_run(command, &database, options, desk);
+    let colmap = |command: &str, options| colmap_run(command, &database, options, workspace);
     colmap("feature_extractor", extraction_options(&images, camera)).end_well()?;
     let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
     let all = PairRule::Exhaustive.pairs(described.len());
-    let matched = features::match_pairs(&described, &all, desk.goes_on);
+    let matched = features::match_pairs(&described, &all, workspace.goes_on);
     let (matches, pairs) = matched.ok_or(ForeignError::Stopped)?;
     if pairs == 0 {
         return Ok(Err("finds no key points shared by two pictures".to_owned()));

@@ -7,7 +7,7 @@
 use super::run::ExternalRun;
 use super::versions::COLMAP;
 use crate::programs::ProgramFinder;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::Path;
@@ -36,15 +36,15 @@ pub(super) fn colmap_run<'a>(
     command: &str,
     database: &Path,
     options: ColmapOptions,
-    desk: TrainingWorkspace<'a>,
+    workspace: ProgramWorkspace<'a>,
 ) -> ExternalRun<'a> {
-    let known = known_options(command, desk.programs);
+    let known = known_options(command, workspace.programs);
     let mut named = vec![("--random_seed", OsString::from("1")), ("--database_path", database.into())];
     named.extend(options);
     named.extend(SEEDS.into_iter().filter(|seed| known.contains(*seed)).map(|seed| (seed, "1".into())));
     let words = named.into_iter().flat_map(|(name, value)| [current_name(name, &known).into(), value]);
     let arguments = std::iter::once(OsString::from(command)).chain(words).collect();
-    ExternalRun { program: COLMAP, arguments, seconds: MAX_SECONDS, desk }
+    ExternalRun { program: COLMAP, arguments, seconds: MAX_SECONDS, workspace }
 }
 
 /// The options that a command lists. Empty if it cannot be asked: its run then reports the cause.

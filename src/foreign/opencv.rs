@@ -7,7 +7,7 @@ use request::OpencvRequest;
 
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, python, versions};
 use crate::camera::Camera;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::trajectory::{Trajectory, transforms};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -101,19 +101,19 @@ pub fn measure_released(
     released: &ReleasedPoses,
     (camera, trajectory): (&Camera, &Trajectory),
     pictures: &[TrajectoryPicture],
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<ForeignAnswer<OpencvGeometry>, ForeignError> {
-    let program = match versions::having(&["cv2", "numpy"], desk.programs) {
+    let program = match versions::having(&["cv2", "numpy"], workspace.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
     let files = [("poses.txt", &released.poses_txt), ("transforms.json", &released.transforms_json)];
     for (name, bytes) in files {
-        let file = desk.folder.join(name);
+        let file = workspace.folder.join(name);
         std::fs::write(&file, bytes).map_err(ForeignError::io_error(&file))?;
     }
-    let request = OpencvRequest { camera, trajectory, pictures }.compose(desk.folder)?;
+    let request = OpencvRequest { camera, trajectory, pictures }.compose(workspace.folder)?;
     let OpencvAnswer { poses_txt, transforms_json, tried, pairs } =
-        python::ask_script("geometry", &request, desk)?;
+        python::ask_script("geometry", &request, workspace)?;
     Ok(Ok(OpencvGeometry { program, poses_txt, transforms_json, tried, pairs }))
 }

@@ -13,7 +13,7 @@ use super::ForeignError;
 use super::colmap_run::{ColmapOptions, colmap_run};
 use super::features;
 use crate::programs::EndKind;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::source::SourceError;
 use crate::source::colmap::ColmapModel;
 use crate::source::photos::MIN_PHOTOS;
@@ -95,13 +95,13 @@ pub fn solve_photos(
     photos: &[(String, PathBuf)],
     solving: &PoseSolving,
     to: &Path,
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<SolvedPhotos, PoseError> {
     let given = photos.len();
     if given < MIN_PHOTOS {
         return Err(PoseError::Few { found: given });
     }
-    let place = PoseDesk::new(photos, desk)?;
+    let place = PoseWorkspace::new(photos, workspace)?;
     let groups = camera_groups(photos)?;
     for (number, group) in groups.iter().enumerate() {
         place.extract(number, group, solving)?;
@@ -177,17 +177,17 @@ fn check_sizes(
 }
 
 /// Working folder of COLMAP: its database, links to the photos, and its models.
-struct PoseDesk<'a> {
-    desk: TrainingWorkspace<'a>,
+struct PoseWorkspace<'a> {
+    workspace: ProgramWorkspace<'a>,
     database: PathBuf,
     images: PathBuf,
     sparse: PathBuf,
     links: Vec<String>,
 }
 
-impl<'a> PoseDesk<'a> {
-    fn new(photos: &[(String, PathBuf)], desk: TrainingWorkspace<'a>) -> Result<Self, ForeignError> {
-        let [images, sparse] = ["images", "sparse"].map(|name| desk.folder.join(name));
+impl<'a> PoseWorkspace<'a> {
+    fn new(photos: &[(String, PathBuf)], workspace: ProgramWorkspace<'a>) -> Result<Self, ForeignError> {
+        let [images, sparse] = ["images", "sparse"].map(|name| workspace.folder.join(name));
         for folder in [&images, &sparse] {
             std::fs::create_dir(folder).map_err(ForeignError::io_error(folder))?;
         }
@@ -199,16 +199,16 @@ impl<'a> PoseDesk<'a> {
             Ok(name)
         };
         let links = photos.iter().enumerate().map(link).collect::<Result<_, ForeignError>>()?;
-        Ok(Self { desk, database: desk.folder.join("database.db"), images, sparse, links })
+        Ok(Self { workspace, database: workspace.folder.join("database.db"), images, sparse, links })
     }
 
     fn run(&self, command: &str, options: ColmapOptions) -> Result<(), ForeignError> {
-        colmap_run(command, &self.database, options, self.desk).end_well().map(drop)
+        colmap_run(command, &self.database, options, self.workspace).end_well().map(drop)
     }
 
     /// Finds the key points of the photos of one camera.
     fn extract(&self, number: usize, group: &CameraGroup, solving: &PoseSolving) -> Result<(), ForeignError> {
-        let list = self.desk.folder.join(format!("camera-{number}.txt"));
+        let list = self.workspace.folder.join(format!("camera-{number}.txt"));
         let names: String = group.photos.iter().map(|index| format!("{}\n", self.links[*index])).collect();
         std::fs::write(&list, names).map_err(ForeignError::io_error(&list))?;
         // One thread: with several, photos get their ids in the order in which they are finished.
@@ -230,12 +230,12 @@ impl<'a> PoseDesk<'a> {
         let described =
             features::read_database(&self.database).map_err(ForeignError::own_product(&self.database))?;
         let pairs = rule.pairs(described.len());
-        let found = features::match_pairs(&described, &pairs, self.desk.goes_on);
+        let found = features::match_pairs(&described, &pairs, self.workspace.goes_on);
         let (matches, any) = found.ok_or(ForeignError::Stopped)?;
         if any == 0 {
             return Ok(false);
         }
-        let list = self.desk.folder.join("matches.txt");
+        let list = self.workspace.folder.join("matches.txt");
         std::fs::write(&list, matches).map_err(ForeignError::io_error(&list))?;
         let options: ColmapOptions = vec![
             ("--match_list_path", list.into()),
@@ -267,7 +267,7 @@ impl<'a> PoseDesk<'a> {
             // COLMAP discards models below 10 photos, after the first. They count as parts here.
             ("--Mapper.min_model_size", "3".into()),
         ];
-        let ran = match colmap_run("mapper", &self.database, options, self.desk).end()? {
+        let ran = match colmap_run("mapper", &self.database, options, self.workspace).end()? {
             Ok(ran) => ran,
             Err(ran) if ran.says(NO_MODEL) => return Err(PoseError::NoModel { given }),
             Err(ran) => return Err(ran.failed(EndKind::Code(1)).into()),

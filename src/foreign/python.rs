@@ -5,7 +5,7 @@ use super::run::ExternalRun;
 use super::versions::{ISOLATED, PYTHON};
 use crate::files;
 use crate::programs::EndKind;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;
@@ -20,16 +20,16 @@ const MAX_SECONDS: u32 = 3600;
 pub(super) fn ask_script<A: DeserializeOwned>(
     question: &str,
     request: &impl Serialize,
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<A, ForeignError> {
-    let place = |name: &str| desk.folder.join(name);
+    let place = |name: &str| workspace.folder.join(name);
     let (script, asked, answer) = (place("ask.py"), place("request.json"), place("answer.json"));
     std::fs::write(&script, SCRIPT).map_err(ForeignError::io_error(&script))?;
     let request = serde_json::to_vec(request).expect("a request is plain data");
     std::fs::write(&asked, request).map_err(ForeignError::io_error(&asked))?;
     let files = [script.into(), question.into(), asked.into(), answer.clone().into()];
     let arguments = [OsString::from(ISOLATED)].into_iter().chain(files).collect();
-    let ran = ExternalRun { program: PYTHON, arguments, seconds: MAX_SECONDS, desk }.end_well()?;
+    let ran = ExternalRun { program: PYTHON, arguments, seconds: MAX_SECONDS, workspace }.end_well()?;
     let product = |e: &dyn std::fmt::Display| ran.failed(EndKind::Product(format!("its answer: {e}")));
     let text = files::read(&answer, files::MAX_DOCUMENT).map_err(|e| product(&e))?;
     serde_json::from_slice(&text).map_err(|e| product(&e))

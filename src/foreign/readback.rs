@@ -5,7 +5,7 @@ use super::{ForeignAnswer, ForeignError, TrajectoryPicture, python, versions};
 use crate::event::{Event, EventSource as _, h5};
 use crate::files;
 use crate::image::png;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
@@ -73,14 +73,14 @@ struct ReadColumns {
 pub fn read_back(
     streams: &[PathBuf],
     pictures: &[TrajectoryPicture],
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<ForeignAnswer<ReadbackReport>, ForeignError> {
-    let mut program = match versions::having(&["h5py", "numpy"], desk.programs) {
+    let mut program = match versions::having(&["h5py", "numpy"], workspace.programs) {
         Ok(program) => program,
         Err(because) => return Ok(Err(because)),
     };
     // Events are read back even if OpenCV is absent.
-    let opencv = versions::having(&["cv2"], desk.programs);
+    let opencv = versions::having(&["cv2"], workspace.programs);
     let looks = match &opencv {
         Ok(opencv) if !pictures.is_empty() => {
             program = format!("{program}, {opencv}");
@@ -92,9 +92,9 @@ pub fn read_back(
     let streams: Vec<PathBuf> = streams.iter().map(|file| whole(file)).collect::<Result<_, _>>()?;
     let files: Vec<PathBuf> = looks.iter().map(|picture| whole(&picture.file)).collect::<Result<_, _>>()?;
     let request = json!({ "streams": streams, "pictures": files });
-    let answer: ReadbackAnswer = python::ask_script("readback", &request, desk)?;
+    let answer: ReadbackAnswer = python::ask_script("readback", &request, workspace)?;
     let own: Vec<OwnColumns> =
-        streams.iter().map(|file| OwnColumns::from_file(file, desk)).collect::<Result<_, _>>()?;
+        streams.iter().map(|file| OwnColumns::from_file(file, workspace)).collect::<Result<_, _>>()?;
     // The script answers in the order of the request.
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
@@ -119,7 +119,7 @@ struct OwnColumns {
 }
 
 impl OwnColumns {
-    fn from_file(file: &Path, desk: TrainingWorkspace<'_>) -> Result<Self, ForeignError> {
+    fn from_file(file: &Path, workspace: ProgramWorkspace<'_>) -> Result<Self, ForeignError> {
         let mut reader = h5::Reader::open(file).map_err(ForeignError::own_product(file))?;
         let names: &[&'static str] =
             if reader.labelled() { &["t", "x", "y", "p", "label"] } else { &["t", "x", "y", "p"] };
@@ -127,7 +127,7 @@ impl OwnColumns {
             names.iter().map(|name| (*name, Sha256::new())).collect();
         let (mut chunk, mut events) = (Vec::new(), 0);
         while reader.next_chunk(&mut chunk).map_err(ForeignError::own_product(file))? {
-            if !(desk.goes_on)() {
+            if !(workspace.goes_on)() {
                 return Err(ForeignError::Stopped);
             }
             events += chunk.len() as u64;

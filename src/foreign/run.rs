@@ -2,7 +2,7 @@
 
 use super::ForeignError;
 use crate::programs::{self, EndKind, ProgramCall, ProgramEnd, ProgramFailure};
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub(super) struct ExternalRun<'a> {
     pub(super) arguments: Vec<OsString>,
     /// Time limit in seconds.
     pub(super) seconds: u32,
-    pub(super) desk: TrainingWorkspace<'a>,
+    pub(super) workspace: ProgramWorkspace<'a>,
 }
 
 /// Environment of every run: without a screen, and with one thread.
@@ -33,16 +33,23 @@ pub(super) struct FinishedRun<'a> {
 impl<'a> ExternalRun<'a> {
     /// Runs the program to its end. The inner `Err` is a run that ended with exit code 1.
     pub(super) fn end(self) -> Result<Result<FinishedRun<'a>, FinishedRun<'a>>, ForeignError> {
-        let Self { program, arguments, seconds, desk } = self;
+        let Self { program, arguments, seconds, workspace } = self;
         let environment = ENVIRONMENT.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let environment = BTreeMap::from(environment);
-        // The desk lies below the current folder, where version managers look for a file that
+        // The workspace lies below the current folder, where version managers look for a file that
         // chooses a program.
         let folder = PathBuf::from("/");
         let invocation = ProgramCall { program: program.into(), arguments, environment, folder };
         // The log may already hold the output of earlier runs.
-        let ran = FinishedRun { invocation, program, log: desk.log, from: programs::length(desk.log) };
-        match programs::run_within(seconds, desk.programs, &ran.invocation, desk.log, desk.goes_on) {
+        let ran =
+            FinishedRun { invocation, program, log: workspace.log, from: programs::length(workspace.log) };
+        match programs::run_within(
+            seconds,
+            workspace.programs,
+            &ran.invocation,
+            workspace.log,
+            workspace.goes_on,
+        ) {
             Ok(()) => Ok(Ok(ran)),
             Err(ProgramEnd::Stopped) => Err(ForeignError::Stopped),
             // COLMAP also ends with code 1 if it finds no model, so the caller decides.

@@ -9,7 +9,7 @@ use super::run::ExternalRun;
 use super::versions::FFMPEG;
 use crate::files;
 use crate::image::{Image, png};
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::source::solving::FramePicking;
 use crate::stats::upper_median;
 use rayon::prelude::*;
@@ -69,18 +69,18 @@ pub fn take_frames(
     video: &Path,
     picking: FramePicking,
     (to, wanted): (&Path, usize),
-    desk: TrainingWorkspace<'_>,
+    workspace: ProgramWorkspace<'_>,
 ) -> Result<TakenFrames, FrameError> {
     let FramePicking { every, sharpness } = picking;
     let decode = ExternalRun {
         program: FFMPEG,
-        arguments: decoding_arguments(video, every, desk.folder)?,
+        arguments: decoding_arguments(video, every, workspace.folder)?,
         seconds: MAX_SECONDS,
-        desk,
+        workspace,
     };
     decode.end_well()?;
     // ffmpeg counts its files from 1.
-    let numbered = (1..).map(|k| desk.folder.join(format!("{k:06}.png")));
+    let numbered = (1..).map(|k| workspace.folder.join(format!("{k:06}.png")));
     let candidates: Vec<PathBuf> = numbered.take_while(|file| files::is_there(file)).collect();
     let found = candidates.len();
     if found < wanted {
@@ -91,7 +91,7 @@ pub fn take_frames(
     }
     let measured = candidates
         .par_iter()
-        .map(|file| if (desk.goes_on)() { frame_sharpness(file) } else { Err(ForeignError::Stopped) });
+        .map(|file| if (workspace.goes_on)() { frame_sharpness(file) } else { Err(ForeignError::Stopped) });
     let kept = sharp_enough(&measured.collect::<Result<Vec<f64>, _>>()?, sharpness);
     for index in &kept {
         let frame = to.join(format!("{:06}.png", index * every as usize));

@@ -66,22 +66,25 @@ impl ArgumentPlaces {
     pub const ALL: [&'static str; 3] = [Self::CAPTURE, Self::IMAGES, Self::OUT];
 }
 
-/// Folder, log and stop signal of a training.
+/// Folder, log and stop signal of a run of programs.
 #[derive(Clone, Copy)]
-pub struct TrainingWorkspace<'a> {
+pub struct ProgramWorkspace<'a> {
     /// An empty folder. Its content is not needed afterwards.
     pub folder: &'a Path,
     /// The log file of the program's output. An existing file is overwritten.
     pub log: &'a Path,
-    /// Polled during the training. The program is stopped when it returns false.
+    /// Polled during the run. The program is stopped when it returns false.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
     /// The programs that can be run.
     pub programs: &'a ProgramFinder,
 }
 
-impl std::fmt::Debug for TrainingWorkspace<'_> {
+impl std::fmt::Debug for ProgramWorkspace<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Desk").field("folder", &self.folder).field("log", &self.log).finish_non_exhaustive()
+        f.debug_struct("ProgramWorkspace")
+            .field("folder", &self.folder)
+            .field("log", &self.log)
+            .finish_non_exhaustive()
     }
 }
 
@@ -155,16 +158,16 @@ impl TrainerCommand {
         &self,
         capture: &Capture,
         files: &[(String, PathBuf)],
-        desk: TrainingWorkspace<'_>,
+        workspace: ProgramWorkspace<'_>,
     ) -> Result<TrainedScene, TrainError> {
         let io = |path: &Path| {
             let path = path.to_owned();
             move |cause| TrainError::Io { path, cause }
         };
         // Both commands of a training append to the log, so an old log is emptied first.
-        std::fs::write(desk.log, "").map_err(io(desk.log))?;
+        std::fs::write(workspace.log, "").map_err(io(workspace.log))?;
         // The program runs in another working folder.
-        let root = std::path::absolute(desk.folder).map_err(io(desk.folder))?;
+        let root = std::path::absolute(workspace.folder).map_err(io(workspace.folder))?;
         let [given, out, work] = ["capture", "out", "work"].map(|name| root.join(name));
         for folder in [&out, &work] {
             std::fs::create_dir_all(folder).map_err(io(folder))?;
@@ -172,16 +175,16 @@ impl TrainerCommand {
         let places = self.places();
         // A wrong version must stop the training before the capture is copied.
         if let Some(probe) = &self.probe {
-            self.ask_version(&self.invocation(probe, &places, &work), desk)?;
+            self.ask_version(&self.invocation(probe, &places, &work), workspace)?;
         }
-        let laid = lay_out(capture, files, self.hold_out, &given, desk.goes_on)?;
+        let laid = lay_out(capture, files, self.hold_out, &given, workspace.goes_on)?;
         let images = given.join("images");
         let own = ArgumentPlaces::ALL.into_iter().zip([given, images, out.clone()]);
         let invocation = self.invocation(&self.arguments, &places.into_iter().chain(own).collect(), &work);
-        let from = self.run(&invocation, desk)?;
+        let from = self.run(&invocation, workspace)?;
         let gaussians = trained::read_trained(&out, self.scene.as_deref(), self.gaussians);
-        let gaussians =
-            gaussians.map_err(|e| self.failed(&invocation, EndKind::Product(e.to_string()), desk, from))?;
+        let gaussians = gaussians
+            .map_err(|e| self.failed(&invocation, EndKind::Product(e.to_string()), workspace, from))?;
         Ok(TrainedScene { gaussians, without_photo: laid.without_photo })
     }
 
@@ -207,37 +210,41 @@ impl TrainerCommand {
     }
 
     /// Runs a command to its end. Returns the offset of its output in the log.
-    fn run(&self, invocation: &ProgramCall, desk: TrainingWorkspace<'_>) -> Result<u64, TrainError> {
-        let from = programs::length(desk.log);
-        match programs::run(desk.programs, invocation, desk.log, desk.goes_on) {
+    fn run(&self, invocation: &ProgramCall, workspace: ProgramWorkspace<'_>) -> Result<u64, TrainError> {
+        let from = programs::length(workspace.log);
+        match programs::run(workspace.programs, invocation, workspace.log, workspace.goes_on) {
             Ok(()) => Ok(from),
             Err(ProgramEnd::Stopped) => Err(TrainError::Stopped),
-            Err(ProgramEnd::Failed(how)) => Err(self.failed(invocation, how, desk, from).into()),
+            Err(ProgramEnd::Failed(how)) => Err(self.failed(invocation, how, workspace, from).into()),
         }
     }
 
     /// Runs the version command. The output must contain the version in the key.
-    fn ask_version(&self, invocation: &ProgramCall, desk: TrainingWorkspace<'_>) -> Result<(), TrainError> {
-        let from = self.run(invocation, desk)?;
-        if programs::says(desk.log, from, &self.version) {
+    fn ask_version(
+        &self,
+        invocation: &ProgramCall,
+        workspace: ProgramWorkspace<'_>,
+    ) -> Result<(), TrainError> {
+        let from = self.run(invocation, workspace)?;
+        if programs::says(workspace.log, from, &self.version) {
             return Ok(());
         }
-        Err(self.failed(invocation, EndKind::Version(self.version.clone()), desk, from).into())
+        Err(self.failed(invocation, EndKind::Version(self.version.clone()), workspace, from).into())
     }
 
     fn failed(
         &self,
         invocation: &ProgramCall,
         how: EndKind,
-        desk: TrainingWorkspace<'_>,
+        workspace: ProgramWorkspace<'_>,
         from: u64,
     ) -> Box<ProgramFailure> {
         Box::new(ProgramFailure {
             program: self.name(),
             command: invocation.to_text(),
             how,
-            last: programs::last_lines(desk.log, from),
-            log: desk.log.to_owned(),
+            last: programs::last_lines(workspace.log, from),
+            log: workspace.log.to_owned(),
         })
     }
 }

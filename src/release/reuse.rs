@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 pub(super) const NAME: &str = "REUSE.toml";
 
 /// Holder of a scene that states none.
-const NOBODY: &str = "not stated";
+const NOT_STATED: &str = "not stated";
 
 /// Composes the file. If several entries match a file, the last one counts. What files say of
 /// themselves never counts, since texts of users stand in them.
@@ -38,8 +38,8 @@ fn scene_holders(scene: &SceneRecord) -> impl Iterator<Item = &str> {
 }
 
 fn write_annotation(text: &mut String, path: &str, holders: &BTreeSet<&str>, expression: &str) {
-    let nobody = BTreeSet::from([NOBODY]);
-    let holders = if holders.is_empty() { &nobody } else { holders };
+    let unstated = BTreeSet::from([NOT_STATED]);
+    let holders = if holders.is_empty() { &unstated } else { holders };
     let holders: Vec<String> = holders.iter().map(|holder| quoted(holder)).collect();
     let _ = write!(
         text,

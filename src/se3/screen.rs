@@ -6,7 +6,7 @@ use glam::{DMat3, DQuat};
 /// Deviation from a rotation above which numbers are refused.
 const REFUSED: f64 = 1e-3;
 /// Deviation above which a warning says that the nearest rotation was taken.
-const TOLD: f64 = 1e-6;
+const MAX_SILENT: f64 = 1e-6;
 
 /// A rotation read from a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,7 +56,7 @@ pub fn rotation_from_matrix(matrix: &DMat3) -> Result<ScreenedRotation, Rotation
         return Err(RotationError::Mirrors { determinant });
     }
     let rotation = super::rotation::canonical_sign(DQuat::from_mat3(&nearest_rotation(*matrix)).normalize());
-    Ok(ScreenedRotation { rotation, projected: deviation > TOLD, deviation })
+    Ok(ScreenedRotation { rotation, projected: deviation > MAX_SILENT, deviation })
 }
 
 /// Normalises a quaternion.
@@ -70,7 +70,7 @@ pub fn rotation_from_quaternion(q: DQuat) -> Result<ScreenedRotation, RotationEr
     let deviation = (q.length_squared() - 1.0).abs();
     refuse_above_limit(deviation)?;
     let rotation = super::rotation::canonical_sign(q.normalize());
-    Ok(ScreenedRotation { rotation, projected: deviation > TOLD, deviation })
+    Ok(ScreenedRotation { rotation, projected: deviation > MAX_SILENT, deviation })
 }
 
 /// Written so that infinity and NaN are refused too.

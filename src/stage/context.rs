@@ -3,7 +3,7 @@
 use super::StageError;
 use crate::frames::rendered::TimeSaved;
 use crate::programs::ProgramFinder;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -105,7 +105,7 @@ impl<'a> StageContext<'a> {
 pub(super) fn known_program<T, E>(
     name: &str,
     cx: &StageContext<'_>,
-    run: impl FnOnce(TrainingWorkspace<'_>) -> Result<T, E>,
+    run: impl FnOnce(ProgramWorkspace<'_>) -> Result<T, E>,
     failure: impl FnOnce(E) -> StageError,
 ) -> Result<T, StageError> {
     cx.go_on()?;
@@ -113,13 +113,13 @@ pub(super) fn known_program<T, E>(
     let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
     std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
     let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
-    let desk = TrainingWorkspace {
+    let workspace = ProgramWorkspace {
         folder: &folder,
         log: &log,
         goes_on: &|| !cx.is_cancelled(),
         programs: &cx.programs,
     };
-    let made = run(desk).map_err(failure)?;
+    let made = run(workspace).map_err(failure)?;
     // Everything that stays below `out` becomes part of the product.
     std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
     Ok(made)

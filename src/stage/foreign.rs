@@ -10,7 +10,7 @@ use crate::foreign::versions::VersionQuery;
 use crate::foreign::{
     ExternalReport, ForeignAnswer, ForeignError, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
 };
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::source::Capture;
 use serde::Serialize;
 use std::path::Path;
@@ -107,20 +107,23 @@ impl Stage for ExternalToolsStage {
             let chosen =
                 spread_evenly(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
             let chosen: Vec<TrajectoryPicture> = chosen.collect();
-            let found = at_desk("colmap", cx, |desk| colmap::register_pictures(&chosen, &camera, desk))?;
+            let found = in_workspace("colmap", cx, |workspace| {
+                colmap::register_pictures(&chosen, &camera, workspace)
+            })?;
             foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
         }
         if self.opencv {
             let released = opencv::ReleasedPoses::from_trajectory(&camera, trajectory, &pictures);
-            let ask = |desk: TrainingWorkspace<'_>| {
-                opencv::measure_released(&released, (&camera, trajectory), &pictures, desk)
+            let ask = |workspace: ProgramWorkspace<'_>| {
+                opencv::measure_released(&released, (&camera, trajectory), &pictures, workspace)
             };
-            foreign.opencv = Some(at_desk("opencv", cx, ask)?);
+            foreign.opencv = Some(in_workspace("opencv", cx, ask)?);
         }
         if self.readback {
             let streams = events.map_or_else(Vec::new, |events| events.files);
-            foreign.readback =
-                Some(at_desk("readback", cx, |desk| readback::read_back(&streams, &pictures, desk))?);
+            foreign.readback = Some(in_workspace("readback", cx, |workspace| {
+                readback::read_back(&streams, &pictures, workspace)
+            })?);
         }
         let out = cx.out.join("foreign.json");
         write_json(&out, &foreign).map_err(StageError::io_error(&out))
@@ -143,10 +146,10 @@ fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
 }
 
 /// Runs a program; see [`known_program`].
-fn at_desk<T>(
+fn in_workspace<T>(
     name: &str,
     cx: &StageContext<'_>,
-    ask: impl FnOnce(TrainingWorkspace<'_>) -> Result<ForeignAnswer<T>, ForeignError>,
+    ask: impl FnOnce(ProgramWorkspace<'_>) -> Result<ForeignAnswer<T>, ForeignError>,
 ) -> Result<ForeignAnswer<T>, StageError> {
     known_program(name, cx, ask, stage_failure)
 }

@@ -5,7 +5,7 @@ use crate::artifact::{ArtifactFiles, PictureSet};
 use crate::files::is_there;
 use crate::foreign::versions::VersionQuery;
 use crate::foreign::video::{FrameError, TakenFrames, take_frames};
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::source::DiskCapture;
 use crate::source::photos::MIN_PHOTOS;
 use crate::source::solving::FramePicking;
@@ -60,7 +60,9 @@ impl Stage for FramesStage {
 
     fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let video = &self.capturing.path;
-        let take = |desk: TrainingWorkspace<'_>| take_frames(video, self.picking, (cx.out, MIN_PHOTOS), desk);
+        let take = |workspace: ProgramWorkspace<'_>| {
+            take_frames(video, self.picking, (cx.out, MIN_PHOTOS), workspace)
+        };
         let TakenFrames { kept, dropped } = known_program("ffmpeg", cx, take, stage_failure)?;
         cx.remark = Some(format!("{kept} frames"));
         if dropped > 0 {

@@ -6,7 +6,7 @@ use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, k
 use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
 use crate::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
 use crate::foreign::versions::VersionQuery;
-use crate::reconstruct::TrainingWorkspace;
+use crate::reconstruct::ProgramWorkspace;
 use crate::source::DiskCapture;
 use crate::source::photos::own_name;
 use crate::source::solving::PoseSolving;
@@ -85,7 +85,7 @@ impl Stage for PosesStage {
             Some(frames) => frames.files,
             None => on_disk.collect(),
         };
-        let solve = |desk: TrainingWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, desk);
+        let solve = |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace);
         let solved = known_program("colmap", cx, solve, stage_failure)?;
         report(&solved, cx);
         Ok(())

@@ -13,7 +13,7 @@ use gs2e::foreign::colmap::{ColmapPoses, ColmapRegistration};
 use gs2e::foreign::opencv::{OpencvGeometry, ReleasedPoses};
 use gs2e::foreign::{TrajectoryPicture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
-use gs2e::reconstruct::TrainingWorkspace;
+use gs2e::reconstruct::ProgramWorkspace;
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
@@ -88,11 +88,11 @@ impl Filmed {
     }
 
     /// Runs `ask` in a new working folder; `name` must be unused.
-    fn at_desk<T>(&self, name: &str, ask: impl FnOnce(TrainingWorkspace<'_>) -> T) -> T {
+    fn in_workspace<T>(&self, name: &str, ask: impl FnOnce(ProgramWorkspace<'_>) -> T) -> T {
         let folder = self.folder.path().join(name);
         std::fs::create_dir(&folder).unwrap();
         let (log, programs) = (folder.join("log"), programs());
-        ask(TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
+        ask(ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs })
     }
 
     /// The trajectory, with a change applied to each pose.
@@ -107,7 +107,9 @@ impl Filmed {
     /// OpenCV's measurements of another trajectory's released files.
     fn seen(&self, name: &str, released: &ReleasedPoses, pictures: &[TrajectoryPicture]) -> OpencvGeometry {
         let own = (&self.camera, &self.trajectory);
-        self.at_desk(name, |desk| opencv::measure_released(released, own, pictures, desk)).unwrap().unwrap()
+        self.in_workspace(name, |workspace| opencv::measure_released(released, own, pictures, workspace))
+            .unwrap()
+            .unwrap()
     }
 }
 
@@ -132,7 +134,7 @@ fn opengl(pose: Se3) -> Se3 {
 fn colmap_finds_the_poses_of_real_pictures_and_the_wrong_pose() {
     let Some(filmed) = Filmed::views(10).filter(|_| colmap_is_there()) else { return };
     let found: ColmapPoses = filmed
-        .at_desk("a", |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk))
+        .in_workspace("a", |workspace| colmap::register_pictures(&filmed.pictures, &filmed.camera, workspace))
         .unwrap()
         .unwrap();
     let against = |trajectory: &Trajectory| found.clone().against(&trajectory.world_from_camera);
@@ -163,19 +165,26 @@ fn colmap_finds_the_poses_of_real_pictures_and_the_wrong_pose() {
 #[test]
 fn equal_pictures_are_found_at_equal_places_by_colmap() {
     let Some(filmed) = Filmed::views(4).filter(|_| colmap_is_there()) else { return };
-    let find =
-        |name| filmed.at_desk(name, |desk| colmap::register_pictures(&filmed.pictures, &filmed.camera, desk));
+    let find = |name| {
+        filmed.in_workspace(name, |workspace| {
+            colmap::register_pictures(&filmed.pictures, &filmed.camera, workspace)
+        })
+    };
     let [one, other] = ["a", "b"].map(|name| find(name).unwrap().unwrap());
     assert_eq!(one, other);
     // Two pictures are too few, and an empty picture cannot be registered.
     let few = &filmed.pictures[..2];
-    let found = filmed.at_desk("c", |desk| colmap::register_pictures(few, &filmed.camera, desk)).unwrap();
+    let found = filmed
+        .in_workspace("c", |workspace| colmap::register_pictures(few, &filmed.camera, workspace))
+        .unwrap();
     assert_eq!(found.unwrap_err(), "there are 2 pictures, 3 are the fewest");
     let blank: Vec<TrajectoryPicture> =
         (0..4).map(|pose| TrajectoryPicture { pose, file: filmed.folder.path().join("blank") }).collect();
     let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
     png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
-    let found = filmed.at_desk("d", |desk| colmap::register_pictures(&blank, &filmed.camera, desk)).unwrap();
+    let found = filmed
+        .in_workspace("d", |workspace| colmap::register_pictures(&blank, &filmed.camera, workspace))
+        .unwrap();
     assert!(found.as_ref().unwrap_err().ends_with("finds no key points shared by two pictures"), "{found:?}");
 }
 
@@ -190,8 +199,9 @@ fn a_failed_program_is_reported_with_its_output() {
     std::fs::write(filmed.folder.path().join("none"), "no picture").unwrap();
     let released = ReleasedPoses::from_trajectory(&filmed.camera, &filmed.trajectory, &filmed.pictures);
     let own = (&filmed.camera, &filmed.trajectory);
-    let error =
-        filmed.at_desk("b", |desk| opencv::measure_released(&released, own, &broken, desk)).unwrap_err();
+    let error = filmed
+        .in_workspace("b", |workspace| opencv::measure_released(&released, own, &broken, workspace))
+        .unwrap_err();
     assert_eq!(error.to_string(), "run python3: it ended with exit code 1");
     let gs2e::foreign::ForeignError::Failed(failed) = error else { panic!("{error}") };
     assert!(failed.last.iter().any(|line| line.contains("OpenCV cannot read")), "{:?}", failed.last);

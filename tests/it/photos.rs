@@ -12,7 +12,7 @@ use crate::support::workspace::Workspace;
 use gs2e::foreign::align::{CameraPair, pose_distances};
 use gs2e::foreign::photos::{SolvedPhotos, solve_photos};
 use gs2e::foreign::versions;
-use gs2e::reconstruct::TrainingWorkspace;
+use gs2e::reconstruct::ProgramWorkspace;
 use gs2e::se3::Se3;
 use gs2e::source::colmap::ColmapModel;
 use gs2e::source::solving::{PoseSolving, SolvedLens};
@@ -29,12 +29,12 @@ fn colmap_is_there() -> bool {
 
 /// Finds poses in a new folder.
 fn solve(place: &Workspace, photos: &[(String, PathBuf)], to: &str) -> SolvedPhotos {
-    let [out, folder] = [to.to_owned(), format!("{to}.desk")].map(|name| place.path(&name));
+    let [out, folder] = [to.to_owned(), format!("{to}.workspace")].map(|name| place.path(&name));
     [&out, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
-    let desk = TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
+    let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let solving = PoseSolving { lens: SolvedLens::Pinhole, features: FEATURES, ..PoseSolving::default() };
-    solve_photos(photos, &solving, &out, desk).unwrap()
+    solve_photos(photos, &solving, &out, workspace).unwrap()
 }
 
 fn bytes_of(model: &Path) -> Vec<Vec<u8>> {

@@ -22,7 +22,7 @@ use unequal::UnequalLaw;
 /// Largest uncertainty of a pixel's drift, in thresholds, for its use in an edge. With an edge that
 /// is sharp to 2 %, an error of the threshold of a tenth is still visible.
 const MAX_BLUR: f64 = 0.04;
-/// The same for unequal pixels, in spreads of their thresholds: it widens their edge by an eighth.
+/// For unequal pixels, in spreads of their thresholds: it widens their edge by an eighth.
 const MAX_UNEQUAL_BLUR: f64 = 0.5;
 /// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
 /// many events of both polarities would blur it.
@@ -45,12 +45,12 @@ pub struct AnchorFit {
     pub slopes: [SlopeSums; 2],
     /// Number of these pixels with a possible residual.
     pub possible: u64,
-    /// Those among them whose residual the noise floor may make impossible.
+    /// Number of them whose residual the noise floor may make impossible.
     pub disturbed_by_floor: SpoiltPixels,
     /// Number of pixels with a drift of more than two thresholds, and of those among them whose
     /// events have the same sign.
     pub doubled: [u64; 2],
-    /// Those among them whose sign the noise floor may turn.
+    /// Number of them whose sign the noise floor may turn.
     pub turned_by_floor: SpoiltPixels,
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,

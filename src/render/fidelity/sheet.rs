@@ -23,7 +23,6 @@ impl ComparisonSheet {
     /// Adds a row: a photo and its rendering, which have the same size.
     pub fn push(&mut self, photo: &Image<[u8; 3]>, shown: &Image<[u8; 3]>) {
         let pairs = photo.pixels().iter().zip(shown.pixels());
-        #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
         let apart = |a: u8, b: u8| (GAIN * u16::from(a.abs_diff(b))).min(255) as u8;
         let difference = pairs.map(|(a, b)| std::array::from_fn(|c| apart(a[c], b[c]))).collect();
         let difference = Image::from_vec(photo.size(), difference);

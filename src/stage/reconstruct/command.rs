@@ -1,7 +1,7 @@
 //! A program that trains a scene on the capture.
 
 use crate::files::is_there;
-use crate::reconstruct::{LAYOUT, LayoutError, TrainError, TrainedScene, TrainerCommand, TrainingWorkspace};
+use crate::reconstruct::{LAYOUT, LayoutError, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand};
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
 use crate::render::fidelity::HeldOutViews;
@@ -69,13 +69,13 @@ impl TrainingStage {
         std::fs::create_dir(&folder).map_err(StageError::io_error(&folder))?;
         let log = cx.log.clone().unwrap_or_else(|| folder.join("log.txt"));
         let files = self.source.training_files(solved)?;
-        let desk = TrainingWorkspace {
+        let workspace = ProgramWorkspace {
             folder: &folder,
             log: &log,
             goes_on: &|| !cx.is_cancelled(),
             programs: &cx.programs,
         };
-        let trained = self.command.train(capture, &files, desk);
+        let trained = self.command.train(capture, &files, workspace);
         let TrainedScene { gaussians, without_photo } = trained.map_err(stage_failure)?;
         // Nothing in this folder is part of the product.
         std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 /// Greys for a sensor without published rates.
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
-/// Smallest number of lights for a sensor with published rates, of which there may be two.
+/// Smallest number of lights for a sensor with published rates; it may have only two.
 const LEAST_LIGHTS: usize = 6;
 /// Largest factor between a rate and its published value, in the median and at worst.
 const FACTORS: [f64; 2] = [1.5, 2.0];

@@ -45,7 +45,7 @@ impl Golden {
         let open = |file: String| File::open(folder.join(file)).unwrap();
         let greys: Vec<u8> = npy(open(format!("{clip}_frames.npy")));
         let stamps: Vec<i64> = npy(open(format!("{clip}_ts_us.npy")));
-        let set = preset.name().replace('-', "_");
+        let set = preset.name().trim_end_matches("-paper").replace('-', "_");
         let all: Value = serde_json::from_reader(open("golden.json".to_owned())).unwrap();
         let k = &all["params_official_units(us,grey0-255)"][&set];
         let law = match law {

@@ -6,7 +6,7 @@ use crate::support::absent::absent;
 use crate::support::workspace::Workspace;
 use gs2e::foreign::versions;
 use gs2e::foreign::video::{FrameError, TakenFrames, take_frames};
-use gs2e::reconstruct::TrainingWorkspace;
+use gs2e::reconstruct::ProgramWorkspace;
 use gs2e::source::solving::FramePicking;
 use std::fs;
 use std::process::Command;
@@ -54,8 +54,8 @@ fn take(place: &Workspace, name: &str, picking: FramePicking) -> Result<TakenFra
     let [to, folder] = ["to", "desk"].map(|name| place.path(&format!("{name}-{number}")));
     [&to, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
-    let desk = TrainingWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
-    let taken = take_frames(&place.path(name), picking, (&to, 3), desk);
+    let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
+    let taken = take_frames(&place.path(name), picking, (&to, 3), workspace);
     let _ = fs::remove_dir_all(place.path("frames"));
     fs::rename(&to, place.path("frames")).unwrap();
     taken

@@ -213,7 +213,7 @@ pub(super) struct PixelChange {
     pub(super) error: f64,
     /// Events of the noise floor that are expected since the first anchor.
     pub(super) floor: FloorCounts,
-    /// The same since the previous anchor.
+    /// Those events since the previous anchor.
     pub(super) floor_since: [f64; 2],
     /// Expected number of events that move the reference for no reason in the frames, without the
     /// noise floor, which moves none.

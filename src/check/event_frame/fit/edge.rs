@@ -6,7 +6,7 @@
 //! to it if the pixel is about to fire.
 //!
 //! With equal pixels, this edge is sharp to 2 %. With unequal pixels it has the width of their
-//! spread. The ratios of the drifts at hand are then computed for thresholds of the stated law, and
+//! spread. The ratios of the observed drifts are then computed for thresholds of the stated law, and
 //! a quantile near the edge is compared with theirs.
 
 use super::DEVIATIONS;
@@ -17,7 +17,7 @@ use crate::seed::normal::normal_quantile;
 const MIN_NEAR: usize = 1000;
 /// The edge is the value that this share of its pixels does not exceed. The rest may be noise.
 const EDGE: f64 = 0.995;
-/// The same for unequal pixels. A thousand of them have 20 beyond it, enough for a quantile.
+/// Share for unequal pixels. A thousand of them have 20 beyond it, enough for a quantile.
 const UNEQUAL_EDGE: f64 = 0.98;
 /// Number of values that a law of unequal pixels is computed from.
 const MODELLED: usize = 40_000;
