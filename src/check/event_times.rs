@@ -129,12 +129,13 @@ fn smallest_offset(clock: &StreamClock, most: f64) -> Option<f64> {
 }
 
 /// The smallest difference of the scale from 1 that is found in 95 % of trials, of a clock that starts with
-/// the clip; `None` if it is not known. No event may be off by more than `most` us, as in [`smallest_offset`].
+/// the clip; `None` if it is not known. No event may be off by more than `most` us, as in
+/// [`smallest_offset`].
 fn smallest_scale(clock: &StreamClock, most: f64) -> Option<f64> {
     let near = FaultPower::of_scale(&clock.found).smallest_fault();
     let far = clock.far.and_then(|fit| FaultPower::of_scale(&fit).smallest_fault());
-    // The middle of the clip is off by half as much as its end. If that is more than `FAR_US`, the far fit may
-    // be the one that is judged.
+    // The middle of the clip is off by half as much as its end. If that is more than `FAR_US`, the far
+    // fit may be the one that is judged.
     let found = match near {
         Some(near) if near * clock.half_us < FAR_US || clock.far.is_none() => Some(near),
         Some(near) => far.map(|far| far.max(near)),
