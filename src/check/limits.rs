@@ -54,7 +54,7 @@ check_table!(limits_of);
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CheckWaiver {
-    /// Name of the pass, one of [`NAMES`].
+    /// Name of the pass, one of [`NAMES`](crate::check::NAMES).
     #[serde(deserialize_with = "pass_name")]
     pub check: String,
     /// The reason for accepting it; not empty.

@@ -3,7 +3,7 @@
 use crate::image::{Image, Size};
 use std::io::{self, Read};
 
-/// Reads `count` images that [`write_stack`] wrote. These files are our own, so their headers are
+/// Reads `count` images that [`write_stack`](super::write_stack) wrote. These files are our own, so their headers are
 /// trusted.
 ///
 /// # Errors
