@@ -66,7 +66,7 @@ def test_rates_of_hermite_equal_those_of_the_command(clip, program, tmp_path):
     np.save(tmp_path / "rates.npy", rates)
     words = ["--sensor", "dvs346", "--between", "hermite", "--rates", tmp_path / "rates.npy"]
     out = by_command(program, tmp_path, frames, stamps, *words)
-    same(gs2e.simulate(frames, stamps, between="hermite", rates=rates), gs2e.open(out).events())
+    same(gs2e.simulate(frames, stamps, sensor="dvs346", between="hermite", rates=rates), gs2e.open(out).events())
     with pytest.raises(ValueError, match="hermite needs rates"):
         gs2e.simulate(frames, stamps, between="hermite")
     with pytest.raises(ValueError, match="rates apply to"):
@@ -282,7 +282,7 @@ def test_sensors_come_from_names_dicts_and_files(tmp_path):
 
 
 def test_wrong_sensors_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="neither a file nor a preset: dvs346"):
+    with pytest.raises(FileNotFoundError, match="neither a file nor a preset: davis346"):
         gs2e.Sensor("dvs347")
     with pytest.raises(TypeError, match="sensor is a int"):
         gs2e.Sensor(5)
