@@ -165,7 +165,7 @@ def simulate(
 
     The events are those of `gs2e simulate` on the same frames, bit for bit, whatever the number of threads.
 
-    `frames` is an array [N, H, W], or an iterable of arrays [H, W], of which two are in memory at a time. The samples
+    `frames` is an array [N, H, W], or an iterable of arrays [H, W]; two of them are in memory at a time. The samples
     are uint8, grey from 0 to 255, or float32; white is 1 or 255 in floats, which the first two frames decide unless
     `full_scale` states it. Arrays may have any strides. `stamps_us` has one integer for each frame, in microseconds,
     strictly increasing, at least two.

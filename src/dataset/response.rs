@@ -1,8 +1,8 @@
 //! Thresholds of an unknown sensor and the offset of its clock, from frames of the same pixels.
 //!
 //! A pixel whose brightness changes steadily has, on average, half a threshold of change since its last
-//! event, whatever the speed, and `rate lag` more if its events are late by `lag`. Between two
-//! instants at both of which it changes steadily, its change in the logarithm is therefore
+//! event, whatever the speed, and `rate lag` more if its events are late by `lag`. If it
+//! changes steadily at two instants, its change between them in the logarithm is therefore
 //!
 //! ```text
 //! d = C_on (N_on + u) - C_off (N_off + w) + lag (rate_b - rate_a) + r

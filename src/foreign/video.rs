@@ -127,8 +127,8 @@ fn frame_sharpness(file: &Path) -> Result<f64, ForeignError> {
     Ok(laplacian_variance(&frame))
 }
 
-/// Variance of the Laplacian of the luma, over the pixels that have four neighbours; 0 if there are
-/// none.
+/// Variance of the Laplacian of the luma, over the pixels that have four neighbours; 0 without such
+/// pixels.
 fn laplacian_variance(frame: &Image<[u8; 3]>) -> f64 {
     let (width, height) = (frame.size().width as usize, frame.size().height as usize);
     // Rec. 601 in thousandths: integers, so that the sum has no order.

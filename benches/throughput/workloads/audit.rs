@@ -3,8 +3,8 @@
 //! The sums alone are the first of the audit's two passes: it reads and hashes every byte, by
 //! SHA-256 and BLAKE3 at once. The second opens events, poses and pictures, and composes again
 //! every file that follows from others. Its rival is the same tree with another program's version in
-//! `manifest.json`, of which nothing is composed: the ratio is the cost of the comparisons. "From the
-//! disk" means that every page of the tree is given back to the system before each run.
+//! `manifest.json`, where the audit composes no file: the ratio is the cost of the comparisons. "From
+//! the disk" means that every page of the tree is given back to the system before each run.
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
