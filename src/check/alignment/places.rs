@@ -2,6 +2,7 @@
 //! with the sensor mirrored or turned.
 
 use crate::image::Size;
+use rayon::prelude::*;
 
 /// Largest shift that is tried, px.
 const REACH: i64 = 2;
@@ -152,18 +153,21 @@ impl PlaceWatch {
     #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a pixel of the sensor")]
     pub(in crate::check) fn settle(&mut self) {
         let [width, height] = [self.size.width, self.size.height].map(i64::from);
-        for (placement, moments) in self.placements.iter().zip(&mut self.moments) {
+        let (changes, shown) = (&self.changes, &self.shown);
+        // Each placement passes over all pixels: this is half of the time of a stream's comparison. Its sums
+        // are its own, so that the number of threads does not change them.
+        self.placements.par_iter().zip(&mut self.moments).for_each(|(placement, moments)| {
             let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
-            for (at, change) in pixels.zip(&self.changes) {
+            for (at, change) in pixels.zip(changes) {
                 let [x, y] = placement.of(at, [width, height]);
                 // Pixels that the shift moves off the sensor are left out: counted as zeros, they
                 // would favour small shifts.
                 let inside = x >= 0 && y >= 0 && x < width && y < height;
                 if !change.is_nan() && inside {
-                    moments.add(f64::from(self.shown[(y * width + x) as usize]), f64::from(*change));
+                    moments.add(f64::from(shown[(y * width + x) as usize]), f64::from(*change));
                 }
             }
-        }
+        });
     }
 
     pub(in crate::check) fn finish(self) -> PlaceSums {

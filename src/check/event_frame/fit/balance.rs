@@ -19,6 +19,8 @@ pub(in crate::check) struct DriftBalance<'a> {
     law: DriftLaw,
     anchors: &'a AnchorFrames,
     first: Vec<f64>,
+    /// Error of `first` by the rounding of the first frame.
+    first_rounding: Vec<f64>,
     exposure: Vec<f64>,
     /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
     /// whole interval.
@@ -78,6 +80,7 @@ impl<'a> DriftBalance<'a> {
             law,
             anchors,
             first: first.pixels().iter().map(|l| law.brightness(*l)).collect(),
+            first_rounding: first.pixels().iter().map(|l| law.rounding_error(*l)).collect(),
             exposure: none(),
             variance: none(),
             floor: vec![FloorCounts::default(); if law.has_floor() { size.pixels() } else { 0 }],
@@ -163,7 +166,7 @@ impl<'a> DriftBalance<'a> {
             floor_since = [0, 1].map(|side| 0.5 * view.step * (from[side] + to[side]));
             floor.counts.iter_mut().zip(floor_since).for_each(|(all, since)| *all += since);
         }
-        let rounding = law.rounding_error(view.first[i]) + law.rounding_error(now);
+        let rounding = self.first_rounding[i] + law.rounding_error(now);
         // A uniform error has a standard deviation of its half-width over the root of 3.
         let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
         let [a, b] = law.thresholds;
