@@ -10,7 +10,7 @@ pub use read::{checked_header, read_floats, read_stack, read_values};
 
 use super::{Image, Size};
 use npyz::WriterBuilder;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 
 /// A pixel of one or several 32-bit numbers.
 pub trait NpyPixel: Copy {
@@ -49,9 +49,7 @@ pub fn write_image<P: NpyPixel>(image: &Image<P>, out: impl Write) -> io::Result
 /// # Errors
 /// Writing to `out` fails.
 pub fn write_values(shape: &[u64], values: &[f32], out: impl Write) -> io::Result<()> {
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd()?;
-    writer.extend(values.iter().copied())?;
-    writer.finish()
+    write_array(shape, values.iter().copied(), out)
 }
 
 /// Writes images of one size, `[K, H, W]`; an empty list is `[0, 0, 0]`.
@@ -61,11 +59,16 @@ pub fn write_values(shape: &[u64], values: &[f32], out: impl Write) -> io::Resul
 pub fn write_stack(images: &[Image<f32>], out: impl Write) -> io::Result<()> {
     let Size { width, height } = images.first().map_or(Size { width: 0, height: 0 }, Image::size);
     let shape = [images.len() as u64, height.into(), width.into()];
-    let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(out).begin_nd()?;
-    for image in images {
-        writer.extend(image.pixels().iter().copied())?;
-    }
-    writer.finish()
+    write_array(&shape, images.iter().flat_map(|image| image.pixels().iter().copied()), out)
+}
+
+fn write_array(shape: &[u64], values: impl Iterator<Item = f32>, out: impl Write) -> io::Result<()> {
+    // `npyz` writes number by number: without a buffer, each is a call of the system.
+    let mut out = BufWriter::with_capacity(1 << 16, out);
+    let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut out).begin_nd()?;
+    writer.extend(values)?;
+    writer.finish()?;
+    out.flush()
 }
 
 #[cfg(test)]

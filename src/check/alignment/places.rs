@@ -154,8 +154,8 @@ impl PlaceWatch {
     pub(in crate::check) fn settle(&mut self) {
         let [width, height] = [self.size.width, self.size.height].map(i64::from);
         let (changes, shown) = (&self.changes, &self.shown);
-        // Each placement passes over all pixels: this is half of the time of a stream's comparison. Its sums
-        // are its own, so that the number of threads does not change them.
+        // Each placement passes over all pixels, and has its own sums: the number of threads does not change
+        // them.
         self.placements.par_iter().zip(&mut self.moments).for_each(|(placement, moments)| {
             let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
             for (at, change) in pixels.zip(changes) {
