@@ -45,8 +45,8 @@ pub struct AnchorFit {
     pub slopes: [SlopeSums; 2],
     /// Number of these pixels with a possible residual.
     pub possible: u64,
-    /// Number of them whose residual the noise floor may make impossible.
-    pub disturbed_by_floor: SpoiltPixels,
+    /// Number of them whose residual the noise floor or their own thresholds may make impossible.
+    pub maybe_impossible: SpoiltPixels,
     /// Number of pixels with a drift of more than two thresholds, and of those among them whose
     /// events have the same sign.
     pub doubled: [u64; 2],
@@ -176,11 +176,8 @@ impl FitSums {
             self.add_slope(side, change, counts);
             let fit = &mut self.fit;
             fit.possible += u64::from((dv - s).abs() <= self.most_residual + error);
-            fit.disturbed_by_floor.add(floor.spoils_residual(
-                self.most_residual + error,
-                side,
-                law.thresholds,
-            ));
+            let by_floor = floor.spoils_residual(self.most_residual + error, side, law.thresholds);
+            fit.maybe_impossible.add((by_floor + law.beyond_spread_error(counts)).min(1.0));
         }
         let fit = &mut self.fit;
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
@@ -244,8 +241,9 @@ impl FitSums {
     }
 }
 
-/// The remaining drift in thresholds of its own polarity.
+/// The remaining drift in thresholds of its own polarity. If thresholds differ, it may be larger by `unequal`,
+/// and is shown as a share of both.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
-fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
-    (if left > 0.0 { left / on } else { left / off }) as f32
+fn in_thresholds(left: f64, [on, off]: [f64; 2], unequal: f64) -> f32 {
+    (left / (unequal + if left > 0.0 { on } else { off })) as f32
 }

@@ -35,7 +35,8 @@ pub(in crate::check) struct DriftBalance<'a> {
 pub struct FrameComparison {
     /// One per anchor after the first; empty without frames.
     pub fits: Vec<AnchorFit>,
-    /// `dv - s` of each pixel at the last anchor, in thresholds; NaN if it is unknown.
+    /// `dv - s` of each pixel at the last anchor, in thresholds, or in the largest one that the spread of
+    /// thresholds explains; NaN if it is unknown.
     pub residuals: Vec<f32>,
     /// One per pair of neighbouring anchors.
     pub intervals: Vec<ChangeInterval>,
@@ -122,7 +123,9 @@ impl<'a> DriftBalance<'a> {
             if placed {
                 self.places.see(i, known, change.s);
             }
-            self.found.residuals[i] = left.map_or(f32::NAN, |left| in_thresholds(left, self.law.thresholds));
+            let unequal = self.law.spread_error([on, off]);
+            let shown = |left| in_thresholds(left, self.law.thresholds, unequal);
+            self.found.residuals[i] = left.map_or(f32::NAN, shown);
         }
         self.intervals.settle(number);
         if placed {
