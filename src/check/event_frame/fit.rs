@@ -196,6 +196,12 @@ impl FitSums {
         Some(dv - s)
     }
 
+    /// The drift of a pixel minus that of its events, so that its mean over the pixels does not depend on how
+    /// far these have moved. By the stated thresholds it would: the mean of `1 / t` is not that of `1 / mean t`.
+    fn mean_left(&self, PixelChange { dv, floor, .. }: PixelChange, counts: [u32; 2]) -> f64 {
+        dv - (self.unequal.sum(counts) - floor.mean(self.unequal.even))
+    }
+
     fn add_slope(
         &mut self,
         side: usize,
@@ -203,7 +209,7 @@ impl FitSums {
         counts: [u32; 2],
     ) {
         let even = self.unequal.even;
-        let s = even[0] * f64::from(counts[0]) - even[1] * f64::from(counts[1]) - floor.mean(even);
+        let s = self.unequal.sum(counts) - floor.mean(even);
         let [second, fourth] = floor.cumulants(even);
         let second = second + self.unequal.variance(counts);
         self.fit.slopes[side].add(s, dv, rounding, [second, fourth]);

@@ -316,3 +316,6 @@ fn jackknife_bars(found: [f64; 2], without: &[[f64; 2]]) -> [ErrorBar; 2] {
         ErrorBar { value: found[i], deviation: (squares * (n - 1.0) / n).sqrt() }
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -114,9 +114,11 @@ impl<'a> DriftBalance<'a> {
             let [on, off] = [counts.on[i], counts.off[i]];
             let change = self.change(&view, i, [on, off]);
             let left = stock.add(change, [on, off]);
-            if let (Some([from, to]), Some(left)) = (view.around, left) {
+            if let (Some([from, to]), Some(_)) = (view.around, left) {
+                let left = stock.mean_left(change, [on, off]);
                 let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
-                stock.fit.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
+                let span = (to.0 - from.0) as f64;
+                stock.fit.lag.add(left, ways, span, stock.unequal.even);
             }
             let known = left.is_some().then_some(change.dv);
             self.intervals.see(i, known, [on, off], (change.error, change.floor_since));
