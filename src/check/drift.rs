@@ -144,29 +144,29 @@ impl DriftLaw {
     /// # Errors
     /// The frames do not determine these times; the text is the reason.
     pub fn for_crossings(sensor: &SensorChoice) -> Result<Self, &'static str> {
-        match sensor {
-            SensorChoice::Voltmeter(voltmeter) if voltmeter.between != BetweenFrames::Linear => Err(
+        let because = match sensor {
+            _ if sensor.readout().is_some() => Some(READ_LATE),
+            SensorChoice::V2e(_) => {
+                Some("not applicable to v2e, whose filter and thresholds move the times of events")
+            }
+            SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Some(OFFICIAL),
+            SensorChoice::Voltmeter(VoltmeterModel { gain: DriftGain::Midpoint, .. }) => Some(MIDPOINT),
+            SensorChoice::Voltmeter(voltmeter) => (voltmeter.between != BetweenFrames::Linear).then_some(
                 "brightness is not linear between frames (`sampling.between`), so crossing times are not known well",
             ),
             SensorChoice::Esim(esim) if esim.intensity == IntensityScale::Linear => {
-                Err("not applicable to `intensity: linear`: the check needs a log-brightness sensor")
+                Some("not applicable to `intensity: linear`: the check needs a log-brightness sensor")
             }
-            SensorChoice::V2e(_) => {
-                Err("not applicable to v2e, whose filter and thresholds move the times of events")
-            }
-            _ if !sensor.hot_pixels().is_absent() => {
-                Err("not applicable with hot pixels: they fire without a brightness change")
-            }
-            SensorChoice::Voltmeter(voltmeter) if !voltmeter.floor.is_absent() => {
-                Err("not applicable with a noise floor: its events happen without a brightness change")
-            }
-            SensorChoice::Voltmeter(_) | SensorChoice::Esim(_) => {
-                let law = Self::for_sensor(sensor);
-                let unequal =
-                    (law.spread > 0.0).then_some("the thresholds of the pixels differ (`threshold.spread`)");
-                law.loose.or(unequal).map_or(Ok(law), Err)
-            }
-        }
+            SensorChoice::Esim(esim) => (!esim.keeps_references()).then_some(LOST),
+        };
+        because.map_or_else(|| Ok(Self::for_sensor(sensor)), Err)
+    }
+
+    /// Returns true if the events of a pixel state its voltage: all pixels have the stated thresholds,
+    /// and every event comes from the drift.
+    #[must_use]
+    pub fn keeps_levels(&self) -> bool {
+        self.spread <= 0.0 && self.floor.is_none() && self.loose.is_none()
     }
 
     /// The law for frames that are known to 8 bits only.
@@ -238,6 +238,18 @@ impl DriftLaw {
     pub fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
         // Without spread, the multiplication keeps it at exactly 0.
         3.0 * self.spread * (1.0 + libm::hypot(f64::from(on), f64::from(off)))
+    }
+
+    /// Probability that the thresholds of a pixel exceed [`DriftLaw::spread_error`], which is beyond three
+    /// standard deviations only where there are few events.
+    #[must_use]
+    pub fn beyond_spread_error(&self, [on, off]: [u32; 2]) -> f64 {
+        if self.spread <= 0.0 {
+            return 0.0;
+        }
+        // The events have a threshold each, and so has the bound of the remaining voltage.
+        let events = libm::hypot(f64::from(on), f64::from(off));
+        libm::erfc(3.0 * (1.0 + events) / libm::hypot(1.0, events) / std::f64::consts::SQRT_2)
     }
 
     /// Standard deviation of the voltage after `dt_us` microseconds at this luminance.
@@ -353,18 +365,18 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
     }
 }
 
-/// Returns true if the noise of a sensor does not depend on the frames.
+/// Returns true if a sensor makes the same events from frames of any rate that show the same light. The
+/// noise floor, hot pixels and the dead time of a voltmeter follow time and light, not frames.
 #[must_use]
 pub fn is_frame_independent(sensor: &SensorChoice) -> bool {
     match sensor {
-        // The rate of a floor is linear between two frames.
-        SensorChoice::Voltmeter(_) => {
-            let law = DriftLaw::for_sensor(sensor);
-            law.loose.is_none() && law.floor.is_none()
+        // A bus that is busy makes much of small differences.
+        _ if sensor.readout().is_some() => false,
+        SensorChoice::Voltmeter(sensor) => {
+            sensor.law == SamplerKind::Exact && sensor.gain == DriftGain::Log
         }
         SensorChoice::Esim(sensor) => {
-            let log = sensor.intensity == IntensityScale::Log;
-            log && sensor.threshold.spread == 0.0 && sensor.keeps_balance()
+            sensor.intensity == IntensityScale::Log && sensor.keeps_references()
         }
         // Its leak is drawn per frame.
         SensorChoice::V2e(_) => false,
@@ -373,12 +385,8 @@ pub fn is_frame_independent(sensor: &SensorChoice) -> bool {
 
 fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     let loose = match (sensor.law, sensor.gain) {
-        (SamplerKind::Official, _) => Some(
-            "not applicable to `law: official`: it redraws the remaining voltage at each frame, so events need not match the drift",
-        ),
-        (_, DriftGain::Midpoint) => Some(
-            "not applicable to `gain: midpoint`: its drift depends on every frame, and only some frames are kept",
-        ),
+        (SamplerKind::Official, _) => Some(OFFICIAL),
+        (_, DriftGain::Midpoint) => Some(MIDPOINT),
         _ if !sensor.hot_pixels.is_absent() => Some(HOT),
         _ if sensor.refractory.period_us > 0.0 => Some(LOST),
         _ => None,
@@ -394,6 +402,9 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
 
 /// The grey whose delay represents all greys.
 const MEDIUM: f64 = 64.0;
+const OFFICIAL: &str = "not applicable to `law: official`: it redraws the remaining voltage at each frame, so events need not match the drift";
+const MIDPOINT: &str =
+    "not applicable to `gain: midpoint`: its drift depends on every frame, and only some frames are kept";
 const HOT: &str = "not applicable with hot pixels: they fire without a brightness change";
 const DELAYED: &str =
     "not applicable with a low-pass filter: events follow the frames with a delay of their own";
@@ -450,9 +461,7 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
 /// The events of this sensor need not balance; the text is the reason.
 pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
     match sensor {
-        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Err(
-            "not applicable to `law: official`: it redraws the remaining voltage at each frame, so events need not match the drift",
-        ),
+        SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Err(OFFICIAL),
         SensorChoice::Esim(sensor) if !sensor.keeps_balance() => Err(
             "not applicable with dead time, thresholds drawn per frame, hot pixels or an allowed cap: events need not match the brightness change",
         ),

@@ -27,8 +27,8 @@
 //! edge.
 //!
 //! If thresholds differ between pixels, their mean and spread are known. The bound of a residual
-//! grows by three standard deviations of the thresholds of the pixel's events. `s` in `gain` has the
-//! thresholds at which its mean is `dv`, and `<s, s>` is less what the spread adds to it. The edge is
+//! grows by three standard deviations of the thresholds of the pixel's events, and the share of `residual`
+//! may be lower by the pixels beyond. `s` in `gain` has the thresholds at which its mean is `dv`, and `<s, s>` is less what the spread adds to it. The edge is
 //! as wide as the spread, so its place is compared with the place that the stated law gives it for
 //! the same drifts. All limits grow by four standard deviations of their scatter.
 //!
@@ -217,7 +217,7 @@ impl EventFramePass<'_> {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             part: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
-            spoilt: fit.disturbed_by_floor,
+            spoilt: fit.maybe_impossible,
         });
         let usual = (self.limits().residual, RESIDUAL);
         self.share("residual", usual, shares, "have events that match it to within the thresholds")
@@ -263,7 +263,12 @@ impl EventFramePass<'_> {
         let mut because = format!("{} of {} pixels with a brightness change {what}", worst.part, worst.of);
         let spoilt = worst.spoilt.share(worst.of);
         if spoilt > 0.0 {
-            because += &format!("; the noise floor spoils up to {:.2} %", 100.0 * spoilt);
+            let cause = match (self.law.has_floor(), self.law.spread > 0.0) {
+                (true, false) => "the noise floor",
+                (true, true) => "the noise floor and unequal thresholds",
+                (false, _) => "unequal thresholds",
+            };
+            because += &format!("; {cause} may spoil {:.2} %", 100.0 * spoilt);
         }
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }

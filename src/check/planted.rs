@@ -241,7 +241,7 @@ impl SplitMixDraws {
 }
 
 /// Waves of four directions and lengths that move along x.
-fn wave_picture(setting: WorldSettings, frame: usize) -> Image<f32> {
+pub(super) fn wave_picture(setting: WorldSettings, frame: usize) -> Image<f32> {
     let shift = setting.pace * frame as f64;
     let light = 100.0 * (1.0 + setting.dawn * frame as f64 / setting.frames as f64);
     let waves = [(0.31, 0.17, 0.0), (0.13, -0.23, 1.0), (0.55, 0.4, 2.0), (0.07, 0.11, 3.0)];

@@ -89,7 +89,7 @@ impl ValidationPass for SamplingPass {
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let Some(tried) = subject.resampled else {
-            let because = "twice the frames were not tried: this sensor's noise depends on the frame rate, or the check reads a release";
+            let because = "twice the frames were not tried: this sensor follows the frames (v2e, `law: official`, a readout, `intensity: linear`), or the check reads a release";
             return vec![subject.not_run(NAME, "twice", because)];
         };
         if tried.events < MIN_EVENTS {

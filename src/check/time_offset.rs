@@ -3,7 +3,8 @@
 //! The delay of the events follows from the pixels with steady drift at some instants, see
 //! [`LagSums`].
 //! It may be at most half of a frame step. The pass needs a sensor whose drift is determined by
-//! frames, and is not run if noise hides an eighth of a step.
+//! frames, and is not run if noise hides an eighth of a step. Unequal thresholds and a noise floor count by
+//! their means over the pixels.
 
 use super::event_frame::fit::LagSums;
 use super::subject::{Judgement, LimitSide};

@@ -110,10 +110,16 @@ impl EsimModel {
     /// than a threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
-        // Each of these options drops crossings, moves the reference or adds events.
+        // Hot pixels add events without moving the reference.
+        self.keeps_references() && self.hot_pixels.is_absent()
+    }
+
+    /// Returns true if the reference of a pixel moves by its own thresholds only, with one event each.
+    #[must_use]
+    pub fn keeps_references(&self) -> bool {
+        // Each of these options drops crossings or moves the reference.
         self.refractory.period_us == 0.0
             && (self.mismatch == RedrawRule::PerSensor || self.threshold.spread == 0.0)
-            && self.hot_pixels.is_absent()
             && !self.allow_cap
     }
 

@@ -35,22 +35,29 @@ pub(crate) const POSES: usize = 30;
 
 pub(crate) fn release() -> &'static Path {
     static RELEASE: OnceLock<TempDir> = OnceLock::new();
-    let folder = RELEASE.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("lab.yaml"), RECIPE).unwrap();
-        let output = gs2e(folder.path(), &["release", "--copy", "--to", "out", "lab.yaml"]);
-        assert!(output.status.success(), "{}", said(&output));
-        folder
-    });
+    let folder = RELEASE.get_or_init(|| released(RECIPE));
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| folder.path().join("out"))
+}
+
+/// A folder with the release `out` of a recipe.
+fn released(recipe: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("lab.yaml"), recipe).unwrap();
+    let output = gs2e(folder.path(), &["release", "--copy", "--to", "out", "lab.yaml"]);
+    assert!(output.status.success(), "{}", said(&output));
+    folder
 }
 
 /// The records of `check --tree` on a copy with a fault. `left_out` are folders of pictures that the
 /// copy lacks.
 fn checked(left_out: &[&str], plant: impl Fn(&Path)) -> Vec<Value> {
+    checked_copy(release(), left_out, plant)
+}
+
+fn checked_copy(release: &Path, left_out: &[&str], plant: impl Fn(&Path)) -> Vec<Value> {
     let folder = tempfile::tempdir().unwrap();
-    for (path, bytes) in read(release()) {
+    for (path, bytes) in read(release) {
         if !left_out.iter().any(|kind| path.contains(&format!("/{kind}/"))) {
             let target = folder.path().join(path);
             fs::create_dir_all(target.parent().unwrap()).unwrap();
@@ -284,6 +291,33 @@ fn planted_faults_of_the_clock_are_found_from_events_and_frames() {
         let found: Vec<&Value> =
             records.iter().filter(|r| r["check"] == "event_times").map(|r| &r["because"]).collect();
         assert!(failed.iter().any(|of| of == wanted), "{name}: {failed:?} {found:#?}");
+    }
+}
+
+/// Sensors with unequal pixels, with a noise floor and with a dead time, among them the default one.
+#[test]
+fn faults_of_the_clock_are_found_for_unequal_and_noisy_pixels() {
+    for sensor in ["voltmeter: {}", "voltmeter: { preset: evk4 }", "esim: { threshold: { spread: 0.03 } }"] {
+        let usual = "voltmeter: { preset: dvs346, threshold: { on: 0.5, off: 0.5 } }";
+        let recipe = RECIPE.replace(usual, sensor).replace(", depth, flow]", "]");
+        let folder = released(&recipe);
+        let clock = |change: fn(i64) -> i64| {
+            let records = checked_copy(&folder.path().join("out"), &[], |f| events(f, change));
+            let of_clock = records.into_iter().filter(|record| record["check"] == "event_times");
+            of_clock.map(|record| (record["verdict"].to_string(), record)).collect::<Vec<_>>()
+        };
+        let sound = clock(|t| t);
+        assert!(sound.iter().all(|(verdict, _)| verdict == "\"pass\""), "{sensor}: {sound:#?}");
+        for (name, part, change) in [
+            ("50 us late", 0, (|t| t + 50) as fn(i64) -> i64),
+            ("50 us early", 0, |t| t - 50),
+            ("100 us late", 0, |t| t + 100),
+            ("a clock of 0.99", 1, |t| t * 99 / 100),
+            ("a clock of 1.01", 1, |t| t * 101 / 100),
+        ] {
+            let found = clock(change);
+            assert_eq!(found[part].0, "\"fail\"", "{sensor}, {name}: {found:#?}");
+        }
     }
 }
 

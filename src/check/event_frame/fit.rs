@@ -45,8 +45,8 @@ pub struct AnchorFit {
     pub slopes: [SlopeSums; 2],
     /// Number of these pixels with a possible residual.
     pub possible: u64,
-    /// Number of them whose residual the noise floor may make impossible.
-    pub disturbed_by_floor: SpoiltPixels,
+    /// Number of them whose residual the noise floor or their own thresholds may make impossible.
+    pub maybe_impossible: SpoiltPixels,
     /// Number of pixels with a drift of more than two thresholds, and of those among them whose
     /// events have the same sign.
     pub doubled: [u64; 2],
@@ -176,11 +176,8 @@ impl FitSums {
             self.add_slope(side, change, counts);
             let fit = &mut self.fit;
             fit.possible += u64::from((dv - s).abs() <= self.most_residual + error);
-            fit.disturbed_by_floor.add(floor.spoils_residual(
-                self.most_residual + error,
-                side,
-                law.thresholds,
-            ));
+            let by_floor = floor.spoils_residual(self.most_residual + error, side, law.thresholds);
+            fit.maybe_impossible.add((by_floor + law.beyond_spread_error(counts)).min(1.0));
         }
         let fit = &mut self.fit;
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
@@ -199,6 +196,12 @@ impl FitSums {
         Some(dv - s)
     }
 
+    /// The drift of a pixel minus that of its events, so that its mean over the pixels does not depend on how
+    /// far these have moved. By the stated thresholds it would: the mean of `1 / t` is not that of `1 / mean t`.
+    fn mean_left(&self, PixelChange { dv, floor, .. }: PixelChange, counts: [u32; 2]) -> f64 {
+        dv - (self.unequal.sum(counts) - floor.mean(self.unequal.even))
+    }
+
     fn add_slope(
         &mut self,
         side: usize,
@@ -206,7 +209,7 @@ impl FitSums {
         counts: [u32; 2],
     ) {
         let even = self.unequal.even;
-        let s = even[0] * f64::from(counts[0]) - even[1] * f64::from(counts[1]) - floor.mean(even);
+        let s = self.unequal.sum(counts) - floor.mean(even);
         let [second, fourth] = floor.cumulants(even);
         let second = second + self.unequal.variance(counts);
         self.fit.slopes[side].add(s, dv, rounding, [second, fourth]);
@@ -244,8 +247,9 @@ impl FitSums {
     }
 }
 
-/// The remaining drift in thresholds of its own polarity.
+/// The remaining drift in thresholds of its own polarity. If thresholds differ, it may be larger by `unequal`,
+/// and is shown as a share of both.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
-fn in_thresholds(left: f64, [on, off]: [f64; 2]) -> f32 {
-    (if left > 0.0 { left / on } else { left / off }) as f32
+fn in_thresholds(left: f64, [on, off]: [f64; 2], unequal: f64) -> f32 {
+    (left / (unequal + if left > 0.0 { on } else { off })) as f32
 }

@@ -8,11 +8,11 @@
 //! on average on time where the drift is steady (Wald's identity), so noise widens the error and
 //! does not move the result.
 //!
-//! Where the voltages start anywhere, each pixel has an unknown level, and its means are removed.
-//! Pixels whose colours are cut off at black or white have an unknown drift, and are left out:
-//! for the interval at its ends, and for good at the first frame, from which drifts are counted.
-//! Errors are those of a jackknife over 64 parts of the picture, because the events of an object
-//! share its errors.
+//! For sensors of unequal pixels, of a noise floor, of hot pixels or of a dead time, residuals are those of
+//! pairs of events, see `pairs.rs`; for the others those of single events, see `levels.rs`. Pixels whose
+//! colours are cut off at black or white have an unknown drift, and are left out: for the interval at its ends,
+//! and for good at the first frame, from which drifts are counted. Errors are those of a jackknife over 64 parts
+//! of the picture, because the events of an object share its errors.
 //!
 //! Residuals above a bound are left out, since a lost event leaves a whole threshold. A fault moves
 //! some residuals over the bound, and the estimate shows only a part of it: with `f` the density of
@@ -26,9 +26,16 @@
 //! The standard error has the spread of one with `1 / sum h^2` degrees of freedom (Satterthwaite, Biometrics
 //! Bulletin 2, 1946).
 
+mod levels;
+mod line_sums;
+mod pairs;
+
 use crate::check::drift::DriftLaw;
 use crate::event::{Event, Polarity};
 use crate::image::{Image, Size};
+use levels::LevelResiduals;
+use line_sums::LineSums;
+use pairs::PairResiduals;
 
 /// Parts of the picture in each direction.
 const PARTS: usize = 8;
@@ -104,97 +111,45 @@ pub struct CrossingObserver {
     /// The two frames around the present. Drifts are computed for the pixels with events only: most
     /// pixels have none between two frames, and a logarithm costs more than an event.
     frames: [SeenFrame; 2],
-    /// Voltage of the events of each pixel.
-    levels: Vec<f64>,
-    /// Sums over events with small residuals, and over those that a lag of some frames explains: of
-    /// each pixel where its level is unknown, and otherwise of each part of the picture.
-    sums: Vec<[LineSums; 2]>,
+    residuals: EventResiduals,
 }
 
-/// Sums over the events of a pixel: of `x = rate`, `y = rate (t - m)` and the residual `r`.
-#[derive(Debug, Clone, Copy, Default)]
-struct LineSums {
-    n: f64,
-    x: f64,
-    y: f64,
-    r: f64,
-    xx: f64,
-    xy: f64,
-    yy: f64,
-    xr: f64,
-    yr: f64,
-    /// `x^2` and `y^2` of the same events, without a subtraction of means.
-    squares: [f64; 2],
-    /// `squares` of the events with a residual near the bound, on either side of it.
-    near_bound: [f64; 2],
+/// The residuals of events, by what is known of a pixel.
+#[derive(Debug)]
+enum EventResiduals {
+    Levels(LevelResiduals),
+    Pairs(PairResiduals),
 }
 
-impl LineSums {
-    fn add(&mut self, [x, y]: [f64; 2], r: f64) {
-        self.n += 1.0;
-        (self.x, self.y, self.r) = (self.x + x, self.y + y, self.r + r);
-        (self.xx, self.xy, self.yy) = (self.xx + x * x, self.xy + x * y, self.yy + y * y);
-        (self.xr, self.yr) = (self.xr + x * r, self.yr + y * r);
-        self.squares = [self.squares[0] + x * x, self.squares[1] + y * y];
-    }
+/// An event, and the drift of its pixel as the frames show it.
+#[derive(Debug, Clone, Copy)]
+struct Crossing {
+    pixel: usize,
+    /// The part of the picture in which the pixel lies.
+    part: usize,
+    t_us: f64,
+    polarity: Polarity,
+    threshold: f64,
+    /// Drift since the first frame; NaN if it is unknown.
+    drift: f64,
+    /// `rate` and `rate (t - m)`.
+    moves: [f64; 2],
+    /// Mean brightness between the two frames, on the grey scale.
+    brightness: f64,
+}
 
-    /// Adds an event whose residual is near the bound.
-    fn add_near_bound(&mut self, [x, y]: [f64; 2]) {
-        self.near_bound = [self.near_bound[0] + x * x, self.near_bound[1] + y * y];
-    }
-
-    /// Shares of a small fault that the coefficients show. The band has a width of twice [`BAND`].
-    fn responses(self) -> [f64; 2] {
-        [0, 1].map(|i| 1.0 - self.near_bound[i] / (2.0 * BAND * self.squares[i]))
-    }
-
-    /// Degrees of freedom of the standard errors of both coefficients, from the shares of the parts.
-    fn freedom(self, parts: &[Self]) -> [f64; 2] {
-        let of = |square: fn(&Self) -> f64| {
-            let shares = parts.iter().map(|part| square(part) / square(&self));
-            1.0 / shares.map(|share| share * share).sum::<f64>()
-        };
-        [of(|sums| sums.xx), of(|sums| sums.yy)]
-    }
-
-    /// The sums of the deviations from the means.
-    fn centred(self) -> Self {
-        let Self { n, x, y, r, xx, xy, yy, xr, yr, squares, near_bound } = self;
-        if n < 2.0 {
-            return Self::default();
-        }
-        let (xx, xy, yy) = (xx - x * x / n, xy - x * y / n, yy - y * y / n);
-        let (xr, yr) = (xr - x * r / n, yr - y * r / n);
-        Self { n, x: 0.0, y: 0.0, r: 0.0, xx, xy, yy, xr, yr, squares, near_bound }
-    }
-
-    fn plus(self, o: Self, sign: f64) -> Self {
-        let of = |a: f64, b: f64| a + sign * b;
-        Self {
-            n: of(self.n, o.n),
-            x: of(self.x, o.x),
-            y: of(self.y, o.y),
-            r: of(self.r, o.r),
-            xx: of(self.xx, o.xx),
-            xy: of(self.xy, o.xy),
-            yy: of(self.yy, o.yy),
-            xr: of(self.xr, o.xr),
-            yr: of(self.yr, o.yr),
-            squares: [0, 1].map(|i| of(self.squares[i], o.squares[i])),
-            near_bound: [0, 1].map(|i| of(self.near_bound[i], o.near_bound[i])),
+impl Crossing {
+    /// Change of the voltage by which the event is explained.
+    fn jump(&self) -> f64 {
+        match self.polarity {
+            Polarity::On => self.threshold,
+            Polarity::Off => -self.threshold,
         }
     }
 
-    /// Coefficients of `x` and `y`; `None` if they cannot be separated.
-    fn solve(self) -> Option<[f64; 2]> {
-        let determinant = self.xx * self.yy - self.xy * self.xy;
-        // Rounding leaves about 1e-16 of the product where both columns are parallel.
-        (determinant > 1e-9 * self.xx * self.yy).then(|| {
-            [
-                (self.yy * self.xr - self.xy * self.yr) / determinant,
-                (self.xx * self.yr - self.xy * self.xr) / determinant,
-            ]
-        })
+    /// Returns true if the drift has the direction of the event; false if it is unknown.
+    fn is_along(&self) -> bool {
+        self.moves[0] * self.jump() > 0.0
     }
 }
 
@@ -213,6 +168,11 @@ impl CrossingObserver {
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
         let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
         let (width, pixels) = (brightness.size().width as usize, first_logs.len());
+        let residuals = if law.keeps_levels() {
+            EventResiduals::Levels(LevelResiduals::new(law, pixels, PARTS * PARTS))
+        } else {
+            EventResiduals::Pairs(PairResiduals::new(law, *t_us as f64, pixels, PARTS * PARTS))
+        };
         Self {
             law,
             width,
@@ -221,15 +181,14 @@ impl CrossingObserver {
             first_us: *t_us,
             exposure: vec![0.0; pixels],
             frames: [first.clone(), first],
-            levels: vec![0.0; pixels],
-            sums: vec![[LineSums::default(); 2]; if law.from_zero { PARTS * PARTS } else { pixels }],
+            residuals,
         }
     }
 
     /// Size of the frames.
     #[must_use]
     pub fn size(&self) -> Size {
-        let height = self.levels.len() / self.width.max(1);
+        let height = self.exposure.len() / self.width.max(1);
         let side = |n: usize| u32::try_from(n).expect("an image side has 32 bits");
         Size { width: side(self.width), height: side(height) }
     }
@@ -239,7 +198,7 @@ impl CrossingObserver {
     /// # Panics
     /// The frame has another size than the first.
     pub fn take_frame(&mut self, frame: SeenFrame) {
-        assert_eq!(frame.brightness.pixels().len(), self.levels.len(), "frames of one size");
+        assert_eq!(frame.brightness.pixels().len(), self.exposure.len(), "frames of one size");
         for pixel in 0..self.exposure.len() {
             self.exposure[pixel] += self.added_exposure(pixel);
         }
@@ -267,43 +226,34 @@ impl CrossingObserver {
     /// Sees an event between the two latest frames. Events off the sensor are left out.
     pub fn see(&mut self, event: Event) {
         let pixel = usize::from(event.y) * self.width + usize::from(event.x);
-        if usize::from(event.x) >= self.width || pixel >= self.levels.len() {
+        if usize::from(event.x) >= self.width || pixel >= self.exposure.len() {
             return;
         }
-        let [on, off] = self.law.thresholds;
-        let (jump, threshold) = match event.polarity {
-            Polarity::On => (on, on),
-            Polarity::Off => (-off, off),
-        };
-        self.levels[pixel] += jump;
         let [from, to] = self.drifts(pixel);
         let [start, end] = [0, 1].map(|i| self.frames[i].t_us as f64);
         let rate = (to - from) / (end - start);
         // A file holds the microsecond that contains the event: half of one later on average.
-        let t = event.t.floor_micros() as f64 + 0.5;
-        let left = from + rate * (t - start) - self.levels[pixel];
-        // An event against the drift is noise, or comes from another interval. NaN is left out.
-        if rate * jump > 0.0 {
-            // Where voltages start anywhere, a pixel's own level is up to a threshold off, and only
-            // the noise around it counts.
-            let own = if self.law.from_zero { 0.0 } else { self.law.most_residual() };
-            let place = if self.law.from_zero { self.part(pixel) } else { pixel };
-            let moves = [rate, rate * (t - self.middle_us)];
-            for (sums, most) in self.sums[place].iter_mut().zip([SMALL, LARGE]) {
-                let size = left.abs() / (own + most * threshold);
-                if size < 1.0 {
-                    sums.add(moves, left);
-                }
-                if (size - 1.0).abs() < BAND {
-                    sums.add_near_bound(moves);
-                }
-            }
+        let t_us = event.t.floor_micros() as f64 + 0.5;
+        let [a, b] = [0, 1].map(|i| f64::from(self.frames[i].brightness.pixels()[pixel]));
+        let crossing = Crossing {
+            pixel,
+            part: self.part(pixel),
+            t_us,
+            polarity: event.polarity,
+            threshold: self.law.thresholds[usize::from(event.polarity == Polarity::Off)],
+            drift: from + rate * (t_us - start),
+            moves: [rate, rate * (t_us - self.middle_us)],
+            brightness: f64::midpoint(a, b),
+        };
+        match &mut self.residuals {
+            EventResiduals::Levels(levels) => levels.see(&crossing),
+            EventResiduals::Pairs(pairs) => pairs.see(&crossing),
         }
     }
 
     /// The part of the picture in which a pixel lies.
     fn part(&self, pixel: usize) -> usize {
-        let height = (self.levels.len() / self.width.max(1)).max(1);
+        let height = (self.exposure.len() / self.width.max(1)).max(1);
         let (x, y) = (pixel % self.width, pixel / self.width);
         y * PARTS / height * PARTS + x * PARTS / self.width
     }
@@ -313,29 +263,30 @@ impl CrossingObserver {
     /// # Errors
     /// The events do not determine it; the text is the reason.
     pub fn finish(self) -> Result<StreamClock, String> {
-        let far = self.fit(1).ok();
+        let half_us = self.middle_us - self.first_us as f64;
+        let part = |pixel| self.part(pixel);
+        let levels = match &self.residuals {
+            EventResiduals::Levels(levels) => |width| levels.parts(width, PARTS * PARTS, part),
+            // A pair is short, so that even a lag of some frames leaves most residuals small.
+            EventResiduals::Pairs(pairs) => {
+                let fit = CrossingFit::of_parts(&pairs.parts(part));
+                let noisy = |e| format!("{e}; {} more may be noise", pairs.noisy);
+                return fit.map(|found| StreamClock { found, far: None, half_us }).map_err(noisy);
+            }
+        };
+        let far = CrossingFit::of_parts(&levels(1)).ok();
         let found = match far {
             Some(far) if far.is_far() => far,
-            _ => self.fit(0)?,
+            _ => CrossingFit::of_parts(&levels(0))?,
         };
-        Ok(StreamClock { found, far, half_us: self.middle_us - self.first_us as f64 })
+        Ok(StreamClock { found, far, half_us })
     }
+}
 
-    /// The sums of each part of the picture.
-    fn parts(&self, width: usize) -> Vec<LineSums> {
-        if self.law.from_zero {
-            return self.sums.iter().map(|sums| sums[width]).collect();
-        }
-        let mut parts = vec![LineSums::default(); PARTS * PARTS];
-        for (pixel, sums) in self.sums.iter().enumerate() {
-            let part = &mut parts[self.part(pixel)];
-            *part = part.plus(sums[width].centred(), 1.0);
-        }
-        parts
-    }
-
-    fn fit(&self, width: usize) -> Result<CrossingFit, String> {
-        let filled: Vec<LineSums> = self.parts(width).into_iter().filter(|part| part.n > 0.0).collect();
+impl CrossingFit {
+    /// The fit to the sums of each part of the picture.
+    fn of_parts(parts: &[LineSums]) -> Result<Self, String> {
+        let filled: Vec<LineSums> = parts.iter().copied().filter(|part| part.n > 0.0).collect();
         let all = filled.iter().fold(LineSums::default(), |sum, part| sum.plus(*part, 1.0));
         let too_few = || {
             format!("{} events in {} parts of the picture do not determine the clock", all.n, filled.len())
@@ -353,7 +304,7 @@ impl CrossingObserver {
         let freedom = all.freedom(&filled);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
         let events = all.n as u64;
-        Ok(CrossingFit { offset_us, scale, responses, freedom, events })
+        Ok(Self { offset_us, scale, responses, freedom, events })
     }
 }
 
@@ -365,3 +316,6 @@ fn jackknife_bars(found: [f64; 2], without: &[[f64; 2]]) -> [ErrorBar; 2] {
         ErrorBar { value: found[i], deviation: (squares * (n - 1.0) / n).sqrt() }
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -102,7 +102,8 @@ fn legend(check: &str) -> (&'static [&'static str], &'static str) {
         "event_frame" => (
             &[],
             "Change of brightness that the events of a pixel do not explain, at the last frame. Red and blue are \
-             less than one event; yellow is impossible.",
+             less than the threshold of one event, or than what the spread of thresholds adds to it; yellow is more, \
+             which is a fault, or an event of the sensor's noise floor.",
         ),
         "motion" => (
             &["in place", "moved along the flow"],

@@ -6,7 +6,7 @@ use crate::stage::{StageContext, StageError};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Size of a residual, thresholds, above which it is impossible and shown in another colour.
+/// Size of a residual, relative to the largest one without noise, above which it is shown in another colour.
 const IMPOSSIBLE: f32 = 1.1;
 /// Maximum width of a picture, px.
 const WIDEST: u32 = 320;
@@ -37,7 +37,7 @@ pub(super) fn write_pictures(
 }
 
 /// The residual drift of each pixel. Red: brighter than its events say; blue: darker; yellow:
-/// impossible.
+/// impossible without noise.
 fn residual_picture(size: Size, residuals: &[f32]) -> Image<[u8; 3]> {
     let colour = |left: f32| match left {
         left if left.abs() > IMPOSSIBLE || left.is_nan() => [255.0, 220.0, 0.0],

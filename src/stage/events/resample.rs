@@ -33,7 +33,7 @@ impl EventSink for ResampledRows {
 
 impl EventsStage {
     /// The events of each sensor in the middle of the sequence, with its frames and with twice as
-    /// many. `None` for a sensor with noise per frame, or one that sees colour.
+    /// many. `None` for a sensor that follows the frames, or one that sees colour.
     pub(super) fn resample(
         &self,
         path: &SampledPath,
@@ -100,7 +100,7 @@ impl EventsStage {
     }
 }
 
-/// Returns true if a sensor's noise does not depend on the frames, and it sees luminance only.
+/// Returns true if a sensor does not depend on the rate of the frames, and sees luminance only.
 fn is_comparable(sensor: &SensorChoice) -> bool {
     drift::is_frame_independent(sensor) && !sensor.as_model().front_end().needs_colour()
 }

@@ -37,7 +37,8 @@ pub(in crate::check) struct DriftBalance<'a> {
 pub struct FrameComparison {
     /// One per anchor after the first; empty without frames.
     pub fits: Vec<AnchorFit>,
-    /// `dv - s` of each pixel at the last anchor, in thresholds; NaN if it is unknown.
+    /// `dv - s` of each pixel at the last anchor, in thresholds, or in the largest one that the spread of
+    /// thresholds explains; NaN if it is unknown.
     pub residuals: Vec<f32>,
     /// One per pair of neighbouring anchors.
     pub intervals: Vec<ChangeInterval>,
@@ -116,16 +117,20 @@ impl<'a> DriftBalance<'a> {
             let [on, off] = [counts.on[i], counts.off[i]];
             let change = self.change(&view, i, [on, off]);
             let left = stock.add(change, [on, off]);
-            if let (Some([from, to]), Some(left)) = (view.around, left) {
+            if let (Some([from, to]), Some(_)) = (view.around, left) {
+                let left = stock.mean_left(change, [on, off]);
                 let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
-                stock.fit.lag.add(left, ways, (to.0 - from.0) as f64, self.law.thresholds);
+                let span = (to.0 - from.0) as f64;
+                stock.fit.lag.add(left, ways, span, stock.unequal.even);
             }
             let known = left.is_some().then_some(change.dv);
             self.intervals.see(i, known, [on, off], (change.error, change.floor_since));
             if placed {
                 self.places.see(i, known, change.s);
             }
-            self.found.residuals[i] = left.map_or(f32::NAN, |left| in_thresholds(left, self.law.thresholds));
+            let unequal = self.law.spread_error([on, off]);
+            let shown = |left| in_thresholds(left, self.law.thresholds, unequal);
+            self.found.residuals[i] = left.map_or(f32::NAN, shown);
         }
         self.intervals.settle(number);
         if placed {

@@ -45,6 +45,11 @@ impl UnequalLaw {
         Self { even: of.map(|[even, _]| even), variance: of.map(|[_, variance]| variance) }
     }
 
+    /// `A on - B off`, whose mean over the pixels is their drift.
+    pub(super) fn sum(&self, [on, off]: [u32; 2]) -> f64 {
+        self.even[0] * f64::from(on) - self.even[1] * f64::from(off)
+    }
+
     /// Variance of `A on - B off` of one pixel by its own thresholds.
     pub(super) fn variance(&self, counts: [u32; 2]) -> f64 {
         let part = |side: usize| {

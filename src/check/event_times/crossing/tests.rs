@@ -1,0 +1,99 @@
+//! Sound and planted clocks of a planted world with unequal pixels and a noise floor, from rounded frames.
+
+use super::*;
+use crate::check::planted::{FRAMES, PlantedWorld, WorldSettings, wave_picture};
+use crate::sensor::SensorChoice;
+use crate::units::Timestamp;
+
+/// Thresholds and spread of a DAVIS346, with the noise of bright and of dim light.
+fn settings() -> impl Iterator<Item = WorldSettings> {
+    let of = |(pace, floor_hz, initial)| WorldSettings {
+        thresholds: [1.0, 1.907],
+        spread: 0.157,
+        contrast: 0.8,
+        pace,
+        floor_hz,
+        initial,
+        ..WorldSettings::default()
+    };
+    use crate::sensor::voltmeter::InitialVoltage::{Stationary, Zero};
+    [
+        (0.3, [0.0; 2], Zero),
+        (0.1, [0.2, 0.05], Zero),
+        (0.8, [0.2, 0.05], Zero),
+        (0.3, [0.2, 0.05], Stationary),
+        (0.3, [2.0, 3.0], Zero),
+    ]
+    .into_iter()
+    .map(of)
+}
+
+/// Frames of 8 bits.
+fn rounded_frame(setting: WorldSettings, j: usize, t_us: i64) -> SeenFrame {
+    let picture = wave_picture(setting, j);
+    let cut = picture.pixels().iter().map(|l| !(0.5..=254.5).contains(l)).collect();
+    let grey = picture.pixels().iter().map(|l| l.round().clamp(0.0, 255.0)).collect();
+    SeenFrame { t_us, brightness: Image::from_vec(picture.size(), grey), cut }
+}
+
+fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<SeenFrame> {
+    let stamps = world.trajectory.stamps_us.iter().enumerate();
+    stamps.map(|(j, t_us)| rounded_frame(setting, j, *t_us)).collect()
+}
+
+/// The clock of a world whose events have other times.
+fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
+    let law = DriftLaw::for_crossings(&SensorChoice::Voltmeter(world.sensor.clone())).unwrap();
+    let last = frames[FRAMES - 1].t_us;
+    let moved = world.events.iter().map(|event| {
+        #[expect(clippy::cast_possible_truncation, reason = "times of a small world")]
+        let t = Timestamp((1e3 * time(event.t.0 as f64 * 1e-3)) as i64);
+        Event { t, ..*event }
+    });
+    let mut events: Vec<Event> = moved.filter(|e| (0..=last).contains(&e.t.floor_micros())).collect();
+    events.sort_by_key(|event| event.t);
+    let mut events = events.into_iter().peekable();
+    let mut observer = CrossingObserver::new(law, frames[0].clone(), last);
+    for frame in &frames[1..] {
+        observer.take_frame(frame.clone());
+        while let Some(event) = events.next_if(|event| event.t.floor_micros() <= frame.t_us) {
+            observer.see(event);
+        }
+    }
+    observer.finish().unwrap().found
+}
+
+#[test]
+fn clocks_of_unequal_and_noisy_pixels_are_measured() {
+    for setting in settings() {
+        let world = PlantedWorld::new(setting);
+        let frames = rounded_frames(&world, setting);
+        let sound = clock_of(&world, &frames, |t| t);
+        println!("{} px per frame, {:?}: {sound:?}", setting.pace, setting.floor_hz);
+        // Four standard errors, and the truncated microsecond.
+        assert!(sound.offset_us.value.abs() < 0.5 + 4.0 * sound.offset_us.deviation, "{sound:?}");
+        assert!(sound.scale.value.abs() < 1e-5 + 4.0 * sound.scale.deviation, "{sound:?}");
+        // A step is 417 us. The larger a fault is, the more events meet the rate of another step.
+        for (d, within) in [(-20.0, 3.0), (50.0, 10.0)] {
+            let found = clock_of(&world, &frames, |t| t + d).offset_us.value - sound.offset_us.value;
+            assert!((found - d).abs() < within, "{d} us: {found}");
+        }
+        for (scale, within) in [(0.99, 0.005), (1.001, 2e-4)] {
+            let found = clock_of(&world, &frames, |t| scale * t).scale.value - sound.scale.value;
+            assert!((found - (scale - 1.0)).abs() < within, "{scale}: {found}");
+        }
+    }
+}
+
+/// Without the means of each pixel, those of low thresholds make the events look early.
+#[test]
+fn levels_of_unequal_pixels_are_biased() {
+    let setting = settings().next().unwrap();
+    let mut world = PlantedWorld::new(setting);
+    let frames = rounded_frames(&world, setting);
+    let pairs = clock_of(&world, &frames, |t| t).offset_us;
+    world.sensor.threshold_spread = 0.0;
+    let levels = clock_of(&world, &frames, |t| t).offset_us;
+    println!("pairs {pairs:?}, levels {levels:?}");
+    assert!(levels.value < -5.0 * pairs.value.abs() && levels.value < -4.0 * levels.deviation);
+}
