@@ -91,7 +91,7 @@ prepare() {
 }
 prepare 0 && prepare 1 || exit 1
 failures=0
-printf '%-22s %-8s %s\n' finding before now
+printf '%-26s %-8s %s\n' finding before now
 for name in ${*:-$tests}; do
   for i in 0 1; do
     mkdir "$base/$name.$i"
@@ -99,7 +99,7 @@ for name in ${*:-$tests}; do
   done
   wait
   before=$(<"$base/$name.0.verdict") now=$(<"$base/$name.1.verdict")
-  printf '%-22s %-8s %s\n' "$name" "$before" "$now"
+  printf '%-26s %-8s %s\n' "$name" "$before" "$now"
   [ "$now" = sound ] || failures=$((failures + 1))
   for i in 0 1; do
     if [ "$(<"$base/$name.$i.verdict")" = unclear ]; then
