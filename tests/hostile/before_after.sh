@@ -7,7 +7,7 @@
 # OLD is the program of commit b476f4a, which the tester examined: `git worktree add ../before b476f4a`, then
 # `cargo build` there. The tests in tests/it go further; this script shows that the findings were real. A third
 # verdict, `unclear`, means that neither was seen; what the program said is then on stderr.
-# It needs Linux, GNU coreutils, procps and Python 3, and takes some minutes.
+# It needs Linux, GNU coreutils and Python 3, and takes about five minutes.
 set -u
 if [ $# -lt 2 ]; then
   sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
@@ -20,7 +20,9 @@ base=$(mktemp -d)
 # Ends what a test may have left, and removes its files.
 clean() {
   trap - EXIT INT TERM
-  pkill -KILL -f "$base" 2>/dev/null
+  # shellcheck disable=SC2046
+  kill $(jobs -p) $(cat "$base"/*/left.pid 2>/dev/null) 2>/dev/null
+  wait
   chmod -R u+rwX "$base" 2>/dev/null
   rm -rf "$base"
 }

@@ -5,6 +5,7 @@
     scene               in.sog: one Gaussian in images of 16383x16383
     events              in.npz: 30,000,000 events at one time
     index               index.parquet: 3,000,000 rows, all equal
+    sensor              in.h5: an event file that is there, with a sensor of 65535x65535 in place of 346x260
     link FILE OBJECT    in.h5: the stream is a link to an object in another file
 
 Only Python's standard library is used, so the formats are written out below.
@@ -97,6 +98,15 @@ def events(count=30_000_000):
                     file.write(bytes(size * count // 30))
 
 
+def sensor():
+    path = pathlib.Path("in.h5")
+    data = path.read_bytes()
+    for name, size in [(b"width", 346), (b"height", 260)]:
+        at = data.index(struct.pack("<I", size), data.index(name))
+        data = data[:at] + struct.pack("<I", 65535) + data[at + 4:]
+    path.write_bytes(data)
+
+
 def varint(number):
     out = b""
     while number > 127:
@@ -166,5 +176,5 @@ def link(target, inside):
 
 
 if __name__ == "__main__":
-    kinds = [capture, picture, scene, events, index, link]
+    kinds = [capture, picture, scene, events, sensor, index, link]
     {kind.__name__: kind for kind in kinds}[sys.argv[1]](*sys.argv[2:])
