@@ -17,29 +17,37 @@ full_console() {
 }
 tests+=' full_console'
 
-# A trainer went on after the signal that ended its build: `left SIGNAL`.
-left() {
+# Six photos, and a recipe with a trainer: `trained` reads its script from stdin. `$1` in it is the folder for the scene.
+trained() {
   python make capture
-  cat >train.sh <<'SH'
-if [ "$1" = --version ]; then echo 1; exit; fi
-sleep 600 & echo $! >left.pid.part
-mv left.pid.part "$(dirname "$0")/left.pid"
-wait
-SH
+  { echo 'if [ "$1" = --version ]; then echo 1; exit; fi'; cat; } >train.sh
   recipe | grep -v '^source\|^camera' >r.yaml
   cat >>r.yaml <<'YAML'
 source: { nerfstudio: { path: capture } }
 reconstruct:
-  command: { program: sh, arguments: ["{train}"], version: "1", probe: ["{train}", --version], licence: MIT,
+  command: { program: sh, arguments: ["{train}", "{out}"], version: "1", probe: ["{train}", --version], licence: MIT,
     min_psnr: 0, scene: scene.ply, files: { train: train.sh } }
 YAML
+}
+# The scene that a trainer leaves may be a FIFO.
+endless_trained() {
+  trained <<<'mkfifo "$1/scene.ply"'
+  seconds=10 g build --allow-commands r.yaml
+  either 'exited 124' 'exited 1 && said scene.ply'
+}
+# A trainer went on after the signal that ended its build: `left SIGNAL`.
+left() {
+  trained <<'SH'
+sleep 600 & echo $! >left.pid.part
+mv left.pid.part "$(dirname "$0")/left.pid"
+wait
+SH
   # Shells ignore some signals in the background, and `env` restores them.
   env --default-signal "$program" build --allow-commands r.yaml >stdout 2>stderr </dev/null &
   local build=$! tries=0
   until [ -e left.pid ]; do
     sleep 0.1
-    tries=$((tries + 1))
-    if [ $tries = 100 ]; then return 2; fi
+    if [ $((tries += 1)) = 100 ]; then return 2; fi
   done
   kill -"$1" $build
   wait $build
@@ -50,7 +58,7 @@ left_by_hangup() { left HUP; }
 left_by_quit() { left QUIT; }
 left_by_kill() { left KILL; }
 control_left() { left TERM; }
-tests+=' control_left left_by_hangup left_by_quit left_by_kill'
+tests+=' endless_trained control_left left_by_hangup left_by_quit left_by_kill'
 
 # A build that was killed as it made a store left half an index, of which the next one complained.
 half_index() {

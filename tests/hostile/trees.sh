@@ -1,15 +1,6 @@
 # Faults in the data of a release, which `check --tree` passed with exit code 0: it judged what speed.json says of
 # itself, and neither frames nor depth.
 
-# A scene that moves far enough for the checks: `made.$i/moving`, made by the first of these tests.
-moving() {
-  if ! [ -e "$made/moving" ]; then
-    recipe | sed 's/gaussians: 300, views: 4, arc: 6/gaussians: 600, views: 10, arc: 30/
-      s/factor: 3/factor: 4/; s/sharp]/sharp, depth, flow]/' >moving.yaml
-    seconds=120 g release --copy --to "$made/moving" moving.yaml
-  fi
-  cp -r "$made/moving" out
-}
 # Plants a fault of plant.py, and names the check that finds it.
 planted() {
   local fault=$1 of=$2 check=$3 folder=out/t/tiny/base
