@@ -352,18 +352,7 @@ class Scene(EventFile):
         Between two poses, the centre of the camera moves on a straight line and its rotation takes the shortest way,
         both at a constant rate (lerp, slerp). Times before the first pose or after the last are refused.
         """
-        t_us = np.asarray(t_us, np.float64)
-        stamps = self.stamps_us
-        outside = (t_us < stamps[0]) | (t_us > stamps[-1]) | np.isnan(t_us)
-        if outside.any():
-            raise ValueError(f"{t_us[outside].flat[0]} us is not within {stamps[0]}..{stamps[-1]} us, where the poses are")
-        if len(stamps) == 1:
-            return _matrix(np.broadcast_to(self.poses[0], (*t_us.shape, 7)))
-        before = np.clip(np.searchsorted(stamps, t_us, side="right") - 1, 0, len(stamps) - 2)
-        share = (t_us - stamps[before]) / (stamps[before + 1] - stamps[before])
-        a, b = self.poses[before], self.poses[before + 1]
-        centre = (1 - share)[..., None] * a[..., :3] + share[..., None] * b[..., :3]
-        return _matrix(np.concatenate([centre, _slerp(a[..., 3:], b[..., 3:], share)], axis=-1))
+        return _pose_at(self.stamps_us, self.poses, t_us)
 
     @property
     def frames(self):
@@ -713,6 +702,21 @@ def _chosen(name, names, what, place):
     if name not in names:
         raise ValueError(f"{place} has the {what} {', '.join(names)}; asked for is {name}")
     return name
+
+
+def _pose_at(stamps, poses, t_us):
+    """The poses [..., 4, 4] at times; see Scene.pose."""
+    t_us = np.asarray(t_us, np.float64)
+    outside = (t_us < stamps[0]) | (t_us > stamps[-1]) | np.isnan(t_us)
+    if outside.any():
+        raise ValueError(f"{t_us[outside].flat[0]} us is not within {stamps[0]}..{stamps[-1]} us, where the poses are")
+    if len(stamps) == 1:
+        return _matrix(np.broadcast_to(poses[0], (*t_us.shape, 7)))
+    before = np.clip(np.searchsorted(stamps, t_us, side="right") - 1, 0, len(stamps) - 2)
+    share = (t_us - stamps[before]) / (stamps[before + 1] - stamps[before])
+    a, b = poses[before], poses[before + 1]
+    centre = (1 - share)[..., None] * a[..., :3] + share[..., None] * b[..., :3]
+    return _matrix(np.concatenate([centre, _slerp(a[..., 3:], b[..., 3:], share)], axis=-1))
 
 
 def _slerp(a, b, share):
