@@ -14,7 +14,7 @@ const NEEDS: [&str; 9] = [
     "pytest",
     "pyarrow",
     "pillow",
-    "jsonschema",
+    "check-jsonschema",
     "pyyaml",
     "matplotlib",
     "nbclient",
