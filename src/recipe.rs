@@ -35,7 +35,10 @@ pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
 pub use find::{RecipeFile, find_all, read_all, read_files};
-pub use fragment::{TrajectoryFragment, draw_sensor, read_fragment, read_sensor, sensor_from_text};
+pub use fragment::{
+    ChainError, TrajectoryChain, TrajectoryFragment, draw_sensor, fragment_from_text, read_fragment,
+    read_sensor, sensor_from_text,
+};
 pub use output::{OutputKind, PictureSpacing};
 pub use source::SceneSource;
 pub use upstream::UpstreamOrigin;

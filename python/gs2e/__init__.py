@@ -27,6 +27,7 @@ from gs2e._reader import (
 from gs2e._recipe import read_recipes, write_recipe
 from gs2e._simulate import Sensor, simulate, simulate_to_file, to_structured
 from gs2e._splats import SplatScene
+from gs2e._trajectory import Trajectory
 
 __all__ = [
     "Array",
@@ -40,6 +41,7 @@ __all__ = [
     "Scene",
     "Sensor",
     "SplatScene",
+    "Trajectory",
     "Windows",
     "open",
     "open_events",

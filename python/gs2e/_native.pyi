@@ -37,3 +37,14 @@ class SplatScene:
 def simulate(frames: Any, request: Any) -> tuple[tuple[npt.NDArray[Any], ...], str]: ...
 def simulate_to_file(out: str, filter: str, frames: Any, request: Any) -> str: ...
 def read_recipes(paths: list[str]) -> list[str]: ...
+def make_trajectory(
+    request: Any,
+) -> tuple[
+    str,
+    npt.NDArray[np.int64],
+    npt.NDArray[np.float64],
+    npt.NDArray[np.float64],
+    str,
+    list[str],
+    tuple[int, int, float, float, float, float] | None,
+]: ...

@@ -22,6 +22,8 @@ class SplatScene:
 
     def __init__(self, path: str | os.PathLike):
         self.path = os.fspath(path)
+        # An absent file is the exception that Python has for it.
+        os.stat(self.path)
         self._native = _native.SplatScene.open(self.path)
 
     @classmethod

@@ -9,6 +9,8 @@ mod recipe;
 mod scene;
 mod sensor;
 mod simulate;
+mod threads;
+mod trajectory;
 
 use pyo3::prelude::*;
 
@@ -23,4 +25,6 @@ mod _native {
     use crate::sensor::Sensor;
     #[pymodule_export]
     use crate::simulate::{simulate, simulate_to_file};
+    #[pymodule_export]
+    use crate::trajectory::make_trajectory;
 }

@@ -1,5 +1,6 @@
 //! Scenes of Gaussians as Python sees them: read from a file, and rendered on the CPU.
 
+use crate::threads::own_pool;
 use glam::{DMat3, DVec3};
 use gs2e::camera::Camera;
 use gs2e::image::{Image, MAX_PIXELS, Size};
@@ -37,8 +38,6 @@ impl SplatScene {
     /// Reads a scene file.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        // An absent file is the exception that Python has for it.
-        std::fs::metadata(&path)?;
         let read = py.detach(|| scene::read_file(&path));
         let read = read.map_err(|error| PyValueError::new_err(error.to_string()))?;
         Ok(Self { scene: Arc::new(read), prepared: Mutex::new(None) })
@@ -77,7 +76,8 @@ impl SplatScene {
         };
         let style = choice.resolve(self.scene.antialiased);
         let view = view.checked()?;
-        let rendered = py.detach(|| self.rendered(style, &view, want));
+        let pool = own_pool(0)?;
+        let rendered = py.detach(|| pool.install(|| self.rendered(style, &view, want)));
         let rendered = rendered.map_err(|error| match error {
             RenderError::View(_) | RenderError::Style(_) => PyValueError::new_err(error.to_string()),
             _ => PyRuntimeError::new_err(error.to_string()),
@@ -96,6 +96,11 @@ impl SplatScene {
 }
 
 impl SplatScene {
+    /// The Gaussians.
+    pub(crate) fn gaussians(&self) -> Arc<Gaussians> {
+        self.scene.clone()
+    }
+
     fn rendered(
         &self,
         style: RenderStyle,

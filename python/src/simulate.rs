@@ -3,6 +3,7 @@
 use crate::frames::FrameIterator;
 use crate::received::{FrameMessage, ReceivedFrames};
 use crate::sensor::Sensor;
+use crate::threads::own_pool;
 use gs2e::event::evt::EvtVersion;
 use gs2e::event::file::{EventFile, EventFormat};
 use gs2e::event::h5::ChunkFilter;
@@ -227,9 +228,7 @@ impl<'py> SimulationRun<'py> {
         py: Python<'py>,
         work: impl FnOnce(&RunSetup, &mut ReceivedFrames) -> Result<R, RunFailure> + Send,
     ) -> PyResult<R> {
-        // A pool for each call: a process that was forked does not have the threads of its parent's pool.
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
-        let pool = pool.map_err(|error| PyRuntimeError::new_err(error.to_string()))?;
+        let pool = own_pool(self.threads)?;
         let (sender, receiver) = sync_channel(WAITING);
         let ends = [self.stamps_us.first(), self.stamps_us.last()].map(|stamp| stamp.copied().unwrap_or(0));
         let setup = RunSetup {

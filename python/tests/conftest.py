@@ -1,9 +1,12 @@
 """Inputs that several tests share: frames that move, and a small release."""
 
+import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sysconfig
+import time
 
 import numpy as np
 import pytest
@@ -30,6 +33,34 @@ def program():
     return lambda *words, **options: subprocess.run(
         [path, *map(str, words)], capture_output=True, text=True, **options
     )
+
+
+@pytest.fixture
+def in_fork():
+    """Runs a function in a forked process, and asserts that it returns a true value within a minute."""
+    if not hasattr(os, "fork"):
+        pytest.skip("needs fork")
+
+    def run(act):
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                code = 0 if act() else 1
+            finally:
+                os._exit(code)
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            pid, status = os.waitpid(child, os.WNOHANG)
+            if pid:
+                assert status == 0
+                return
+            time.sleep(0.01)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        raise AssertionError("the child hangs")
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -106,6 +106,22 @@ def test_torch_loads_windows_in_workers(release):
     assert np.array_equal(voxels, np.stack([plain[i]["voxel"] for i in range(len(plain))]))
 
 
+def test_torch_gets_batches_of_every_kind(release):
+    torch = pytest.importorskip("torch")
+    from gs2e.torch import EventWindows
+
+    scene = gs2e.open(release / "a/one")
+    windows = EventWindows(release / "a/one", length_us=2000, bins=3, targets=("frame", "flow", "label", "events"))
+    entry, plain = windows[1], gs2e.Windows(scene, 2000, 3, targets=("frame", "flow", "label", "events"))[1]
+    assert set(entry) == set(plain)
+    kinds = {"voxel": torch.float32, "frame": torch.uint8, "flow": torch.float32, "label": torch.int32, "pose": torch.float64}
+    for name, kind in kinds.items():
+        assert entry[name].dtype == kind and np.array_equal(entry[name].numpy(), plain[name], equal_nan=True)
+    assert entry["events"].x.dtype == torch.int32 and np.array_equal(entry["events"].x.numpy(), plain["events"].x)
+    with pytest.raises(TypeError, match="has no poses"):
+        EventWindows(release / "a/one/base/events.h5", length_us=2000, bins=3)
+
+
 def test_the_program_keeps_its_exit_codes(program, tmp_path):
     assert program("--version").stdout.startswith("gs2e ")
     assert program("simulate").returncode == 2

@@ -1,13 +1,11 @@
 """`gs2e.simulate` compared with the command, and its refusals."""
 
-import os
 import pickle
 import resource
 import signal
 import subprocess
 import sys
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -245,23 +243,10 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path):
     assert many < few + 16, (few, many)
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_forked_process_simulates_too(clip):
+def test_a_forked_process_simulates_too(clip, in_fork):
     frames, stamps = clip
     wanted = gs2e.simulate(frames, stamps)
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if np.array_equal(gs2e.simulate(frames, stamps).t, wanted.t) else 1)
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        pid, status = os.waitpid(child, os.WNOHANG)
-        if pid:
-            assert status == 0
-            return
-        time.sleep(0.01)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    raise AssertionError("the child hangs")
+    in_fork(lambda: np.array_equal(gs2e.simulate(frames, stamps).t, wanted.t))
 
 
 def test_sensors_come_from_names_dicts_and_files(tmp_path):

@@ -77,7 +77,7 @@ def test_wrong_views_are_refused(splat, change, words):
 
 
 def test_absent_and_foreign_files_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match="absent.ply"):
         gs2e.SplatScene(tmp_path / "absent.ply")
     (tmp_path / "x.ply").write_text("thesis")
     with pytest.raises(ValueError):

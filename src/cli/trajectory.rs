@@ -9,16 +9,13 @@ use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input};
 use crate::camera::{self, Camera};
 use crate::files::is_there;
-use crate::recipe::{self, TrajectoryFragment, TrajectoryRecipe};
+use crate::recipe::{self, ChainError, TrajectoryChain, TrajectoryFragment};
 use crate::render::backend::Backend;
 use crate::render::flow::PixelFlowMeter;
 use crate::source::Capture;
 use crate::source::kind::CaptureKind;
-use crate::speed::SpeedChoice;
 use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::novel::BaseTrajectory;
-use crate::trajectory::path;
-use crate::trajectory::{MadeTrajectory, NamedPose, PoseTiming, picture};
+use crate::trajectory::{MadeTrajectory, picture};
 use account::TrajectoryAccount;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -61,23 +58,18 @@ impl TrajectoryArgs {
         output::screen_outputs(self.files().map(|(_, path)| path), inputs, console.json)?;
         common.limit_cores();
         let fragment = recipe::read_fragment(&self.recipe)?;
-        let chosen = find_trajectory(&fragment, &self.name)?;
-        let chain = base_chain(&fragment, chosen)?;
+        let chain = fragment.chain(&self.name).map_err(|error| chain_error(&error))?;
         let mut warnings = Vec::new();
         let captured = self.captured(&chain, &mut warnings)?;
         let camera = viewing_camera(&fragment, captured.as_ref().map(|c| &c.capture), &mut warnings);
-        let meter = self.meter(&fragment, &chain, camera, &common.backend()?)?;
-        let made =
-            TrajectoryMaker { fragment: &fragment, captured: captured.as_ref(), meter }.make(&chain)?;
-        warnings.extend(made.before);
-        let account = TrajectoryAccount::new(
-            &self.name,
-            captured.as_ref().map(|c| c.kind),
-            &made.made,
-            camera,
-            warnings,
-        );
-        self.write(&made.made)?;
+        let mut meter = self.meter(&fragment, &chain, camera, &common.backend()?)?;
+        let views = captured.as_ref().map_or(&[][..], |captured| &captured.capture.views);
+        let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
+        let (made, before) = chain.make(views, meter).map_err(|error| chain_error(&error))?;
+        warnings.extend(before);
+        let account =
+            TrajectoryAccount::new(&self.name, captured.as_ref().map(|c| c.kind), &made, camera, warnings);
+        self.write(&made)?;
         account.tell(console);
         if console.json {
             console.result(&account.to_json(self.files()));
@@ -116,15 +108,14 @@ impl TrajectoryArgs {
     /// A path needs a capture and none is given, or the capture cannot be read.
     fn captured(
         &self,
-        chain: &[&TrajectoryRecipe],
+        chain: &TrajectoryChain<'_>,
         warnings: &mut Vec<String>,
     ) -> Result<Option<CaptureInput>, VerbError> {
         let Some(place) = &self.capture else {
-            // The whole chain is searched: a base may need a capture even if its follower does not.
-            return match chain.iter().find(|recipe| path_of(recipe).0.needs_views()) {
+            return match chain.needs_views() {
                 None => Ok(None),
-                Some(recipe) => {
-                    let what = format!("the trajectory `{}` needs a capture, and none is given", recipe.name);
+                Some(name) => {
+                    let what = format!("the trajectory `{name}` needs a capture, and none is given");
                     Err(VerbError::usage("input-missing", what).help(
                         "pass --capture with a COLMAP model, a transforms.json, or a 3DGS model folder",
                     ))
@@ -141,15 +132,13 @@ impl TrajectoryArgs {
     fn meter(
         &self,
         fragment: &TrajectoryFragment,
-        chain: &[&TrajectoryRecipe],
+        chain: &TrajectoryChain<'_>,
         camera: Option<Camera>,
         backend: &Backend,
     ) -> Result<Option<PixelFlowMeter>, VerbError> {
-        let Some(recipe) = chain.iter().find(|recipe| matches!(recipe.speed, SpeedChoice::Flow(_))) else {
-            return Ok(None);
-        };
+        let Some(name) = chain.needs_meter() else { return Ok(None) };
         let missing = |what: &str, help: &str| {
-            let what = format!("the speed of `{}` is in pixels per second, and {what}", recipe.name);
+            let what = format!("the speed of `{name}` is in pixels per second, and {what}");
             VerbError::usage("input-missing", what).help(help)
         };
         let scene = self.scene.as_ref();
@@ -177,39 +166,18 @@ struct CaptureInput {
     capture: Capture,
 }
 
-/// The path of a trajectory, and the name of the trajectory that it is drawn from.
-fn path_of(recipe: &TrajectoryRecipe) -> (path::CameraPath, Option<&str>) {
-    (recipe.path.clone(), recipe.base.as_deref())
-}
-
-fn find_trajectory<'a>(
-    fragment: &'a TrajectoryFragment,
-    name: &str,
-) -> Result<&'a TrajectoryRecipe, VerbError> {
-    fragment.trajectories.iter().find(|recipe| recipe.name == name).ok_or_else(|| {
-        let names: Vec<&str> = fragment.trajectories.iter().map(|recipe| recipe.name.as_str()).collect();
-        let message = format!("the recipe has no trajectory `{name}`");
-        VerbError::usage("no-trajectory", message).help(&format!("its trajectories: {}", names.join(", ")))
-    })
-}
-
-/// A trajectory and its bases. Each base precedes the trajectory that is drawn from it.
-fn base_chain<'a>(
-    fragment: &'a TrajectoryFragment,
-    chosen: &'a TrajectoryRecipe,
-) -> Result<Vec<&'a TrajectoryRecipe>, VerbError> {
-    let mut chain = vec![chosen];
-    while let (_, Some(base)) = path_of(chain[chain.len() - 1]) {
-        let base = find_trajectory(fragment, base)?;
-        // A chain that returns to itself would never end.
-        if chain.iter().any(|recipe| recipe.name == base.name) {
-            let message = format!("the trajectory `{}` is drawn from itself", base.name);
-            return Err(VerbError::usage("recipe-invalid", message));
-        }
-        chain.push(base);
+/// A failure of a chain, for users.
+fn chain_error(error: &ChainError) -> VerbError {
+    match error {
+        ChainError::Unknown { names, .. } => VerbError::usage("no-trajectory", error.to_string())
+            .help(&format!("its trajectories: {}", names.join(", "))),
+        ChainError::Circular { .. } => VerbError::usage("recipe-invalid", error.to_string()),
+        ChainError::Make { source, .. } => VerbError::from_message(
+            ExitKind::Failed,
+            UserMessage::new(MessageLevel::Error, "step-failed", error.to_string())
+                .because(source.to_string()),
+        ),
     }
-    chain.reverse();
-    Ok(chain)
 }
 
 /// The camera that sees the trajectory. Without a capture, it is the recipe's camera if that is
@@ -222,60 +190,4 @@ fn viewing_camera(
     let (own, noticed) = capture.and_then(Capture::camera).unzip();
     warnings.extend(noticed.flatten().map(|warning| warning.to_string()));
     camera::choose_camera(fragment.camera, own.as_ref())
-}
-
-/// The inputs of trajectories.
-struct TrajectoryMaker<'a> {
-    fragment: &'a TrajectoryFragment,
-    captured: Option<&'a CaptureInput>,
-    meter: Option<PixelFlowMeter>,
-}
-
-/// A trajectory, and the warnings about its bases.
-struct TrajectoryChoice {
-    made: MadeTrajectory,
-    before: Vec<String>,
-}
-
-impl TrajectoryMaker<'_> {
-    /// Makes the last of these trajectories. Each is drawn from the one before it.
-    fn make(mut self, chain: &[&TrajectoryRecipe]) -> Result<TrajectoryChoice, VerbError> {
-        let (mut made, mut before): (Option<MadeTrajectory>, Vec<String>) = (None, Vec::new());
-        for (i, recipe) in chain.iter().enumerate() {
-            let base = made.take();
-            // The base itself is not written, so its warnings carry its name.
-            let noticed = base.iter().flat_map(|base| &base.report.warnings);
-            before.extend(noticed.map(|warning| format!("{}: {warning}", chain[i - 1].name)));
-            made = Some(self.one(recipe, base.as_ref())?);
-        }
-        Ok(TrajectoryChoice { made: made.expect("a chain holds the trajectory that was chosen"), before })
-    }
-
-    fn one(
-        &mut self,
-        recipe: &TrajectoryRecipe,
-        base: Option<&MadeTrajectory>,
-    ) -> Result<MadeTrajectory, VerbError> {
-        let views = self.captured.map_or(&[][..], |captured| &captured.capture.views);
-        let views: Vec<NamedPose<'_>> = views
-            .iter()
-            .map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera })
-            .collect();
-        let base = base.map(|made| BaseTrajectory {
-            poses: &made.trajectory.world_from_camera,
-            scale: made.report.scale_distance,
-        });
-        let TrajectoryFragment { rate, law, .. } = *self.fragment;
-        let timing = PoseTiming { speed: &recipe.speed, rate, law };
-        let meter = self.meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
-        let made =
-            path_of(recipe).0.make(path::PathInputs { views: &views, base, scene: None }, timing, meter);
-        made.map_err(|error| {
-            let what = format!("failed to make the trajectory `{}`", recipe.name);
-            VerbError::from_message(
-                ExitKind::Failed,
-                UserMessage::new(MessageLevel::Error, "step-failed", what).because(error.to_string()),
-            )
-        })
-    }
 }

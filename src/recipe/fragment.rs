@@ -1,14 +1,16 @@
 //! Trajectories or the sensor alone, read from a recipe or from a partial file. Single steps use
 //! them.
 
+mod chain;
 mod sensor;
 
+pub use chain::{ChainError, TrajectoryChain};
 pub use sensor::{draw_sensor, read_sensor, sensor_from_text};
 
 use super::fault::{RecipeFault, RecipeFaults};
 use super::find::find_all;
-use super::load::DefaultsLibrary;
-use super::{RecipeFile, TrajectoryRecipe, keys};
+use super::load::{DefaultsLibrary, RecipeParts};
+use super::{TrajectoryRecipe, keys};
 use crate::camera::CameraChoice;
 use crate::render::RenderChoice;
 use crate::trajectory::sample::SummationRule;
@@ -49,7 +51,18 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
         let message = format!("this folder has {} recipes, wanted one", files.len());
         return Err(all_faults(vec![RecipeFault::of_file(path, &message, Some("name one recipe file"))]));
     };
-    read_trajectories(file).map_err(all_faults)
+    let read = || trajectories_of(DefaultsLibrary::read_defaults(&files).parts(file)?);
+    read().map_err(all_faults)
+}
+
+/// Reads trajectories from a text with the same content as a file of [`read_fragment`]. Faults name
+/// the text as `shown`.
+///
+/// # Errors
+/// The fragment has faults.
+pub fn fragment_from_text(text: String, shown: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
+    let read = || trajectories_of(RecipeParts::of_text(shown, text)?.with_presets());
+    read().map_err(all_faults)
 }
 
 /// Faults from a list that is not empty.
@@ -62,9 +75,8 @@ fn all_but(kept: &[&str]) -> Vec<&'static str> {
     keys::recipe_keys().iter().copied().filter(|key| !kept.contains(key)).collect()
 }
 
-fn read_trajectories(file: &RecipeFile) -> Result<TrajectoryFragment, Vec<RecipeFault>> {
-    let library = DefaultsLibrary::read_defaults(std::slice::from_ref(file));
-    let resolved = library.parts(file)?.standing_in(&all_but(&OF_TRAJECTORIES), STAND_IN).resolved()?;
+fn trajectories_of(parts: RecipeParts) -> Result<TrajectoryFragment, Vec<RecipeFault>> {
+    let resolved = parts.standing_in(&all_but(&OF_TRAJECTORIES), STAND_IN).resolved()?;
     Ok(TrajectoryFragment {
         camera: resolved.camera,
         trajectories: resolved.trajectories,
@@ -122,6 +134,20 @@ mod tests {
         t(&TRAJECTORIES.replace("version: 1", "version: 2"), "a.yaml:1:10: \"version\" is 2");
         t("version: 1\n", "missing field \"trajectories\"");
         t("trajectories: [{ name: base, refine: {} }]\n", "missing field \"version\"");
+    }
+
+    #[test]
+    fn a_text_is_read_like_a_file() {
+        let read = |text: &str| {
+            let read = fragment_from_text(text.to_owned(), Path::new("a.yaml"));
+            read.map_err(|faults| faults.to_string())
+        };
+        let paper = format!("preset: paper\n{TRAJECTORIES}");
+        for text in [TRAJECTORIES, &paper, &TRAJECTORIES.replace("window", "windw"), "version: 1\n"] {
+            assert_eq!(read(text), fragment(text), "{text}");
+        }
+        let json = r#"{"version": 1, "trajectories": [{"name": "base", "refine": {"window": 3}}]}"#;
+        assert_eq!(read(json), fragment(TRAJECTORIES), "JSON is YAML");
     }
 
     #[test]

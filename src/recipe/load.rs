@@ -86,9 +86,7 @@ impl DefaultsLibrary {
                 parts.tree = merge_nodes(parts.tree, &under);
             }
         }
-        let parts =
-            if preset::names_paper(&parts.tree) { parts.standing_in(&[], preset::PAPER) } else { parts };
-        Ok(parts.with_ranges())
+        Ok(parts.with_presets())
     }
 }
 
@@ -159,6 +157,13 @@ impl RecipeParts {
         self.texts.push(text);
         self.folders.push(PathBuf::new());
         self
+    }
+
+    /// Merges the recipe over the preset that it names, and replaces the presets of its sensors.
+    pub(super) fn with_presets(self) -> Self {
+        let paper = preset::names_paper(&self.tree);
+        let parts = if paper { self.standing_in(&[], preset::PAPER) } else { self };
+        parts.with_ranges()
     }
 
     /// Replaces the preset `randomised` of sensors by its ranges, which their other keys override.

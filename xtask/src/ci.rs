@@ -9,7 +9,7 @@ use std::time::Instant;
 type Step = (&'static str, fn() -> Outcome);
 
 /// Less than 25 minutes on two cores, from a clean checkout.
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 10] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out.
@@ -26,6 +26,13 @@ const STEPS: [Step; 8] = [
     ("documentation", || {
         cargo(&["doc", "--quiet", "--no-deps"]).args(PACKAGES).env("RUSTDOCFLAGS", "-D warnings").run()
     }),
+    ("packages", || {
+        // Without the lock file, so that the module is packed although no registry has the library.
+        let pack =
+            ["package", "--quiet", "--workspace", "--exclude-lockfile", "--no-verify", "--allow-dirty"];
+        cargo(&pack).run()
+    }),
+    ("licences", licences),
     ("the README's first command", demo::first_command_in_dev),
 ];
 
@@ -36,6 +43,15 @@ const LONG: [Step; 4] = [
     ("the README's first command in release mode", demo::first_command_twice),
     ("builds beside ninja", builds_beside_ninja),
 ];
+
+/// Checks the licences and origins of all dependencies, if cargo-deny is there.
+fn licences() -> Outcome {
+    if !cargo(&["deny", "--version"]).succeeds() {
+        say("absent: cargo-deny: the licences of the dependencies are not checked");
+        return Ok(());
+    }
+    cargo(&["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]).run()
+}
 
 /// Compares builds that have little or nothing to do with ninja's, if ninja is there.
 fn builds_beside_ninja() -> Outcome {

@@ -51,7 +51,7 @@ usage: cargo xtask <task>
   man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
   python [ARGS]...   installs the wheel in target/python, and runs its tests and the examples of docs/python.md
-                     (`--profile NAME` first; ARGS go to pytest)
+                     (`--profile NAME` first; ARGS go to pytest; `--bench`: measures its throughput instead)
 ";
 
 fn main() -> ExitCode {

@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, program, root, say};
 use std::ffi::OsStr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Folder of the virtual environment.
@@ -14,28 +14,44 @@ const NEEDS: [&str; 9] = [
     "pytest",
     "pyarrow",
     "pillow",
-    "jsonschema",
+    "check-jsonschema",
     "pyyaml",
     "matplotlib",
     "nbclient",
     "ipykernel",
 ];
 
-/// Builds the wheel, installs it, and runs the tests and the examples of the documentation. `--profile
-/// NAME` chooses the profile of cargo; the other arguments go to pytest.
+/// Builds the wheel, installs it, and runs the tests and the examples of the documentation, or with
+/// `--bench` the measurements of throughput. `--profile NAME` chooses the profile of cargo; the other
+/// arguments go to pytest.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let (profile, args) = match args {
         [option, profile, args @ ..] if option == "--profile" => (profile.as_str(), args),
         args => ("dev", args),
     };
     let begin = Instant::now();
+    let python = install(profile)?;
+    say(&format!("python: wheel installed, {:.1} s", begin.elapsed().as_secs_f64()));
+    match args {
+        [option, parts @ ..] if option == "--bench" => {
+            program(python.as_os_str(), &["python/tests/bench.py"]).args(parts).run()
+        }
+        args => {
+            run_tests(&python, args)?;
+            say(&format!("python: ok, {:.1} s", begin.elapsed().as_secs_f64()));
+            Ok(())
+        }
+    }
+}
+
+/// Installs the wheel in the environment, and returns its Python.
+fn install(profile: &str) -> Outcome<PathBuf> {
     let place = root().join(PLACE);
     let python = place.join("bin/python");
     if !python.exists() {
         program(OsStr::new("python3"), &["-m", "venv", PLACE]).run()?;
     }
     pip(&python, &NEEDS)?;
-    say(&format!("python: environment ready, {:.1} s", begin.elapsed().as_secs_f64()));
     // Without isolation, the backend is the maturin of this environment; without the index, an old wheel
     // of the same version is replaced.
     let build = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-build-isolation"];
@@ -49,15 +65,16 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         .env("PATH", &path)
         .run()?;
     pip(&python, &["numpy", "h5py"])?;
-    say(&format!("python: wheel installed, {:.1} s", begin.elapsed().as_secs_f64()));
+    Ok(python)
+}
+
+fn run_tests(python: &Path, args: &[String]) -> Outcome {
     let tests = ["-m", "pytest", "--quiet", "-p", "no:cacheprovider", "--import-mode", "importlib"];
     let places = ["python/tests", "--doctest-glob", "python.md", "docs/python.md"];
     program(python.as_os_str(), &tests).args(places).args(args).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
     let doctests = ["--doctest-modules", "--pyargs", "gs2e", "--ignore-glob", "*torch.py"];
     program(python.as_os_str(), &tests).args(doctests).env("PYTHONDONTWRITEBYTECODE", "1").run()?;
-    run_notebook(&python)?;
-    say(&format!("python: ok, {:.1} s", begin.elapsed().as_secs_f64()));
-    Ok(())
+    run_notebook(python)
 }
 
 /// Runs the notebook from the first cell to the last; `target/quickstart.ipynb` has its pictures.

@@ -146,6 +146,8 @@ class EventFile:
             self.close()
             self._pid = os.getpid()
         if self._file is None:
+            if not os.path.exists(self.path):
+                raise FileNotFoundError(f"{self.path} does not exist; the recipe has to ask for events")
             self._file = h5py.File(self.path, "r")
             # Kept open, since HDF5 keeps the chunks that it has unpacked with an open column.
             self._columns = dict(self._file["events"].items())
@@ -238,15 +240,19 @@ class EventFile:
         if bins < 1 or not t1_us > t0_us:
             raise ValueError(f"a grid of {bins} bins over [{t0_us}, {t1_us}) us holds nothing")
         height, width = self._size()
-        sign = 2.0 * events.p - 1.0
+        pixels, sign = self._pixels(events), 2.0 * events.p - 1.0
         at = (bins - 1) * ((events.t - t0_us) / (t1_us - t0_us))
-        lower = np.minimum(at.astype(np.int64), bins - 1)
-        share = at - lower
-        upper = np.minimum(lower + 1, bins - 1)
-        pixels = self._pixels(events)
-        cells = np.concatenate([lower * (height * width) + pixels, upper * (height * width) + pixels])
-        weights = np.concatenate([sign * (1 - share), sign * share])
-        return np.bincount(cells, weights, bins * height * width).reshape(bins, height, width).astype(np.float32)
+        grid = np.empty((bins, height * width), np.float32)
+        # Events are sorted, so those of a bin are neighbours. Bin by bin, the sums fit into memory that the allocator
+        # hands out again; those of a whole grid would be pages that the system has to clear for every window.
+        ends = [0, *np.searchsorted(at, np.arange(1, bins)), len(at)]
+        later = 0.0
+        for k in range(bins):
+            rows = slice(ends[k], ends[k + 1])
+            share = (at[rows] - k) * sign[rows]
+            grid[k] = np.bincount(pixels[rows], sign[rows] - share, height * width) + later
+            later = np.bincount(pixels[rows], share, height * width)
+        return grid.reshape(bins, height, width)
 
     def time_surface(self, t0_us, t1_us, tau_us):
         """float32 [2, H, W]: exp((t - t1_us) / tau_us) of each pixel's last event in the window, by polarity: 0 darker,
@@ -352,18 +358,7 @@ class Scene(EventFile):
         Between two poses, the centre of the camera moves on a straight line and its rotation takes the shortest way,
         both at a constant rate (lerp, slerp). Times before the first pose or after the last are refused.
         """
-        t_us = np.asarray(t_us, np.float64)
-        stamps = self.stamps_us
-        outside = (t_us < stamps[0]) | (t_us > stamps[-1]) | np.isnan(t_us)
-        if outside.any():
-            raise ValueError(f"{t_us[outside].flat[0]} us is not within {stamps[0]}..{stamps[-1]} us, where the poses are")
-        if len(stamps) == 1:
-            return _matrix(np.broadcast_to(self.poses[0], (*t_us.shape, 7)))
-        before = np.clip(np.searchsorted(stamps, t_us, side="right") - 1, 0, len(stamps) - 2)
-        share = (t_us - stamps[before]) / (stamps[before + 1] - stamps[before])
-        a, b = self.poses[before], self.poses[before + 1]
-        centre = (1 - share)[..., None] * a[..., :3] + share[..., None] * b[..., :3]
-        return _matrix(np.concatenate([centre, _slerp(a[..., 3:], b[..., 3:], share)], axis=-1))
+        return _pose_at(self.stamps_us, self.poses, t_us)
 
     @property
     def frames(self):
@@ -393,6 +388,11 @@ class Scene(EventFile):
     @property
     def blurred(self):
         """The blurred pictures by time: a list of Blurred; empty if the recipe asks for none."""
+        if "blurred" not in self._listed:
+            self._listed["blurred"] = self._read_blurred()
+        return self._listed["blurred"]
+
+    def _read_blurred(self):
         with open(os.path.join(self.folder, "transforms.json"), encoding="utf-8") as file:
             frames = [frame for frame in json.load(file)["frames"] if "blur_file_path" in frame]
         found = []
@@ -430,6 +430,7 @@ class _Cut:
         for name, listed in self._products.items():
             if not listed:
                 raise ValueError(f"{scene!r} has no {name}; the recipe has to ask for it")
+        self._times = {name: [product.t_us for product in listed] for name, listed in self._products.items()}
 
     def __iter__(self):
         return (self[i] for i in range(len(self)))
@@ -441,7 +442,7 @@ class _Cut:
             # An event at the last pose ends a window half a microsecond behind it.
             entry["pose"] = self.scene.pose(min(middle_us, self.scene.duration_us))
         for name, listed in self._products.items():
-            nearest = _nearest(listed, middle_us)
+            nearest = _nearest(listed, self._times[name], middle_us)
             entry[name], entry[name + "_t_us"] = nearest.read(), nearest.t_us
         if "label" in self.targets:
             entry["label"] = self.scene._label_frame(events)
@@ -508,9 +509,9 @@ class CountWindows(_Cut):
         return self._entry(events, int(events.t[0]), int(events.t[-1]) + 1)
 
 
-def _nearest(listed, t_us):
-    """The product nearest to a time; of two at the same distance, the earlier one."""
-    after = bisect.bisect_left([product.t_us for product in listed], t_us)
+def _nearest(listed, times, t_us):
+    """The product nearest to a time; of two at the same distance, the earlier one. `times` are those of the products."""
+    after = bisect.bisect_left(times, t_us)
     return min(listed[max(after - 1, 0) : after + 1], key=lambda product: abs(product.t_us - t_us))
 
 
@@ -581,16 +582,29 @@ class _DatasetWindows:
         stride_us = length_us if stride_us is None else stride_us
         counts = (_window_count(row["duration_us"], length_us, stride_us) for row in dataset.rows)
         self._ends = list(itertools.accumulate(counts))
+        self._made = {}
+
+    def __getstate__(self):
+        return {**self.__dict__, "_made": {}}
 
     def __len__(self):
         return self._ends[-1] if self._ends else 0
+
+    def _of_row(self, row):
+        """The windows of a row; kept, with the lists of its products."""
+        scene, made = self.dataset[row], self._made.get(row)
+        if made is None or made.scene is not scene:
+            if len(self._made) >= Dataset.MAX_OPEN:
+                self._made.clear()
+            made = self._made[row] = Windows(scene, *self.arguments)
+        return made
 
     def __getitem__(self, i):
         if not 0 <= i < len(self):
             raise IndexError(i)
         row = bisect.bisect_right(self._ends, i)
         first = self._ends[row - 1] if row else 0
-        return {**Windows(self.dataset[row], *self.arguments)[i - first], "row": row}
+        return {**self._of_row(row)[i - first], "row": row}
 
 
 def _index_rows(root):
@@ -713,6 +727,21 @@ def _chosen(name, names, what, place):
     if name not in names:
         raise ValueError(f"{place} has the {what} {', '.join(names)}; asked for is {name}")
     return name
+
+
+def _pose_at(stamps, poses, t_us):
+    """The poses [..., 4, 4] at times; see Scene.pose."""
+    t_us = np.asarray(t_us, np.float64)
+    outside = (t_us < stamps[0]) | (t_us > stamps[-1]) | np.isnan(t_us)
+    if outside.any():
+        raise ValueError(f"{t_us[outside].flat[0]} us is not within {stamps[0]}..{stamps[-1]} us, where the poses are")
+    if len(stamps) == 1:
+        return _matrix(np.broadcast_to(poses[0], (*t_us.shape, 7)))
+    before = np.clip(np.searchsorted(stamps, t_us, side="right") - 1, 0, len(stamps) - 2)
+    share = (t_us - stamps[before]) / (stamps[before + 1] - stamps[before])
+    a, b = poses[before], poses[before + 1]
+    centre = (1 - share)[..., None] * a[..., :3] + share[..., None] * b[..., :3]
+    return _matrix(np.concatenate([centre, _slerp(a[..., 3:], b[..., 3:], share)], axis=-1))
 
 
 def _slerp(a, b, share):

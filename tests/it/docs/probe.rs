@@ -6,9 +6,14 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 26] = [
+const CONTEXTS: [(&str, &str); 31] = [
     ("", ""),
     ("source.colmap", CAPTURE),
+    ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
+    ("source.mvimgnet", "{ source: { mvimgnet: { path: c } }, outputs: [] }"),
+    ("source.dl3dv", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
+    ("source.model", "{ source: { model: { path: c } }, outputs: [] }"),
+    ("source.photos", "{ source: { photos: { path: c } }, outputs: [] }"),
     ("source.video", "{ source: { video: { path: c } }, outputs: [] }"),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),

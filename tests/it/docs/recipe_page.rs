@@ -15,7 +15,7 @@ use std::fmt::Write as _;
 pub(super) struct Words {
     pub(super) meaning: String,
     unit: String,
-    range: String,
+    pub(super) range: String,
     pub(super) default: String,
     pub(super) required: bool,
 }
@@ -113,6 +113,13 @@ impl<'c> Reference<'c> {
             })
         };
         self.sections.iter().flat_map(of).collect()
+    }
+
+    /// Every path that leads to a key.
+    pub(super) fn places_of(&self, declared: &Declared, member: &Member) -> Vec<String> {
+        let section = self.sections.iter().find(|section| std::ptr::eq(section.declared, declared));
+        let paths = section.map_or(&[][..], |section| &section.paths);
+        paths.iter().map(|path| join(path, &member.name)).collect()
     }
 
     /// The page's generated part.
@@ -277,7 +284,7 @@ fn used_in(paths: &[String]) -> Option<String> {
 
 /// Range of a number as the loader states it when it refuses an absurd one; empty if the key holds
 /// no number.
-fn number_range(path: &str, ty: &str) -> String {
+pub(super) fn number_range(path: &str, ty: &str) -> String {
     let (name, _) = core(ty);
     let absurd = match name {
         "u64" => json!(u64::MAX),
