@@ -372,12 +372,8 @@ pub fn is_frame_independent(sensor: &SensorChoice) -> bool {
     match sensor {
         // A bus that is busy makes much of small differences.
         _ if sensor.readout().is_some() => false,
-        SensorChoice::Voltmeter(sensor) => {
-            sensor.law == SamplerKind::Exact && sensor.gain == DriftGain::Log
-        }
-        SensorChoice::Esim(sensor) => {
-            sensor.intensity == IntensityScale::Log && sensor.keeps_references()
-        }
+        SensorChoice::Voltmeter(sensor) => sensor.law == SamplerKind::Exact && sensor.gain == DriftGain::Log,
+        SensorChoice::Esim(sensor) => sensor.intensity == IntensityScale::Log && sensor.keeps_references(),
         // Its leak is drawn per frame.
         SensorChoice::V2e(_) => false,
     }

@@ -80,7 +80,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding
             format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
         return subject.not_run(NAME, "offset", because);
     }
-    let detects = smallest_offset(clock, UNSURE * step);
+    let detects = smallest_offset(clock, clock.reach * step);
     let seen = detects.map_or_else(
         || "the smallest that would be seen is not known".to_owned(),
         |size| format!("an offset above {size:.1} us would be seen"),
@@ -105,7 +105,7 @@ fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding 
         return subject.not_run(NAME, "scale", because);
     }
     let step = 1e6 / subject.rate.to_f64();
-    let detects = smallest_scale(clock, UNSURE * step);
+    let detects = smallest_scale(clock, clock.reach * step);
     let seen = detects.map_or_else(
         || "the smallest that would be seen is not known".to_owned(),
         |size| format!("a scale beyond 1 +- {size:.4} would be seen"),

@@ -17,6 +17,18 @@ const SENSORS: [(&str, [f64; 2]); 5] = [
     ("{ esim: { threshold: { on: ON, off: OFF } } }", [0.15, 0.1]),
 ];
 
+/// Sensors with unequal pixels, noise in dim light, and a dead time.
+const NOISY_SENSORS: [(&str, [f64; 2]); 5] = [
+    ("{ voltmeter: { preset: davis346, threshold: { on: ON, off: OFF } } }", [1.0, 1.907]),
+    (
+        "{ voltmeter: { preset: davis346, front_end: { lux: 60 }, threshold: { on: ON, off: OFF } } }",
+        [1.0, 1.907],
+    ),
+    ("{ voltmeter: { preset: davis346, threshold: { on: ON, off: OFF, spread: 0.1 } } }", [0.6, 1.1]),
+    ("{ voltmeter: { preset: evk4, threshold: { on: ON, off: OFF } } }", [1.0, 1.0]),
+    ("{ esim: { threshold: { on: ON, off: OFF, spread: 0.03 } } }", [0.2, 0.2]),
+];
+
 const PATHS: [&str; 4] = [
     "{ name: base, refine: { window: 2, factor: 6 } }",
     "{ name: base, refine: { window: 2, factor: 6 }, speed: { function: \"0.25*sin(t) + 1.1\" } }",
@@ -41,8 +53,8 @@ const RENDER: [&str; 3] = ["{ rules: official }", "{ rules: soft }", "{ rules: e
 const THRESHOLDS: [f64; 5] = [0.01, 0.02, 0.05, 0.1, 0.2];
 
 /// The recipe of a release with thresholds times `factor`.
-fn recipe(i: usize, factor: f64, outputs: &str) -> String {
-    let (sensor, thresholds) = SENSORS[i % SENSORS.len()];
+fn recipe(i: usize, (sensors, factor): (&[(&str, [f64; 2])], f64), outputs: &str) -> String {
+    let (sensor, thresholds) = sensors[i % sensors.len()];
     let [on, off] = thresholds.map(|threshold| (threshold * factor).to_string());
     let sensor = sensor.replace("OFF", &off).replace("ON", &on);
     let size = SIZES[(i + i / 5) % SIZES.len()];
@@ -60,7 +72,7 @@ fn recipe(i: usize, factor: f64, outputs: &str) -> String {
 }
 
 /// Measures the power: `--releases N` (20), `--program FILE` (built in release mode), `--stated` (faults of
-/// the stated sizes alone).
+/// the stated sizes alone), `--noisy` (sensors with unequal pixels and noise).
 pub(crate) fn run(args: &[String]) -> Outcome {
     let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
     let releases = value("--releases").map_or(Ok(20), |text| text.parse());
@@ -74,17 +86,19 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     };
     let stated = args.iter().find(|arg| *arg == "--stated");
     let sizes: &[f64] = if stated.is_some() { &[] } else { &THRESHOLDS };
+    let noisy = args.iter().any(|arg| arg == "--noisy");
+    let (sensors, kind) = if noisy { (&NOISY_SENSORS, "noisy-") } else { (&SENSORS, "") };
     let mut made = Vec::new();
     for i in 0..releases {
-        let folder = root().join(format!("target/power/{i:02}"));
-        make_release(&gs2e, &folder, "out", &recipe(i, 1.0, "events, sharp, depth"))?;
+        let folder = root().join(format!("target/power/{kind}{i:02}"));
+        make_release(&gs2e, &folder, "out", &recipe(i, (sensors, 1.0), "events, sharp, depth"))?;
         for size in sizes {
             for (sign, factor) in [("-", 1.0 - size), ("+", 1.0 + size)] {
                 make_release(
                     &gs2e,
                     &folder,
                     &format!("threshold{sign}{size}"),
-                    &recipe(i, factor, "events"),
+                    &recipe(i, (sensors, factor), "events"),
                 )?;
             }
         }

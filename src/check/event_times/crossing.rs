@@ -48,6 +48,10 @@ const LARGE: f64 = 4.0;
 pub const FAR_US: f64 = 50.0;
 /// Width of the band of residuals around the largest that is used, as a share of it, on either side.
 const BAND: f64 = 0.25;
+/// [`StreamClock::reach`] of single events.
+const REACH: f64 = 0.5;
+/// [`StreamClock::reach`] of pairs of events, either of which may meet another interval.
+const REACH_OF_PAIRS: f64 = 0.25;
 /// Minimum number of parts with events for a jackknife.
 const MIN_PARTS: usize = 8;
 
@@ -84,6 +88,9 @@ pub struct StreamClock {
     pub far: Option<CrossingFit>,
     /// Time from the first frame to the middle of the clip, us.
     pub half_us: f64,
+    /// Largest fault of an event for which the response is known, in steps between poses. Beyond it, many
+    /// events meet the rates of other intervals.
+    pub reach: f64,
 }
 
 /// A frame as the sensor sees it.
@@ -271,7 +278,8 @@ impl CrossingObserver {
             EventResiduals::Pairs(pairs) => {
                 let fit = CrossingFit::of_parts(&pairs.parts(part));
                 let noisy = |e| format!("{e}; {} more may be noise", pairs.noisy);
-                return fit.map(|found| StreamClock { found, far: None, half_us }).map_err(noisy);
+                let reach = REACH_OF_PAIRS;
+                return fit.map(|found| StreamClock { found, far: None, half_us, reach }).map_err(noisy);
             }
         };
         let far = CrossingFit::of_parts(&levels(1)).ok();
@@ -279,7 +287,7 @@ impl CrossingObserver {
             Some(far) if far.is_far() => far,
             _ => CrossingFit::of_parts(&levels(0))?,
         };
-        Ok(StreamClock { found, far, half_us })
+        Ok(StreamClock { found, far, half_us, reach: REACH })
     }
 }
 
