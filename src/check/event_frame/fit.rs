@@ -196,8 +196,9 @@ impl FitSums {
         Some(dv - s)
     }
 
-    /// The drift of a pixel minus that of its events, so that its mean over the pixels does not depend on how
-    /// far these have moved. By the stated thresholds it would: the mean of `1 / t` is not that of `1 / mean t`.
+    /// The drift of a pixel minus that of its events, so that its mean over the pixels does not depend
+    /// on how far these have moved. By the stated thresholds it would: the mean of `1 / t` is not that
+    /// of `1 / mean t`.
     fn mean_left(&self, PixelChange { dv, floor, .. }: PixelChange, counts: [u32; 2]) -> f64 {
         dv - (self.unequal.sum(counts) - floor.mean(self.unequal.even))
     }
@@ -247,8 +248,8 @@ impl FitSums {
     }
 }
 
-/// The remaining drift in thresholds of its own polarity. If thresholds differ, it may be larger by `unequal`,
-/// and is shown as a share of both.
+/// The remaining drift in thresholds of its own polarity. If thresholds differ, it may be larger by
+/// `unequal`, and is shown as a share of both.
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a picture")]
 fn in_thresholds(left: f64, [on, off]: [f64; 2], unequal: f64) -> f32 {
     (left / (unequal + if left > 0.0 { on } else { off })) as f32

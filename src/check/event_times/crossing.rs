@@ -8,11 +8,12 @@
 //! on average on time where the drift is steady (Wald's identity), so noise widens the error and
 //! does not move the result.
 //!
-//! For sensors of unequal pixels, of a noise floor, of hot pixels or of a dead time, residuals are those of
-//! pairs of events, see `pairs.rs`; for the others those of single events, see `levels.rs`. Pixels whose
-//! colours are cut off at black or white have an unknown drift, and are left out: for the interval at its ends,
-//! and for good at the first frame, from which drifts are counted. Errors are those of a jackknife over 64 parts
-//! of the picture, because the events of an object share its errors.
+//! For sensors of unequal pixels, of a noise floor, of hot pixels or of a dead time, residuals are
+//! those of pairs of events, see `pairs.rs`; for the others those of single events, see `levels.rs`.
+//! Pixels whose colours are cut off at black or white have an unknown drift, and are left out: for
+//! the interval at its ends, and for good at the first frame, from which drifts are counted. Errors
+//! are those of a jackknife over 64 parts of the picture, because the events of an object share its
+//! errors.
 //!
 //! Residuals above a bound are left out, since a lost event leaves a whole threshold. A fault moves
 //! some residuals over the bound, and the estimate shows only a part of it: with `f` the density of
@@ -88,8 +89,8 @@ pub struct StreamClock {
     pub far: Option<CrossingFit>,
     /// Time from the first frame to the middle of the clip, us.
     pub half_us: f64,
-    /// Largest fault of an event for which the response is known, in steps between poses. Beyond it, many
-    /// events meet the rates of other intervals.
+    /// Largest fault of an event for which the response is known, in steps between poses. Beyond it,
+    /// many events meet the rates of other intervals.
     pub reach: f64,
 }
 

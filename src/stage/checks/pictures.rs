@@ -6,7 +6,8 @@ use crate::stage::{StageContext, StageError};
 use std::fs::File;
 use std::io::BufWriter;
 
-/// Size of a residual, relative to the largest one without noise, above which it is shown in another colour.
+/// Size of a residual, relative to the largest one without noise, above which it is shown in another
+/// colour.
 const IMPOSSIBLE: f32 = 1.1;
 /// Maximum width of a picture, px.
 const WIDEST: u32 = 320;

@@ -1,7 +1,8 @@
-//! Residuals of single events: the drift of a pixel since the first frame, less the voltage of its events.
+//! Residuals of single events: the drift of a pixel since the first frame, less the voltage of its
+//! events.
 //!
-//! This needs equal thresholds, and events that all come from the drift. Where voltages start anywhere, each
-//! pixel has an unknown level, and its means are removed.
+//! This needs equal thresholds, and events that all come from the drift. Where voltages start
+//! anywhere, each pixel has an unknown level, and its means are removed.
 
 use super::line_sums::LineSums;
 use super::{BAND, Crossing, LARGE, SMALL};
@@ -47,7 +48,8 @@ impl LevelResiduals {
         }
     }
 
-    /// The sums of each part of the picture, for small or large residuals. `part` is the part of a pixel.
+    /// The sums of each part of the picture, for small or large residuals. `part` is the part of a
+    /// pixel.
     pub(super) fn parts(&self, width: usize, parts: usize, part: impl Fn(usize) -> usize) -> Vec<LineSums> {
         if self.law.from_zero {
             return self.sums.iter().map(|sums| sums[width]).collect();

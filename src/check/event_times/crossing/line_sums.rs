@@ -39,7 +39,8 @@ impl LineSums {
         [0, 1].map(|i| 1.0 - self.near_bound[i] / (2.0 * BAND * self.squares[i]))
     }
 
-    /// Degrees of freedom of the standard errors of both coefficients, from the shares of the parts.
+    /// Degrees of freedom of the standard errors of both coefficients, from the shares of the
+    /// parts.
     pub(super) fn freedom(self, parts: &[Self]) -> [f64; 2] {
         let of = |square: fn(&Self) -> f64| {
             let shares = parts.iter().map(|part| square(part) / square(&self));
@@ -57,7 +58,8 @@ impl LineSums {
         Self { x: 0.0, y: 0.0, r: 0.0, ..self.less(MeanSums { n, x, y, r }) }
     }
 
-    /// The sums in which the events of a group count by their deviations from the means of the group.
+    /// The sums in which the events of a group count by their deviations from the means of the
+    /// group.
     pub(super) fn less(self, MeanSums { n, x, y, r }: MeanSums) -> Self {
         Self {
             xx: self.xx - x * x / n,

@@ -1,18 +1,22 @@
-//! Residuals of pairs of events that follow each other on a pixel: the drift between them, less a threshold.
+//! Residuals of pairs of events that follow each other on a pixel: the drift between them, less a
+//! threshold.
 //!
-//! The level of a pixel is not known where its thresholds differ from the stated ones, where noise adds events,
-//! or where a dead time drops some. Between two events it is: the drift is one threshold of the pixel, whatever
-//! came before. A regression on the change of the rate between them shows offset and scale.
+//! The level of a pixel is not known where its thresholds differ from the stated ones, where noise
+//! adds events, or where a dead time drops some. Between two events it is: the drift is one
+//! threshold of the pixel, whatever came before. A regression on the change of the rate between
+//! them shows offset and scale.
 //!
-//! - **Thresholds that differ** are two unknown numbers per pixel. The means of its ON pairs and of its OFF pairs
-//!   are removed, so no law of the thresholds is needed. A mean over the pixels would be biased: those of low
-//!   thresholds make more events.
-//! - **An event of the noise floor, of a hot pixel, or a lost event** spoils the two pairs that it is part of.
-//!   Most of these are off by a large part of a threshold, and are left out. The rest biases the result, as they
-//!   come early in their pairs: at 25 lux and slow motion by 14 us, with a standard error of 4 us. Pairs in which
-//!   such an event has a probability of 1 % or more are therefore left out by the frames alone.
-//! - **Noise of the voltage** ends a pair early where the drift is about to turn, so pairs in which it has a
-//!   standard deviation of a tenth of a threshold or more are left out too, as are events against the drift.
+//! - **Thresholds that differ** are two unknown numbers per pixel. The means of its ON pairs and of
+//!   its OFF pairs are removed, so no law of the thresholds is needed. A mean over the pixels would
+//!   be biased: those of low thresholds make more events.
+//! - **An event of the noise floor, of a hot pixel, or a lost event** spoils the two pairs that it
+//!   is part of. Most of these are off by a large part of a threshold, and are left out. The rest
+//!   biases the result, as they come early in their pairs: at 25 lux and slow motion by 14 us, with
+//!   a standard error of 4 us. Pairs in which such an event has a probability of 1 % or more are
+//!   therefore left out, whatever they show.
+//! - **Noise of the voltage** ends a pair early where the drift is about to turn, so pairs in which
+//!   it has a standard deviation of a tenth of a threshold or more are left out too, as are events
+//!   against the drift.
 
 use super::line_sums::{LineSums, MeanSums};
 use super::{BAND, Crossing, SMALL};
@@ -32,7 +36,8 @@ pub(super) struct PairResiduals {
     law: DriftLaw,
     /// The previous event of each pixel.
     last: Vec<PairStart>,
-    /// Sums over the pairs of each pixel that end with an ON or with an OFF event; empty for equal thresholds.
+    /// Sums over the pairs of each pixel that end with an ON or with an OFF event; empty for equal
+    /// thresholds.
     groups: Vec<[MeanSums; 2]>,
     parts: Vec<LineSums>,
     /// Number of pairs that are left out because noise may be their cause.
@@ -52,7 +57,8 @@ struct PairStart {
 
 impl PairResiduals {
     pub(super) fn new(law: DriftLaw, first_us: f64, pixels: usize, parts: usize) -> Self {
-        // From zero, the first frame is like an event: the voltage is at the level, and does not move yet.
+        // From zero, the first frame is like an event: the voltage is at the level, and does not
+        // move yet.
         let drift = if law.from_zero { 0.0 } else { f64::NAN };
         let start = PairStart { t_us: first_us, drift, moves: [0.0; 2], along: true };
         Self {

@@ -1,4 +1,5 @@
-//! Sound and planted clocks of a planted world with unequal pixels and a noise floor, from rounded frames.
+//! Sound and planted clocks of a planted world with unequal pixels and a noise floor, from rounded
+//! frames.
 
 use super::*;
 use crate::check::planted::{FRAMES, PlantedWorld, WorldSettings, wave_picture};
