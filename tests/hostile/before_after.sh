@@ -7,7 +7,7 @@
 # OLD is the program of commit b476f4a, which the tester examined: `git worktree add ../before b476f4a`, then
 # `cargo build` there. The tests in tests/it go further; this script shows that the findings were real. A third
 # verdict, `unclear`, means that neither was seen; what the program said is then on stderr.
-# It needs Linux, GNU coreutils and Python 3, and takes about five minutes.
+# It needs Linux, GNU coreutils and Python 3, and takes some minutes.
 set -u
 if [ $# -lt 2 ]; then
   sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
@@ -49,10 +49,10 @@ sourced() {
   recipe | grep -v '^source\|^camera'
   printf 'source: { %s }\nreconstruct: { given: { path: "%s" } }\n' "$1" "$2"
 }
-# Runs the program, with at most 20 seconds and 2 GB of addresses. Its exit code is then in $code, and what it
+# Runs the program, with at most 60 seconds and 2 GB of addresses. Its exit code is then in $code, and what it
 # said in the files `stdout` and `stderr`. `seconds=5 g …` gives it less time; 124 is the code if that is over.
 g() {
-  (ulimit -v 2000000; exec timeout -k 1 "${seconds:-20}" "$program" "$@") >stdout 2>stderr </dev/null
+  (ulimit -v 2000000; exec timeout -k 1 "${seconds:-60}" "$program" "$@") >stdout 2>stderr </dev/null
   code=$?
 }
 exited() { [[ " $* " == *" $code "* ]]; }

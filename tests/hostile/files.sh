@@ -83,7 +83,7 @@ unread() {
       folder) mkdir "$file" ;;
       pipe) mkfifo "$file" ;;
     esac
-    seconds=5 g release --to out r.yaml
+    g release --to out r.yaml
     if exited 0; then return 0; fi
     exited 2 && said "$file" || return 2
   done
@@ -99,7 +99,7 @@ locked_takedown() {
   ln -s locked/list.txt takedown.txt
   local without=()
   if [ "$(id -u)" = 0 ]; then without=(setpriv --inh-caps=-all --bounding-set=-all); fi
-  timeout 20 "${without[@]}" "$program" release --to out r.yaml >stdout 2>stderr
+  timeout 60 "${without[@]}" "$program" release --to out r.yaml >stdout 2>stderr
   code=$?
   either 'exited 0 && [ -e out/t/tiny ]' 'exited 2 && said takedown.txt'
 }

@@ -44,7 +44,7 @@ endless() {
   for kind in pipe device; do
     rm -rf "$file"
     if [ $kind = pipe ]; then mkfifo "$file"; else ln -s /dev/zero "$file"; fi
-    seconds=10 g "$@"
+    seconds=20 g "$@"
     # 124: time is over; 134 and 137: memory is.
     if exited 124 134 137 || said 'out of memory'; then return 0; fi
     exited 1 2 3 && said "${file##*/}" || return 2
@@ -100,7 +100,7 @@ endless_blob() {
   local blob
   blob=$(grep -o '"path": *"[^"]*"' stdout | head -n 1 | cut -d '"' -f 4)
   rm -f "$blob" && mkfifo "$blob"
-  seconds=10 g release --to out r.yaml
+  seconds=20 g release --to out r.yaml
   either 'exited 124' 'exited 0 && [ -f "$blob" ]'
 }
 tests+=' endless_recipe endless_takedown endless_scene endless_capture endless_model endless_photo endless_sums'
@@ -120,7 +120,7 @@ bomb_scene() {
 # Events at one time were sorted again with every chunk.
 bomb_events() {
   python make events
-  g convert --size 346x260 in.npz out.h5
+  seconds=20 g convert --size 346x260 in.npz out.h5
   either 'exited 0 124 134' 'exited 1 && said 4194304'
 }
 # EVT 3.0 has a word for each 4.2 s, so that two events far apart made a file of a gigabyte.
@@ -156,12 +156,12 @@ tests+=' bomb_picture bomb_scene bomb_events bomb_silence bomb_index bomb_hot_pi
 walked_link() {
   mkdir -p outside recipes && recipe | sed 's|t/tiny|t/outside|' >outside/o.yaml && mv r.yaml recipes
   ln -s ../outside recipes/p.yaml
-  g plan recipes
+  seconds=20 g plan recipes
   either 'exited 0 && said t/outside' 'exited 2 && said "a link leads"'
 }
 walked_root() {
   mkdir recipes && mv r.yaml recipes && ln -s / recipes/all
-  g plan recipes
+  seconds=20 g plan recipes
   either 'exited 124 || ! said recipes/all' 'exited 2 && said recipes/all'
 }
 walked_capture() {

@@ -32,7 +32,7 @@ YAML
 # The scene that a trainer leaves may be a FIFO.
 endless_trained() {
   trained <<<'mkfifo "$1/scene.ply"'
-  seconds=10 g build --allow-commands r.yaml
+  seconds=20 g build --allow-commands r.yaml
   either 'exited 124' 'exited 1 && said scene.ply'
 }
 # A trainer went on after the signal that ended its build: `left SIGNAL`.

@@ -15,7 +15,7 @@ planted() {
       g convert --lossy --size 64x48 events.csv $folder/events.h5
       ;;
   esac
-  seconds=60 g check --tree out
+  g check --tree out
   either 'exited 0' "exited 3 && said '^FAIL *$check '"
 }
 control_planted() {
@@ -66,7 +66,7 @@ EOT
 # Depth, flow and frames lay in the tree, and were said to be absent.
 unused_depth() {
   moving
-  seconds=60 g check --tree out
+  g check --tree out
   either 'said "no depth"' 'exited 0 && said "^pass *photometric"'
 }
 # No file of events, and no scene at all.
