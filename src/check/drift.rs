@@ -520,6 +520,55 @@ mod tests {
     }
 
     #[test]
+    fn drawn_thresholds_exceed_their_bound_as_often_as_stated() {
+        use crate::check::planted::SplitMixDraws;
+        let law = DriftLaw { spread: 0.1, ..preset() };
+        let (mut draws, trials) = (SplitMixDraws(8), 200_000);
+        for (counts, most) in [([20, 0], 1.0), ([6, 8], 1.0), ([1, 0], 0.0)] {
+            let [on, off] = counts.map(f64::from);
+            // Each polarity has a threshold of its own, and the next event is one of ON here.
+            let beyond = (0..trials).filter(|_| {
+                let [rise, fall] = [draws.normal(), draws.normal()];
+                0.1 * ((on + 1.0) * rise - off * fall).abs() > law.spread_error(counts)
+            });
+            let (found, stated) =
+                (beyond.count() as f64, law.beyond_spread_error(counts) * f64::from(trials));
+            println!("{counts:?}: {found} beyond, {stated:.1} stated");
+            // The bound of the next event belongs to the same threshold, so the statement is that of other
+            // draws to a factor of two.
+            assert!(found <= 2.0 * stated + 4.0 * stated.sqrt() + 1.0, "{counts:?}");
+            assert!(stated <= most * 2.0 * found + 4.0 * found.sqrt() + 6.0, "{counts:?}");
+        }
+        assert!(preset().beyond_spread_error([3, 2]) <= 0.0);
+    }
+
+    #[test]
+    fn times_of_events_need_a_law_of_the_logarithm() {
+        use crate::sensor::voltmeter::VoltmeterPreset;
+        let t = |sensor: SensorChoice, crossings: bool, levels: bool, frames: bool| {
+            let law = DriftLaw::for_crossings(&sensor);
+            assert_eq!(law.is_ok(), crossings, "{sensor:?}");
+            assert_eq!(law.is_ok_and(|law| law.keeps_levels()), levels, "{sensor:?}");
+            assert_eq!(is_frame_independent(&sensor), frames, "{sensor:?}");
+        };
+        t(VoltmeterPreset::Davis346.model().into(), true, false, true);
+        // Its dead time drops events, and says nothing of the frames.
+        t(VoltmeterPreset::Evk4.model().into(), true, false, true);
+        let paper = VoltmeterPreset::Dvs346.model();
+        t(paper.clone().into(), true, true, true);
+        t(VoltmeterModel { law: SamplerKind::Official, ..paper.clone() }.into(), false, false, false);
+        t(VoltmeterModel { between: BetweenFrames::Catmull, ..paper }.into(), false, false, true);
+        t(SensorChoice::Esim(EsimModel::default()), true, true, true);
+        t(SensorChoice::Esim(EsimModel { allow_cap: true, ..EsimModel::default() }), false, false, false);
+        t(
+            crate::sensor::v2e::V2eModel::from(crate::sensor::v2e::V2ePreset::Clean).into(),
+            false,
+            false,
+            false,
+        );
+    }
+
+    #[test]
     fn an_ideal_logarithm_drifts_by_its_own() {
         let law = DriftLaw::for_sensor(&SensorChoice::Esim(EsimModel::default()));
         // ln(0.001 + 1) - ln(0.001), for any added constant.
