@@ -8,6 +8,7 @@ times, so the machine should be idle; the last line has its load.
 
 import os
 import pathlib
+import resource
 import statistics
 import subprocess
 import sys
@@ -123,15 +124,24 @@ def measure_simulation(place):
 
     seconds = {"command": [], "module": []}
     for _ in range(5):
-        for name, act in (("command", by_command), ("module", by_module)):
-            begin = time.perf_counter()
+        for name, act, who in (
+            ("command", by_command, resource.RUSAGE_CHILDREN),
+            ("module", by_module, resource.RUSAGE_SELF),
+        ):
+            begin = time.perf_counter(), cpu_seconds(who)
             act()
-            seconds[name].append(time.perf_counter() - begin)
+            seconds[name].append((time.perf_counter() - begin[0], cpu_seconds(who) - begin[1]))
     if (place / "command.h5").read_bytes() != (place / "module.h5").read_bytes():
         raise SystemExit("the files of the command and of the module differ")
-    command, module = (statistics.median(seconds[name]) for name in ("command", "module"))
-    row("frames of 640x480 simulated by the command", f"{100 / command:.0f}", "")
-    row("frames of 640x480 simulated by the module", f"{100 / module:.0f}", f"{0.9 * 100 / command:.0f}")
+    for kind, per in enumerate(("second", "CPU second")):
+        command, module = (statistics.median(run[kind] for run in seconds[name]) for name in ("command", "module"))
+        row(f"frames of 640x480 simulated by the command, per {per}", f"{100 / command:.1f}", "")
+        row(f"frames of 640x480 simulated by the module, per {per}", f"{100 / module:.1f}", f"{90 / command:.1f}")
+
+
+def cpu_seconds(who):
+    used = resource.getrusage(who)
+    return used.ru_utime + used.ru_stime
 
 
 if __name__ == "__main__":

@@ -126,8 +126,11 @@ def test_frames_are_refused_by_name(case, clip, tmp_path):
     change, kind, words = REFUSED[case]
     with pytest.raises(kind, match=words):
         gs2e.simulate(change(frames), stamps)
+    made = change(frames)
+    # A list becomes an iterator, whose faults come while the sensor runs.
+    made = iter(made) if isinstance(made, list) else made
     with pytest.raises(kind, match=words):
-        gs2e.simulate_to_file(tmp_path / "out.h5", change(frames), stamps)
+        gs2e.simulate_to_file(tmp_path / "out.h5", made, stamps)
     assert list(tmp_path.iterdir()) == [], "no file is left"
 
 
@@ -135,6 +138,8 @@ def test_frames_are_refused_by_name(case, clip, tmp_path):
     ("stamps", "kind", "words"),
     [
         ([0, 5, 5, *range(9, 18)], ValueError, "stamp 2 is 5 us, not later than the previous one, 5 us"),
+        ([0, 9, 4, *range(10, 19)], ValueError, "stamp 2 is 4 us, not later than the previous one, 9 us"),
+        (np.arange(12).astype(object), TypeError, "stamps_us is object of shape"),
         (np.arange(12.0), TypeError, "stamps_us is float64 of shape"),
         (np.zeros((12, 1), int), TypeError, "wanted integers"),
         ([0], ValueError, "1 stamps, wanted at least 2"),
@@ -142,9 +147,12 @@ def test_frames_are_refused_by_name(case, clip, tmp_path):
         (np.array([0, 2**63], np.uint64), ValueError, "64 bits"),
     ],
 )
-def test_stamps_are_refused_by_name(stamps, kind, words, clip):
+def test_stamps_are_refused_by_name(stamps, kind, words, clip, tmp_path):
     with pytest.raises(kind, match=words):
         gs2e.simulate(clip[0], stamps)
+    with pytest.raises(kind, match=words):
+        gs2e.simulate_to_file(tmp_path / "out.h5", iter(clip[0]), stamps)
+    assert list(tmp_path.iterdir()) == [], "no file is left"
 
 
 def test_an_exception_of_the_iterator_passes_through(clip, tmp_path):

@@ -9,7 +9,7 @@ pub(super) use walk::{misnamed, parent_folder};
 use super::Recipe;
 use super::clash::find_clashes;
 use super::fault::{RecipeFault, RecipeFaults};
-use super::load::DefaultsLibrary;
+use super::load::{DefaultsLibrary, RecipeParts};
 use crate::escape;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -71,6 +71,18 @@ pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, RecipeFaults> {
 /// The recipes have faults; see [`read_all`].
 pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
     read_after(files, Vec::new())
+}
+
+/// Reads a recipe from a text that is in no file, without defaults. Faults name the text as `shown`.
+///
+/// # Errors
+/// The recipe has faults; see [`read_all`].
+pub fn read_recipe_text(text: String, shown: &Path) -> Result<Recipe, RecipeFaults> {
+    let file = RecipeFile { path: shown.to_owned(), defaults: None };
+    let read = RecipeParts::of_text(shown, text).and_then(|parts| parts.with_presets().recipe(&file));
+    read.map(|read| read.recipe).map_err(|faults| {
+        RecipeFaults::value_or((), faults).expect_err("a recipe that was not read has faults")
+    })
 }
 
 fn read_after(files: &[RecipeFile], mut faults: Vec<RecipeFault>) -> Result<Vec<Recipe>, RecipeFaults> {

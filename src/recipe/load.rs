@@ -110,6 +110,10 @@ impl RecipeParts {
 
     /// Parses a text that is in no file. Faults name it as `name`.
     pub(super) fn of_text(name: &Path, body: String) -> Result<Self, Vec<RecipeFault>> {
+        if body.len() > MAX_BYTES {
+            let message = format!("the text has {} bytes, wanted at most {MAX_BYTES}", body.len());
+            return Err(vec![RecipeFault::of_file(name, &message, None)]);
+        }
         let text = Arc::new(SourceText { path: name.to_owned(), body });
         let texts = vec![text];
         let faulty = |problems: Vec<FieldProblem>| {
@@ -224,7 +228,8 @@ impl RecipeParts {
         }
     }
 
-    fn recipe(self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
+    /// Resolves the recipe with its meta data.
+    pub(super) fn recipe(self, file: &RecipeFile) -> Result<ReadRecipe, Vec<RecipeFault>> {
         let (raw, mut recipe, draws) = self.read()?;
         let at = |field: Option<TextSpan>| field.map(|place| self.position(place));
         let named_at = NamedAt {

@@ -9,11 +9,11 @@ use super::scene::{SceneRecord, TrajectoryPart};
 use crate::artifact::TrajectoryProduct;
 use crate::check::Finding;
 use crate::licence::{self, ComposedTerms, Redistributability, StatedTerms};
-use crate::recipe::{Recipe, RecipeFaults, RecipeFile, read_files};
+use crate::recipe::{Recipe, RecipeFaults, read_recipe_text};
 use crate::sampling::exposure;
 use crate::sensor::SensorChoice;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Finds the bytes of a file of the tree by its path; `None` for a file that is absent.
 pub(super) type StoredPlaces<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
@@ -128,23 +128,10 @@ pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTe
     })
 }
 
-/// The reason why the recipe in a `scene.json` cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum RecipeError {
-    /// The recipe cannot be put into a file.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// It is not a valid recipe.
-    #[error(transparent)]
-    Faults(#[from] RecipeFaults),
-}
-
 /// Reads the recipe that a scene carries. JSON is YAML.
-pub(super) fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeError> {
-    // Recipes are read from files only.
-    let file = tempfile::Builder::new().prefix("recipe").suffix(".yaml").tempfile()?;
-    serde_json::to_writer(&file, &scene.recipe).map_err(std::io::Error::from)?;
-    // Defaults in the folder for temporary files are not the scene's.
-    let alone = RecipeFile { path: file.path().to_owned(), defaults: None };
-    Ok(read_files(&[alone])?.pop().expect("one recipe was read"))
+///
+/// # Errors
+/// It is not a valid recipe.
+pub(super) fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
+    read_recipe_text(scene.recipe.to_string(), Path::new("recipe"))
 }

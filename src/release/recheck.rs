@@ -16,7 +16,7 @@ mod trajectory;
 mod tree;
 mod walk;
 
-use super::published::{self, RecipeError};
+use super::published;
 use super::{ReleaseManifest, SceneRecord};
 use crate::camera::Camera;
 use crate::check::{Finding, records};
@@ -104,8 +104,5 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
 }
 
 fn recipe_of(scene: &SceneRecord) -> Result<Recipe, RecheckError> {
-    published::recipe(scene).map_err(|e| match e {
-        RecipeError::Io(e) => unreadable_file(Path::new("a temporary file"), e),
-        RecipeError::Faults(faults) => RecheckError::Recipe { scene: scene.id.clone(), faults },
-    })
+    published::recipe(scene).map_err(|faults| RecheckError::Recipe { scene: scene.id.clone(), faults })
 }

@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::suite::PACKAGES;
-use crate::{bombs, demo, faults, fuzz, suite};
+use crate::{bombs, container, demo, faults, fuzz, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
 
@@ -37,10 +37,11 @@ const STEPS: [Step; 10] = [
 ];
 
 /// What `--long` adds: a second build of everything, in release mode, and longer trials.
-const LONG: [Step; 4] = [
+const LONG: [Step; 5] = [
     ("faults in release mode", || faults::run(&[])),
     ("longer fuzzing", || fuzz::run(&["--seconds", "60", "--jobs", "2"].map(str::to_owned))),
     ("the README's first command in release mode", demo::first_command_twice),
+    ("a read-only root", || container::run(&[])),
     ("builds beside ninja", builds_beside_ninja),
 ];
 

@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | docs | man | manifest | python`.
+//! power | sound | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -8,6 +8,7 @@ mod bombs;
 mod check_bench;
 mod ci;
 mod command;
+mod container;
 mod demo;
 mod faults;
 mod folder;
@@ -50,6 +51,8 @@ usage: cargo xtask <task>
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
+  container [FILE]   builds the demo under a read-only root as an unknown user, as in a container; FILE is the program, by
+                     default that of a release build
   python [ARGS]...   installs the wheel in target/python, and runs its tests and the examples of docs/python.md
                      (`--profile NAME` first; ARGS go to pytest; `--bench`: measures its throughput instead)
 ";
@@ -80,6 +83,7 @@ fn main() -> ExitCode {
         (Some("man"), [folder]) => man_pages(folder),
         (Some("manifest"), []) => demo::rewrite_manifest(),
         (Some("python"), args) => python::run(args),
+        (Some("container"), args) => container::run(args),
         _ => return usage(),
     };
     match done {

@@ -64,7 +64,10 @@ impl RebuildArgs {
         }
         for (class, recipes) in classes {
             let scenes: Vec<String> = recipes.iter().map(|recipe| recipe.scene.clone()).collect();
-            let folder = tempfile::tempdir().map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
+            let folder = tempfile::tempdir().map_err(|e| {
+                let help = "a rebuild needs a folder for temporary files; TMPDIR names another one";
+                VerbError::failed("rebuild", e.to_string()).help(help)
+            })?;
             let again = self.make(&class, recipes, folder.path(), common, console)?;
             let tops = rebuilt::compare_tops(dir, &again);
             found.faults.extend(tops.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
