@@ -43,6 +43,7 @@ type TrajectoryParts<'py> = (
 #[pyfunction]
 pub(crate) fn make_trajectory(py: Python<'_>, request: TrajectoryRequest) -> PyResult<TrajectoryParts<'_>> {
     let fragment = request.fragment().map_err(|faults| recipe_error(&faults))?;
+    // Not the global pool: its threads do not survive a fork, and a child would wait for them forever.
     let pool = own_pool(0)?;
     let made = py.detach(|| pool.install(|| request.make(&fragment))).map_err(PyValueError::new_err)?;
     made.into_parts(py)

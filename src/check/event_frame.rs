@@ -27,10 +27,11 @@
 //! edge.
 //!
 //! If thresholds differ between pixels, their mean and spread are known. The bound of a residual
-//! grows by three standard deviations of the thresholds of the pixel's events, and the share of `residual`
-//! may be lower by the pixels beyond. `s` in `gain` has the thresholds at which its mean is `dv`, and `<s, s>` is less what the spread adds to it. The edge is
-//! as wide as the spread, so its place is compared with the place that the stated law gives it for
-//! the same drifts. All limits grow by four standard deviations of their scatter.
+//! grows by three standard deviations of the thresholds of the pixel's events, and the share of
+//! `residual` may be lower by the pixels beyond. `s` in `gain` has the thresholds at which its mean
+//! is `dv`, and `<s, s>` is less what the spread adds to it. The edge is as wide as the spread, so
+//! its place is compared with the place that the stated law gives it for the same drifts. All limits
+//! grow by four standard deviations of their scatter.
 //!
 //! The events of a noise floor do not depend on the frames. Their numbers are expected at the light
 //! of each pixel. In `gain`, they are subtracted like the spread. The shares of `residual` and `sign`

@@ -68,6 +68,7 @@ fn write_array(shape: &[u64], values: impl Iterator<Item = f32>, out: impl Write
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(&mut out).begin_nd()?;
     writer.extend(values)?;
     writer.finish()?;
+    // A buffer that is dropped writes its rest too, but swallows the error of a full disk.
     out.flush()
 }
 

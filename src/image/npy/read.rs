@@ -3,8 +3,8 @@
 use crate::image::{Image, Size};
 use std::io::{self, Read};
 
-/// Reads `count` images that [`write_stack`](super::write_stack) wrote. These files are our own, so their headers are
-/// trusted.
+/// Reads `count` images that [`write_stack`](super::write_stack) wrote. These files are our own, so
+/// their headers are trusted.
 ///
 /// # Errors
 /// The bytes are not a float32 `.npy` with this number of images.

@@ -171,6 +171,7 @@ impl<'a> DriftBalance<'a> {
             floor_since = [0, 1].map(|side| 0.5 * view.step * (from[side] + to[side]));
             floor.counts.iter_mut().zip(floor_since).for_each(|(all, since)| *all += since);
         }
+        // Three logarithms a pixel: those of the first frame are computed once.
         let rounding = self.first_rounding[i] + law.rounding_error(now);
         // A uniform error has a standard deviation of its half-width over the root of 3.
         let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();

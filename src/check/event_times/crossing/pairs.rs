@@ -73,6 +73,7 @@ impl PairResiduals {
     pub(super) fn see(&mut self, crossing: &Crossing) {
         let Crossing { pixel, part, t_us, drift, moves, threshold, .. } = *crossing;
         let along = crossing.is_along();
+        // Every event starts a pair, also one that is left out: the next pair is counted from it.
         let from = std::mem::replace(&mut self.last[pixel], PairStart { t_us, drift, moves, along });
         let left = drift - from.drift - crossing.jump();
         // An unknown drift is no residual at all.
@@ -84,6 +85,8 @@ impl PairResiduals {
             return;
         }
         let moves = [0, 1].map(|i| moves[i] - from.moves[i]);
+        // The bound follows the spread: a bound in thresholds alone would leave out the pixels whose
+        // thresholds are far from the stated ones, and with them the widest residuals.
         let size = left.abs() / (SMALL * threshold + SPREADS * self.law.spread);
         if size < 1.0 {
             self.parts[part].add(moves, left);
@@ -98,6 +101,7 @@ impl PairResiduals {
 
     /// Returns true if a pair of this length may end with an event of noise, or end early by noise.
     fn is_noisy(&self, Crossing { brightness, threshold, .. }: &Crossing, length_us: f64) -> bool {
+        // Files of strangers may go back in time.
         let length_us = length_us.max(0.0);
         let floor: f64 = self.law.floor_rates(*brightness).iter().sum();
         let others = floor * length_us + self.law.disturbances(*brightness, length_us);
