@@ -1,34 +1,44 @@
 //! The demo release: the README's first command, and its committed manifest.
 
-use crate::command::{Outcome, Task, cargo, root, say};
+use crate::command::{Outcome, Task, cargo, program, root, say};
 use crate::folder::Folder;
 use std::path::{Path, PathBuf};
 
 /// The README's first command, verbatim.
 const README_COMMAND: &str = "cargo run --release -- release --to out recipes/demo.yaml";
 
-/// The same command with the program that the tests have built.
-const DEV_COMMAND: &str = "cargo run -- release --to out recipes/demo.yaml";
+/// The part of [`README_COMMAND`] that starts the program.
+const README_PROGRAM: &str = "cargo run --release -- ";
 
 /// Runs the README's first command twice, into a temporary folder. The second run must find nothing
 /// to do.
 pub(crate) fn first_command_twice() -> Outcome {
-    twice(README_COMMAND)
+    twice(through_cargo)
 }
 
-/// [`first_command_twice`] without release mode.
+/// [`first_command_twice`] with the program that the tests have built, which lies next to this one.
+/// `cargo run` would build it again: without the tests, two dependencies have fewer features.
 pub(crate) fn first_command_in_dev() -> Outcome {
-    twice(DEV_COMMAND)
+    twice(built_for_tests)
 }
 
-fn twice(command: &str) -> Outcome {
+fn through_cargo() -> Task {
+    cargo(&README_PROGRAM.split_whitespace().skip(1).collect::<Vec<_>>())
+}
+
+fn built_for_tests() -> Task {
+    let built = std::env::current_exe().map(|own| own.with_file_name("gs2e"));
+    program(built.unwrap_or_default().as_os_str(), &[""; 0])
+}
+
+fn twice(started: fn() -> Task) -> Outcome {
     let readme = std::fs::read_to_string(root().join("README.md")).map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line == README_COMMAND) {
         return Err(format!("README.md has no line `{README_COMMAND}`"));
     }
     let folder = Folder::new("first-command")?;
-    release(command, &folder).run()?;
-    let second = release(command, &folder).capture()?;
+    release(started(), &folder).run()?;
+    let second = release(started(), &folder).capture()?;
     let message = String::from_utf8_lossy(&second.stderr);
     if !message.lines().any(|line| line.starts_with("made 0,")) {
         return Err(format!("the second run should have said `made 0, …`; it said:\n{message}"));
@@ -41,7 +51,7 @@ fn twice(command: &str) -> Outcome {
 pub(crate) fn rewrite_manifest() -> Outcome {
     let folder = Folder::new("manifest")?;
     // The CPU back end gives the same bits on every machine.
-    release(README_COMMAND, &folder).args(["--backend", "cpu"]).run()?;
+    release(through_cargo(), &folder).args(["--backend", "cpu"]).run()?;
     let (from, to) = (folder.path().join("out/manifest.json"), root().join("manifests/demo.json"));
     let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
     let unchanged = std::fs::read(&to).is_ok_and(|committed| committed == fresh);
@@ -50,11 +60,12 @@ pub(crate) fn rewrite_manifest() -> Outcome {
     Ok(())
 }
 
-/// The command with its `out` and its store in `folder`, as in a fresh clone without earlier builds.
-fn release(command: &str, folder: &Folder) -> Task {
+/// The README's first command with its `out` and its store in `folder`, as in a fresh clone without
+/// earlier builds.
+fn release(started: Task, folder: &Folder) -> Task {
     let (out, store) = (folder.path().join("out"), folder.path().join("store"));
-    let args = command.split(' ').skip(1).map(PathBuf::from);
+    let args = README_COMMAND.trim_start_matches(README_PROGRAM).split(' ').map(PathBuf::from);
     let args: Vec<PathBuf> =
         args.map(|arg| if arg == Path::new("out") { out.clone() } else { arg }).collect();
-    cargo(&args).args([Path::new("--store"), &store])
+    started.args(&args).args([Path::new("--store"), &store])
 }
