@@ -2,27 +2,25 @@
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::suite::PACKAGES;
-use crate::{bombs, container, demo, faults, fuzz, suite};
+use crate::{bombs, container, demo, faults, fuzz, python, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
 
 type Step = (&'static str, fn() -> Outcome);
 
 /// Less than 25 minutes on two cores, from a clean checkout.
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 11] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
-        // The binding compiles at least; `cargo xtask python` tests it. In one call with the others, so that the
-        // features of the dependencies agree and the library is checked once.
-        let packages = PACKAGES.iter().chain(&["--package", "gs2e-python"]);
-        cargo(&["clippy", "--quiet", "--all-targets"]).args(packages).args(by_name).run()
+        cargo(&["clippy", "--quiet", "--all-targets"]).args(PACKAGES).args(by_name).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", faults::short),
     ("fuzzing", fuzz::short),
     ("bombs", || bombs::run(&[])),
+    ("Python", python::in_ci),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--no-deps"]).args(PACKAGES).env("RUSTDOCFLAGS", "-D warnings").run()
     }),

@@ -2,11 +2,12 @@
 //! release mode, so that overflowing arithmetic is detected.
 
 use crate::command::{Outcome, cargo};
+use crate::suite::PACKAGES;
 
 /// Runs the harness; `args` are its own (`--seconds N`, `--only READER`, `--seed N`, `--first N`,
 /// `--runs N`, `--jobs N`).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    cargo(&["test", "--quiet", "--test", "fuzz", "--"]).args(args).run()
+    cargo(&["test", "--quiet", "--test", "fuzz"]).args(PACKAGES).args(["--"]).args(args).run()
 }
 
 /// Runs every reader for 4 s over the committed corpus, two at a time. The seed is always the same, so

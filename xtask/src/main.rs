@@ -25,7 +25,7 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, documentation, the README's first command;
+  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, Python, documentation, the README's first command;
                      `--long` adds what takes a build in release mode: all fault tests, more fuzzing, builds beside ninja
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--seconds N` each, `--only NAME`, `--seed N`)

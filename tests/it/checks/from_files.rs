@@ -106,6 +106,9 @@ fn wrong_times_are_found() {
             (events[i].t, events[j].t) = (events[j].t, events[i].t);
         }
     });
+    events("in half the time", &["event_frame#residual", "completeness#time"], |events, _, _| {
+        events.iter_mut().for_each(|e| e.t = Timestamp::from_micros(at_us(e) / 2));
+    });
     let stamps = PlantedTree::new().stamps();
     events("rounded to frames", &["batching#times"], |events, _, _| {
         for event in events {
@@ -143,6 +146,22 @@ fn events_of_another_origin_are_found() {
     events("one in a hundred twice", &["duplicates#share"], |events, draws, _| {
         let twice: Vec<Event> = events.iter().filter(|_| draws.once_in(100)).copied().collect();
         events.extend(twice);
+    });
+    // No check of duplicates sees these, because no two events have one time.
+    events("one in a hundred twice, 1 us apart", &["event_frame#residual"], |events, draws, end| {
+        let twice: Vec<Event> =
+            events.iter().filter(|e| at_us(e) < end && draws.once_in(100)).copied().collect();
+        events.extend(twice.into_iter().map(|e| Event { t: Timestamp::from_micros(at_us(&e) + 1), ..e }));
+    });
+    // With this many, none of them is far busier than all others.
+    events("one pixel in twenty hot", &["event_frame#residual"], |events, draws, end| {
+        for _ in 0..SIZE[0] * SIZE[1] / 20 {
+            let (x, y) = draws.pixel();
+            events.extend((0..end).step_by(2500).map(|t_us| {
+                let (t, polarity, label) = (Timestamp::from_micros(t_us), Polarity::On, EventLabel::Signal);
+                Event { t, x, y, polarity, label }
+            }));
+        }
     });
     events("hot pixels", &["hot_pixels#hot"], |events, draws, end| {
         for _ in 0..20 {
