@@ -206,8 +206,10 @@ def test_other_threads_run_meanwhile(clip):
     assert counted[0] > 10
 
 
+# A shell that starts the tests in the background has them ignore SIGINT, and their programs too.
 ENDLESS = """
-import sys, numpy as np, gs2e
+import signal, sys, numpy as np, gs2e
+signal.signal(signal.SIGINT, signal.default_int_handler)
 def frames():
     for i in range(10**6):
         if i == 50:
@@ -221,9 +223,12 @@ def test_ctrl_c_stops_it_and_leaves_no_file(tmp_path):
     run = subprocess.Popen(
         [sys.executable, "-c", ENDLESS, tmp_path / "out.h5"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    assert run.stdout.readline() == "running\n"
-    run.send_signal(signal.SIGINT)
-    _, said = run.communicate(timeout=60)
+    try:
+        assert run.stdout.readline() == "running\n"
+        run.send_signal(signal.SIGINT)
+        _, said = run.communicate(timeout=60)
+    finally:
+        run.kill()
     assert said.rstrip().endswith("KeyboardInterrupt") and run.returncode == -signal.SIGINT
     assert list(tmp_path.iterdir()) == []
 

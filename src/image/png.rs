@@ -179,7 +179,9 @@ impl GreySamples {
         let weigh = |rgb: [f64; 3]| weights.weigh(rgb);
         let pixels = match (&self.samples, self.coloured) {
             (StoredSamples::Bytes(bytes), true) => {
-                bytes.as_chunks().0.iter().map(|rgb: &[u8; 3]| weigh(rgb.map(f64::from))).collect()
+                let tables = weights.of_bytes();
+                let weigh = |rgb: &[u8; 3]| weigh_bytes(&tables, *rgb);
+                bytes.as_chunks().0.iter().map(weigh).collect()
             }
             (StoredSamples::Bytes(bytes), false) => bytes.iter().map(|v| f32::from(*v)).collect(),
             (StoredSamples::Pairs(bytes), true) => {
@@ -258,6 +260,16 @@ impl GreyWeights {
     pub(crate) fn weigh(&self, rgb: [f64; 3]) -> f32 {
         to_single(self.0.iter().zip(rgb).map(|(weight, v)| weight * v).sum())
     }
+
+    /// The products of the weights with all numbers of 8 bits.
+    fn of_bytes(&self) -> [[f64; 256]; 3] {
+        self.0.map(|weight| std::array::from_fn(|v| weight * v as f64))
+    }
+}
+
+/// [`GreyWeights::weigh`] by a table: the same sums, without conversions and products.
+fn weigh_bytes([red, green, blue]: &[[f64; 256]; 3], [r, g, b]: [u8; 3]) -> f32 {
+    to_single(red[usize::from(r)] + green[usize::from(g)] + blue[usize::from(b)])
 }
 
 /// The decimal fraction of a weight with three digits, nearest in 64 bits. The decimals sum to 1

@@ -168,6 +168,12 @@ impl CrossingFit {
     }
 }
 
+/// Integral of a brightness that is linear between its ends. Negative ones count as black.
+fn integral_between(step_us: f64, ends: [f32; 2]) -> f64 {
+    let [a, b] = ends.map(|l| f64::from(l.max(0.0)));
+    step_us * (0.5 * (a + b))
+}
+
 impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`.
     #[must_use]
@@ -207,8 +213,12 @@ impl CrossingObserver {
     /// The frame has another size than the first.
     pub fn take_frame(&mut self, frame: SeenFrame) {
         assert_eq!(frame.brightness.pixels().len(), self.exposure.len(), "frames of one size");
-        for pixel in 0..self.exposure.len() {
-            self.exposure[pixel] += self.added_exposure(pixel);
+        let [from, to] = &self.frames;
+        let step_us = (to.t_us - from.t_us) as f64;
+        let ends = from.brightness.pixels().iter().zip(to.brightness.pixels());
+        // Every pixel of every frame comes here: without indices, the sums are vectors.
+        for (exposure, (a, b)) in self.exposure.iter_mut().zip(ends) {
+            *exposure += integral_between(step_us, [*a, *b]);
         }
         self.frames.swap(0, 1);
         self.frames[1] = frame;
@@ -217,8 +227,8 @@ impl CrossingObserver {
     /// Integral of a pixel's brightness between the two frames.
     fn added_exposure(&self, pixel: usize) -> f64 {
         let [from, to] = &self.frames;
-        let [a, b] = [from, to].map(|frame| f64::from(frame.brightness.pixels()[pixel].max(0.0)));
-        (to.t_us - from.t_us) as f64 * (0.5 * (a + b))
+        let ends = [from, to].map(|frame| frame.brightness.pixels()[pixel]);
+        integral_between((to.t_us - from.t_us) as f64, ends)
     }
 
     /// Drifts of a pixel at the two frames; NaN where they are unknown.
