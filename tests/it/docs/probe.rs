@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 31] = [
+const CONTEXTS: [(&str, &str); 32] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
