@@ -21,7 +21,7 @@ fn one_each(step_ns: i64) -> Vec<Event> {
     pixels.zip(1..).map(|((x, y), i)| event(i * step_ns, x, y)).collect()
 }
 
-/// The events, late, in parts of `chunk`, and their counts. Frames of these greys are shown at the times, ns.
+/// The events, late, taken in parts of `chunk`, and their counts.
 fn late(mut state: LateEvents, events: &[Event], chunk: usize, last_ns: i64) -> (Vec<Event>, LatencyAccount) {
     let mut out = Vec::new();
     state.last_ns = last_ns;
@@ -120,6 +120,19 @@ fn events_of_a_pixel_keep_their_order_and_their_dead_time() {
             assert!(out.iter().zip(&events).all(|(late, event)| late.polarity == event.polarity));
         }
     }
+}
+
+/// One event per us, and delays of 150 us at most.
+#[test]
+fn no_more_events_wait_than_come_in_the_longest_delay() {
+    let latency = PixelLatency { max_us: 150.0, ..IEBCS };
+    let mut state = LateEvents::new(latency, (0, &FrontEnd::default()), array([0, 0]));
+    let (mut out, mut most) = (Vec::new(), 0);
+    for event in one_each(1000) {
+        CrossingSink { sink: &mut out, late: &mut state }.append(&[event]).unwrap();
+        most = most.max(state.waiting.len());
+    }
+    assert!((100..=151).contains(&most), "{most}");
 }
 
 #[test]
