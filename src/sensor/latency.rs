@@ -3,7 +3,7 @@
 //! An event at light `E` is late by a normal deviate with the mean `us + tau_us * 1000 lux / E` and the
 //! standard deviation `jitter_us`, within 0 and `max_us`. The second term is the time constant of the
 //! photoreceptor, which is inversely proportional to the light, and is stated for 1000 lux: a low-pass
-//! filter delays a brightness that changes steadily by its time constant. Source: Joubert et al., Frontiers
+//! filter delays brightness that changes steadily by its time constant. Source: Joubert et al., Frontiers
 //! in Neuroscience 15, 2021, and its program IEBCS (neuromorphicsystems/IEBCS, `DvsSensor`), which
 //! have a mean, a jitter, and a time constant at 1 klux. The program also delays an event by the response of
 //! the filter to the height of a step, and makes the jitter larger for small steps. Here, the delay follows
