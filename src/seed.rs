@@ -95,6 +95,8 @@ pub enum DrawSpace {
     /// Own events of hot pixels. Level 0; index 0 decides whether the pixel is hot, the others
     /// count its events.
     Hot,
+    /// Delays of events. Level 0; the index counts the pixel's events.
+    Latency,
 }
 
 /// One sensor pixel in one cell of the dyadic clock: the address of a sequence of draws.
@@ -160,6 +162,7 @@ fn space_tag(level: u8, space: DrawSpace) -> u32 {
         DrawSpace::Leak => 0xfb,
         DrawSpace::Shot => 0xfa,
         DrawSpace::Hot => 0xf9,
+        DrawSpace::Latency => 0xf8,
     }
 }
 
@@ -245,7 +248,7 @@ mod tests {
     use super::*;
 
     const CELL: SeedCell = SeedCell { x: 3, y: 5, level: 2, index: 7 };
-    const OFF_THE_CLOCK: [DrawSpace; 7] = [
+    const OFF_THE_CLOCK: [DrawSpace; 8] = [
         DrawSpace::Initial,
         DrawSpace::Choice,
         DrawSpace::Pair,
@@ -253,6 +256,7 @@ mod tests {
         DrawSpace::Leak,
         DrawSpace::Shot,
         DrawSpace::Hot,
+        DrawSpace::Latency,
     ];
 
     #[test]

@@ -13,6 +13,7 @@ mod event_file;
 pub mod front_end;
 mod input;
 mod label;
+pub mod latency;
 mod named;
 pub mod noise;
 mod own_events;
@@ -39,6 +40,7 @@ use crate::frames::DenseFrame;
 use crate::image::Size;
 use crate::seed::Seed;
 use front_end::FrontEnd;
+use latency::LatencyAccount;
 use readout::ReadoutAccount;
 use serde::{Deserialize, Serialize};
 
@@ -131,6 +133,9 @@ pub struct SimulationAccount {
     /// Counts of the readout, if a bus limits the rate of events.
     #[serde(default, skip_serializing_if = "is_default")]
     pub readout: Option<ReadoutAccount>,
+    /// Counts of the delays, if events are late.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub latency: Option<LatencyAccount>,
     /// Events left out because they fell into the dead time of their pixel.
     #[serde(default, skip_serializing_if = "is_default")]
     pub refractory: u64,

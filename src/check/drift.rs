@@ -129,6 +129,17 @@ impl DriftLaw {
             hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] },
             ..law
         };
+        let law = match sensor.latency() {
+            Some(latency) => {
+                let lux = sensor.as_model().front_end().white_lux() * MEDIUM / 255.0;
+                Self {
+                    loose: law.loose.or(Some(LATE)),
+                    delay_us: law.delay_us + latency.mean_us(lux).max(latency.jitter_us),
+                    ..law
+                }
+            }
+            None => law,
+        };
         match sensor.readout() {
             Some(bus) => {
                 // The longest wait: a full queue, or an event of each pixel of a usual sensor.
@@ -146,6 +157,7 @@ impl DriftLaw {
     pub fn for_crossings(sensor: &SensorChoice) -> Result<Self, &'static str> {
         let because = match sensor {
             _ if sensor.readout().is_some() => Some(READ_LATE),
+            _ if sensor.latency().is_some() => Some(LATE),
             SensorChoice::V2e(_) => {
                 Some("not applicable to v2e, whose filter and thresholds move the times of events")
             }
@@ -410,6 +422,7 @@ const DELAYED: &str =
 /// Pixels of a sensor whose size is not known, rounded: a DAVIS346 has 89,960.
 const USUAL_PIXELS: f64 = 1e5;
 const READ_LATE: &str = "not applicable behind a readout of limited rate: events are late, and some are lost";
+const LATE: &str = "not applicable with a latency: events are late, by different times";
 const LOST: &str = "not applicable with a dead time, thresholds drawn per frame or an allowed cap: events need not match the brightness change";
 
 /// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and

@@ -9,6 +9,7 @@
 
 pub mod still;
 
+use super::drift::DriftLaw;
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
@@ -51,9 +52,9 @@ impl ValidationPass for NoiseFloor {
         };
         // Late events keep their rate, except behind a bus, which loses some.
         let loses = subject.sensor.is_some_and(|sensor| sensor.readout().is_some());
-        if let Some(because) =
-            subject.drift_law().ok().and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0))
-        {
+        // A latency hides no other reason.
+        let law = subject.sensor.map(|sensor| DriftLaw::for_sensor(&sensor.without_latency()));
+        if let Some(because) = law.and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0)) {
             return vec![subject.not_run(NAME, "", because)];
         }
         let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {

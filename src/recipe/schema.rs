@@ -22,9 +22,9 @@ pub(super) use reconstruct::{
     BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
 };
 pub(super) use sensor::{
-    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LeakSection, LuminanceSection,
-    RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection, V2eSection,
-    VoltmeterSection,
+    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, LeakSection,
+    LuminanceSection, RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection,
+    V2eSection, VoltmeterSection,
 };
 pub(super) use source::{
     CaptureSection, FolderSection, KindKey, ProceduralSection, SourceSection, UnposedSection,

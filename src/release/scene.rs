@@ -19,6 +19,7 @@ use attributes::scene_attributes;
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use crate::render::fidelity::PsnrFigures;
+use crate::sensor::latency::LatencyAccount;
 use crate::sensor::readout::ReadoutAccount;
 use crate::training::TrainingRecord;
 use serde::{Deserialize, Serialize};
@@ -273,6 +274,9 @@ pub struct TrajectoryStatistics {
     /// Counts and delays of the readout, if a bus limits the rate of events.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub readout: Option<ReadoutAccount>,
+    /// Counts of the delays, if events are late.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub latency: Option<LatencyAccount>,
     /// Most events in one millisecond.
     pub peak_ev_per_ms: Option<u64>,
     /// Pixels with an event.

@@ -1,5 +1,6 @@
 //! The sensor of a recipe, one of a closed family.
 
+use super::latency::PixelLatency;
 use super::noise::{self, HotPixelNoise};
 use super::readout::ReadoutBus;
 use super::screening::{ScreenError, SensorScreening};
@@ -65,6 +66,19 @@ impl SensorChoice {
         self.as_model().settings().readout
     }
 
+    /// The delays of the events, if they are late.
+    #[must_use]
+    pub fn latency(&self) -> Option<PixelLatency> {
+        self.as_model().settings().latency.filter(|latency| !latency.is_absent())
+    }
+
+    /// The sensor with events at the times of their crossings.
+    #[must_use]
+    pub fn without_latency(&self) -> Self {
+        let settings = self.as_model().settings();
+        self.as_model().with_settings(SensorSettings { latency: None, ..settings })
+    }
+
     /// The pixels that fire by themselves.
     #[must_use]
     pub fn hot_pixels(&self) -> noise::HotPixelNoise {
@@ -72,13 +86,14 @@ impl SensorChoice {
     }
 
     /// The sensor without its noise: only brightness makes events, on pixels with the same
-    /// mismatch. Labels are removed as well; they change no event.
+    /// mismatch. Labels are removed as well; they change no event. Events are as late, without jitter.
     #[must_use]
     pub fn without_noise(&self) -> Self {
         let quiet = self.as_model().without_noise();
         let settings = quiet.as_model().settings();
         let hot_pixels = HotPixelNoise::default();
-        quiet.as_model().with_settings(SensorSettings { hot_pixels, labels: false, ..settings })
+        let latency = settings.latency.map(PixelLatency::without_jitter);
+        quiet.as_model().with_settings(SensorSettings { hot_pixels, labels: false, latency, ..settings })
     }
 
     /// Returns true if something other than brightness makes events.
@@ -94,6 +109,7 @@ impl SensorChoice {
         let own = self.as_model().without_idle();
         let mut settings = own.as_model().settings();
         settings.labels = false;
+        settings.latency = settings.latency.filter(|latency| !latency.is_absent());
         if settings.hot_pixels.is_absent() {
             settings.hot_pixels = HotPixelNoise::default();
         }

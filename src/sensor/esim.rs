@@ -28,12 +28,15 @@ pub(super) use parameters::FACTS;
 use super::course::BrightnessCourse;
 use super::detector::{DetectorPixel, OwnEventKind};
 use super::front_end::FrontEnd;
+use super::latency::{PixelLatency, make_late};
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RedrawRule, RefractoryPeriod, ThresholdMismatch};
+use super::own_events::OwnEventArray;
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::readout::{ReadoutBus, read_out};
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
+use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
@@ -72,6 +75,9 @@ pub struct EsimModel {
     /// The bus behind the pixels, if its rate is limited.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub readout: Option<ReadoutBus>,
+    /// The delays of the events, if they are late.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub latency: Option<PixelLatency>,
 }
 
 /// The quantity that pixels compare.
@@ -100,6 +106,7 @@ impl Default for EsimModel {
             allow_cap: false,
             front_end: FrontEnd::default(),
             labels: false,
+            latency: None,
             readout: None,
         }
     }
@@ -150,6 +157,7 @@ impl EsimModel {
         self.threshold.validate()?;
         self.refractory.validate()?;
         self.hot_pixels.validate()?;
+        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
         // With 0, the logarithm of a black pixel would be infinite.
         if !(self.eps > 0.0 && self.eps.is_finite()) {
             let (name, wanted) = ("eps", "a finite number above 0");
@@ -197,7 +205,11 @@ impl SensorModel for EsimModel {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(read_out(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)), self.readout, size))
+        let pixels = Box::new(PairPixels::new(self.clone(), cap, size, origin, seed));
+        let array = OwnEventArray { size, origin, seed, label: EventLabel::Noise };
+        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
+        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
+        Ok(read_out(pixels, self.readout, size))
     }
 }
 

@@ -2,6 +2,7 @@
 //! own, next to its law.
 
 use super::front_end::FrontEnd;
+use super::latency::PixelLatency;
 use super::noise::HotPixelNoise;
 use super::readout::ReadoutBus;
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
@@ -35,6 +36,8 @@ pub struct SensorSettings {
     pub allow_cap: bool,
     /// True if events are labelled as signal or noise.
     pub labels: bool,
+    /// The delays of the events, if they are late.
+    pub latency: Option<PixelLatency>,
     /// The bus behind the pixels, if its rate is limited.
     pub readout: Option<ReadoutBus>,
 }

@@ -39,15 +39,18 @@ pub use presets::V2ePreset;
 use super::course::{BrightnessCourse, FilteredCourse};
 use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
 use super::front_end::FrontEnd;
+use super::latency::{PixelLatency, make_late};
 use super::noise::mismatch::FLOOR;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
+use super::own_events::OwnEventArray;
 use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::readout::{ReadoutBus, read_out};
 use super::screening::{
     ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
 };
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
+use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
@@ -88,6 +91,9 @@ pub struct V2eModel {
     /// The bus behind the pixels, if its rate is limited.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub readout: Option<ReadoutBus>,
+    /// The delays of the events, if they are late.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub latency: Option<PixelLatency>,
 }
 
 /// The filter's step from frame to frame.
@@ -204,6 +210,7 @@ impl V2eModel {
         self.threshold.validate()?;
         self.refractory.validate()?;
         self.hot_pixels.validate()?;
+        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
         let LeakNoise { rate, jitter, cov } = self.leak;
         at_least_zero("cutoff", self.cutoff)?;
         at_least_zero("leak.rate", rate)?;
@@ -290,7 +297,11 @@ impl SensorModel for V2eModel {
         self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
         check_extent(size, origin)?;
         let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        Ok(read_out(Box::new(PairPixels::new(self.clone(), cap, size, origin, seed)), self.readout, size))
+        let pixels = Box::new(PairPixels::new(self.clone(), cap, size, origin, seed));
+        let array = OwnEventArray { size, origin, seed, label: EventLabel::Noise };
+        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
+        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
+        Ok(read_out(pixels, self.readout, size))
     }
 }
 

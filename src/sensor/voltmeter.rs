@@ -48,6 +48,7 @@ pub use units::ConstantUnits;
 use super::cap::CappedPixels;
 use super::dead_time::WithDeadTime;
 use super::front_end::FrontEnd;
+use super::latency::{PixelLatency, make_late};
 use super::noise::{HotPixelNoise, NoiseFloor, RefractoryPeriod};
 use super::own_events::{OwnEventArray, WithOwnEvents};
 use super::pairs::{EventCap, PairPixels};
@@ -103,6 +104,9 @@ pub struct VoltmeterModel {
     /// The bus behind the pixels, if its rate is limited.
     #[serde(default, skip_serializing_if = "super::is_default")]
     pub readout: Option<ReadoutBus>,
+    /// The delays of the events, if they are late.
+    #[serde(default, skip_serializing_if = "super::is_default")]
+    pub latency: Option<PixelLatency>,
 }
 
 /// The sampler of the process.
@@ -180,6 +184,7 @@ impl VoltmeterModel {
             refractory: RefractoryPeriod::default(),
             front_end: FrontEnd::default(),
             labels: false,
+            latency: None,
             readout: None,
         }
     }
@@ -260,7 +265,10 @@ impl SensorModel for VoltmeterModel {
                 Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed))
             }
         };
-        let pixels = self.wrap(pixels, self.own_events(size, origin, seed));
+        let array = self.own_events(size, origin, seed);
+        let pixels = self.wrap(pixels, array);
+        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
+        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
         Ok(read_out(pixels, self.readout, size))
     }
 }

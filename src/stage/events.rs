@@ -75,6 +75,9 @@ const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
 /// Bytes per pixel of a bus: its flags, and a waiting event in a tree of rows.
 const BYTES_OF_BUS: u64 = 64;
 
+/// Bytes per pixel of a latency: the past of the pixel, a waiting event, and ten frames of light.
+const BYTES_OF_LATENCY: u64 = 16 + 40 + 10 * 4;
+
 /// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
@@ -96,7 +99,9 @@ impl Stage for EventsStage {
             |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
-        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + BYTES_OF_BUS * buses;
+        let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
+        let behind = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late;
+        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind;
         super::rendering_need(&self.backend, self.camera, files, others)
     }
 

@@ -42,6 +42,8 @@ fn show(
     seed: Seed,
 ) -> Result<Vec<Event>, SensorError> {
     let mut events = Vec::new();
+    // A latency changes neither thresholds nor rates, and its events may come after the last frame.
+    let sensor = sensor.without_latency();
     let pixels = sensor.as_model().start(size, [0, 0], seed)?;
     let mut channel = SensorChannel::new(pixels, &mut events);
     for (index, (t, greys)) in frames.iter().enumerate() {

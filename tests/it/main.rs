@@ -39,6 +39,7 @@ mod info;
 mod init;
 mod interruption;
 mod keys;
+mod latency;
 mod linked_tree;
 mod loader;
 mod locks;

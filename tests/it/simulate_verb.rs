@@ -185,6 +185,23 @@ fn a_rate_replaces_stamps() {
     assert!(fs::read(place.path("e.txt")).unwrap() == wanted);
 }
 
+/// The printed noise is the mean of unequal pixels: 8.6 % more than a pixel of nominal thresholds makes.
+#[test]
+fn the_printed_noise_is_that_of_the_array() {
+    let place = Workspace::new();
+    npy(&place.path("still.npy"), &[51, 48, 48], &vec![64u8; 51 * 48 * 48]);
+    let ended = place
+        .ok("simulate --frames still.npy --fps 10 --sensor v2e-noisy --seed 3 --out e.h5 --allow-cap --json");
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let noise = found["noise"].as_array().unwrap().iter().find(|row| row["grey"] == 64.0).unwrap();
+    let stated = noise["total_hz"].as_f64().unwrap();
+    let events = found["account"]["events"].as_f64().unwrap();
+    let made = events / (48.0 * 48.0) / 5.0;
+    println!("{made:.4} Hz of {stated:.4} Hz");
+    // Five standard deviations of a count of about 40,000 are 2.5 %, a third of the difference to a nominal pixel.
+    assert!(events > 30_000.0 && (made / stated - 1.0).abs() < 0.025, "{made} Hz of {stated} Hz");
+}
+
 /// A crop at its place draws the noise of the whole clip.
 #[test]
 fn a_crop_makes_the_events_of_the_whole() {

@@ -41,6 +41,13 @@ impl SimulateReport<'_> {
                 "{rate:.3} events per pixel and second, {share:.1} % of them ON, from {active:.1} % of the pixels"
             ));
         }
+        if let Some(late) = &self.account.latency {
+            console.say(&format!(
+                "latency: events are {:.3} us late on average and {:.1} us at most; {} of {} would be after the last \
+                 frame and were left out",
+                late.mean_us, late.max_us, late.unread, late.made
+            ));
+        }
         if let Some(bus) = &self.account.readout {
             console.say(&format!(
                 "readout: {} of {} events lost, the others {:.3} us late on average and {:.1} us at most",

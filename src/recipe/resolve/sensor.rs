@@ -188,8 +188,10 @@ impl Resolver<'_> {
         let initial = self.or(&raw.initial, InitialVoltage::Zero);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
+        let latency = self.latency(&raw.latency);
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
-            || floor.as_ref().is_some_and(|floor| !floor.is_absent());
+            || floor.as_ref().is_some_and(|floor| !floor.is_absent())
+            || models::follows_light(latency);
         let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         let [threshold_on, threshold_off, threshold_spread] = threshold?;
@@ -210,6 +212,7 @@ impl Resolver<'_> {
             refractory: refractory?,
             front_end,
             labels: labels?,
+            latency: latency?,
             readout: readout?,
             ..VoltmeterModel::new(k)
         })

@@ -91,6 +91,21 @@ pub(in crate::recipe) struct FloorPointSection {
     pub off: Field<f64>,
 }
 
+/// Delay of events after the crossing of their thresholds. Events of a pixel keep their order.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct LatencySection {
+    /// Mean delay in bright light. Unit: us. Required.
+    pub us: Field<f64>,
+    /// Standard deviation of the delay. Unit: us. Default: `0`.
+    pub jitter_us: Field<f64>,
+    /// Addition to the mean delay at 1000 lux, inversely proportional to the light: the time constant of
+    /// the photoreceptor. Unit: us. Default: `0`.
+    pub tau_us: Field<f64>,
+    /// Largest delay. Unit: us. Default: `10000`.
+    pub max_us: Field<f64>,
+}
+
 /// Bus between the pixels and the stream. Waiting events are late, and further events of their pixels
 /// are lost.
 #[derive(Debug, Default, Deserialize)]
@@ -117,8 +132,8 @@ pub(in crate::recipe) struct FrontEndSection {
     pub exposure: Field<f64>,
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
-    /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4` and a `floor` depend on
-    /// it; other sensors refuse it. Unit: lux. Default: 250, or none for other sensors.
+    /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4`, a `floor` and a latency
+    /// with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for other sensors.
     pub lux: Field<f64>,
 }
 

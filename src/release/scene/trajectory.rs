@@ -159,6 +159,7 @@ fn stream_statistics(
         on: Some(account.on),
         off: Some(account.off),
         readout: account.readout,
+        latency: account.latency,
         rate_ev_px_s: rate_ev_px_s(account.events, simulation.camera.size, last_us),
         peak_ev_per_ms: built.peaks_ev_per_ms.get(i).copied(),
         active_pixels: Some(account.active_pixels),

@@ -27,13 +27,13 @@ impl SensorParameters for V2eModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, readout, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels, readout }
+        let Self { front_end, hot_pixels, allow_cap, labels, latency, readout, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout }
     }
 
     fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels, readout } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, readout, ..self.clone() }.into()
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, latency, readout, ..self.clone() }.into()
     }
 
     fn with_between(&self, _: BetweenFrames) -> SensorChoice {

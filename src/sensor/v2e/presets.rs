@@ -69,6 +69,7 @@ impl From<V2ePreset> for V2eModel {
             allow_cap: false,
             front_end: FrontEnd::default(),
             labels: false,
+            latency: None,
             readout: None,
         };
         match preset {

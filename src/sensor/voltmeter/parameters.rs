@@ -28,13 +28,13 @@ impl SensorParameters for VoltmeterModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, readout, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels, readout }
+        let Self { front_end, hot_pixels, allow_cap, labels, latency, readout, .. } = *self;
+        SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout }
     }
 
     fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels, readout } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, readout, ..self.clone() }.into()
+        let SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout } = settings;
+        Self { front_end, hot_pixels, allow_cap, labels, latency, readout, ..self.clone() }.into()
     }
 
     fn between(&self) -> BetweenFrames {
@@ -158,6 +158,9 @@ impl VoltmeterModel {
         }
         if self.labels {
             out["labels"] = json!(true);
+        }
+        if let Some(latency) = self.latency {
+            out["latency"] = json!(latency);
         }
         if let Some(bus) = self.readout {
             out["readout"] = json!(bus);

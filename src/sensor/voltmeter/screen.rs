@@ -78,6 +78,7 @@ impl VoltmeterModel {
         let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
         at_least_zero("threshold.spread", *spread)?;
         hot.validate()?;
+        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
         self.floor.validate()?;
         self.refractory.validate()?;
         if !self.floor.is_absent() && self.front_end.lux.is_none() {

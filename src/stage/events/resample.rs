@@ -60,7 +60,9 @@ impl EventsStage {
         let tolerance = self.tolerance.map(|asked| asked.rms);
         let of = |sensor: &&SensorChoice| {
             // Every second of these frames is a frame of the stream, so one rendering serves both.
-            let both = |step| self.events_of(sensor.as_model(), frames.iter().step_by(step));
+            // Without latency, whose jitter says nothing of the frames.
+            let at_once = sensor.without_latency();
+            let both = |step| self.events_of(at_once.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
                 .then(|| {
                     Ok(ResampledIntervals {

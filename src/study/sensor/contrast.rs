@@ -180,8 +180,11 @@ mod tests {
             assert!(passes(&sensor, &sensor, 1.0));
         }
         let esim = crate::sensor::esim::EsimModel::default().into();
-        let v2e = V2eModel::from(V2ePreset::Clean).into();
-        assert!(passes(&esim, &esim, 1.0) && passes(&v2e, &v2e, 1.0));
+        assert!(passes(&esim, &esim, 1.0));
+        for preset in V2ePreset::ALL {
+            let v2e = V2eModel::from(preset).into();
+            assert!(passes(&v2e, &v2e, 1.0), "{preset:?}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 31] = [
+const CONTEXTS: [(&str, &str); 32] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -49,6 +49,7 @@ const CONTEXTS: [(&str, &str); 31] = [
     ("sensor.v2e", "{ sensor: { v2e: {} } }"),
     ("sensor.voltmeter.units", UNITS),
     ("sensor.voltmeter.readout", "{ sensor: { voltmeter: { readout: { rate_mev_s: 12 } } } }"),
+    ("sensor.voltmeter.latency", "{ sensor: { voltmeter: { latency: { us: 100 } } } }"),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
     ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),

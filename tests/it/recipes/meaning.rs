@@ -5,6 +5,7 @@ use gs2e::recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
 use gs2e::render::RenderRules;
 use gs2e::sensor::esim::{EsimModel, IntensityScale};
 use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
+use gs2e::sensor::latency::PixelLatency;
 use gs2e::sensor::noise::{
     FloorPoint, HotPixelNoise, NoiseFloor, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch,
 };
@@ -283,7 +284,7 @@ fn all_sensors_are_read() {
         "{ esim: { threshold: { on: 0.3, spread: 0.02 }, mismatch: per-frame, intensity: linear, eps: 0.01, \
          refractory: { period_us: 100, reference: at-end }, hot_pixels: { share: 0.001, rate: 20 }, \
          max_events_per_pixel_frame: 7, allow_cap: true, labels: true, \
-         readout: { rate_mev_s: 12, arbiter: columns, queue: 9 } } }",
+         latency: { us: 100, jitter_us: 10, tau_us: 40 }, readout: { rate_mev_s: 12, arbiter: columns, queue: 9 } } }",
         SensorChoice::Esim(EsimModel {
             threshold: ThresholdMismatch { on: 0.3, off: 0.2, spread: 0.02 },
             mismatch: RedrawRule::PerFrame,
@@ -293,8 +294,9 @@ fn all_sensors_are_read() {
             hot_pixels,
             max_events_per_pixel_frame: 7,
             allow_cap: true,
-            front_end: FrontEnd::default(),
+            front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
             labels: true,
+            latency: Some(PixelLatency { us: 100.0, jitter_us: 10.0, tau_us: 40.0, max_us: 1e4 }),
             readout: Some(ReadoutBus { rate_mev_s: 12.0, arbiter: ArbiterOrder::Columns, queue: Some(9) }),
         }),
     );

@@ -8,6 +8,7 @@ use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
 use crate::recipe::text::TextSpan;
 use crate::sensor::esim::EsimModel;
+use crate::sensor::latency::{self, PixelLatency};
 use crate::sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
 use crate::sensor::readout::{ArbiterOrder, ReadoutBus};
 use crate::sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
@@ -17,8 +18,15 @@ use crate::sensor::voltmeter::BetweenFrames;
 pub(super) const THRESHOLD: RealRange = RealRange::new(1e-6, 1e6);
 /// Range of the spreads of thresholds.
 const SPREAD: RealRange = RealRange::new(0.0, 1e6);
+/// Range of the delays of events, us.
+const DELAY: RealRange = RealRange::new(0.0, 1e6);
 /// Range of the event rates, Hz.
 const RATE: RealRange = RealRange::new(0.0, 1e9);
+
+/// Returns true if a latency depends on the light of white.
+pub(super) fn follows_light(latency: Option<Option<PixelLatency>>) -> bool {
+    latency.flatten().is_some_and(|latency| latency.tau_us > 0.0)
+}
 
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::EsimSection) -> Option<EsimModel> {
@@ -37,7 +45,9 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let (front_end, labels) = (self.front_end(&raw.front_end, false), self.or(&raw.labels, false));
+        let latency = self.latency(&raw.latency);
+        let in_lux = follows_light(latency);
+        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         preset?;
         Some(EsimModel {
@@ -51,6 +61,7 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             front_end: front_end?,
             labels: labels?,
+            latency: latency?,
             readout: readout?,
         })
     }
@@ -66,7 +77,9 @@ impl Resolver<'_> {
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
-        let (front_end, labels) = (self.front_end(&raw.front_end, false), self.or(&raw.labels, false));
+        let latency = self.latency(&raw.latency);
+        let in_lux = follows_light(latency);
+        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
         let readout = self.readout(&raw.readout);
         Some(V2eModel {
             threshold: threshold?,
@@ -80,6 +93,7 @@ impl Resolver<'_> {
             allow_cap: allow_cap?,
             front_end: front_end?,
             labels: labels?,
+            latency: latency?,
             readout: readout?,
         })
     }
@@ -184,6 +198,22 @@ impl Resolver<'_> {
         let rate = self.real(&raw.rate, 0.0, RATE);
         let spread = self.real(&raw.spread, 0.0, RealRange::new(0.0, 3.0));
         Some(HotPixelNoise { share: share?, rate: rate?, spread: spread? })
+    }
+
+    pub(super) fn latency(&self, field: &Field<schema::LatencySection>) -> Option<Option<PixelLatency>> {
+        let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
+        let us = self.required(&raw.us, "us", place, "write us: 100, in microseconds");
+        let jitter_us = self.real(&raw.jitter_us, 0.0, DELAY);
+        let tau_us = self.real(&raw.tau_us, 0.0, DELAY);
+        let max_us = self.real(&raw.max_us, latency::MAX_US, RealRange::above(0.0, 1e6));
+        let (_, at) = us?;
+        let us = self.real(&raw.us, 0.0, DELAY)?;
+        let max_us = max_us?;
+        if us > max_us {
+            let found = FieldProblem::of_field(format!("is {us}, above the largest delay of {max_us} us"));
+            return self.refuse(found.help("write a larger max_us").at(at));
+        }
+        Some(Some(PixelLatency { us, jitter_us: jitter_us?, tau_us: tau_us?, max_us }))
     }
 
     pub(super) fn readout(&self, field: &Field<schema::ReadoutSection>) -> Option<Option<ReadoutBus>> {

@@ -1,6 +1,8 @@
 //! ESIM as written.
 
-use super::{FrontEndSection, HotPixelsSection, ReadoutSection, RefractorySection, ThresholdSection};
+use super::{
+    FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection, ThresholdSection,
+};
 use crate::recipe::field::Field;
 use crate::sensor::esim::IntensityScale;
 use crate::sensor::noise::RedrawRule;
@@ -34,6 +36,8 @@ pub(in crate::recipe) struct EsimSection {
     pub front_end: Field<FrontEndSection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
+    /// Delay of the events. Default: none.
+    pub latency: Field<LatencySection>,
     /// Limit of the rate of events. Default: none.
     pub readout: Field<ReadoutSection>,
 }

@@ -1,7 +1,8 @@
 //! DVS-Voltmeter as written.
 
 use super::{
-    FloorPointSection, FrontEndSection, HotPixelsSection, ReadoutSection, RefractorySection, ThresholdSection,
+    FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
+    ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
@@ -45,6 +46,8 @@ pub(in crate::recipe) struct VoltmeterSection {
     pub refractory: Field<RefractorySection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
     pub labels: Field<bool>,
+    /// Delay of the events. Default: none.
+    pub latency: Field<LatencySection>,
     /// Limit of the rate of events. Default: none.
     pub readout: Field<ReadoutSection>,
 }
