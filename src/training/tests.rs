@@ -51,7 +51,7 @@ fn trained(
     let mut heard = Vec::new();
     let mut news = |news: &TrainingNews| heard.push(news.clone());
     let watch = TrainingWatch { goes_on: &goes_on, news: &mut news, clock, checkpoint };
-    (train_capture(capture, files, &settings(until), watch), heard)
+    (train_capture(capture, files, (&settings(until), &Backend::Cpu), watch), heard)
 }
 
 const NO_GOAL: TrainingGoal = TrainingGoal { psnr: None, minutes: None };

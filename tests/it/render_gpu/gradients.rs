@@ -3,7 +3,10 @@
 //! Both backward passes take the same f32 steps over the same layers, and differ in the rounding of
 //! quotients, roots and powers, and in the order of sums over the pixels of a tile. A gradient is a sum
 //! over pixels of terms of both signs, so its error is relative to the terms and not to the sum: hence
-//! norms, and for single values a part of the largest of their kind in the scene.
+//! norms, and for single values a part of the largest of their kind in the scene. WebGPU allows a power
+//! of two some 20 units of 6e-8, and light recovered over 24 layers about 70: 6e-6 of the terms. The
+//! terms of a value over the 777 pixels add up like random signs, to about 1/28 of their sum, which
+//! makes 2e-4 of the value; axes of unlike lengths magnify that a few times. Hence 1e-3.
 
 use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, view_ahead};
 use crate::support::gpu;
@@ -175,14 +178,22 @@ fn gradients_equal_those_of_the_cpu() {
     compare_styles(if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 200 } else { 12 });
 }
 
-/// Compares one scene, for all rules.
-fn check(device: &GpuDevice, name: &str, scene: &Gaussians, view: &CameraView) {
-    for (rules, antialiased, _) in STYLES {
+/// Compares some scenes, each under every set of rules.
+fn check(device: &GpuDevice, scenes: &[(&str, &Gaussians, CameraView)]) {
+    for (rules, antialiased) in [
+        (RenderRules::Soft, true),
+        (RenderRules::Official, false),
+        (RenderRules::Exact, false),
+        (RenderRules::Gsplat, false),
+    ] {
         let style = style(rules, antialiased);
-        let mut gpu = GpuGradientRenderer::new(device.clone(), scene.clone(), style).unwrap();
-        let (found, wanted) = (by_gpu(&mut gpu, view).0, by_cpu(scene, view, style).0);
-        assert!(!wanted.numbers.is_empty(), "{name}: nothing is drawn");
-        assert_close(&format!("{name} {rules:?}"), &found, &wanted);
+        let mut gpu = GpuGradientRenderer::new(device.clone(), blob_scene(&[]), style).unwrap();
+        for (name, scene, view) in scenes {
+            gpu.rebuild(|old| old.clone_from(scene)).unwrap();
+            let (found, wanted) = (by_gpu(&mut gpu, view).0, by_cpu(scene, view, style).0);
+            assert!(!wanted.numbers.is_empty(), "{name}: nothing is drawn");
+            assert_close(&format!("{name} {rules:?}"), &found, &wanted);
+        }
     }
 }
 
@@ -217,11 +228,16 @@ fn degenerate_gaussians_have_the_gradients_of_the_cpu() {
         scene.sh.push([0.0; 3]);
     }
     scene.positions[13] = [0.0, 0.0, 3.0];
-    check(&device, "degenerate", &scene, &view_ahead(75, 50, 60.0));
     // Tiles cut to one row and column, and to one pixel in all.
     let small = blob_scene(&blobs[..9]);
-    check(&device, "17 x 33", &small, &view_ahead(17, 33, 20.0));
-    check(&device, "1 x 1", &small, &view_ahead(1, 1, 10.0));
+    check(
+        &device,
+        &[
+            ("degenerate", &scene, view_ahead(75, 50, 60.0)),
+            ("17 x 33", &small, view_ahead(17, 33, 20.0)),
+            ("1 x 1", &small, view_ahead(1, 1, 10.0)),
+        ],
+    );
 }
 
 #[test]
@@ -262,8 +278,8 @@ fn long_lists_have_the_gradients_of_the_cpu() {
     let style = style(rules, false);
     let mut gpu = GpuGradientRenderer::new(device, scene.clone(), style).unwrap();
     let ((found, work), (wanted, _)) = (by_gpu(&mut gpu, &view), by_cpu(&scene, &view, style));
-    // Twelve tiles: each has more layers than a workgroup has threads.
-    assert!(work.tile_pairs > 12 * 3 * 64, "{} pairs", work.tile_pairs);
+    // Twelve tiles: a workgroup has 64 threads, so they take more than two rounds in the mean.
+    assert!(work.tile_pairs > 12 * 2 * 64, "{} pairs", work.tile_pairs);
     assert_close("deep", &found, &wanted);
 }
 
@@ -271,11 +287,22 @@ fn long_lists_have_the_gradients_of_the_cpu() {
 #[test]
 fn regions_and_parts_add_up_to_the_gradients_of_the_whole() {
     let Some(device) = gpu::device() else { return };
-    let (scene, view) = (deep_scene(), view_ahead(50, 40, 45.0));
+    let (deep, view) = (deep_scene(), view_ahead(50, 40, 45.0));
+    // Every second Gaussian is behind the camera, so that parts of the scene are larger than the
+    // splats of a tile.
+    let mut scene = blob_scene(&[ColourBlob { position: [0.0, 0.0, -3.0], ..ColourBlob::default() }; 1000]);
+    for i in 0..deep.len() {
+        let at = 2 * i + 1;
+        scene.positions[at] = deep.positions[i];
+        scene.log_scales[at] = deep.log_scales[i];
+        scene.rotations[at] = deep.rotations[i];
+        scene.opacity_logits[at] = deep.opacity_logits[i];
+        scene.sh[at] = deep.sh[i];
+    }
     let style = style(RenderRules::Soft, false);
     let whole = by_gpu(&mut GpuGradientRenderer::new(device.clone(), scene.clone(), style).unwrap(), &view).0;
-    // Parts of a few hundred Gaussians at 36 bytes, and pairs of one tile at 40 bytes.
-    let little = device.with_limit(17_000);
+    // Two parts of the scene at 36 bytes a Gaussian, and 800 of the 2100 pairs at 40 bytes.
+    let little = device.with_limit(32_000);
     let mut gpu = GpuGradientRenderer::new(little, scene, style).unwrap();
     let (found, _) = by_gpu(&mut gpu, &view);
     // Sums over tiles are added in another order: some roundings of 6e-8.
@@ -289,7 +316,7 @@ fn regions_and_parts_add_up_to_the_gradients_of_the_whole() {
 #[test]
 fn gradients_have_the_same_bits_in_every_run() {
     let Some(device) = gpu::device() else { return };
-    for index in 0..4 {
+    for index in 0..2 {
         let (scene, view) = planted(index, 3);
         let style = style(RenderRules::Soft, false);
         let new = |scene: &Gaussians| GpuGradientRenderer::new(device.clone(), scene.clone(), style).unwrap();
