@@ -201,7 +201,8 @@ impl<'a> SceneTrainer<'a> {
         let count = self.schedule.count_after(self.iteration, self.renderer.scene().len());
         let draws = self.draws.placement(self.iteration);
         let (means, scores) = (&mut self.means, &mut self.scores);
-        self.renderer.rebuild(|scene| placement::place_gaussians(scene, means, scores, count, &draws))
+        let place = |scene: &mut Gaussians| placement::place_gaussians(scene, means, scores, count, &draws);
+        self.renderer.rebuild(place).map(drop)
     }
 
     /// Adds a point to the course, and reports it.

@@ -121,7 +121,7 @@ fn a_value_that_is_not_finite_is_named() {
     let (_folder, capture, files) = striped();
     let settings = settings(NO_GOAL);
     let views = TrainingViews::read(&capture, &files, (48, 8), &|| true).unwrap();
-    let mut trainer = SceneTrainer::new(&views, &[], &settings).unwrap();
+    let mut trainer = SceneTrainer::new(&views, &[], (&settings, &Backend::Cpu)).unwrap();
     for _ in 0..3 {
         trainer.step().unwrap();
     }
