@@ -61,7 +61,7 @@ pub struct GpuRenderer {
     traced: Option<Vec<TracedRegion>>,
 }
 
-/// A region of which a trace is kept.
+/// A region whose trace is kept.
 #[derive(Debug, Clone, Copy)]
 struct TracedRegion {
     region: TileRegion,

@@ -10,14 +10,14 @@ use crate::scene::Gaussians;
 /// A scene that is trained, on its back end.
 #[derive(Debug)]
 pub(super) enum TrainingRenderer {
-    Cpu(GradientRenderer),
+    Cpu(Box<GradientRenderer>),
     Gpu(Box<GpuGradientRenderer>),
 }
 
 impl TrainingRenderer {
     pub(super) fn new(backend: &Backend, scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
         match backend {
-            Backend::Cpu => Ok(Self::Cpu(GradientRenderer::new(scene, style)?)),
+            Backend::Cpu => Ok(Self::Cpu(Box::new(GradientRenderer::new(scene, style)?))),
             Backend::Gpu(device) => {
                 Ok(Self::Gpu(Box::new(GpuGradientRenderer::new(device.clone(), scene, style)?)))
             }

@@ -126,7 +126,7 @@ fn a_value_that_is_not_finite_is_named() {
         trainer.step().unwrap();
     }
     // Squares of these colours exceed the largest number of 32 bits.
-    trainer.renderer.rebuild(|scene| scene.sh.iter_mut().for_each(|sh| *sh = [1e30; 3]));
+    trainer.renderer.rebuild(|scene| scene.sh.iter_mut().for_each(|sh| *sh = [1e30; 3])).unwrap();
     match trainer.step() {
         Err(TrainingError::NotFinite { iteration: 4, view, what }) => {
             assert!(capture.views.iter().any(|other| other.name == view) && what == "loss", "{view}: {what}");
