@@ -288,11 +288,11 @@ fn long_lists_have_the_gradients_of_the_cpu() {
 fn regions_and_parts_add_up_to_the_gradients_of_the_whole() {
     let Some(device) = gpu::device() else { return };
     let (deep, view) = (deep_scene(), view_ahead(50, 40, 45.0));
-    // Every second Gaussian is behind the camera, so that parts of the scene are larger than the
-    // splats of a tile.
-    let mut scene = blob_scene(&[ColourBlob { position: [0.0, 0.0, -3.0], ..ColourBlob::default() }; 1000]);
+    // Two of three Gaussians are behind the camera, so that the scene has two parts although all
+    // splats of a tile fit the device.
+    let mut scene = blob_scene(&[ColourBlob { position: [0.0, 0.0, -3.0], ..ColourBlob::default() }; 1500]);
     for i in 0..deep.len() {
-        let at = 2 * i + 1;
+        let at = 3 * i + 1;
         scene.positions[at] = deep.positions[i];
         scene.log_scales[at] = deep.log_scales[i];
         scene.rotations[at] = deep.rotations[i];
@@ -301,8 +301,8 @@ fn regions_and_parts_add_up_to_the_gradients_of_the_whole() {
     }
     let style = style(RenderRules::Soft, false);
     let whole = by_gpu(&mut GpuGradientRenderer::new(device.clone(), scene.clone(), style).unwrap(), &view).0;
-    // Two parts of the scene at 36 bytes a Gaussian, and 800 of the 2100 pairs at 40 bytes.
-    let little = device.with_limit(32_000);
+    // 1222 Gaussians at 36 bytes, 550 splats at 80 bytes, and 1100 of the 2128 pairs at 40 bytes.
+    let little = device.with_limit(44_000);
     let mut gpu = GpuGradientRenderer::new(little, scene, style).unwrap();
     let (found, _) = by_gpu(&mut gpu, &view);
     // Sums over tiles are added in another order: some roundings of 6e-8.
