@@ -1,4 +1,4 @@
-//! Training of a scene from photos with known poses, on the CPU.
+//! Training of a scene from photos with known poses, on the CPU or with the gradients of a GPU.
 //!
 //! ```text
 //! photos, poses, points -> starting scene
@@ -9,7 +9,8 @@
 //! The rendering that is trained is the rendering that is used: the rules, the background and
 //! antialiasing are those of [`TrainingSettings`]. The result has the same bits with any number of
 //! threads and any instruction set, and after any number of interruptions: every draw is a function
-//! of the seed and its place, and a checkpoint holds all that an iteration leaves behind.
+//! of the seed and its place, and a checkpoint holds all that an iteration leaves behind. A GPU and its
+//! driver have bytes of their own.
 //! `docs/training.md` has the laws, their sources and the trials.
 
 mod adam;
@@ -23,6 +24,7 @@ mod nearest;
 pub mod photos;
 mod placement;
 mod record;
+mod renderer;
 mod schedule;
 mod settings;
 mod start;
@@ -38,9 +40,10 @@ pub use settings::{TrainingGoal, TrainingSettings};
 pub use watch::{CheckpointFile, TrainingNews, TrainingReport, TrainingWatch};
 
 use crate::reconstruct::model_points;
-use crate::render::RenderRules;
-use crate::render::cpu::backward::{GradientRenderer, MAX_GAUSSIANS, ViewGradients};
+use crate::render::backend::Backend;
+use crate::render::cpu::backward::{MAX_GAUSSIANS, ViewGradients};
 use crate::render::shared::least_alpha;
+use crate::render::{RenderError, RenderRules};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::source::Capture;
@@ -49,6 +52,7 @@ use adam::{AdamMeans, BiasTable};
 use draws::TrainingDraws;
 use loss::ImageLoss;
 use photos::TrainingViews;
+use renderer::TrainingRenderer;
 use schedule::TrainingSchedule;
 use std::path::PathBuf;
 use watch::TrainingPace;
@@ -72,7 +76,8 @@ pub struct TrainedGaussians {
 }
 
 /// Reads the photos and the points of a capture, and trains a scene. `files` are the files of the
-/// capture's source, by their names in the source. Without points, the start is drawn.
+/// capture's source, by their names in the source. Without points, the start is drawn. `backend`
+/// renders and computes the gradients: the CPU or a GPU.
 ///
 /// # Errors
 /// See [`TrainingError`]. A training that is stopped, or ended by the clock, has written its
@@ -80,14 +85,14 @@ pub struct TrainedGaussians {
 pub fn train_capture(
     capture: &Capture,
     files: &[(String, PathBuf)],
-    settings: &TrainingSettings,
+    (settings, backend): (&TrainingSettings, &Backend),
     watch: TrainingWatch<'_>,
 ) -> Result<TrainedGaussians, TrainingError> {
     let views = TrainingViews::read(capture, files, (settings.resolution, settings.hold_out), watch.goes_on)?;
     let points = model_points(files).map_err(|cause| TrainingError::Points(Box::new(cause)))?;
     let [shown, held_out] = [views.shown.len(), views.held_out.len()];
     (watch.news)(&TrainingNews::Read { shown, held_out, points: points.len() });
-    let mut trainer = SceneTrainer::new(&views, &points, settings)?;
+    let mut trainer = SceneTrainer::new(&views, &points, (settings, backend))?;
     let ended = trainer.run(watch)?;
     trainer.finish(ended)
 }
@@ -98,7 +103,8 @@ struct SceneTrainer<'a> {
     settings: TrainingSettings,
     schedule: TrainingSchedule,
     draws: TrainingDraws,
-    renderer: GradientRenderer,
+    backend: Backend,
+    renderer: TrainingRenderer,
     means: AdamMeans,
     /// Errors seen since the last placement, by Gaussian.
     scores: Vec<f32>,
@@ -116,7 +122,7 @@ impl<'a> SceneTrainer<'a> {
     fn new(
         views: &'a TrainingViews,
         points: &[ColmapPoint],
-        settings: &TrainingSettings,
+        (settings, backend): (&TrainingSettings, &Backend),
     ) -> Result<Self, TrainingError> {
         let budget = settings.gaussians as usize;
         if budget == 0 || budget > MAX_GAUSSIANS {
@@ -135,13 +141,14 @@ impl<'a> SceneTrainer<'a> {
         means.resize(scene.len(), scene.sh_len());
         let scores = vec![0.0; scene.len()];
         reserve(&mut scene, budget);
-        let renderer = GradientRenderer::new(scene, settings.style());
+        let renderer = TrainingRenderer::new(backend, scene, settings.style());
         let renderer = renderer.map_err(|e| TrainingError::Settings(e.to_string()))?;
         Ok(Self {
             views,
             settings: *settings,
             schedule,
             draws,
+            backend: backend.clone(),
             renderer,
             means,
             scores,
@@ -165,14 +172,14 @@ impl<'a> SceneTrainer<'a> {
         };
         let degree = self.schedule.degree(self.iteration);
         self.renderer.set_degree(degree);
-        let rendered = self.renderer.render(&at);
-        let (image, _) =
-            rendered.map_err(|cause| TrainingError::Render { view: view.name.clone(), cause })?;
+        let not_rendered = |cause| TrainingError::Render { view: view.name.clone(), cause };
+        let (image, _) = self.renderer.render(&at).map_err(not_rendered)?;
         let loss = self.loss.compare(image, photo);
         if !loss.is_finite() {
             return Err(not_finite("loss".to_owned()));
         }
-        self.renderer.gradients(&self.loss.gradient, &self.loss.residual, &mut self.found);
+        let gradients = self.renderer.gradients(&self.loss.gradient, &self.loss.residual, &mut self.found);
+        gradients.map_err(not_rendered)?;
         for (&number, gradient) in self.found.numbers.iter().zip(&self.found.gradients) {
             self.scores[number as usize] += gradient.score;
         }
@@ -184,17 +191,18 @@ impl<'a> SceneTrainer<'a> {
             .map_err(|adam::NotFinite { gaussian }| not_finite(format!("gradient of Gaussian {gaussian}")))?;
         self.iteration += 1;
         if self.schedule.places(self.iteration) {
-            self.place();
+            self.place().map_err(not_rendered)?;
         }
         Ok(loss)
     }
 
     /// Moves the dead Gaussians and adds others.
-    fn place(&mut self) {
+    fn place(&mut self) -> Result<(), RenderError> {
         let count = self.schedule.count_after(self.iteration, self.renderer.scene().len());
         let draws = self.draws.placement(self.iteration);
         let (means, scores) = (&mut self.means, &mut self.scores);
-        self.renderer.rebuild(|scene| placement::place_gaussians(scene, means, scores, count, &draws));
+        let place = |scene: &mut Gaussians| placement::place_gaussians(scene, means, scores, count, &draws);
+        self.renderer.rebuild(place).map(drop)
     }
 
     /// Adds a point to the course, and reports it.

@@ -5,6 +5,7 @@
 //! iterations has all its Gaussians and full-size photos from the 24th on; those are timed.
 
 use gs2e::image::{Size, png};
+use gs2e::render::backend::Backend;
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
     CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
@@ -114,7 +115,8 @@ fn iteration_seconds(gaussians: u32, photos: &Photos) -> f64 {
         }
     };
     let watch = TrainingWatch { goes_on: &|| true, news: &mut news, clock: None, checkpoint: None };
-    training::train_capture(&photos.capture, &photos.files, &settings, watch).expect("it trains");
+    training::train_capture(&photos.capture, &photos.files, (&settings, &Backend::Cpu), watch)
+        .expect("it trains");
     let first = marks.iter().find(|(iteration, _)| *iteration >= FROM).expect("a report every 2 iterations");
     let last = marks.last().expect("a report at the end");
     (last.1 - first.1) / f64::from(last.0 - first.0)

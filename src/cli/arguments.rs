@@ -55,6 +55,7 @@ const RENDERING: &[&str] = &[
     "study",
     "stress",
     "audit",
+    "train",
     "trajectory",
 ];
 

@@ -6,6 +6,7 @@ use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input, machine};
 use crate::render::RenderRules;
+use crate::render::backend::Backend;
 use crate::run;
 use crate::scene::ply::write_ply;
 use crate::source::kind::CaptureKind;
@@ -73,6 +74,17 @@ enum TrainedRule {
     Gsplat,
 }
 
+/// The back end of the training: the CPU unless a GPU is requested.
+fn trained_backend(common: &CommonArgs) -> Result<Backend, VerbError> {
+    match common.backend()? {
+        Backend::Reference => {
+            let what = "--backend reference has no gradients".to_owned();
+            Err(VerbError::usage("backend", what).help("train with --backend cpu or --backend gpu"))
+        }
+        backend => Ok(backend),
+    }
+}
+
 /// A number above 0.
 fn positive(text: &str) -> Result<f64, String> {
     let wanted = || format!("`{text}` is not a number above 0");
@@ -94,6 +106,7 @@ impl TrainArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         output::screen_outputs([self.out.as_path()], [self.capture.as_path()], console.json)?;
         self.check_names()?;
+        let backend = trained_backend(common)?;
         common.limit_cores();
         let stop = super::on_interrupt()?;
         let began = Instant::now();
@@ -106,7 +119,7 @@ impl TrainArgs {
         warnings.iter().filter(|w| is_ignored(w)).for_each(|w| console.say(&format!("warning: {w}")));
         self.refuse_memory(&capture)?;
         let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
-        let trained = self.train(&capture, &files, (console, &stop))?;
+        let trained = self.train(&capture, &files, &backend, (console, &stop))?;
         let fill = |out: &mut dyn io::Write| write_ply(&trained.scene, out);
         output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
         self.tell(&trained, began, console);
@@ -163,6 +176,7 @@ impl TrainArgs {
         &self,
         capture: &Capture,
         files: &[(String, PathBuf)],
+        backend: &Backend,
         (console, stop): (&Console, &AtomicBool),
     ) -> Result<TrainedGaussians, VerbError> {
         let goes_on = || !stop.load(Ordering::Relaxed);
@@ -172,7 +186,8 @@ impl TrainArgs {
             clock: Some(run::monotonic_seconds),
             checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
         };
-        training::train_capture(capture, files, &self.settings(), watch).map_err(|e| self.to_error(&e))
+        training::train_capture(capture, files, (&self.settings(), backend), watch)
+            .map_err(|e| self.to_error(&e))
     }
 
     fn to_error(&self, error: &TrainingError) -> VerbError {

@@ -14,6 +14,7 @@ mod buffers;
 mod clock;
 mod device;
 mod frame;
+mod gradients;
 mod passes;
 mod readback;
 mod scene;
@@ -21,6 +22,7 @@ mod shader;
 
 pub use clock::TimedStage;
 pub use device::{DeviceChoice, GpuDevice, GpuError};
+pub use gradients::GpuGradientRenderer;
 
 use super::shared::TILE;
 use super::{
@@ -34,7 +36,7 @@ use glam::DVec3;
 use passes::{BindingLayouts, FramePipelines, RegionPasses};
 use readback::{Copy, Ring};
 use scene::ScenePart;
-use shader::{ImageLayout, ShaderVariant, Total, splat_rows};
+use shader::{DIGIT_BITS, GRADIENT_ROWS, ImageLayout, SUMS, ShaderVariant, Total, splat_rows};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -55,6 +57,15 @@ pub struct GpuRenderer {
     times: Option<[Duration; TimedStage::ALL.len()]>,
     /// Announced views, in order.
     expected: VecDeque<ExpectedView>,
+    /// For gradients: the regions of the last view, in the order in which they were rendered.
+    traced: Option<Vec<TracedRegion>>,
+}
+
+/// A region whose trace is kept.
+#[derive(Debug, Clone, Copy)]
+struct TracedRegion {
+    region: TileRegion,
+    splats: u32,
 }
 
 /// A view that was announced.
@@ -105,18 +116,29 @@ impl GpuRenderer {
     /// # Errors
     /// The style cannot be rendered, or the device has no memory for the scene.
     pub fn new(device: GpuDevice, scene: &Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
+        Self::prepare(device, scene, style, None)
+    }
+
+    fn prepare(
+        device: GpuDevice,
+        scene: &Gaussians,
+        style: RenderStyle,
+        traced: Option<Vec<TracedRegion>>,
+    ) -> Result<Self, RenderError> {
         super::check_style(&style)?;
         if !supports_order(style.order) {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
-        let parts = scene::upload_scene(scene, &device)?;
+        let parts = scene::upload_scene(scene, scene.sh_degree, traced.is_some(), &device)?;
         let layouts = BindingLayouts::new(&device);
         let splat_rows = splat_rows(false);
+        let [splats, pairs] = most_entries(device.limit, splat_rows, traced.is_some());
         let room = BufferCapacity {
-            splats: FIRST_SPLATS.min(most_splats(device.limit, splat_rows)),
-            pairs: FIRST_PAIRS.min(most_pairs(device.limit)),
+            splats: FIRST_SPLATS.min(splats),
+            pairs: FIRST_PAIRS.min(pairs),
             splat_rows,
+            traced: traced.is_some(),
             ..BufferCapacity::default()
         };
         let buffers = FrameBuffers::new(&device, &layouts, &parts, room)?;
@@ -135,6 +157,7 @@ impl GpuRenderer {
             clock,
             times: None,
             expected: VecDeque::new(),
+            traced,
         })
     }
 
@@ -149,6 +172,9 @@ impl GpuRenderer {
     fn begin(&mut self, view: &CameraView, want: ChannelSet) -> Result<PendingView, RenderError> {
         super::check_view(view)?;
         let mut shots = Vec::new();
+        if let Some(traced) = &mut self.traced {
+            traced.clear();
+        }
         self.shoot(view, want, TileRegion::whole_image(view.camera.size), &mut shots)?;
         Ok(PendingView { view: *view, want, shots })
     }
@@ -156,7 +182,7 @@ impl GpuRenderer {
     /// Waits for a view, and returns its images.
     fn finish(&mut self, pending: PendingView, out: &mut RenderedImages) -> Result<RenderWork, RenderError> {
         let PendingView { view, want, mut shots } = pending;
-        let (size, layout) = (view.camera.size, ImageLayout::new(want));
+        let (size, layout) = (view.camera.size, self.layout(want));
         let mut work: Option<RenderWork> = None;
         // The capacities of the submission, not those of now: an earlier region may have raised
         // them.
@@ -176,7 +202,12 @@ impl GpuRenderer {
                 })?;
             self.times = times;
             match found {
-                Some(done) => work = Some(work.map_or(done, |sum| join_work(sum, done))),
+                Some(done) => {
+                    work = Some(work.map_or(done, |sum| join_work(sum, done)));
+                    if let Some(traced) = &mut self.traced {
+                        traced.push(TracedRegion { region, splats: totals.of_count(Total::Splats) });
+                    }
+                }
                 None => self.again(&view, want, (region, totals), &mut shots)?,
             }
         }
@@ -194,9 +225,9 @@ impl GpuRenderer {
         region: TileRegion,
         shots: &mut Vec<GpuShot>,
     ) -> Result<(), RenderError> {
-        let layout = ImageLayout::new(want);
+        let layout = self.layout(want);
         let pixels = region.pixels(view.camera.size) as u64;
-        let needed = buffers::room_of(region, pixels, layout.floats);
+        let needed = buffers::room_of(region, pixels, layout.floats_on_device());
         // The lists of the tiles, 8 bytes each, must fit one binding as well.
         if readback::transfer_bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
             let [one, other] = region.halves().ok_or_else(|| self.device.too_small("images"))?;
@@ -217,7 +248,8 @@ impl GpuRenderer {
         let (pipelines, buffers) = (&self.pipelines[at].1, &self.buffers);
         let clock = self.clock.as_ref();
         RegionPasses { pipelines, buffers, parts: &self.parts, region, clock }.record(&mut encoder);
-        let copy = self.ring.submit(&self.device, encoder, (buffers, needed.floats), clock)?;
+        let floats = pixels * u64::from(layout.floats);
+        let copy = self.ring.submit(&self.device, encoder, (buffers, floats), clock)?;
         shots.push(GpuShot { region, room, copy });
         Ok(())
     }
@@ -232,7 +264,7 @@ impl GpuRenderer {
     ) -> Result<(), RenderError> {
         let (splats, pairs) = (totals.of_count(Total::Splats), totals.of_count(Total::Pairs));
         let splat_rows = self.buffers.room.splat_rows;
-        let most = [most_splats(self.device.limit, splat_rows), most_pairs(self.device.limit)];
+        let most = most_entries(self.device.limit, splat_rows, self.traced.is_some());
         if splats > most[0] || pairs > most[1] {
             let what = if splats > most[0] { "splats" } else { "pairs" };
             let halves = region.halves().ok_or_else(|| self.device.too_small(what))?;
@@ -254,11 +286,17 @@ impl GpuRenderer {
     fn make_room(&mut self, needed: BufferCapacity) -> Result<(), RenderError> {
         let mut room = self.buffers.room.or(needed);
         // Larger splats: fewer may fit a binding.
-        room.splats = room.splats.min(most_splats(self.device.limit, room.splat_rows));
+        room.splats = room.splats.min(most_entries(self.device.limit, room.splat_rows, room.traced)[0]);
         if room != self.buffers.room {
             self.buffers = FrameBuffers::new(&self.device, &self.layouts, &self.parts, room)?;
         }
         Ok(())
+    }
+
+    /// The layout of these channels, with a trace if gradients are wanted.
+    fn layout(&self, want: ChannelSet) -> ImageLayout {
+        let layout = ImageLayout::new(want);
+        if self.traced.is_some() { layout.with_trace() } else { layout }
     }
 
     /// Index of the pipelines for these channels.
@@ -304,6 +342,14 @@ impl Renderer for GpuRenderer {
     }
 }
 
+/// Largest numbers of splats and of pairs that the device can bind.
+fn most_entries(limit: u64, splat_rows: u32, traced: bool) -> [u32; 2] {
+    // A traced pair has ten sums, and a traced splat has gradients of its own rows.
+    let (rows, pair) =
+        if traced { (splat_rows.max(GRADIENT_ROWS), 4 * u64::from(SUMS)) } else { (splat_rows, 8) };
+    [most_splats(limit, rows), most_pairs(limit, pair)]
+}
+
 /// Adds the work of two regions of a view. Both count what was left out of the whole image.
 fn join_work(a: RenderWork, b: RenderWork) -> RenderWork {
     RenderWork {
@@ -333,6 +379,14 @@ impl TileRegion {
     /// Columns and rows of tiles.
     fn tiles(self) -> [u32; 2] {
         [0, 1].map(|k| self.end[k] - self.first[k])
+    }
+
+    /// Number of digits of a tile's index in the sort, including a larger value for the empty pair.
+    fn tile_digits(self) -> u32 {
+        let [columns, rows] = self.tiles();
+        // Of the empty pair's ones, only these digits are sorted. Their value is at least
+        // `columns * rows`, which no tile has.
+        (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
     }
 
     /// The first pixel: column and row.

@@ -38,6 +38,10 @@ impl SceneTrainer<'_> {
         let settings = TrainingSettings { until: TrainingGoal::default(), ..self.settings };
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{settings:?}").as_bytes());
+        // The GPU and its driver decide the bytes. Those of the CPU are the same everywhere.
+        if self.backend.takes_gpu() {
+            hasher.update(self.backend.class().as_bytes());
+        }
         for view in &self.views.shown {
             let (at, photo) = view.at_level(0);
             hasher.update(format!("{} {at:?}", view.name).as_bytes());
@@ -125,14 +129,15 @@ impl SceneTrainer<'_> {
         if reader.left != wanted as u64 || count > self.settings.gaussians as usize {
             return Err(format!("{} bytes for {count} Gaussians, wanted {wanted}", reader.left));
         }
-        self.renderer.rebuild(|scene| -> Result<(), String> {
+        let taken = self.renderer.rebuild(|scene| -> Result<(), String> {
             scene.origin = DVec3::from_array(origin);
             reader.rows(&mut scene.positions, count)?;
             reader.rows(&mut scene.log_scales, count)?;
             reader.rows(&mut scene.rotations, count)?;
             reader.floats(&mut scene.opacity_logits, count)?;
             reader.rows(&mut scene.sh, count * sh_len)
-        })?;
+        });
+        taken.map_err(|e| e.to_string())??;
         let AdamMeans { geometry, harmonics, ages } = &mut self.means;
         geometry.iter_mut().try_for_each(|means| reader.rows(means, count))?;
         harmonics.iter_mut().try_for_each(|means| reader.rows(means, count * sh_len))?;

@@ -4,13 +4,13 @@ use super::TrainingError;
 use super::loss::TrainingPhoto;
 use super::photos::TrainingView;
 use super::record::HeldOutView;
+use super::renderer::TrainingRenderer;
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
-use crate::render::cpu::backward::GradientRenderer;
 
 /// Mean PSNR of views, dB; `None` without views.
 pub(super) fn mean_psnr(
-    renderer: &mut GradientRenderer,
+    renderer: &mut TrainingRenderer,
     views: &[TrainingView],
 ) -> Result<Option<f64>, TrainingError> {
     let mut sum = 0.0;
@@ -22,7 +22,7 @@ pub(super) fn mean_psnr(
 
 /// PSNR and SSIM of every view.
 pub(super) fn held_out_figures(
-    renderer: &mut GradientRenderer,
+    renderer: &mut TrainingRenderer,
     views: &[TrainingView],
 ) -> Result<Vec<HeldOutView>, TrainingError> {
     let mut figures = Vec::with_capacity(views.len());
@@ -44,7 +44,7 @@ struct PicturePair {
 }
 
 impl PicturePair {
-    fn new(renderer: &mut GradientRenderer, view: &TrainingView) -> Result<Self, TrainingError> {
+    fn new(renderer: &mut TrainingRenderer, view: &TrainingView) -> Result<Self, TrainingError> {
         let (at, TrainingPhoto { colours, counted }) = view.at_level(0);
         let rendered = renderer.render(&at);
         let failed = |cause| TrainingError::Render { view: view.name.clone(), cause };

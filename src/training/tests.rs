@@ -51,7 +51,7 @@ fn trained(
     let mut heard = Vec::new();
     let mut news = |news: &TrainingNews| heard.push(news.clone());
     let watch = TrainingWatch { goes_on: &goes_on, news: &mut news, clock, checkpoint };
-    (train_capture(capture, files, &settings(until), watch), heard)
+    (train_capture(capture, files, (&settings(until), &Backend::Cpu), watch), heard)
 }
 
 const NO_GOAL: TrainingGoal = TrainingGoal { psnr: None, minutes: None };
@@ -121,12 +121,12 @@ fn a_value_that_is_not_finite_is_named() {
     let (_folder, capture, files) = striped();
     let settings = settings(NO_GOAL);
     let views = TrainingViews::read(&capture, &files, (48, 8), &|| true).unwrap();
-    let mut trainer = SceneTrainer::new(&views, &[], &settings).unwrap();
+    let mut trainer = SceneTrainer::new(&views, &[], (&settings, &Backend::Cpu)).unwrap();
     for _ in 0..3 {
         trainer.step().unwrap();
     }
     // Squares of these colours exceed the largest number of 32 bits.
-    trainer.renderer.rebuild(|scene| scene.sh.iter_mut().for_each(|sh| *sh = [1e30; 3]));
+    trainer.renderer.rebuild(|scene| scene.sh.iter_mut().for_each(|sh| *sh = [1e30; 3])).unwrap();
     match trainer.step() {
         Err(TrainingError::NotFinite { iteration: 4, view, what }) => {
             assert!(capture.views.iter().any(|other| other.name == view) && what == "loss", "{view}: {what}");

@@ -9,6 +9,7 @@
 #![expect(clippy::print_stdout, reason = "the table of differences")]
 
 mod events;
+mod gradients;
 
 use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
 use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahead};

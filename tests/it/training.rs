@@ -2,6 +2,7 @@
 
 use crate::support::absent::not_run;
 use crate::support::given::{self, GIVEN};
+use crate::support::gpu;
 use crate::support::workspace::Workspace;
 use gs2e::image::likeness::{mean_square, psnr_db};
 use gs2e::image::{Image, png};
@@ -181,6 +182,42 @@ fn threads_and_interruptions_leave_no_trace() {
     place.write("state", bytes);
     let damaged = place.gs2e(&command);
     assert!(damaged.code == 1 && damaged.stderr.contains("it is damaged"), "{}", damaged.stderr);
+}
+
+/// The bytes of a GPU are its own, but the scene is as good as that of the CPU.
+#[test]
+fn a_gpu_trains_the_scene_as_well() {
+    if gpu::device().is_none() {
+        return;
+    }
+    let place = photographed();
+    let psnr = |arguments: &str| {
+        let mut command = place.command_with_gpu(&format!("{TRAIN} --json {arguments}"));
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice::<Value>(&output.stdout).unwrap()["psnr"].as_f64().unwrap()
+    };
+    let by_cpu = psnr("--backend cpu --out cpu.ply --checkpoint by-cpu");
+    let by_gpu = psnr("--backend gpu --out one.ply");
+    // Seeds differ by some tenths of a decibel; roundings matter less.
+    assert!((by_gpu - by_cpu).abs() < 1.0, "{by_gpu} dB on the GPU, {by_cpu} dB on the CPU");
+    psnr("--backend gpu --out two.ply");
+    assert!(fs::read(place.path("one.ply")).unwrap() == fs::read(place.path("two.ply")).unwrap());
+    // A training that goes on elsewhere would have the bytes of neither.
+    let mut command =
+        place.command_with_gpu(&format!("{TRAIN} --backend gpu --out three.ply --checkpoint by-cpu"));
+    let message = String::from_utf8(command.output().unwrap().stderr).unwrap();
+    assert!(message.contains("it belongs to another training"), "{message}");
+}
+
+#[test]
+fn a_back_end_without_gradients_is_refused() {
+    let place = photographed();
+    let ended = place.gs2e(&format!("{TRAIN} --backend reference --out x.ply"));
+    assert!(ended.code == 2 && ended.stderr.contains("has no gradients"), "{}", ended.stderr);
+    let without = place.gs2e(&format!("{TRAIN} --backend gpu --out x.ply"));
+    assert!(without.code == 2 && without.stderr.contains("no GPU is available"), "{}", without.stderr);
+    assert!(!place.path("x.ply").exists());
 }
 
 #[test]

@@ -45,7 +45,7 @@ pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedG
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
-const MIN_NORM: f64 = 1e-12;
+pub(in crate::render) const MIN_NORM: f64 = 1e-12;
 
 impl GaussianBlock {
     /// The Gaussian of a lane.

@@ -20,6 +20,8 @@ pub(super) struct BufferCapacity {
     pub(super) floats: u64,
     /// Rows of four words per splat.
     pub(super) splat_rows: u32,
+    /// The pairs have slots for gradients.
+    pub(super) traced: bool,
 }
 
 impl BufferCapacity {
@@ -31,6 +33,7 @@ impl BufferCapacity {
             tiles: self.tiles.max(o.tiles),
             floats: self.floats.max(o.floats),
             splat_rows: self.splat_rows.max(o.splat_rows),
+            traced: self.traced || o.traced,
         }
     }
 }
@@ -41,9 +44,9 @@ pub(super) fn most_splats(limit: u64, splat_rows: u32) -> u32 {
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 
-/// Maximum number of pairs that the device can bind and dispatches can reach.
-pub(super) fn most_pairs(limit: u64) -> u32 {
-    let bound = (limit / 8).min(u64::from(MAX_GROUPS) * u64::from(BLOCK));
+/// Maximum number of pairs of this size, in bytes, that the device can bind and dispatches can reach.
+pub(super) fn most_pairs(limit: u64, size: u64) -> u32 {
+    let bound = (limit / size).min(u64::from(MAX_GROUPS) * u64::from(BLOCK));
     u32::try_from(bound).unwrap_or(u32::MAX)
 }
 
@@ -63,6 +66,20 @@ pub(super) struct FrameBuffers {
     pub(super) lists: Buffer,
     pub(super) images: Buffer,
     pub(super) bound: PassBindings,
+    /// Only with [`BufferCapacity::traced`].
+    pub(super) traced: Option<TracedBuffers>,
+}
+
+/// Buffers that the gradients read after a frame.
+#[derive(Debug)]
+pub(super) struct TracedBuffers {
+    pub(super) splats: Buffer,
+    /// The pairs of slot and splat: in the first or in the second buffer, as in [`PassBindings::bin`].
+    pub(super) pairs: [Buffer; 2],
+    /// First slot and number of slots of each splat.
+    pub(super) ranges: Buffer,
+    /// Groups of the passes that number the pairs, with the pairs in the first or in the second buffer.
+    pub(super) slots: [BindGroup; 2],
 }
 
 /// Bind groups of the passes.
@@ -137,7 +154,11 @@ impl FrameBuffers {
             let outer = [&frame, &totals, &groups, &lists, &images];
             let bound = inner.bind(gpu, layouts, parts, outer);
             device.queue.write_buffer(&inner.digits, 0, &digit_entries());
-            Self { room, frame, totals, groups, lists, images, bound }
+            let traced = room.traced.then(|| {
+                let buffers = [storage(sizes.owners), buffer(sizes.ranges, cleared)];
+                inner.trace(gpu, layouts, &totals, buffers)
+            });
+            Self { room, frame, totals, groups, lists, images, bound, traced }
         })
     }
 }
@@ -152,6 +173,8 @@ struct BufferSizes {
     touched: u64,
     pairs: u64,
     images: u64,
+    owners: u64,
+    ranges: u64,
 }
 
 impl BufferSizes {
@@ -167,12 +190,15 @@ impl BufferSizes {
             touched: 4 * u64::from(room.splats),
             pairs: 8 * u64::from(room.pairs),
             images: 4 * room.floats,
+            owners: if room.traced { 4 * u64::from(room.pairs) } else { 0 },
+            ranges: if room.traced { 8 * u64::from(room.splats) } else { 0 },
         }
     }
 
     fn sum(&self) -> u64 {
         let twice = 2 * (self.order + self.pairs);
-        self.drawn + self.sums + self.counts + self.splats + self.touched + twice + self.images
+        let traced = self.owners + self.ranges;
+        self.drawn + self.sums + self.counts + self.splats + self.touched + twice + self.images + traced
     }
 }
 
@@ -195,11 +221,7 @@ impl PassBuffers {
         parts: &[ScenePart],
         [frame, totals, groups, lists, images]: [&Buffer; 5],
     ) -> PassBindings {
-        let group = |layout: &BindGroupLayout, buffers: &[&Buffer]| {
-            let whole: Vec<BufferBinding<'_>> =
-                buffers.iter().map(|b| b.as_entire_buffer_binding()).collect();
-            bind_buffers(gpu, layout, &whole)
-        };
+        let group = |layout: &BindGroupLayout, buffers: &[&Buffer]| bind_whole(gpu, layout, buffers);
         let Self { drawn, sums, counts, splats, order: [a, b], touched, pairs: [c, d], digits, no_part } =
             self;
         let project = |part: &ScenePart| {
@@ -227,6 +249,30 @@ impl PassBuffers {
             raster: [raster(c), raster(d)],
         }
     }
+}
+
+impl PassBuffers {
+    /// The buffers that the gradients read, and the passes that fill them.
+    fn trace(
+        &self,
+        gpu: &wgpu::Device,
+        layouts: &BindingLayouts,
+        totals: &Buffer,
+        [owners, ranges]: [Buffer; 2],
+    ) -> TracedBuffers {
+        let Self { splats, order: [order, _], touched, sums, pairs, .. } = self;
+        let slots = |pairs: &Buffer| {
+            bind_whole(gpu, &layouts.slots, &[order, touched, sums, totals, pairs, &owners, &ranges])
+        };
+        let slots = [slots(&pairs[0]), slots(&pairs[1])];
+        TracedBuffers { splats: splats.clone(), pairs: pairs.clone(), ranges, slots }
+    }
+}
+
+/// A group of whole buffers.
+pub(super) fn bind_whole(gpu: &wgpu::Device, layout: &BindGroupLayout, buffers: &[&Buffer]) -> BindGroup {
+    let whole: Vec<BufferBinding<'_>> = buffers.iter().map(|b| b.as_entire_buffer_binding()).collect();
+    bind_buffers(gpu, layout, &whole)
 }
 
 fn bind_buffers(gpu: &wgpu::Device, layout: &BindGroupLayout, bound: &[BufferBinding<'_>]) -> BindGroup {

@@ -5,7 +5,7 @@ use super::buffers::{ALIGNED, DIGITS, FrameBuffers};
 use super::clock::{DeviceClock, TimedStage};
 use super::device::GpuDevice;
 use super::scene::ScenePart;
-use super::shader::{DIGIT_BITS, Dispatch, ShaderKind, ShaderVariant};
+use super::shader::{Dispatch, ShaderKind, ShaderVariant};
 use wgpu::{
     BindGroup, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
     BufferBindingType, CommandEncoder, ComputePass, ComputePassDescriptor, ComputePipeline,
@@ -22,6 +22,10 @@ pub(super) struct BindingLayouts {
     pub(super) bin: BindGroupLayout,
     pub(super) sort: BindGroupLayout,
     pub(super) raster: BindGroupLayout,
+    pub(super) slots: BindGroupLayout,
+    pub(super) backward: BindGroupLayout,
+    pub(super) gather: BindGroupLayout,
+    pub(super) chain: BindGroupLayout,
 }
 
 /// Kinds of buffer bindings.
@@ -45,6 +49,10 @@ impl BindingLayouts {
             bin: layout(&[Read, Read, Write, Write, Read, Write, Write]),
             sort: layout(&[Entry, Read, Write, Write, Read]),
             raster: layout(&[Read, Read, Read, Write, Write]),
+            slots: layout(&[Read, Read, Read, Read, Write, Write, Write]),
+            backward: layout(&[Read, Read, Read, Read, Read, Write]),
+            gather: layout(&[Read, Read, Read, Write]),
+            chain: layout(&[Uniform, Read, Read, Read, Read, Read, Read, Read, Write]),
         }
     }
 
@@ -55,6 +63,10 @@ impl BindingLayouts {
             ShaderKind::Bin => &self.bin,
             ShaderKind::Sort => &self.sort,
             ShaderKind::Raster => &self.raster,
+            ShaderKind::Slots => &self.slots,
+            ShaderKind::Backward => &self.backward,
+            ShaderKind::Gather => &self.gather,
+            ShaderKind::Chain => &self.chain,
         }
     }
 }
@@ -93,6 +105,15 @@ pub(super) struct FramePipelines {
     count: ComputePipeline,
     scatter: ComputePipeline,
     raster: ComputePipeline,
+    /// Only for traced frames.
+    slots: Option<SlotPipelines>,
+}
+
+/// The passes that number the pairs.
+#[derive(Debug)]
+struct SlotPipelines {
+    number: ComputePipeline,
+    name: ComputePipeline,
 }
 
 impl FramePipelines {
@@ -100,6 +121,10 @@ impl FramePipelines {
         let [project, scan, bin, sort, raster] =
             [ShaderKind::Project, ShaderKind::Scan, ShaderKind::Bin, ShaderKind::Sort, ShaderKind::Raster]
                 .map(|shader| ShaderCompiler::new(device, layouts, shader, variant));
+        let slots = variant.layout.trace.map(|_| {
+            let slots = ShaderCompiler::new(device, layouts, ShaderKind::Slots, variant);
+            SlotPipelines { number: slots.entry("number"), name: slots.entry("name") }
+        });
         Self {
             measure: project.entry("measure"),
             place: project.entry("place"),
@@ -113,19 +138,20 @@ impl FramePipelines {
             count: sort.entry("count"),
             scatter: sort.entry("scatter"),
             raster: raster.entry("raster"),
+            slots,
         }
     }
 }
 
 /// One shader module, from which entry points are compiled.
-struct ShaderCompiler<'a> {
+pub(super) struct ShaderCompiler<'a> {
     gpu: &'a wgpu::Device,
     module: wgpu::ShaderModule,
     layout: wgpu::PipelineLayout,
 }
 
 impl<'a> ShaderCompiler<'a> {
-    fn new(
+    pub(super) fn new(
         device: &'a GpuDevice,
         layouts: &BindingLayouts,
         shader: ShaderKind,
@@ -142,7 +168,7 @@ impl<'a> ShaderCompiler<'a> {
         Self { gpu, module, layout }
     }
 
-    fn entry(&self, name: &str) -> ComputePipeline {
+    pub(super) fn entry(&self, name: &str) -> ComputePipeline {
         // Zero initialisation is off: every pass writes its workgroup memory before it reads it.
         let compilation_options =
             PipelineCompilationOptions { zero_initialize_workgroup_memory: false, ..Default::default() };
@@ -171,7 +197,8 @@ impl RegionPasses<'_> {
     pub(super) fn record(&self, encoder: &mut CommandEncoder) {
         let buffers = self.buffers;
         // Passes add to the totals, and write sizes and lists only where there is something to do.
-        for buffer in [&buffers.totals, &buffers.groups, &buffers.lists] {
+        let ranges = buffers.traced.as_ref().map(|traced| &traced.ranges);
+        for buffer in [&buffers.totals, &buffers.groups, &buffers.lists].into_iter().chain(ranges) {
             encoder.clear_buffer(buffer, 0, None);
         }
         self.stage(encoder, TimedStage::Project, |pass| self.project(pass));
@@ -182,7 +209,7 @@ impl RegionPasses<'_> {
             self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan))
         });
         self.stage(encoder, TimedStage::List, |pass| self.list(pass));
-        let digits = self.tile_digits();
+        let digits = self.region.tile_digits();
         let (by, scan) = (Dispatch::PairBlocks, &self.pipelines.scan_pair_digits);
         self.stage(encoder, TimedStage::Bin, |pass| {
             self.sort(pass, (DIGITS, digits), &bound.sort_pairs, (by, scan));
@@ -192,6 +219,9 @@ impl RegionPasses<'_> {
                 &bound.bin[(digits % 2) as usize],
                 Dispatch::PairBlocks,
             );
+            if let Some((slots, ways)) = self.slots() {
+                self.indirect(pass, &slots.name, &ways[(digits % 2) as usize], Dispatch::PairBlocks);
+            }
         });
         self.stage(encoder, TimedStage::Raster, |pass| {
             let [columns, rows] = self.region.tiles();
@@ -236,6 +266,14 @@ impl RegionPasses<'_> {
         self.indirect(pass, &pipelines.tally, &bound.bin[0], Dispatch::Splats);
         record_scan(pass, &pipelines.scan_pairs, &bound.scan_tally);
         self.indirect(pass, &pipelines.emit, &bound.bin[0], Dispatch::ListedSplats);
+        if let Some((slots, ways)) = self.slots() {
+            self.indirect(pass, &slots.number, &ways[0], Dispatch::ListedSplats);
+        }
+    }
+
+    /// The passes that number the pairs, and their groups.
+    fn slots(&self) -> Option<(&SlotPipelines, &[BindGroup; 2])> {
+        self.pipelines.slots.as_ref().zip(self.buffers.traced.as_ref().map(|traced| &traced.slots))
     }
 
     /// Records a sort by `digits` digits. `first` is the uniform entry of the lowest digit. After
@@ -272,14 +310,6 @@ impl RegionPasses<'_> {
         pass.set_bind_group(1, group, &[]);
         // The device knows the size, so the host need not wait for the counts.
         pass.dispatch_workgroups_indirect(&self.buffers.groups, by.offset());
-    }
-
-    /// Number of digits of a tile's index, including a larger value for the empty pair.
-    fn tile_digits(&self) -> u32 {
-        let [columns, rows] = self.region.tiles();
-        // Of the empty pair's ones, only these digits are sorted. Their value is at least
-        // `columns * rows`, which no tile has.
-        (u32::BITS - (columns * rows).leading_zeros()).div_ceil(DIGIT_BITS)
     }
 }
 

@@ -20,6 +20,8 @@ struct Part {
     count: u32,
     // Number of workgroups of the part.
     groups: u32,
+    // Index of its first Gaussian in the scene.
+    first: u32,
 }
 
 struct Footprint {
@@ -126,7 +128,7 @@ fn write(i: u32, at: u32) {
     splats[row + 1u] = bitcast<vec4u>(vec4f(outline.w.z, found.opacity.x, outline.reach, found.depth));
     splats[row + 2u] = bitcast<vec4u>(vec4f(value, luminance(value)));
     let doubtful = u32(found.deviation > AFFINE_DOUBTFUL * found.depth);
-    splats[row + 3u] = vec4u(pack(outline.columns), pack(outline.rows), doubtful, 0u);
+    splats[row + 3u] = vec4u(pack(outline.columns), pack(outline.rows), doubtful, part.first + i);
     if RATE {
         let grey_rate = luminance(vec3f(colour[0].y, colour[1].y, colour[2].y));
         let opacity_rate = found.opacity.y / found.opacity.x;
@@ -213,19 +215,6 @@ fn outline(i: u32, point: array<vec2f, 3>, found: ptr<function, Found>) {
     if side[0].x < side[0].y && side[1].x < side[1].y {
         (*found).fate = DRAWN;
     }
-}
-
-fn from_camera(position: f32, high: f32, low: f32) -> vec2f {
-    let sum = exact_sum(high, position);
-    return ordered_sum(sum.x, sum.y + low);
-}
-
-// One camera axis of a ray.
-fn along(k: u32, ray: array<vec2f, 3>) -> vec2f {
-    let high = frame.rotation_high[k];
-    let low = frame.rotation_low[k];
-    let first = sum2(product2(vec2f(high.x, low.x), ray[0]), product2(vec2f(high.y, low.y), ray[1]));
-    return sum2(first, product2(vec2f(high.z, low.z), ray[2]));
 }
 
 fn is_in_front(z: f32) -> bool {

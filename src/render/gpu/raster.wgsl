@@ -28,6 +28,8 @@ struct Pixel {
     grey_rate: f32,
     blended: u32,
     stopped: bool,
+    // Number of entries of the tile's list up to the last blended one.
+    last: u32,
 }
 
 @compute @workgroup_size(PIXELS)
@@ -65,7 +67,7 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         }
         workgroupBarrier();
         for (var k = 0u; k < count && pixel.open; k++) {
-            blend(k * SPLAT_ROWS, &pixel);
+            blend(k * SPLAT_ROWS, base - range.x + k + 1u, &pixel);
         }
     }
     if inside {
@@ -74,8 +76,8 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     account(pixel, local);
 }
 
-// Blends one layer over the pixel.
-fn blend(row: u32, pixel: ptr<function, Pixel>) {
+// Blends one layer over the pixel. `place` is its place in the tile's list, counted from 1.
+fn blend(row: u32, place: u32, pixel: ptr<function, Pixel>) {
     let first = bitcast<vec4f>(near[row]);
     let second = bitcast<vec4f>(near[row + 1u]);
     let d = (*pixel).at - first.xy;
@@ -124,6 +126,9 @@ fn blend(row: u32, pixel: ptr<function, Pixel>) {
     }
     (*pixel).rest = after;
     (*pixel).blended += u32(alpha > 0.0);
+    if TRACE_AT != ABSENT {
+        (*pixel).last = place;
+    }
 }
 
 // The rates of the layer, before it is blended. `seen` is dx, dy, e1, e2; `opacity` holds the
@@ -175,6 +180,14 @@ fn store(place: vec2u, pixel: Pixel) {
     }
     if RATE_AT != ABSENT {
         images[RATE_AT * pixels + at] = pixel.grey_rate + pixel.rest_rate * frame.background.w;
+    }
+    if TRACE_AT != ABSENT {
+        // The light itself: of `1 - alpha`, a difference, nothing would be left behind opaque layers.
+        let trace = TRACE_AT * pixels + at;
+        images[trace] = pixel.rest;
+        // As a number and not by its bits: small integers look like denormals, which a device may
+        // flush to zero. Scenes with gradients are small enough for 24 bits.
+        images[trace + pixels] = f32(pixel.last);
     }
 }
 

@@ -67,11 +67,7 @@ impl Ring {
         if floats > 0 {
             encoder.copy_buffer_to_buffer(&from.images, 0, &buffer, HEAD as u64, 4 * floats);
         }
-        let submitted = device.queue.submit([encoder.finish()]);
-        let (tell, mapped) = mpsc::channel();
-        // The receiver is gone if the frame was abandoned.
-        buffer.slice(..size).map_async(MapMode::Read, move |result| drop(tell.send(result)));
-        Ok(Copy { buffer, mapped, submitted })
+        Ok(Copy::submit(device, encoder, buffer, size))
     }
 
     /// Waits for the transfer, and passes on counts, time stamps and images.
@@ -82,22 +78,46 @@ impl Ring {
         floats: u64,
         read: impl FnOnce(&Totals, &[u8], &[u8]) -> T,
     ) -> Result<T, GpuError> {
-        let wait = PollType::Wait { submission_index: Some(copy.submitted), timeout: None };
+        let (done, buffer) = copy.read(device, transfer_bytes(floats), |bytes| {
+            // The same layout as in `submit`: counts, time stamps, images.
+            let (head, images) = bytes.split_at(HEAD);
+            let (counts, stamps) = head.split_at(COUNTS);
+            read(&Totals::from_bytes(counts), stamps, images)
+        })?;
+        self.idle.push(buffer);
+        Ok(done)
+    }
+}
+
+impl Copy {
+    /// Submits the encoder's commands, and asks for the first bytes of a buffer that they write.
+    pub(super) fn submit(device: &GpuDevice, encoder: CommandEncoder, buffer: Buffer, size: u64) -> Self {
+        let submitted = device.queue.submit([encoder.finish()]);
+        let (tell, mapped) = mpsc::channel();
+        // The receiver is gone if the frame was abandoned.
+        buffer.slice(..size).map_async(MapMode::Read, move |result| drop(tell.send(result)));
+        Self { buffer, mapped, submitted }
+    }
+
+    /// Waits for the bytes, and passes them on. Returns the buffer for reuse.
+    pub(super) fn read<T>(
+        self,
+        device: &GpuDevice,
+        size: u64,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<(T, Buffer), GpuError> {
+        let wait = PollType::Wait { submission_index: Some(self.submitted), timeout: None };
         device.device.poll(wait).map_err(|e| device.lost(&e.to_string()))?;
         device.check()?;
         // The poll has run the callback, so the result is there.
-        let mapped = copy.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
+        let mapped = self.mapped.recv().map_err(|e| device.lost(&e.to_string()))?;
         mapped.map_err(|e| device.lost(&e.to_string()))?;
-        let view = copy.buffer.slice(..transfer_bytes(floats)).get_mapped_range();
+        let view = self.buffer.slice(..size).get_mapped_range();
         let view: BufferView = view.map_err(|e| device.lost(&e.to_string()))?;
-        // The same layout as in `submit`: counts, time stamps, images.
-        let (head, images) = view.split_at(HEAD);
-        let (counts, stamps) = head.split_at(COUNTS);
-        let done = read(&Totals::from_bytes(counts), stamps, images);
+        let done = read(&view);
         drop(view);
-        copy.buffer.unmap();
-        self.idle.push(copy.buffer);
-        Ok(done)
+        self.buffer.unmap();
+        Ok((done, self.buffer))
     }
 }
 

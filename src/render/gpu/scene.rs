@@ -5,8 +5,9 @@
 use super::device::{GpuDevice, GpuError};
 use super::shader::{GROUP, LOST, SPOILT};
 use crate::render::cpu::activate::{self, ActivatedGaussian};
-use crate::scene::Gaussians;
+use crate::scene::{Gaussians, sh};
 use rayon::prelude::*;
+use std::ops::Range;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};
 
 /// Maximum number of workgroups of a dispatch along one axis that every device supports.
@@ -15,6 +16,8 @@ pub(super) const MAX_GROUPS: u32 = 65_535;
 /// Gaussians that one dispatch projects.
 #[derive(Debug)]
 pub(super) struct ScenePart {
+    /// Indices of its Gaussians in the scene.
+    pub(super) range: Range<usize>,
     /// Number of workgroups, at one thread per Gaussian.
     pub(super) groups: u32,
     /// `Part` of the shaders.
@@ -22,38 +25,53 @@ pub(super) struct ScenePart {
     pub(super) means: Buffer,
     pub(super) axes: Buffer,
     pub(super) harmonics: Buffer,
+    /// Stored quaternions, for gradients.
+    pub(super) rotations: Option<Buffer>,
 }
 
-/// Sizes of a mean, of the scaled axes, and of the coefficients of one harmonic, bytes.
+/// Sizes of a mean, of the scaled axes, of a quaternion, and of the coefficients of one harmonic, bytes.
 const MEAN: u64 = 16;
 const AXES: u64 = 36;
+const ROTATION: u64 = 16;
 const HARMONIC: u64 = 12;
 
-/// Uploads a scene. Activations are applied here, once, with the code of the CPU renderer.
-pub(super) fn upload_scene(scene: &Gaussians, device: &GpuDevice) -> Result<Vec<ScenePart>, GpuError> {
-    let activated: Vec<ActivatedGaussian> =
-        (0..scene.len()).into_par_iter().map(|i| activate::activate_one(scene, i)).collect();
+/// Uploads a scene. Activations are applied here, with the code of the CPU renderer. Gradients also
+/// need the quaternions.
+pub(super) fn upload_scene(
+    scene: &Gaussians,
+    degree: u8,
+    rotations: bool,
+    device: &GpuDevice,
+) -> Result<Vec<ScenePart>, GpuError> {
     // Each array must fit one binding, so the largest row decides.
     let each = (HARMONIC * scene.sh_len() as u64).max(AXES).max(MEAN);
     let most = (device.limit / each).min(u64::from(MAX_GROUPS * GROUP)).max(1) as usize;
-    (0..scene.len())
-        .step_by(most)
-        .map(|first| ScenePart::new(scene, &activated, first..scene.len().min(first + most), device))
-        .collect()
+    let mut parts = Vec::new();
+    for first in (0..scene.len()).step_by(most) {
+        let range = first..scene.len().min(first + most);
+        let part = ScenePart::new(range.clone(), scene.sh_len(), rotations, device)?;
+        part.write(scene, degree, range, device);
+        parts.push(part);
+    }
+    Ok(parts)
 }
 
 impl ScenePart {
+    /// Room for these Gaussians, with this number of harmonics each.
     fn new(
-        scene: &Gaussians,
-        activated: &[ActivatedGaussian],
-        range: std::ops::Range<usize>,
+        range: Range<usize>,
+        functions: usize,
+        rotations: bool,
         device: &GpuDevice,
     ) -> Result<Self, GpuError> {
-        let (count, n) = (range.len() as u64, scene.sh_len());
-        let [means, axes, harmonics] = [MEAN, AXES, HARMONIC * n as u64].map(|each| each * count);
+        let count = range.len() as u64;
+        let [means, axes, harmonics] = [MEAN, AXES, HARMONIC * functions as u64].map(|each| each * count);
+        let turned = if rotations { ROTATION * count } else { 0 };
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let groups = (range.len() as u32).div_ceil(GROUP);
-        let part = device.allocate("the scene", means + axes + harmonics, |device| {
+        // Three words, padded to a row of a uniform buffer.
+        let words = [count as u32, groups, range.start as u32, 0].map(u32::to_le_bytes);
+        let part = device.allocate("the scene", means + axes + harmonics + turned, |device| {
             let buffer = |size, usage| {
                 device.create_buffer(&BufferDescriptor {
                     label: None,
@@ -63,20 +81,39 @@ impl ScenePart {
                 })
             };
             Self {
+                range,
                 groups,
                 counts: buffer(16, BufferUsages::UNIFORM | BufferUsages::COPY_DST),
                 means: buffer(means, usage),
                 axes: buffer(axes, usage),
                 harmonics: buffer(harmonics, usage),
+                rotations: rotations.then(|| buffer(turned, usage)),
             }
         })?;
-        // Two words, padded to a row of a uniform buffer.
-        let words: Vec<u8> = [count as u32, groups, 0, 0].into_iter().flat_map(u32::to_le_bytes).collect();
-        device.queue.write_buffer(&part.counts, 0, &words);
-        write_rows(device, &part.means, range.clone().map(|i| mean_row(scene.positions[i], &activated[i])));
-        write_rows(device, &part.axes, range.clone().map(|i| axes_of(&activated[i])));
-        write_rows(device, &part.harmonics, scene.sh[range.start * n..range.end * n].iter().copied());
+        device.queue.write_buffer(&part.counts, 0, words.as_flattened());
         Ok(part)
+    }
+
+    /// Writes those Gaussians of a range that are in this part. Harmonics above the degree are zeros.
+    pub(super) fn write(&self, scene: &Gaussians, degree: u8, range: Range<usize>, device: &GpuDevice) {
+        let range = range.start.max(self.range.start)..range.end.min(self.range.end);
+        if range.is_empty() {
+            return;
+        }
+        let activate = |i| activate::activate_one(scene, i);
+        let activated: Vec<ActivatedGaussian> = range.clone().into_par_iter().map(activate).collect();
+        let (first, n) = ((range.start - self.range.start) as u64, scene.sh_len());
+        let each = || range.clone().zip(&activated);
+        let means = each().map(|(i, activated)| mean_row(scene.positions[i], activated));
+        write_rows(device, (&self.means, first), means);
+        write_rows(device, (&self.axes, first), activated.iter().map(axes_of));
+        let kept = sh::function_count(degree);
+        let coefficients = scene.sh[range.start * n..range.end * n].iter().enumerate();
+        let coefficients = coefficients.map(|(k, value)| if k % n < kept { *value } else { [0.0; 3] });
+        write_rows(device, (&self.harmonics, first * n as u64), coefficients);
+        if let Some(rotations) = &self.rotations {
+            write_rows(device, (rotations, first), scene.rotations[range.clone()].iter().copied());
+        }
     }
 }
 
@@ -96,10 +133,14 @@ fn axes_of(activated: &ActivatedGaussian) -> [f32; 9] {
     if a.is_nan() { [0.0; 9] } else { [a, b, c, d, e, f, g, h, i] }
 }
 
-/// Uploads rows in chunks of some MiB.
-fn write_rows<const N: usize>(device: &GpuDevice, buffer: &Buffer, rows: impl Iterator<Item = [f32; N]>) {
+/// Uploads rows in chunks of some MiB, from a row of the buffer on.
+fn write_rows<const N: usize>(
+    device: &GpuDevice,
+    (buffer, first): (&Buffer, u64),
+    rows: impl Iterator<Item = [f32; N]>,
+) {
     const ENOUGH: usize = 4 << 20;
-    let (mut bytes, mut at) = (Vec::with_capacity(ENOUGH + 4 * N), 0);
+    let (mut bytes, mut at) = (Vec::new(), first * 4 * N as u64);
     for row in rows {
         row.iter().for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
         if bytes.len() >= ENOUGH {

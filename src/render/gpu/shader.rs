@@ -5,6 +5,7 @@ use super::super::shared::{
     EXTENT_SIGMAS, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, MAX_ALPHA, NEAR, STOP, TILE, least_alpha,
 };
 use crate::image::LUMINANCE_WEIGHTS;
+use crate::render::cpu::activate::MIN_NORM;
 use crate::render::{ChannelSet, RenderRules, RenderStyle};
 use crate::scene::sh;
 use std::f64::consts::LOG2_E;
@@ -19,6 +20,16 @@ pub(super) const BLOCK: u32 = 4096;
 pub(super) const DIGIT_BITS: u32 = 4;
 /// Splats in the workgroup memory of a tile: with rates 12 KiB of the 16 KiB that every device has.
 const BATCH: u32 = 128;
+
+/// Threads of a workgroup that takes the layers of a tile away. At the begin and the end of a batch of
+/// layers, threads wait for each other's pixels: few do if the width is far below a tile's 256 pixels.
+pub(super) const WAVE: u32 = 64;
+/// Floats per pixel of the trace.
+const TRACE: u32 = 2;
+/// Sums per pair of tile and splat.
+pub(super) const SUMS: u32 = 10;
+/// Rows of four words per splat of the gradients.
+pub(super) const GRADIENT_ROWS: u32 = 5;
 
 /// Opacity that marks a Gaussian with a field that is not finite.
 pub(super) const SPOILT: f32 = -1.0;
@@ -77,7 +88,9 @@ pub(super) struct ImageLayout {
     pub(super) depth: Option<u32>,
     pub(super) doubtful: Option<u32>,
     pub(super) rate: Option<u32>,
-    /// Total, in floats per pixel.
+    /// The trace that the gradients need stays on the device, after all images.
+    pub(super) trace: Option<u32>,
+    /// Total of the images, in floats per pixel.
     pub(super) floats: u32,
 }
 
@@ -97,7 +110,17 @@ impl ImageLayout {
         let depth = next(want.depth || want.flow, 1);
         let doubtful = next(want.doubtful, 1);
         let rate = next(want.luminance_rate, 1);
-        Self { rgb, grey, alpha, depth, doubtful, rate, floats }
+        Self { rgb, grey, alpha, depth, doubtful, rate, trace: None, floats }
+    }
+
+    /// The layout with a trace: the light that is left, and the place of the last blended layer.
+    pub(super) fn with_trace(self) -> Self {
+        Self { trace: Some(self.floats), ..self }
+    }
+
+    /// Total of the images and the trace, in floats per pixel.
+    pub(super) fn floats_on_device(self) -> u32 {
+        self.floats + if self.trace.is_some() { TRACE } else { 0 }
     }
 }
 
@@ -114,6 +137,10 @@ pub(super) enum ShaderKind {
     Bin,
     Sort,
     Raster,
+    Slots,
+    Backward,
+    Gather,
+    Chain,
 }
 
 /// Properties of the shaders that depend on scene and frame.
@@ -127,7 +154,17 @@ pub(super) struct ShaderVariant {
 impl ShaderKind {
     /// All shaders.
     #[cfg(test)]
-    pub(super) const ALL: [Self; 5] = [Self::Project, Self::Scan, Self::Bin, Self::Sort, Self::Raster];
+    pub(super) const ALL: [Self; 9] = [
+        Self::Project,
+        Self::Scan,
+        Self::Bin,
+        Self::Sort,
+        Self::Raster,
+        Self::Slots,
+        Self::Backward,
+        Self::Gather,
+        Self::Chain,
+    ];
 
     /// Name of the shader.
     pub(super) fn name(self) -> &'static str {
@@ -137,6 +174,10 @@ impl ShaderKind {
             Self::Bin => "bin",
             Self::Sort => "sort",
             Self::Raster => "raster",
+            Self::Slots => "slots",
+            Self::Backward => "backward",
+            Self::Gather => "gather",
+            Self::Chain => "chain",
         }
     }
 
@@ -144,18 +185,20 @@ impl ShaderKind {
     pub(super) fn text(self, variant: &ShaderVariant) -> String {
         const FRAME: &str = include_str!("frame.wgsl");
         const SPLAT: &str = include_str!("splat.wgsl");
+        const DOUBLE: &str = include_str!("double.wgsl");
+        const EYE: &str = include_str!("eye.wgsl");
         let parts: &[&str] = match self {
-            Self::Project => &[
-                FRAME,
-                include_str!("double.wgsl"),
-                include_str!("dual.wgsl"),
-                SPLAT,
-                include_str!("project.wgsl"),
-            ],
+            Self::Project => {
+                &[FRAME, DOUBLE, EYE, include_str!("dual.wgsl"), SPLAT, include_str!("project.wgsl")]
+            }
             Self::Scan => &[FRAME, include_str!("scan.wgsl")],
             Self::Bin => &[FRAME, SPLAT, include_str!("bin.wgsl")],
             Self::Sort => &[FRAME, include_str!("sort.wgsl")],
             Self::Raster => &[FRAME, include_str!("raster.wgsl")],
+            Self::Slots => &[FRAME, include_str!("slots.wgsl")],
+            Self::Backward => &[FRAME, include_str!("backward.wgsl")],
+            Self::Gather => &[FRAME, include_str!("gather.wgsl")],
+            Self::Chain => &[FRAME, DOUBLE, EYE, include_str!("chain.wgsl")],
         };
         shader_prelude(variant) + &parts.join("\n")
     }
@@ -178,7 +221,8 @@ fn shader_prelude(variant: &ShaderVariant) -> String {
         write_constant(&mut text, name, "f32", float_literal(f64::from(*value)));
     }
     let doubles = [("TO_BINARY", (LOG2_E / 2.0).sqrt()), ("LN_2", std::f64::consts::LN_2)];
-    for (name, value) in doubles.into_iter().chain([("SH_0", sh::C0), ("SH_1", sh::C1)]) {
+    let harmonics = [("SH_0", sh::C0), ("SH_1", sh::C1)];
+    for (name, value) in doubles.into_iter().chain(harmonics).chain([("MIN_NORM", MIN_NORM)]) {
         write_constant(&mut text, name, "f32", float_literal(value));
     }
     for (name, values) in [("SH_2", &sh::C2[..]), ("SH_3", &sh::C3[..])] {
@@ -238,6 +282,10 @@ fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
         ("DEPTH_AT", at(layout.depth)),
         ("DOUBT_AT", at(layout.doubtful)),
         ("RATE_AT", at(layout.rate)),
+        ("TRACE_AT", at(layout.trace)),
+        ("WAVE", WAVE),
+        ("SUMS", SUMS),
+        ("GRADIENT_ROWS", GRADIENT_ROWS),
         ("SPLATS", Total::Splats as u32),
         ("PAIRS", Total::Pairs as u32),
         ("BEHIND", Total::Behind as u32),
@@ -302,7 +350,11 @@ mod tests {
                     };
                     let style =
                         RenderStyle { rules, order: LayerOrder::Depth, antialiased, background: [0.0; 3] };
-                    let variant = ShaderVariant { style, sh_degree, layout: ImageLayout::new(want) };
+                    // Only colours are traced. The backward shaders read the trace, so without one
+                    // their constants are nonsense, but they are still valid.
+                    let layout = ImageLayout::new(want);
+                    let layout = if rate { layout } else { layout.with_trace() };
+                    let variant = ShaderVariant { style, sh_degree, layout };
                     ShaderKind::ALL.iter().for_each(|shader| validate(*shader, &variant));
                 }
             }
@@ -322,5 +374,7 @@ mod tests {
         assert_eq!([layout.rgb, layout.grey, layout.depth, layout.rate], [0, 3, 4, 5].map(Some));
         assert_eq!((layout.alpha, layout.floats), (None, 6));
         assert_eq!(ImageLayout::new(ChannelSet::default()).floats, 0);
+        let traced = layout.with_trace();
+        assert_eq!((traced.trace, traced.floats, traced.floats_on_device()), (Some(6), 6, 8));
     }
 }

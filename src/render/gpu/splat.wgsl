@@ -1,7 +1,7 @@
 // A projected Gaussian, as in `cpu/splat.rs`: its opacity at a pixel is `opacity 2^-q`,
 // `q = (w1 dx + w2 dy)^2 + (w3 dy)^2`. In memory, it is rows of four words:
 //   0: mean x, y, w1, w2             1: w3, opacity, reach, depth
-//   2: red, green, blue, luminance   3: columns, rows (first | end << 16), doubtful, -
+//   2: red, green, blue, luminance   3: columns, rows (first | end << 16), doubtful, index in the scene
 //   4: rates of mean x, y, w1, w2    5: rate of w3, of the opacity over it, of the luminance, -
 // The last two rows exist if a rate is requested. They are words and not floats: a pair of columns
 // may look like a denormal, which a device may flush to zero.

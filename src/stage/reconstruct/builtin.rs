@@ -1,6 +1,7 @@
 //! Training inside the program, on the CPU.
 
 use crate::artifact::{TRAINING_FILE, write_json};
+use crate::render::backend::Backend;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use crate::stage::capture::{CaptureStage, SolvedInputs};
@@ -63,8 +64,8 @@ impl BuiltinStage {
             clock: cx.clock,
             checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
         };
-        let trained =
-            training::train_capture(capture, &files, &self.settings, watch).map_err(stage_failure)?;
+        let trained = training::train_capture(capture, &files, (&self.settings, &Backend::Cpu), watch)
+            .map_err(stage_failure)?;
         let TrainedGaussians { scene, record, without_photo } = trained;
         let judged = record.means();
         cx.remark =

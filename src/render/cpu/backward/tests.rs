@@ -4,9 +4,10 @@
 
 use super::*;
 use crate::camera::Camera;
+use crate::image::LUMINANCE_WEIGHTS;
 use crate::render::cpu::CpuRenderer;
 use crate::render::reference::ReferenceRenderer;
-use crate::render::{CameraView, RenderedImages, Renderer as _};
+use crate::render::{CameraVelocity, CameraView, RenderedImages, Renderer as _};
 use crate::scene::SceneScreening;
 use crate::se3::Se3;
 use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
@@ -174,7 +175,8 @@ fn relative_error(index: u64, style: RenderStyle, group: Group) -> Option<f64> {
 /// some hundred roundings of 6e-8, which a needle's ratio of axes magnifies.
 #[test]
 fn gradients_are_slopes_of_the_reference() {
-    const SCENES: u64 = 60;
+    // `RUN_SLOW_TESTS=1` takes a thousand.
+    let scenes: u64 = if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 1000 } else { 60 };
     for (rules, antialiased) in [
         (RenderRules::Soft, false),
         (RenderRules::Soft, true),
@@ -183,16 +185,74 @@ fn gradients_are_slopes_of_the_reference() {
         (RenderRules::Gsplat, false),
     ] {
         for group in GROUPS {
-            let errors: Vec<(f64, u64)> = (0..SCENES)
+            let errors: Vec<(f64, u64)> = (0..scenes)
+                .into_par_iter()
                 .filter_map(|index| Some((relative_error(index, style(rules, antialiased), group)?, index)))
                 .collect();
             let worst = errors.iter().copied().fold((0.0, 0), |a, b| if b.0 > a.0 { b } else { a });
             println!("{rules:?} {antialiased} {group:?}: {} scenes, worst {worst:?}", errors.len());
             // A scene without a drawn Gaussian, or with a cut in the step, says nothing.
-            assert!(errors.len() as u64 > SCENES / 2, "{rules:?} {group:?}: {} scenes", errors.len());
+            assert!(errors.len() as u64 > scenes / 2, "{rules:?} {group:?}: {} scenes", errors.len());
             assert!(worst.0 < 1e-4, "{rules:?} {antialiased} {group:?}: {worst:?}");
         }
     }
+}
+
+/// A camera that moves shows the image that a still one has of a scene moving the other way. So the
+/// gradients along that motion of the scene are the rate of the loss, which the reference has in f64 by
+/// dual numbers: `<w, J v> = <J^T w, v>`. The light in a direction does not turn with the scene, so
+/// cameras turn only where the degree of harmonics is 0.
+#[test]
+fn gradients_along_a_motion_are_the_rate_by_dual_numbers() {
+    for (rules, antialiased) in [
+        (RenderRules::Soft, false),
+        (RenderRules::Soft, true),
+        (RenderRules::Official, false),
+        (RenderRules::Exact, false),
+        (RenderRules::Gsplat, false),
+    ] {
+        let style = style(rules, antialiased);
+        let worst =
+            (0..60).into_par_iter().filter_map(|index| motion_error(index, style)).reduce(|| 0.0, f64::max);
+        println!("{rules:?} {antialiased}: worst {worst:e}");
+        assert!(worst < 1e-4, "{rules:?} {antialiased}: {worst:e}");
+    }
+}
+
+/// The difference of the two rates, over the norm of the parts of one. `None` if nothing moves.
+fn motion_error(index: u64, style: RenderStyle) -> Option<f64> {
+    let (scene, mut view) = planted(index);
+    let mut draws = draws(1 << 42 | index);
+    let mut vector = || DVec3::from_array(from_fn(|_| draws.uniform() - 0.5));
+    let (linear, angular) = (vector(), if scene.sh_degree == 0 { vector() } else { DVec3::ZERO });
+    view.velocity = CameraVelocity { linear, angular };
+    let reference = ReferenceRenderer::new(Arc::new(scene.clone()), style).unwrap();
+    let (weights, _) = pixel_values(index);
+    let weights: Vec<f32> = weights.iter().map(|[weight, ..]| *weight).collect();
+    let rates = reference.luminance(&view).unwrap();
+    let wanted: f64 = rates.iter().zip(&weights).map(|([_, rate], weight)| rate * f64::from(*weight)).sum();
+    let by_pixel: Vec<[f32; 3]> = weights.iter().map(|w| LUMINANCE_WEIGHTS.map(|share| share * w)).collect();
+    let mut renderer = GradientRenderer::new(scene.clone(), style).unwrap();
+    renderer.render(&CameraView::at_rest(view.camera, view.world_from_camera)).unwrap();
+    let mut found = ViewGradients::default();
+    renderer.gradients(&by_pixel, &weights, &mut found);
+    let Se3 { rotation, translation } = view.world_from_camera;
+    // The motion of the scene, in world axes about the camera's centre.
+    let (shift, turn) = (-(rotation * linear), -(rotation * angular));
+    let mut parts = Vec::new();
+    for (&number, g) in found.numbers.iter().zip(&found.gradients) {
+        let i = number as usize;
+        let place = scene.origin + DVec3::from_array(scene.positions[i].map(f64::from)) - translation;
+        let [w, x, y, z] = scene.rotations[i].map(f64::from);
+        let stored = DQuat::from_xyzw(x, y, z, w);
+        let turned = DQuat::from_xyzw(turn.x / 2.0, turn.y / 2.0, turn.z / 2.0, 0.0) * stored;
+        let moved = shift + turn.cross(place);
+        parts.push(DVec3::from_array(g.position.map(f64::from)).dot(moved));
+        let by_quaternion = g.rotation.map(f64::from);
+        parts.push((0..4).map(|k| by_quaternion[k] * [turned.w, turned.x, turned.y, turned.z][k]).sum());
+    }
+    let scale = parts.iter().map(|p| p * p).sum::<f64>().sqrt();
+    (scale > 0.0).then(|| (wanted - parts.iter().sum::<f64>()).abs() / scale)
 }
 
 #[test]

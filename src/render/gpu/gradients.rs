@@ -1,0 +1,377 @@
+//! Gradients on the GPU: [`GradientRenderer`] of the CPU as compute shaders.
+//!
+//! The forward passes leave a trace per pixel on the device: the light that is left, and the place of
+//! the last blended layer. Three passes go backwards:
+//!
+//! ```text
+//! backward  per tile      gradient by pixel -> ten sums per pair of tile and splat
+//! gather    per splat     the sums over its tiles, in order of the tiles
+//! chain     per splat     projection, covariance, opacity and harmonics backwards
+//! ```
+//!
+//! WGSL has no atomic float, and the order of atomic sums would change from run to run. Each pair has a
+//! slot of its own instead (`slots.wgsl`), so no two threads write to one place, and every sum has one
+//! order: two runs on one device give the same bits. They are not those of the CPU, for the reasons
+//! that images are not.
+//!
+//! [`GradientRenderer`]: crate::render::cpu::backward::GradientRenderer
+
+mod buffers;
+
+use super::device::GpuDevice;
+use super::readback::Copy;
+use super::scene;
+use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVariant};
+use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, passes::ShaderCompiler};
+use crate::image::{Image, Size};
+use crate::render::cpu::backward::{GaussianGradient, MAX_GAUSSIANS, ViewGradients};
+use crate::render::{
+    CameraView, ChannelSet, LayerOrder, RenderError, RenderStyle, RenderWork, RenderedImages,
+};
+use crate::scene::Gaussians;
+use buffers::GradientBuffers;
+use std::ops::Range;
+use wgpu::{CommandEncoder, CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline};
+
+/// Colour is the only channel with gradients.
+const COLOUR: ChannelSet = ChannelSet { rgb: true, ..ChannelSet::NONE };
+
+/// Size of the gradients of a splat, bytes.
+const GRADIENT: usize = 16 * GRADIENT_ROWS as usize;
+
+/// A scene on a device that is rendered with gradients and changed between renderings.
+#[derive(Debug)]
+pub struct GpuGradientRenderer {
+    scene: Gaussians,
+    sh_degree: u8,
+    renderer: GpuRenderer,
+    pipelines: BackwardPipelines,
+    buffers: Option<GradientBuffers>,
+    images: RenderedImages,
+    /// The view whose trace is kept.
+    seen: Option<CameraView>,
+}
+
+/// The backward passes.
+#[derive(Debug)]
+struct BackwardPipelines {
+    backward: ComputePipeline,
+    gather: ComputePipeline,
+    chain: ComputePipeline,
+}
+
+impl GpuGradientRenderer {
+    /// Uploads a scene to a device.
+    ///
+    /// # Errors
+    /// The scene has more than [`MAX_GAUSSIANS`], the style has no gradients, or the device has no
+    /// memory for the scene.
+    pub fn new(device: GpuDevice, scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
+        if scene.len() > MAX_GAUSSIANS {
+            let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
+            return Err(RenderError::Scene(because));
+        }
+        if style.order == LayerOrder::Blended {
+            return Err(RenderError::Style("a blended order has no gradients".to_owned()));
+        }
+        let renderer = GpuRenderer::prepare(device, &scene, style, Some(Vec::new()))?;
+        let layout = ImageLayout::new(COLOUR).with_trace();
+        let variant = ShaderVariant { style, sh_degree: scene.sh_degree, layout };
+        let entry = |shader: ShaderKind| {
+            ShaderCompiler::new(&renderer.device, &renderer.layouts, shader, &variant).entry(shader.name())
+        };
+        let [backward, gather, chain] =
+            [ShaderKind::Backward, ShaderKind::Gather, ShaderKind::Chain].map(entry);
+        // Errors of compilation arrive through the device's callback.
+        renderer.device.check()?;
+        Ok(Self {
+            sh_degree: scene.sh_degree,
+            scene,
+            renderer,
+            pipelines: BackwardPipelines { backward, gather, chain },
+            buffers: None,
+            images: RenderedImages::default(),
+            seen: None,
+        })
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Gaussians {
+        &self.scene
+    }
+
+    /// Returns the scene and drops the rest.
+    #[must_use]
+    pub fn into_scene(self) -> Gaussians {
+        self.scene
+    }
+
+    /// Sets the highest degree of harmonics that is evaluated. Higher ones count as zero.
+    pub fn set_degree(&mut self, degree: u8) {
+        let degree = degree.min(self.scene.sh_degree);
+        if degree != self.sh_degree {
+            (self.sh_degree, self.seen) = (degree, None);
+            self.upload(0..self.scene.len());
+        }
+    }
+
+    /// The highest degree of harmonics that is evaluated.
+    #[must_use]
+    pub fn degree(&self) -> u8 {
+        self.sh_degree
+    }
+
+    /// Changes parameters of the Gaussians with these indices, ascending. The number of Gaussians
+    /// stays.
+    ///
+    /// # Panics
+    /// The change adds or removes Gaussians.
+    pub fn change<T>(&mut self, numbers: &[u32], change: impl FnOnce(&mut Gaussians) -> T) -> T {
+        let count = self.scene.len();
+        let changed = change(&mut self.scene);
+        assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
+        changed_spans(numbers).into_iter().for_each(|span| self.upload(span));
+        self.seen = None;
+        changed
+    }
+
+    /// Changes the scene in any way, except its degree of harmonics.
+    ///
+    /// # Errors
+    /// The device has no memory for the scene.
+    ///
+    /// # Panics
+    /// The degree of harmonics changes: the shaders are compiled for one.
+    pub fn rebuild<T>(&mut self, change: impl FnOnce(&mut Gaussians) -> T) -> Result<T, RenderError> {
+        let degree = self.scene.sh_degree;
+        let changed = change(&mut self.scene);
+        assert_eq!(self.scene.sh_degree, degree, "the degree of harmonics stays");
+        let renderer = &mut self.renderer;
+        // Bindings refer to the old scene. They go first, so that the old and the new one do not exist
+        // at once.
+        (self.seen, self.buffers) = (None, None);
+        renderer.parts = Vec::new();
+        renderer.parts = scene::upload_scene(&self.scene, self.sh_degree, true, &renderer.device)?;
+        (renderer.gaussians, renderer.origin) = (self.scene.len(), self.scene.origin);
+        let (parts, room) = (&renderer.parts, renderer.buffers.room);
+        renderer.buffers = super::FrameBuffers::new(&renderer.device, &renderer.layouts, parts, room)?;
+        Ok(changed)
+    }
+
+    /// Renders a view and keeps the trace for [`Self::gradients`].
+    ///
+    /// # Errors
+    /// The view cannot be rendered, or the device failed.
+    ///
+    /// # Panics
+    /// Never: colour is rendered where colour is asked for.
+    pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        self.seen = None;
+        let pending = self.renderer.begin(view, COLOUR)?;
+        let work = self.renderer.finish(pending, &mut self.images)?;
+        self.seen = Some(*view);
+        Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
+    }
+
+    /// The gradients of a loss on the last rendered view. `by_pixel` is the gradient by the colour
+    /// of each pixel, row by row, and `score` a value per pixel that is shared out among its layers.
+    ///
+    /// # Errors
+    /// The device has no memory for the sums, or it failed.
+    ///
+    /// # Panics
+    /// No view was rendered since the last change of the scene or of the degree, or there is not one
+    /// value per pixel.
+    pub fn gradients(
+        &mut self,
+        by_pixel: &[[f32; 3]],
+        score: &[f32],
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError> {
+        let view = self.seen.expect("a view was rendered");
+        let size = view.camera.size;
+        assert_eq!((by_pixel.len(), score.len()), (size.pixels(), size.pixels()), "one value per pixel");
+        out.numbers.clear();
+        out.gradients.clear();
+        let regions = self.renderer.traced.clone().unwrap_or_default();
+        for &TracedRegion { region, splats } in &regions {
+            // The buffers hold the trace of one region.
+            if regions.len() > 1 {
+                self.trace_again(&view, region)?;
+            }
+            if splats > 0 {
+                self.make_room()?;
+                self.give_pixels((by_pixel, score), region, size);
+                self.backward(region, splats, out)?;
+            }
+        }
+        self.renderer.traced = Some(regions);
+        Ok(())
+    }
+
+    /// Renders one region of a view again.
+    fn trace_again(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
+        let renderer = &mut self.renderer;
+        let mut shots = Vec::new();
+        renderer.shoot(view, COLOUR, region, &mut shots)?;
+        renderer.traced = Some(Vec::new());
+        renderer.finish(PendingView { view: *view, want: COLOUR, shots }, &mut self.images)?;
+        // The region was rendered with these capacities or less before.
+        match renderer.traced.as_deref() {
+            Some([again]) if again.region == region => Ok(()),
+            _ => Err(renderer.device.too_small("gradients").into()),
+        }
+    }
+
+    /// Makes sure that the buffers fit those of the frame.
+    fn make_room(&mut self) -> Result<(), RenderError> {
+        if self.buffers.as_ref().is_none_or(|buffers| buffers.room != self.renderer.buffers.room) {
+            // Freed first: sums are the largest of all buffers.
+            self.buffers = None;
+            self.buffers = Some(GradientBuffers::new(&self.renderer)?);
+        }
+        Ok(())
+    }
+
+    /// Uploads the gradient and the score of each pixel of a region.
+    fn give_pixels(&self, (by_pixel, score): (&[[f32; 3]], &[f32]), region: TileRegion, size: Size) {
+        let Some(buffers) = &self.buffers else { return };
+        let ([x, y], [columns, rows]) = (region.origin(), region.extent(size));
+        let mut bytes = Vec::with_capacity(16 * columns * rows);
+        for row in y..y + rows {
+            let row = row * size.width as usize + x..row * size.width as usize + x + columns;
+            for ([r, g, b], score) in by_pixel[row.clone()].iter().zip(&score[row]) {
+                [*r, *g, *b, *score].into_iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+            }
+        }
+        self.renderer.device.queue.write_buffer(&buffers.by_pixel, 0, &bytes);
+    }
+
+    /// Runs the backward passes for the region that the device rendered last, and adds the gradients
+    /// of its splats.
+    fn backward(
+        &mut self,
+        region: TileRegion,
+        splats: u32,
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError> {
+        let Some(buffers) = &mut self.buffers else { return Ok(()) };
+        let device = &self.renderer.device;
+        let size = (GRADIENT * splats as usize) as u64;
+        let staging = buffers.staging(device, size)?;
+        let mut encoder = device.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        record(&mut encoder, &self.renderer, (&self.pipelines, buffers), region);
+        encoder.copy_buffer_to_buffer(&buffers.gradients, 0, &staging, 0, size);
+        let copy = Copy::submit(device, encoder, staging, size);
+        let (found, staging) = copy.read(device, size, read_gradients)?;
+        buffers.staging = Some(staging);
+        *out = join_gradients(std::mem::take(out), found);
+        Ok(())
+    }
+
+    fn upload(&self, range: Range<usize>) {
+        let GpuRenderer { parts, device, .. } = &self.renderer;
+        parts.iter().for_each(|part| part.write(&self.scene, self.sh_degree, range.clone(), device));
+    }
+}
+
+/// Records the backward passes of a region.
+fn record(
+    encoder: &mut CommandEncoder,
+    renderer: &GpuRenderer,
+    (pipelines, buffers): (&BackwardPipelines, &GradientBuffers),
+    region: TileRegion,
+) {
+    // Tiles do not visit the slots behind their last layer.
+    encoder.clear_buffer(&buffers.moments, 0, None);
+    let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+    pass.set_bind_group(0, &renderer.buffers.bound.frame, &[]);
+    pass.set_pipeline(&pipelines.backward);
+    // The pairs lie where their sort left them.
+    pass.set_bind_group(1, &buffers.backward[(region.tile_digits() % 2) as usize], &[]);
+    let [columns, rows] = region.tiles();
+    pass.dispatch_workgroups(columns, rows, 1);
+    let sizes = &renderer.buffers.groups;
+    pass.set_pipeline(&pipelines.gather);
+    pass.set_bind_group(1, &buffers.gather, &[]);
+    pass.dispatch_workgroups_indirect(sizes, Dispatch::Splats.offset());
+    pass.set_pipeline(&pipelines.chain);
+    for part in &buffers.chain {
+        pass.set_bind_group(1, part, &[]);
+        pass.dispatch_workgroups_indirect(sizes, Dispatch::Splats.offset());
+    }
+}
+
+/// Runs of neighbouring Gaussians that hold all of these. A gap of some unchanged ones costs less than
+/// another transfer.
+fn changed_spans(numbers: &[u32]) -> Vec<Range<usize>> {
+    const GAP: usize = 256;
+    let mut spans: Vec<Range<usize>> = Vec::new();
+    for number in numbers.iter().map(|number| *number as usize) {
+        match spans.last_mut() {
+            Some(span) if number <= span.end + GAP => span.end = number + 1,
+            _ => spans.push(number..number + 1),
+        }
+    }
+    spans
+}
+
+/// The gradients as `chain.wgsl` lays them out.
+fn read_gradients(bytes: &[u8]) -> ViewGradients {
+    let mut found = ViewGradients::default();
+    for row in bytes.as_chunks::<GRADIENT>().0 {
+        let words = row.as_chunks::<4>().0;
+        let float = |at: usize| f32::from_le_bytes(words[at]);
+        let three = |at: usize| [float(at), float(at + 1), float(at + 2)];
+        found.numbers.push(u32::from_le_bytes(words[3]));
+        found.gradients.push(GaussianGradient {
+            position: three(0),
+            log_scale: three(4),
+            logit: float(7),
+            rotation: [float(8), float(9), float(10), float(11)],
+            colour: three(12),
+            score: float(15),
+            direction: three(16),
+        });
+    }
+    found
+}
+
+/// Adds the gradients of two regions of a view, in order of the scene.
+fn join_gradients(a: ViewGradients, b: ViewGradients) -> ViewGradients {
+    if a.numbers.is_empty() {
+        return b;
+    }
+    let mut sum = ViewGradients::default();
+    let mut left = a.numbers.into_iter().zip(a.gradients).peekable();
+    let mut right = b.numbers.into_iter().zip(b.gradients).peekable();
+    loop {
+        let next = match (left.peek(), right.peek()) {
+            (None, None) => return sum,
+            (Some((i, _)), Some((j, _))) if i == j => {
+                left.next().zip(right.next()).map(|((i, a), (_, b))| (i, add_gradients(a, &b)))
+            }
+            (Some((i, _)), Some((j, _))) if i < j => left.next(),
+            (Some(_), None) => left.next(),
+            (_, Some(_)) => right.next(),
+        };
+        let Some((number, gradient)) = next else { return sum };
+        sum.numbers.push(number);
+        sum.gradients.push(gradient);
+    }
+}
+
+/// The sum of two gradients of one Gaussian, which is seen in one direction.
+fn add_gradients(a: GaussianGradient, b: &GaussianGradient) -> GaussianGradient {
+    let three = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|k| a[k] + b[k]);
+    GaussianGradient {
+        position: three(a.position, b.position),
+        log_scale: three(a.log_scale, b.log_scale),
+        rotation: std::array::from_fn(|k| a.rotation[k] + b.rotation[k]),
+        logit: a.logit + b.logit,
+        colour: three(a.colour, b.colour),
+        direction: a.direction,
+        score: a.score + b.score,
+    }
+}
