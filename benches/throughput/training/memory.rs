@@ -46,11 +46,9 @@ fn measure_one(gaussians: u32, photos: &Photos) -> MemoryPoint {
     let mut command = Command::new(env!("CARGO_BIN_EXE_gs2e"));
     command.args(["train", "--hold-out", "0", "--capture"]).arg(folder);
     command.arg("--out").arg(folder.join("scene.ply"));
-    for (name, value) in [
-        ("--gaussians", gaussians),
-        ("--iterations", ITERATIONS),
-        ("--resolution", photos.size.width),
-    ] {
+    for (name, value) in
+        [("--gaussians", gaussians), ("--iterations", ITERATIONS), ("--resolution", photos.size.width)]
+    {
         command.args([name, &value.to_string()]);
     }
     let needed = training::memory_needed(&settings, &photos.capture.views);

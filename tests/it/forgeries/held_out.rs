@@ -90,8 +90,8 @@ fn a_replaced_or_withheld_picture_of_held_out_views_is_found() {
     let forgeries: [(&str, fn(&Path)); 2] = [("replaced", flatter), ("withheld", withhold)];
     for (name, forge) in forgeries {
         for (rewritten, code) in [
-            // The manifest states other bytes, or a file that is not there.
-            (Rewritten::Sums, if name == "replaced" { "wrong-digest" } else { "missing" }),
+            // The manifest states other bytes, or a file that the sums do not list.
+            (Rewritten::Sums, "sums-disagree"),
             // The step of the comparison made another picture.
             (Rewritten::Listing, "step-disagrees"),
             // The report shows the picture, so it follows from other bytes.
