@@ -368,8 +368,9 @@ mod tests {
         assert_eq!(start(2), model.map(|point| point.xyz.as_vec3().to_array()));
         let all = start(60);
         assert_eq!((all.len(), &all[..2]), (60, &start(2)[..]));
-        // The same step and share as above: two of 58 may be elsewhere.
+        // A fifth of the wall is even, and points there can be anywhere. Depths drawn from the range of
+        // a sweep would put one point in a hundred on the wall.
         let is_near = |[x, _, z]: &&[f32; 3]| (f64::from(*z) - DISTANCE - SLOPE * f64::from(*x)).abs() < 0.13;
-        assert!(all.iter().filter(is_near).count() >= 58, "{all:?}");
+        assert!(all.iter().filter(is_near).count() >= 48, "{all:?}");
     }
 }
