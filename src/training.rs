@@ -59,7 +59,7 @@ use watch::TrainingPace;
 
 /// Number of the laws of training. Raise it when equal settings and photos make other bytes: it is
 /// part of a step's key.
-pub const LAWS: u32 = 3;
+pub const LAWS: u32 = 4;
 
 /// Number of reports of a training.
 const REPORTS: u32 = 20;

@@ -35,7 +35,11 @@ fn main() -> ExitCode {
     let timings = measure::measure(all, options.runs);
     let growing = wanted(growth::PART).then(|| growth::measure(&options.only, options.runs));
     let growing = growing.unwrap_or_default();
-    let training = if wanted(training::PART) { training::measure(options.runs) } else { Vec::new() };
+    let (training, memory) = if wanted(training::PART) {
+        (training::measure(options.runs), training::memory::measure())
+    } else {
+        (Vec::new(), Vec::new())
+    };
     let threads = rayon::current_num_threads();
     if options.json {
         let parts: Vec<_> = timings.iter().map(measure::Timing::json).collect();
@@ -46,11 +50,12 @@ fn main() -> ExitCode {
         let runs = options.runs;
         let growing: Vec<_> = growing.iter().map(growth::Axis::json).collect();
         let training: Vec<_> = training.iter().map(training::Axis::json).collect();
+        let memory: Vec<_> = memory.iter().map(training::memory::MemoryPoint::json).collect();
         println!(
             "{}",
             serde_json::json!({
                 "threads": threads, "runs": runs, "parts": parts, "ratios": ratios, "growth": growing,
-                "training": training,
+                "training": training, "training_memory": memory,
             })
         );
         return ExitCode::SUCCESS;
@@ -62,6 +67,9 @@ fn main() -> ExitCode {
     }
     growing.iter().for_each(|axis| println!("\n{}", axis.table()));
     training.iter().for_each(|axis| println!("\n{}", axis.table()));
+    if !memory.is_empty() {
+        println!("\n{}", training::memory::table(&memory));
+    }
     ExitCode::SUCCESS
 }
 

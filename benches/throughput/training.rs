@@ -1,8 +1,10 @@
 //! Time of an iteration of training by the number of Gaussians and of pixels: core-seconds, all
-//! photos at full size and all Gaussians placed.
+//! photos at full size and all Gaussians placed. `memory` has the peak memory.
 //!
 //! The photos are renderings of the embedded scene, in a temporary folder. A training of 40
 //! iterations has all its Gaussians and full-size photos from the 24th on; those are timed.
+
+pub(crate) mod memory;
 
 use gs2e::image::{Size, png};
 use gs2e::render::backend::Backend;
@@ -32,7 +34,7 @@ struct Photos {
     capture: Capture,
     files: Vec<(String, PathBuf)>,
     size: Size,
-    _folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 /// One size of an axis: the Gaussians, the photos, and the core-seconds of each run's iterations.
@@ -53,11 +55,11 @@ pub(crate) struct Axis {
 pub(crate) fn measure(runs: usize) -> Vec<Axis> {
     let point =
         |gaussians, photos: &Arc<Photos>| Point { gaussians, photos: photos.clone(), runs: Vec::new() };
-    let middle = Arc::new(photos(Size { width: 480, height: 270 }));
+    let middle = Arc::new(photos(wide(480)));
     let counts = [10_000, 20_000, 40_000, 80_000, 160_000];
     let by_count = counts.map(|count| point(count, &middle)).into();
-    let sizes = [240, 339, 480, 679, 960].map(|width| Size { width, height: (width * 9 + 8) / 16 });
-    let by_pixels = sizes.map(|size| point(40_000, &Arc::new(photos(size)))).into();
+    let widths = [240, 339, 480, 679, 960];
+    let by_pixels = widths.map(|width| point(40_000, &Arc::new(photos(wide(width))))).into();
     let mut axes = vec![
         Axis { name: "Gaussians", what: format!("{} px", middle.size), points: by_count },
         Axis { name: "pixels", what: "40,000 Gaussians".to_owned(), points: by_pixels },
@@ -69,6 +71,11 @@ pub(crate) fn measure(runs: usize) -> Vec<Axis> {
     }
     axes.iter_mut().flat_map(|axis| &mut axis.points).for_each(|point| point.runs.sort_by(f64::total_cmp));
     axes
+}
+
+/// A size of about 16:9.
+fn wide(width: u32) -> Size {
+    Size { width, height: (width * 9 + 8) / 16 }
 }
 
 /// Photos of the embedded scene.
@@ -96,7 +103,7 @@ fn photos(size: Size) -> Photos {
         png::write_image(&png::to_bytes(&out.rgb.expect("it was asked for")), file).expect("it is written");
         files.push((view.name.clone(), path));
     }
-    Photos { capture, files, size, _folder: folder }
+    Photos { capture, files, size, folder }
 }
 
 /// Core-seconds of an iteration.
@@ -142,10 +149,14 @@ impl Axis {
         }
         if let Some(law) = self.growth() {
             lines.push(format!(
-                "\nAs a line: {:.1} core-ms, and {:.1} core-ns for each of the {}.",
+                "\nAs a power: {:.2} ± {:.2}. As a line: {:.1} core-ms, and {:.1} core-ns for each of the {}; \
+                 off by up to {:.0} %.",
+                law.exponent,
+                law.standard_error,
                 1e3 * law.fixed,
                 1e9 * law.marginal,
-                self.name
+                self.name,
+                100.0 * law.worst
             ));
         }
         lines.join("\n")

@@ -1,5 +1,5 @@
-//! The Gaussians that a training starts from: the points of the capture's model, or points drawn
-//! where the cameras' views meet.
+//! The Gaussians that a training starts from: the points of the capture's model, and points on the
+//! surfaces that its photos show.
 
 #![expect(clippy::cast_possible_truncation, reason = "parameters are stored in 32 bits")]
 
@@ -14,8 +14,10 @@ use crate::source::colmap::ColmapPoint;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of points that are drawn where a capture has none, at most.
-const DRAWN: usize = 10_000;
+/// Least and largest number of points that are drawn, and the Gaussians of the budget per point in
+/// between: a small training has no time for a long sweep.
+const DRAWN: [usize; 2] = [10_000, 30_000];
+const GAUSSIANS_PER_DRAWN: usize = 4;
 /// Sweeps per drawn point.
 const SWEEPS: u64 = 3;
 /// Share of the drawn points that is enough to grow from.
@@ -66,15 +68,26 @@ pub(super) fn starting_scene(
     let spread = CameraSpread::new(views);
     let sound: Vec<&ColmapPoint> = points.iter().filter(|point| point.xyz.is_finite()).collect();
     if sound.is_empty() {
-        return Ok(gaussians(&drawn_points(views, &spread, budget.min(DRAWN), draws)?, &spread));
+        return Ok(gaussians(&drawn_points(views, &spread, drawn_count(budget), draws)?, &spread));
     }
     let is_seen = |point: &&&ColmapPoint| views.iter().any(|view| seen_at(view, point.xyz).is_some());
     if sound.iter().find(is_seen).is_none() {
         return Err(TrainingError::PointsUnseen { points: sound.len() });
     }
     let chosen = choose(sound.len(), budget, draws);
-    let chosen: Vec<(DVec3, [u8; 3])> = chosen.into_iter().map(|i| (sound[i].xyz, sound[i].rgb)).collect();
+    let mut chosen: Vec<(DVec3, [u8; 3])> =
+        chosen.into_iter().map(|i| (sound[i].xyz, sound[i].rgb)).collect();
+    // A model has points at corners. The sweep finds surfaces between them, where Gaussians that were
+    // split off at the corners would come to rest at wrong depths.
+    let more = drawn_count(budget).min(budget - chosen.len());
+    chosen.extend(swept_points(views, axes_meet(views, &spread), more, draws));
     Ok(gaussians(&chosen, &spread))
+}
+
+/// Number of points that are drawn for a budget of Gaussians.
+fn drawn_count(budget: usize) -> usize {
+    let [least, most] = DRAWN;
+    (budget / GAUSSIANS_PER_DRAWN).clamp(least, most).min(budget)
 }
 
 /// `wanted` of `count` indices, each equally likely, ascending; all if there are no more.
@@ -106,8 +119,8 @@ fn seen_at(view: &TrainingView, point: DVec3) -> Option<[usize; 2]> {
     inside.then_some([x as usize, y as usize])
 }
 
-/// Points on surfaces that a [`PlaneSweep`] finds for random pixels, and [`scattered_points`] where
-/// it finds too few.
+/// Points on the surfaces that the photos show: `wanted` at most, where [`scattered_points`] help
+/// out if a sweep finds too few.
 fn drawn_points(
     views: &[TrainingView],
     spread: &CameraSpread,
@@ -115,6 +128,25 @@ fn drawn_points(
     draws: &TrainingDraws,
 ) -> Result<Vec<(DVec3, [u8; 3])>, TrainingError> {
     let middle = axes_meet(views, spread);
+    let mut points = swept_points(views, middle, wanted, draws);
+    if points.len() * ENOUGH < wanted {
+        points.extend(scattered_points(views, middle, wanted, draws));
+    }
+    points.truncate(wanted);
+    if points.len() * ENOUGH < wanted {
+        Err(TrainingError::NoCommonView { views: views.len() })
+    } else {
+        Ok(points)
+    }
+}
+
+/// Points on the surfaces that a [`PlaneSweep`] finds for random pixels, `wanted` at most.
+fn swept_points(
+    views: &[TrainingView],
+    middle: DVec3,
+    wanted: usize,
+    draws: &TrainingDraws,
+) -> Vec<(DVec3, [u8; 3])> {
     let sweep = PlaneSweep::new(views, middle);
     let surface_point = |index: u64| {
         // Index 0 belongs to the choice among given points.
@@ -131,15 +163,8 @@ fn drawn_points(
             break;
         }
     }
-    if points.len() * ENOUGH < wanted {
-        points.extend(scattered_points(views, middle, wanted, draws));
-    }
     points.truncate(wanted);
-    if points.len() * ENOUGH < wanted {
-        Err(TrainingError::NoCommonView { views: views.len() })
-    } else {
-        Ok(points)
-    }
+    points
 }
 
 /// Points drawn along the rays of random pixels, at depths around that at which the optical axes

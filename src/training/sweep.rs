@@ -280,9 +280,13 @@ fn others_of(views: &[SweptView], own: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::draws::TrainingDraws;
     use super::super::photos::TrainingViews;
+    use super::super::start::starting_scene;
     use super::*;
     use crate::image::{Size, png};
+    use crate::seed::Seed;
+    use crate::source::colmap::ColmapPoint;
     use crate::source::{Capture, CapturedView, LensModel};
     use std::fs::File;
     use std::path::PathBuf;
@@ -349,5 +353,24 @@ mod tests {
         // The square reaches 3 pixels, 0.13 at this distance, into the painted part.
         let even = found.iter().filter(|(point, _)| point.x < -0.8 - 0.15).count();
         assert!(even * 100 <= found.len(), "{even} of {} are on the even part", found.len());
+    }
+
+    #[test]
+    fn a_start_has_the_points_of_the_model_and_others_up_to_the_budget() {
+        let (_folder, views) = photographed();
+        let model = [[-0.2, 0.1], [0.3, -0.2]].map(|[x, y]| ColmapPoint {
+            xyz: DVec3::new(x, y, DISTANCE + SLOPE * x),
+            rgb: [9; 3],
+            error: 0.5,
+        });
+        let draws = TrainingDraws::new(Seed(1));
+        let start = |budget| starting_scene(&model, &views.shown, budget, &draws).unwrap().positions;
+        assert_eq!(start(2), model.map(|point| point.xyz.as_vec3().to_array()));
+        let all = start(60);
+        assert_eq!((all.len(), &all[..2]), (60, &start(2)[..]));
+        // A fifth of the wall is even, and points there can be anywhere. Depths drawn from the range of
+        // a sweep would put one point in a hundred on the wall.
+        let is_near = |[x, _, z]: &&[f32; 3]| (f64::from(*z) - DISTANCE - SLOPE * f64::from(*x)).abs() < 0.13;
+        assert!(all.iter().filter(is_near).count() >= 48, "{all:?}");
     }
 }

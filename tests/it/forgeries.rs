@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod data;
+mod held_out;
 mod rows;
 
 use crate::release::forger::{read, reseal, reseal_sums};

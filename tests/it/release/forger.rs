@@ -122,7 +122,10 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
     };
     let before = contents(scene);
     for step in &mut scene.steps {
-        let Some((trajectory, kind)) = step.step.rsplit_once('/') else { continue };
+        let Some((trajectory, kind)) = step.step.rsplit_once('/') else {
+            reseal_own(&scene.id, &mut step.outputs, files);
+            continue;
+        };
         let folder = format!("{}/{trajectory}", scene.id);
         let released = released(&folder, kind, files);
         let is_there = |output: &StoredOutput| released.iter().any(|other| other.name == output.name);
@@ -144,6 +147,16 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
             of.inputs.values_mut().for_each(|digest| *digest = after.get(digest).copied().unwrap_or(*digest));
             step.key = of.key(&stage);
         }
+    }
+}
+
+/// Updates the only released output of the steps of a scene itself.
+fn reseal_own(scene: &str, outputs: &mut Vec<StoredOutput>, files: &BTreeMap<String, Vec<u8>>) {
+    const PICTURE: &str = "held_out.png";
+    let now = files.get(&format!("{scene}/{PICTURE}"));
+    outputs.retain(|output| output.name != PICTURE || now.is_some());
+    for (output, bytes) in outputs.iter_mut().filter(|output| output.name == PICTURE).zip(now) {
+        (output.digest, output.size) = (Digest::of_bytes(bytes), bytes.len() as u64);
     }
 }
 
