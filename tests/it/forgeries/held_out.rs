@@ -87,8 +87,8 @@ fn a_replaced_or_withheld_picture_of_held_out_views_is_found() {
     honest.ok("release --copy --to tree recipe.yaml");
     honest.ok("audit tree");
 
-    let forgeries: [(&str, fn(&Path)); 2] = [("replaced", flatter), ("withheld", withhold)];
-    for (name, forge) in forgeries {
+    let replaced: (&str, fn(&Path)) = ("replaced", flatter);
+    for (name, forge) in [replaced, ("withheld", withhold)] {
         for (rewritten, code) in [
             // The manifest states other bytes, or a file that the sums do not list.
             (Rewritten::Sums, "sums-disagree"),

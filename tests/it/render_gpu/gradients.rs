@@ -29,7 +29,8 @@ fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {
 fn planted(index: u64, sh_degree: u8) -> (Gaussians, CameraView) {
     let mut draws = ScatterDraws(index);
     let mut between = |low: f32, high: f32| low + (high - low) * draws.next();
-    let count = between(2.0, 24.0) as usize;
+    let drawn = between(2.0, 24.0);
+    let count = (1..24_u8).take_while(|&count| f32::from(count) <= drawn).count();
     let origin = DVec3::new(f64::from(between(-9.0, 9.0)), 4.0, -7.0);
     let turn = [between(-0.3, 0.3), between(-0.3, 0.3), between(-0.3, 0.3), 1.0].map(f64::from);
     let turn = DQuat::from_array(turn).normalize();
@@ -337,7 +338,7 @@ fn gradients_have_the_same_bits_in_every_run() {
         };
         let mut changed = scene.clone();
         change(&mut changed);
-        renderer.change(&[0, last as u32], change);
+        renderer.change(&[0, u32::try_from(last).unwrap()], change);
         assert!(same(&by_gpu(&mut renderer, &view).0, &by_gpu(&mut new(&changed), &view).0));
     }
 }
