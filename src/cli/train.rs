@@ -59,6 +59,9 @@ pub(super) struct TrainArgs {
     /// File that keeps the state: an interrupted training goes on from it
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
+    /// Memory for the training, as 8GB or 500MB [default: 80 % of the free memory]
+    #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
+    memory: Option<u64>,
 }
 
 /// The rule sets that can be trained.
@@ -146,16 +149,16 @@ impl TrainArgs {
         Ok(DiskCapture::all_views(kind, place.clone()))
     }
 
-    /// Refuses a training that needs more memory than is free.
+    /// Refuses a training that needs more memory than it may take.
     fn refuse_memory(&self, capture: &Capture) -> Result<(), VerbError> {
         let needed = training::memory_needed(&self.settings(), &capture.views);
-        let free = machine::free_memory();
-        if needed <= free {
+        let budget = self.memory.unwrap_or_else(machine::free_memory);
+        if needed <= budget {
             return Ok(());
         }
         let amount = |bytes| format_amount(bytes, "B");
         let what =
-            format!("the training needs about {} of memory, and {} are free", amount(needed), amount(free));
+            format!("the training needs about {} of memory, budget {}", amount(needed), amount(budget));
         Err(VerbError::usage("memory", what).help("lower --gaussians or --resolution"))
     }
 

@@ -6,6 +6,9 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 
+#[cfg(test)]
+pub(in crate::render) mod adjoint;
+mod parameters;
 mod project;
 
 use super::dual::{DualNumber, RealNumber};
@@ -16,6 +19,7 @@ use super::{
 };
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
+pub use parameters::GaussianRates;
 use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -73,22 +77,55 @@ impl ReferenceRenderer {
         Ok((pixels.iter().map(|pixel| pixel.colour.map(|c| c.value)).collect(), work))
     }
 
+    /// Colour of every pixel and its rate, row by row, in f64, while the parameters of the scene
+    /// change and the camera moves. `rates` has one entry per Gaussian.
+    ///
+    /// # Errors
+    /// The view cannot be rendered.
+    ///
+    /// # Panics
+    /// There is not one entry per Gaussian.
+    pub fn colour_rates(
+        &self,
+        view: &CameraView,
+        rates: &[GaussianRates],
+    ) -> Result<Vec<[[f64; 2]; 3]>, RenderError> {
+        assert_eq!(rates.len(), self.scene.len(), "one entry per Gaussian");
+        let (layers, _) = self.layers(view, |i| rates[i])?;
+        let pixels = self.all_pixels(&layers, view.camera.size);
+        Ok(pixels.iter().map(|pixel| pixel.colour.map(|c| [c.value, c.rate])).collect())
+    }
+
     /// All pixels, row by row, and the counts of Gaussians.
     fn pixels(&self, view: &CameraView) -> Result<(Vec<ReferencePixel>, RenderWork), RenderError> {
-        super::check_view(view)?;
-        let eye = ReferenceView::new(view, self.style, self.scene.origin);
-        let all: Vec<Result<ReferenceLayer, CullReason>> =
-            (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i)).collect();
-        let mut work = count_outcomes(&all);
-        let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
-        layers.sort_by_key(|layer| layer.order);
-        let [width, height] = [view.camera.size.width, view.camera.size.height].map(|edge| edge as usize);
-        let rows: Vec<Vec<ReferencePixel>> =
-            (0..height).into_par_iter().map(|y| self.row(&layers, y, width)).collect();
-        let pixels: Vec<ReferencePixel> = rows.into_iter().flatten().collect();
+        let (layers, mut work) = self.layers(view, |_| GaussianRates::default())?;
+        let pixels = self.all_pixels(&layers, view.camera.size);
         work.blended = pixels.iter().map(|p| p.blended).sum();
         work.stopped = pixels.iter().filter(|p| p.stopped).count() as u64;
         Ok((pixels, work))
+    }
+
+    /// The layers of a view, front to back, and the counts of Gaussians.
+    fn layers(
+        &self,
+        view: &CameraView,
+        rates: impl Fn(usize) -> GaussianRates + Sync,
+    ) -> Result<(Vec<ReferenceLayer>, RenderWork), RenderError> {
+        super::check_view(view)?;
+        let eye = ReferenceView::new(view, self.style, self.scene.origin);
+        let all: Vec<Result<ReferenceLayer, CullReason>> =
+            (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i, &rates(i))).collect();
+        let work = count_outcomes(&all);
+        let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
+        layers.sort_by_key(|layer| layer.order);
+        Ok((layers, work))
+    }
+
+    fn all_pixels(&self, layers: &[ReferenceLayer], size: Size) -> Vec<ReferencePixel> {
+        let [width, height] = [size.width, size.height].map(|edge| edge as usize);
+        let rows: Vec<Vec<ReferencePixel>> =
+            (0..height).into_par_iter().map(|y| self.row(layers, y, width)).collect();
+        rows.into_iter().flatten().collect()
     }
 }
 

@@ -116,12 +116,12 @@ fn third_degree<T: Scalar>([x, y, z]: [T; 3]) -> [T; 7] {
 /// sphere; a caller that turns a unit direction uses the component across it.
 #[must_use]
 #[inline(always)]
-pub fn direction_gradient(degree: u8, dir: [f32; 3], weights: &[f32; MAX_LEN]) -> [f32; 3] {
-    let mut sum = [0.0; 3];
-    let mut add = |more: [f32; 3]| sum = [sum[0] + more[0], sum[1] + more[1], sum[2] + more[2]];
-    let c = f32::nearest;
+pub fn direction_gradient<T: Scalar>(degree: u8, dir: [T; 3], weights: &[T; MAX_LEN]) -> [T; 3] {
+    let mut sum = [T::nearest(0.0); 3];
+    let mut add = |more: [T; 3]| sum = [sum[0] + more[0], sum[1] + more[1], sum[2] + more[2]];
+    let c = T::nearest;
     if degree >= 1 {
-        add([-c(C1) * weights[3], -c(C1) * weights[1], c(C1) * weights[2]]);
+        add([c(-C1) * weights[3], c(-C1) * weights[1], c(C1) * weights[2]]);
     }
     if degree >= 2 {
         add(second_gradient(dir, std::array::from_fn(|k| c(C2[k]) * weights[4 + k])));
@@ -133,29 +133,35 @@ pub fn direction_gradient(degree: u8, dir: [f32; 3], weights: &[f32; MAX_LEN]) -
 }
 
 #[inline(always)]
-fn second_gradient([x, y, z]: [f32; 3], w: [f32; 5]) -> [f32; 3] {
+fn second_gradient<T: Scalar>([x, y, z]: [T; 3], w: [T; 5]) -> [T; 3] {
+    let (two, four) = (T::nearest(2.0), T::nearest(4.0));
     [
-        w[0] * y - 2.0 * w[2] * x + w[3] * z + 2.0 * w[4] * x,
-        w[0] * x + w[1] * z - 2.0 * w[2] * y - 2.0 * w[4] * y,
-        w[1] * y + 4.0 * w[2] * z + w[3] * x,
+        w[0] * y - two * w[2] * x + w[3] * z + two * w[4] * x,
+        w[0] * x + w[1] * z - two * w[2] * y - two * w[4] * y,
+        w[1] * y + four * w[2] * z + w[3] * x,
     ]
 }
 
 #[inline(always)]
-fn third_gradient([x, y, z]: [f32; 3], w: [f32; 7]) -> [f32; 3] {
+fn third_gradient<T: Scalar>([x, y, z]: [T; 3], w: [T; 7]) -> [T; 3] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     let (xy, yz, zx) = (x * y, y * z, z * x);
+    let [two, three, four, six, eight] = [2.0, 3.0, 4.0, 6.0, 8.0].map(T::nearest);
     [
-        6.0 * w[0] * xy + w[1] * yz - 2.0 * w[2] * xy - 6.0 * w[3] * zx
-            + w[4] * (4.0 * zz - 3.0 * xx - yy)
-            + 2.0 * w[5] * zx
-            + 3.0 * w[6] * (xx - yy),
-        3.0 * w[0] * (xx - yy) + w[1] * zx + w[2] * (4.0 * zz - xx - 3.0 * yy)
-            - 6.0 * w[3] * yz
-            - 2.0 * w[4] * xy
-            - 2.0 * w[5] * yz
-            - 6.0 * w[6] * xy,
-        w[1] * xy + 8.0 * w[2] * yz + 3.0 * w[3] * (2.0 * zz - xx - yy) + 8.0 * w[4] * zx + w[5] * (xx - yy),
+        six * w[0] * xy + w[1] * yz - two * w[2] * xy - six * w[3] * zx
+            + w[4] * (four * zz - three * xx - yy)
+            + two * w[5] * zx
+            + three * w[6] * (xx - yy),
+        three * w[0] * (xx - yy) + w[1] * zx + w[2] * (four * zz - xx - three * yy)
+            - six * w[3] * yz
+            - two * w[4] * xy
+            - two * w[5] * yz
+            - six * w[6] * xy,
+        w[1] * xy
+            + eight * w[2] * yz
+            + three * w[3] * (two * zz - xx - yy)
+            + eight * w[4] * zx
+            + w[5] * (xx - yy),
     ]
 }
 

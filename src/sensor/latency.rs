@@ -9,9 +9,9 @@
 //! the filter to the height of a step, and makes the jitter larger for small steps. Here, the delay follows
 //! from the light alone, and no event is lost by the filter.
 //!
-//! A pixel finishes an event before it makes the next: events of a pixel keep their order and their dead time.
-//! Events that would be stamped after the last frame are left out and counted, and the first ones of a clip
-//! come as late as all others.
+//! A pixel finishes an event before it makes the next: events of a pixel keep their order and their dead
+//! time. Events that would be stamped after the last frame are left out and counted, and the first ones of a
+//! clip come as late as all others.
 
 mod light;
 
@@ -53,6 +53,7 @@ impl PixelLatency {
     /// Returns true if no event is late.
     #[must_use]
     pub fn is_absent(&self) -> bool {
+        // `max_us` alone delays nothing, so it does not keep a sensor from the path without latency.
         self.us == 0.0 && self.jitter_us == 0.0 && self.tau_us == 0.0
     }
 

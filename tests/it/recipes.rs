@@ -17,7 +17,7 @@ fn read(path: &str) -> Result<Vec<Recipe>, RecipeFaults> {
 
 /// Reads the only recipe of a text, from a folder of its own.
 fn recipe(yaml: &str) -> Result<Recipe, RecipeFaults> {
-    let folder = tempfile::tempdir().expect(" bytes are freea folder");
+    let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("recipe.yaml");
     std::fs::write(&file, yaml).expect("the folder can be written");
     let mut recipes = read_all(&[file])?;

@@ -133,7 +133,8 @@ pub(in crate::recipe) struct FrontEndSection {
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
     /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4`, a `floor` and a latency
-    /// with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for other sensors.
+    /// with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for other
+    /// sensors.
     pub lux: Field<f64>,
 }
 

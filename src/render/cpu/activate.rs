@@ -3,6 +3,7 @@
 
 use super::extent;
 use crate::render::RenderRules;
+use crate::render::dual::RealNumber;
 use crate::scene::{Gaussians, sh};
 use glam::{DMat3, DQuat};
 use rayon::prelude::*;
@@ -123,11 +124,16 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
 /// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its
 /// component across the quaternion turns, so a stored length does not matter; a zero quaternion has
 /// the gradient 0.
-pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: [[f32; 3]; 3]) -> [f32; 4] {
-    let [w, x, y, z] = stored;
+pub(super) fn rotation_gradient<S: RealNumber<Plain = S>>(
+    stored: [f32; 4],
+    axes: [[S; 3]; 3],
+    by_axes: [[S; 3]; 3],
+) -> [S; 4] {
+    let [w, x, y, z] = stored.map(|q| S::nearest(q.into()));
+    let (two, nothing) = (S::nearest(2.0), S::nearest(0.0));
     let norm = (w * w + x * x + y * y + z * z).sqrt();
-    if f64::from(norm) <= MIN_NORM {
-        return [0.0; 4];
+    if norm <= S::nearest(MIN_NORM) {
+        return [nothing; 4];
     }
     let [w, x, y, z] = [w / norm, x / norm, y / norm, z / norm];
     // `d[k]` is the gradient by column `k` of the rotation.
@@ -138,12 +144,12 @@ pub(super) fn rotation_gradient(stored: [f32; 4], axes: [[f32; 3]; 3], by_axes: 
     };
     let d = [column(0), column(1), column(2)];
     let by_unit = [
-        2.0 * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1])),
-        2.0 * (y * (d[1][0] + d[0][1]) + z * (d[2][0] + d[0][2]) - 2.0 * x * (d[1][1] + d[2][2])
+        two * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1])),
+        two * (y * (d[1][0] + d[0][1]) + z * (d[2][0] + d[0][2]) - two * x * (d[1][1] + d[2][2])
             + w * (d[1][2] - d[2][1])),
-        2.0 * (x * (d[1][0] + d[0][1]) + z * (d[2][1] + d[1][2]) - 2.0 * y * (d[0][0] + d[2][2])
+        two * (x * (d[1][0] + d[0][1]) + z * (d[2][1] + d[1][2]) - two * y * (d[0][0] + d[2][2])
             + w * (d[2][0] - d[0][2])),
-        2.0 * (x * (d[2][0] + d[0][2]) + y * (d[2][1] + d[1][2]) - 2.0 * z * (d[0][0] + d[1][1])
+        two * (x * (d[2][0] + d[0][2]) + y * (d[2][1] + d[1][2]) - two * z * (d[0][0] + d[1][1])
             + w * (d[0][1] - d[1][0])),
     ];
     let unit = [w, x, y, z];

@@ -27,7 +27,7 @@ use crate::render::{
     CameraView, ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
 };
 use crate::scene::{Gaussians, sh};
-use chain::ProjectionChain;
+use chain::{DrawnGaussian, ProjectionChain};
 use fearless_simd::dispatch;
 use raster::{BackwardInput, SplatMoments, backward_tile};
 use rayon::prelude::*;
@@ -41,22 +41,22 @@ pub const MAX_GAUSSIANS: usize = 1 << 24;
 
 /// The gradients of one Gaussian: the loss by its stored parameters.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct GaussianGradient {
+pub struct GaussianGradient<S = f32> {
     /// By its position.
-    pub position: [f32; 3],
+    pub position: [S; 3],
     /// By the logarithms of its scales.
-    pub log_scale: [f32; 3],
+    pub log_scale: [S; 3],
     /// By its stored quaternion, `w x y z`.
-    pub rotation: [f32; 4],
+    pub rotation: [S; 4],
     /// By the logit of its opacity.
-    pub logit: f32,
+    pub logit: S,
     /// By its colour before the clamp at 0. The gradient by the coefficients of a harmonic is this
     /// times the harmonic's value in `direction`.
-    pub colour: [f32; 3],
+    pub colour: [S; 3],
     /// Unit direction from the camera, in world axes.
-    pub direction: [f32; 3],
+    pub direction: [S; 3],
     /// Its share of the score: the sum of its blended weight times the pixel's score.
-    pub score: f32,
+    pub score: S,
 }
 
 impl GaussianGradient {
@@ -288,7 +288,8 @@ impl GradientRenderer {
         let each = |(place, gradient): (usize, &mut GaussianGradient)| {
             let number = frame.numbers[place] as usize;
             let active = self.blocks[number / LANES].lane(number % LANES);
-            *gradient = chain.gradient(number, &active, (&frame.splats[place], &self.sums[place]));
+            let drawn = DrawnGaussian::new(&active, &frame.splats[place]);
+            *gradient = chain.gradient(number, &drawn, &self.sums[place]);
         };
         parts.into_par_iter().for_each(|(first, part)| {
             part.par_iter_mut().with_min_len(LANES).enumerate().for_each(|(i, g)| each((first + i, g)));

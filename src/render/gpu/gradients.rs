@@ -110,6 +110,7 @@ impl GpuGradientRenderer {
     /// Sets the highest degree of harmonics that is evaluated. Higher ones count as zero.
     pub fn set_degree(&mut self, degree: u8) {
         let degree = degree.min(self.scene.sh_degree);
+        // The device has the harmonics of the set degree only, so another one is a new upload.
         if degree != self.sh_degree {
             (self.sh_degree, self.seen) = (degree, None);
             self.upload(0..self.scene.len());

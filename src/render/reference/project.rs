@@ -1,14 +1,16 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
+use super::parameters::{GaussianRates, MovingGaussian};
 use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
     FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
 use crate::render::{CameraView, RenderRules, RenderStyle};
-use crate::scene::{Gaussians, sh};
-use glam::{DMat3, DQuat, DVec3};
+use crate::scene::Gaussians;
+use glam::{DMat3, DVec3};
+use std::array::from_fn;
 use std::ops::Range;
 
 /// A Gaussian on the image plane.
@@ -54,11 +56,17 @@ impl<'a> ReferenceView<'a> {
     }
 
     /// The layer of Gaussian `i`, or the reason why it makes none.
-    pub(super) fn layer(&self, scene: &Gaussians, i: usize) -> Result<ReferenceLayer, CullReason> {
+    pub(super) fn layer(
+        &self,
+        scene: &Gaussians,
+        i: usize,
+        rates: &GaussianRates,
+    ) -> Result<ReferenceLayer, CullReason> {
+        let gaussian = MovingGaussian::new(scene, i, rates);
         // Camera and scene origin are subtracted before anything is rotated. Far from the world's
         // origin, a difference of rotated positions would cancel.
-        let from_camera = self.origin + DVec3::from_array(scene.positions[i].map(f64::from));
-        let [x, y, z] = self.moving(self.camera_from_world * from_camera, self.view.velocity.linear);
+        let from_camera: [D; 3] = from_fn(|k| D::constant(self.origin[k]) + gaussian.position[k]);
+        let [x, y, z] = self.seen(from_camera, self.view.velocity.linear);
         // A depth that is NaN is in no range, so it counts as behind.
         if !self.in_depth(z.value) {
             return Err(CullReason::Behind);
@@ -69,8 +77,9 @@ impl<'a> ReferenceView<'a> {
             D::constant(camera.fx) * u + D::constant(camera.cx),
             D::constant(camera.fy) * v + D::constant(camera.cy),
         ];
-        let shape = self.shape(scene, i, [u, v], z);
-        let opacity = self.opacity(scene.opacity_logits[i], &shape);
+        let axes = gaussian.axes().map(|axis| self.seen(axis, DVec3::ZERO));
+        let shape = self.shape(axes, [u, v], z);
+        let opacity = self.opacity(gaussian.opacity(), &shape);
         // All back ends leave out what overflows in f32.
         let in_range = (shape.det.value as f32).is_finite() && shape.det.value > 0.0;
         if !(is_finite(scene, i) && in_range && mean.iter().all(|m| m.value.is_finite())) {
@@ -84,7 +93,7 @@ impl<'a> ReferenceView<'a> {
         if columns.is_empty() || rows.is_empty() {
             return Err(CullReason::Outside);
         }
-        let deep = self.depth_deviation(scene, i) / z.value;
+        let deep = axes.map(|axis| axis[2].value.powi(2)).iter().sum::<f64>().sqrt() / z.value;
         Ok(ReferenceLayer {
             // Rounded to 32 bits, so that depths tie here exactly where they tie in the other back
             // ends.
@@ -92,7 +101,7 @@ impl<'a> ReferenceView<'a> {
             mean,
             w: shape.weights(),
             opacity,
-            colour: self.colour(scene, i, from_camera),
+            colour: gaussian.colour(scene.sh_degree, self.direction(from_camera)),
             depth: z,
             doubtful: deep > f64::from(AFFINE_DOUBTFUL),
             invalid: deep > f64::from(AFFINE_INVALID),
@@ -101,10 +110,14 @@ impl<'a> ReferenceView<'a> {
         })
     }
 
-    /// A point in camera axes with its rate: `-v - w x point`. For a direction, `v` is 0.
-    fn moving(&self, point: DVec3, linear: DVec3) -> [D; 3] {
-        let rate = -linear - self.view.velocity.angular.cross(point);
-        [0, 1, 2].map(|k| D { value: point[k], rate: rate[k] })
+    /// A vector in camera axes with its rate: that of the vector, and `-v - w x vector`. For a direction,
+    /// `v` is 0.
+    fn seen(&self, vector: [D; 3], linear: DVec3) -> [D; 3] {
+        // A rotation is linear, so values and rates turn separately, and the values keep their bits.
+        let turned = |part: fn(D) -> f64| self.camera_from_world * DVec3::from_array(vector.map(part));
+        let value = turned(|v| v.value);
+        let rate = turned(|v| v.rate) - linear - self.view.velocity.angular.cross(value);
+        from_fn(|k| D { value: value[k], rate: rate[k] })
     }
 
     fn in_depth(&self, z: f64) -> bool {
@@ -114,13 +127,7 @@ impl<'a> ReferenceView<'a> {
         }
     }
 
-    /// Standard deviation of depth, scene units.
-    fn depth_deviation(&self, scene: &Gaussians, i: usize) -> f64 {
-        self.axes(scene, i).map(|axis| axis[2].value).map(|v| v * v).iter().sum::<f64>().sqrt()
-    }
-
-    fn shape(&self, scene: &Gaussians, i: usize, [u, v]: [D; 2], z: D) -> ImageCovariance {
-        let axes = self.axes(scene, i);
+    fn shape(&self, axes: [[D; 3]; 3], [u, v]: [D; 2], z: D) -> ImageCovariance {
         let camera = self.view.camera;
         let [uc, vc] = self.clamped([u, v]);
         let row = |focal: f64, clamped: D, k: usize| {
@@ -133,16 +140,6 @@ impl<'a> ReferenceView<'a> {
         let (a, b, c) = (aa + d, dot_product(a0, a1), cc + d);
         // `det` equals `a c - b^2` without its cancellation.
         ImageCovariance { a, b, c, det0, det: det0 + d * (aa + cc) + d * d }
-    }
-
-    /// The scaled axes of a Gaussian, in camera axes.
-    fn axes(&self, scene: &Gaussians, i: usize) -> [[D; 3]; 3] {
-        let [w, x, y, z] = scene.rotations[i].map(f64::from);
-        // As in the CPU's activation: a zero quaternion gives the identity.
-        let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
-        let turn = DMat3::from_quat(DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm));
-        let scales = scene.log_scales[i].map(|s| libm::exp(f64::from(s)));
-        [0, 1, 2].map(|k| self.moving(self.camera_from_world * (turn.col(k) * scales[k]), DVec3::ZERO))
     }
 
     /// The direction at which the projection's derivative is taken.
@@ -163,22 +160,21 @@ impl<'a> ReferenceView<'a> {
         [side(u, size.width, camera.fx, camera.cx), side(v, size.height, camera.fy, camera.cy)]
     }
 
-    fn opacity(&self, logit: f32, shape: &ImageCovariance) -> D {
-        let opacity = D::constant(1.0 / (1.0 + libm::exp(-f64::from(logit))));
+    fn opacity(&self, opacity: D, shape: &ImageCovariance) -> D {
         if !self.style.antialiased {
             return opacity;
         }
         opacity * (shape.det0 / shape.det).clamp(f64::from(COMPENSATION_FLOOR), f64::INFINITY).sqrt()
     }
 
-    fn colour(&self, scene: &Gaussians, i: usize, from_camera: DVec3) -> [D; 3] {
+    /// The unit direction from the camera, in world axes.
+    fn direction(&self, from_camera: [D; 3]) -> [D; 3] {
         // A fixed point moves against the camera. In world axes, the camera's rotation has no part
         // in it.
         let rate = -(self.view.world_from_camera.rotation * self.view.velocity.linear);
-        let ray = [0, 1, 2].map(|k| D { value: from_camera[k], rate: rate[k] });
+        let ray: [D; 3] = from_fn(|k| from_camera[k] + D { value: 0.0, rate: rate[k] });
         let length = dot_product(ray, ray).sqrt();
-        let basis = sh::basis_values(scene.sh_degree, ray.map(|r| r / length));
-        sh::sum_colour(scene.sh_of(i), &basis)
+        ray.map(|r| r / length)
     }
 
     /// Columns and rows that a Gaussian may touch under the rules, without those where it is below

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 fn folder(files: &[(&str, &str)]) -> TempDir {
-    let root = tempfile::tempdir().expect(" bytes are freea folder");
+    let root = tempfile::tempdir().expect("a folder");
     for (name, text) in files {
         let file = root.path().join(name);
         let written = std::fs::create_dir_all(file.parent().unwrap_or(root.path()))

@@ -38,31 +38,31 @@ const SUMS: usize = 10;
 
 /// Sums over pixels for one splat, with `a = dL/d ln(alpha before the cap and the ramp)`.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct SplatMoments([f32; SUMS]);
+pub(super) struct SplatMoments<S = f32>(pub(super) [S; SUMS]);
 
-impl SplatMoments {
+impl<S: Copy> SplatMoments<S> {
     /// `sum a`.
-    pub(super) fn total(&self) -> f32 {
+    pub(super) fn total(&self) -> S {
         self.0[0]
     }
 
     /// `sum a e`.
-    pub(super) fn first(&self) -> [f32; 2] {
+    pub(super) fn first(&self) -> [S; 2] {
         [self.0[1], self.0[2]]
     }
 
     /// `sum a e1^2`, `sum a e1 e2`, `sum a e2^2`.
-    pub(super) fn second(&self) -> [f32; 3] {
+    pub(super) fn second(&self) -> [S; 3] {
         [self.0[3], self.0[4], self.0[5]]
     }
 
     /// `dL/dcolour`.
-    pub(super) fn colour(&self) -> [f32; 3] {
+    pub(super) fn colour(&self) -> [S; 3] {
         [self.0[6], self.0[7], self.0[8]]
     }
 
     /// Sum of the blended weight times the pixel's score.
-    pub(super) fn score(&self) -> f32 {
+    pub(super) fn score(&self) -> S {
         self.0[9]
     }
 }
