@@ -74,7 +74,9 @@ fn a_longer_sequence_takes_no_more() {
     let (short, _) = peak("events", 4096, [346, 260], 1);
     let (long, _) = peak("events", 4096, [346, 260], 16);
     eprintln!("{:.1} MB for N frames, {:.1} MB for 16 N", short * 1e-6, long * 1e-6);
-    assert!((long / short - 1.0).abs() < 0.05, "{short} bytes for N frames, {long} for 16 N");
+    // Twelve views become 12 poses, or 177: all frames would take 59 MB more. The kernel maps pages of
+    // the program around each fault, some MB more or less of them by what else runs.
+    assert!(long - short < 10e6, "{short} bytes for N frames, {long} for 16 N");
     assert!(long < 256e6, "{long}");
 }
 
