@@ -99,13 +99,7 @@ impl GradientRenderer {
     /// The scene has more than [`MAX_GAUSSIANS`], or the style has no gradients.
     pub fn new(scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
         crate::render::check_style(&style)?;
-        if scene.len() > MAX_GAUSSIANS {
-            let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
-            return Err(RenderError::Scene(because));
-        }
-        if style.order == LayerOrder::Blended {
-            return Err(RenderError::Style("a blended order has no gradients".to_owned()));
-        }
+        refuse_without_gradients(&scene, style)?;
         let blocks = activate::activate_all(&scene, style.rules, &unseen::all_indices(&scene));
         Ok(Self {
             sh_degree: scene.sh_degree,
@@ -295,6 +289,21 @@ impl GradientRenderer {
             part.par_iter_mut().with_min_len(LANES).enumerate().for_each(|(i, g)| each((first + i, g)));
         });
     }
+}
+
+/// Refuses a scene or a style that has no gradients, on any back end.
+pub(in crate::render) fn refuse_without_gradients(
+    scene: &Gaussians,
+    style: RenderStyle,
+) -> Result<(), RenderError> {
+    if scene.len() > MAX_GAUSSIANS {
+        let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
+        return Err(RenderError::Scene(because));
+    }
+    if style.order == LayerOrder::Blended {
+        return Err(RenderError::Style("a blended order has no gradients".to_owned()));
+    }
+    Ok(())
 }
 
 /// Writes the image of traced tiles: the arithmetic of `resolve`, row by row.

@@ -24,10 +24,8 @@ use super::scene;
 use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVariant};
 use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, passes::ShaderCompiler};
 use crate::image::{Image, Size};
-use crate::render::cpu::backward::{GaussianGradient, MAX_GAUSSIANS, ViewGradients};
-use crate::render::{
-    CameraView, ChannelSet, LayerOrder, RenderError, RenderStyle, RenderWork, RenderedImages,
-};
+use crate::render::cpu::backward::{GaussianGradient, ViewGradients, refuse_without_gradients};
+use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use buffers::GradientBuffers;
 use std::ops::Range;
@@ -64,16 +62,10 @@ impl GpuGradientRenderer {
     /// Uploads a scene to a device.
     ///
     /// # Errors
-    /// The scene has more than [`MAX_GAUSSIANS`], the style has no gradients, or the device has no
+    /// The scene has more than `MAX_GAUSSIANS`, the style has no gradients, or the device has no
     /// memory for the scene.
     pub fn new(device: GpuDevice, scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
-        if scene.len() > MAX_GAUSSIANS {
-            let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
-            return Err(RenderError::Scene(because));
-        }
-        if style.order == LayerOrder::Blended {
-            return Err(RenderError::Style("a blended order has no gradients".to_owned()));
-        }
+        refuse_without_gradients(&scene, style)?;
         let renderer = GpuRenderer::prepare(device, &scene, style, Some(Vec::new()))?;
         let layout = ImageLayout::new(COLOUR).with_trace();
         let variant = ShaderVariant { style, sh_degree: scene.sh_degree, layout };
