@@ -27,16 +27,21 @@
 //! The standard error has the spread of one with `1 / sum h^2` degrees of freedom (Satterthwaite, Biometrics
 //! Bulletin 2, 1946).
 
+mod frame_drifts;
 mod levels;
 mod line_sums;
 mod pairs;
 
+pub use frame_drifts::SeenFrame;
+
 use crate::check::drift::DriftLaw;
-use crate::event::{Event, Polarity};
-use crate::image::{Image, Size};
+use crate::event::Event;
+use crate::image::Size;
+use frame_drifts::{Crossing, FrameDrifts};
 use levels::LevelResiduals;
 use line_sums::LineSums;
 use pairs::PairResiduals;
+use rayon::prelude::*;
 
 /// Parts of the picture in each direction.
 const PARTS: usize = 8;
@@ -94,31 +99,20 @@ pub struct StreamClock {
     pub reach: f64,
 }
 
-/// A frame as the sensor sees it.
-#[derive(Debug, Clone)]
-pub struct SeenFrame {
-    /// Stamp, us.
-    pub t_us: i64,
-    /// Brightness on the grey scale.
-    pub brightness: Image<f32>,
-    /// Pixels with a colour at the end of its scale, whose brightness is a bound only.
-    pub cut: Vec<bool>,
-}
-
 /// Compares events with frames, which come in turn.
 #[derive(Debug)]
 pub struct CrossingObserver {
-    law: DriftLaw,
-    width: usize,
-    middle_us: f64,
-    /// `ln(L + k2)` of the first frame; NaN where it is cut off.
-    first_logs: Vec<f64>,
-    first_us: i64,
-    /// Integral of brightness since the first frame, at the earlier of both frames.
-    exposure: Vec<f64>,
-    /// The two frames around the present. Drifts are computed for the pixels with events only: most
-    /// pixels have none between two frames, and a logarithm costs more than an event.
-    frames: [SeenFrame; 2],
+    drifts: FrameDrifts,
+    rows: Vec<PartRow>,
+}
+
+/// A row of parts of the picture, over its whole width. No state is shared between rows, so that they are
+/// counted in parallel, and each sum has one order of its terms.
+#[derive(Debug)]
+struct PartRow {
+    /// Its first pixel in the picture, at the left border.
+    first: usize,
+    pixels: usize,
     residuals: EventResiduals,
 }
 
@@ -129,38 +123,6 @@ enum EventResiduals {
     Pairs(PairResiduals),
 }
 
-/// An event, and the drift of its pixel as the frames show it.
-#[derive(Debug, Clone, Copy)]
-struct Crossing {
-    pixel: usize,
-    /// The part of the picture in which the pixel lies.
-    part: usize,
-    t_us: f64,
-    polarity: Polarity,
-    threshold: f64,
-    /// Drift since the first frame; NaN if it is unknown.
-    drift: f64,
-    /// `rate` and `rate (t - m)`.
-    moves: [f64; 2],
-    /// Mean brightness between the two frames, on the grey scale.
-    brightness: f64,
-}
-
-impl Crossing {
-    /// Change of the voltage by which the event is explained.
-    fn jump(&self) -> f64 {
-        match self.polarity {
-            Polarity::On => self.threshold,
-            Polarity::Off => -self.threshold,
-        }
-    }
-
-    /// Returns true if the drift has the direction of the event; false if it is unknown.
-    fn is_along(&self) -> bool {
-        self.moves[0] * self.jump() > 0.0
-    }
-}
-
 impl CrossingFit {
     /// Returns true for an offset that leaves large residuals, and is certain.
     fn is_far(&self) -> bool {
@@ -168,43 +130,31 @@ impl CrossingFit {
     }
 }
 
-/// Integral of a brightness that is linear between its ends. Negative ones count as black.
-fn integral_between(step_us: f64, ends: [f32; 2]) -> f64 {
-    let [a, b] = ends.map(|l| f64::from(l.max(0.0)));
-    step_us * (0.5 * (a + b))
-}
-
 impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`.
     #[must_use]
     pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64) -> Self {
-        let SeenFrame { t_us, brightness, cut } = &first;
-        let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
-        let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
-        let (width, pixels) = (brightness.size().width as usize, first_logs.len());
-        let residuals = if law.keeps_levels() {
-            EventResiduals::Levels(LevelResiduals::new(law, pixels, PARTS * PARTS))
-        } else {
-            EventResiduals::Pairs(PairResiduals::new(law, *t_us as f64, pixels, PARTS * PARTS))
+        let Size { width, height } = first.brightness.size();
+        let (width, height) = (width as usize, height as usize);
+        let start_us = first.t_us as f64;
+        // A line `y` is in row `y * PARTS / height`.
+        let first_line = |row: usize| (row * height).div_ceil(PARTS);
+        let row = |row: usize| {
+            let pixels = (first_line(row + 1) - first_line(row)) * width;
+            let residuals = if law.keeps_levels() {
+                EventResiduals::Levels(LevelResiduals::new(law, pixels, PARTS))
+            } else {
+                EventResiduals::Pairs(PairResiduals::new(law, start_us, pixels, PARTS))
+            };
+            PartRow { first: first_line(row) * width, pixels, residuals }
         };
-        Self {
-            law,
-            width,
-            middle_us: f64::midpoint(*t_us as f64, end_us as f64),
-            first_logs,
-            first_us: *t_us,
-            exposure: vec![0.0; pixels],
-            frames: [first.clone(), first],
-            residuals,
-        }
+        Self { rows: (0..PARTS).map(row).collect(), drifts: FrameDrifts::new(law, first, end_us) }
     }
 
     /// Size of the frames.
     #[must_use]
     pub fn size(&self) -> Size {
-        let height = self.exposure.len() / self.width.max(1);
-        let side = |n: usize| u32::try_from(n).expect("an image side has 32 bits");
-        Size { width: side(self.width), height: side(height) }
+        self.drifts.size()
     }
 
     /// Takes the next frame. All events up to the latest one have been seen.
@@ -212,68 +162,24 @@ impl CrossingObserver {
     /// # Panics
     /// The frame has another size than the first.
     pub fn take_frame(&mut self, frame: SeenFrame) {
-        assert_eq!(frame.brightness.pixels().len(), self.exposure.len(), "frames of one size");
-        let [from, to] = &self.frames;
-        let step_us = (to.t_us - from.t_us) as f64;
-        let ends = from.brightness.pixels().iter().zip(to.brightness.pixels());
-        // Every pixel of every frame comes here: without indices, the sums are vectors.
-        for (exposure, (a, b)) in self.exposure.iter_mut().zip(ends) {
-            *exposure += integral_between(step_us, [*a, *b]);
-        }
-        self.frames.swap(0, 1);
-        self.frames[1] = frame;
+        self.drifts.take_frame(frame);
     }
 
-    /// Integral of a pixel's brightness between the two frames.
-    fn added_exposure(&self, pixel: usize) -> f64 {
-        let [from, to] = &self.frames;
-        let ends = [from, to].map(|frame| frame.brightness.pixels()[pixel]);
-        integral_between((to.t_us - from.t_us) as f64, ends)
-    }
-
-    /// Drifts of a pixel at the two frames; NaN where they are unknown.
-    fn drifts(&self, pixel: usize) -> [f64; 2] {
-        let exposures = [self.exposure[pixel], self.exposure[pixel] + self.added_exposure(pixel)];
-        [0, 1].map(|i| {
-            let SeenFrame { t_us, brightness, cut } = &self.frames[i];
-            let log = if cut[pixel] { f64::NAN } else { self.law.brightness(brightness.pixels()[pixel]) };
-            self.law.drift(log - self.first_logs[pixel], (t_us - self.first_us) as f64, exposures[i])
-        })
-    }
-
-    /// Sees an event between the two latest frames. Events off the sensor are left out.
-    pub fn see(&mut self, event: Event) {
-        let pixel = usize::from(event.y) * self.width + usize::from(event.x);
-        if usize::from(event.x) >= self.width || pixel >= self.exposure.len() {
-            return;
-        }
-        let [from, to] = self.drifts(pixel);
-        let [start, end] = [0, 1].map(|i| self.frames[i].t_us as f64);
-        let rate = (to - from) / (end - start);
-        // A file holds the microsecond that contains the event: half of one later on average.
-        let t_us = event.t.floor_micros() as f64 + 0.5;
-        let [a, b] = [0, 1].map(|i| f64::from(self.frames[i].brightness.pixels()[pixel]));
-        let crossing = Crossing {
-            pixel,
-            part: self.part(pixel),
-            t_us,
-            polarity: event.polarity,
-            threshold: self.law.thresholds[usize::from(event.polarity == Polarity::Off)],
-            drift: from + rate * (t_us - start),
-            moves: [rate, rate * (t_us - self.middle_us)],
-            brightness: f64::midpoint(a, b),
-        };
-        match &mut self.residuals {
-            EventResiduals::Levels(levels) => levels.see(&crossing),
-            EventResiduals::Pairs(pairs) => pairs.see(&crossing),
-        }
-    }
-
-    /// The part of the picture in which a pixel lies.
-    fn part(&self, pixel: usize) -> usize {
-        let height = (self.exposure.len() / self.width.max(1)).max(1);
-        let (x, y) = (pixel % self.width, pixel / self.width);
-        y * PARTS / height * PARTS + x * PARTS / self.width
+    /// Sees events between the two latest frames, in the order of the stream. Events off the sensor are left
+    /// out.
+    pub fn see(&mut self, events: &[Event]) {
+        let Self { drifts, rows } = self;
+        // Each row looks at all events: that costs far less than what follows for its own.
+        rows.par_iter_mut().for_each(|row| {
+            for event in events {
+                let Some(pixel) = drifts.pixel(event).and_then(|pixel| pixel.checked_sub(row.first)) else {
+                    continue;
+                };
+                if pixel < row.pixels {
+                    row.residuals.see(&drifts.crossing(event, pixel, row.first));
+                }
+            }
+        });
     }
 
     /// The clock over all events.
@@ -281,24 +187,55 @@ impl CrossingObserver {
     /// # Errors
     /// The events do not determine it; the text is the reason.
     pub fn finish(self) -> Result<StreamClock, String> {
-        let half_us = self.middle_us - self.first_us as f64;
-        let part = |pixel| self.part(pixel);
-        let levels = match &self.residuals {
-            EventResiduals::Levels(levels) => |width| levels.parts(width, PARTS * PARTS, part),
+        let half_us = self.drifts.half_us();
+        let noisy: u64 = self.rows.iter().map(|row| row.residuals.noisy()).sum();
+        let small = CrossingFit::of_parts(&self.parts(Residuals::Small));
+        if self.rows.iter().all(|row| matches!(row.residuals, EventResiduals::Pairs(_))) {
             // A pair is short, so that even a lag of some frames leaves most residuals small.
-            EventResiduals::Pairs(pairs) => {
-                let fit = CrossingFit::of_parts(&pairs.parts(part));
-                let noisy = |e| format!("{e}; {} more may be noise", pairs.noisy);
-                let reach = REACH_OF_PAIRS;
-                return fit.map(|found| StreamClock { found, far: None, half_us, reach }).map_err(noisy);
-            }
-        };
-        let far = CrossingFit::of_parts(&levels(1)).ok();
+            let noisy = |e| format!("{e}; {noisy} more may be noise");
+            let reach = REACH_OF_PAIRS;
+            return small.map(|found| StreamClock { found, far: None, half_us, reach }).map_err(noisy);
+        }
+        let far = CrossingFit::of_parts(&self.parts(Residuals::Large)).ok();
         let found = match far {
             Some(far) if far.is_far() => far,
-            _ => CrossingFit::of_parts(&levels(0))?,
+            _ => small?,
         };
         Ok(StreamClock { found, far, half_us, reach: REACH })
+    }
+
+    /// The sums of all parts of the picture.
+    fn parts(&self, residuals: Residuals) -> Vec<LineSums> {
+        let column = |pixel| self.drifts.column(pixel);
+        let parts = self.rows.iter().map(|row| match &row.residuals {
+            EventResiduals::Levels(levels) => levels.parts(residuals as usize, PARTS, column),
+            EventResiduals::Pairs(pairs) => pairs.parts(column),
+        });
+        parts.flatten().collect()
+    }
+}
+
+/// The residuals of single events that are used.
+#[derive(Debug, Clone, Copy)]
+enum Residuals {
+    Small,
+    Large,
+}
+
+impl EventResiduals {
+    fn see(&mut self, crossing: &Crossing) {
+        match self {
+            Self::Levels(levels) => levels.see(crossing),
+            Self::Pairs(pairs) => pairs.see(crossing),
+        }
+    }
+
+    /// Number of pairs that are left out because noise may be their cause.
+    fn noisy(&self) -> u64 {
+        match self {
+            Self::Levels(_) => 0,
+            Self::Pairs(pairs) => pairs.noisy,
+        }
     }
 }
 

@@ -97,13 +97,13 @@ impl CrossingEvents {
     fn see_until(&mut self, t_us: i64) -> Result<(), EventFileError> {
         let Some(observer) = &mut self.observer else { return Ok(()) };
         loop {
-            while let Some(event) = self.chunk.get(self.seen) {
-                // An event after this frame waits: its prediction needs the next one.
-                if event.t.floor_micros() > t_us {
-                    return Ok(());
-                }
-                observer.see(*event);
-                self.seen += 1;
+            // An event after this frame waits: its prediction needs the next one.
+            let rest = &self.chunk[self.seen..];
+            let due = rest.iter().position(|event| event.t.floor_micros() > t_us);
+            observer.see(&rest[..due.unwrap_or(rest.len())]);
+            if let Some(due) = due {
+                self.seen += due;
+                return Ok(());
             }
             self.seen = 0;
             if !self.reader.next_chunk(&mut self.chunk)? {

@@ -48,8 +48,7 @@ impl LevelResiduals {
         }
     }
 
-    /// The sums of each part of the picture, for small or large residuals. `part` is the part of a
-    /// pixel.
+    /// The sums of each part, for small or large residuals. `part` is the part of a pixel.
     pub(super) fn parts(&self, width: usize, parts: usize, part: impl Fn(usize) -> usize) -> Vec<LineSums> {
         if self.law.from_zero {
             return self.sums.iter().map(|sums| sums[width]).collect();

@@ -108,7 +108,7 @@ impl PairResiduals {
         others >= MAX_DISTURBED || self.law.noise(*brightness, length_us) >= MAX_NOISE * threshold
     }
 
-    /// The sums of each part of the picture. `part` is the part of a pixel.
+    /// The sums of each part. `part` is the part of a pixel.
     pub(super) fn parts(&self, part: impl Fn(usize) -> usize) -> Vec<LineSums> {
         let mut parts = self.parts.clone();
         for (pixel, groups) in self.groups.iter().enumerate() {

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::check::planted::{FRAMES, PlantedWorld, WorldSettings, wave_picture};
+use crate::image::Image;
 use crate::sensor::SensorChoice;
 use crate::units::Timestamp;
 
@@ -58,7 +59,7 @@ fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f6
     for frame in &frames[1..] {
         observer.take_frame(frame.clone());
         while let Some(event) = events.next_if(|event| event.t.floor_micros() <= frame.t_us) {
-            observer.see(event);
+            observer.see(&[event]);
         }
     }
     observer.finish().unwrap().found
