@@ -3,8 +3,8 @@
 use super::ExportError;
 use crate::artifact::EventStream;
 use crate::camera::Camera;
-use crate::event::file::{self, EventFormat, ReadHints};
 use crate::event::Event;
+use crate::event::file::{self, EventFormat, ReadHints};
 use crate::files;
 use crate::image::{Image, Size, png};
 use crate::release::{SceneRecord, diff, recipe_of_scene};
