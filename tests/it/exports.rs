@@ -5,6 +5,13 @@
 //! true change of the logarithm between them less polarity times threshold, in thresholds. It is small
 //! only if time, pose, pixel origin, axes, intrinsics and polarity are all right.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    reason = "pixels, levels and stamps are whole and small, and written numbers are read back to the bit"
+)]
+
 mod arrays;
 mod e_nerf;
 mod event_3dgs;
