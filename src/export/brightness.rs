@@ -104,6 +104,13 @@ pub(super) fn own_brightness(model: &dyn SensorModel, grey: f64) -> f64 {
     model.brightness(front.range.max.map_or(seen, |max| seen.min(max)))
 }
 
+/// The offset `o` of a sensor with brightness `ln(light + o)`, where the light of white is 1. For
+/// other laws, the offset with the same ratio of brightness between black and white.
+pub(super) fn log_offset(sensor: &SensorChoice) -> f64 {
+    let [black, white] = [0.0, WHITE].map(|grey| libm::exp(sensor.as_model().brightness(grey)));
+    black / (white - black)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

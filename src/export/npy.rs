@@ -1,6 +1,7 @@
 //! NumPy arrays of unknown length, and archives of them. The length is written last.
 
 use super::ExportError;
+use crate::files;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -107,7 +108,7 @@ pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<
             Entry::Whole(bytes) => archive.write_all(&bytes).map_err(failed)?,
             Entry::Spooled(array) => {
                 let spool = array.finish()?;
-                let copy = File::open(&spool).and_then(|mut file| io::copy(&mut file, &mut archive));
+                let copy = files::open(&spool).and_then(|mut file| io::copy(&mut file, &mut archive));
                 copy.and_then(|_| fs::remove_file(&spool)).map_err(failed)?;
             }
         }

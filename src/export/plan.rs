@@ -47,7 +47,8 @@ impl<'a> ExportPlan<'a> {
             }
         };
         if poses.len() < 2 {
-            let [first, last] = [stamps[0], stamps[stamps.len() - 1]];
+            let [first, last] =
+                [stamps.first(), stamps.last()].map(|stamp| stamp.copied().unwrap_or_default());
             let because = format!("the window has fewer than 2 of the poses from {first} to {last} us");
             return Err(ExportError::Selection(because));
         }

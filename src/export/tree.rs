@@ -3,11 +3,14 @@
 use super::{ExportError, ExportProgress};
 use crate::files;
 use crate::files::rename::parent_folder;
-use rustix::fs::{CWD, RenameFlags};
+use rustix::fs::{CWD, Mode, OFlags, RenameFlags};
 use rustix::io::Errno;
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
+
+/// Number of events between two reports: a few milliseconds of work.
+const REPORTED_AT_ONCE: u64 = 65_536;
 
 /// A folder that is being written. It is removed when it is dropped before [`ExportFolder::place`].
 pub struct ExportFolder<'a> {
@@ -16,6 +19,8 @@ pub struct ExportFolder<'a> {
     /// Holds the lock on the hidden folder.
     _lock: File,
     files: usize,
+    /// Events that were counted since the last report.
+    unreported: u64,
     progress: &'a dyn ExportProgress,
 }
 
@@ -42,12 +47,25 @@ impl<'a> ExportFolder<'a> {
         let mut hidden = std::ffi::OsString::from(".");
         hidden.push(name);
         hidden.push(".gs2e-export");
-        let folder = parent_folder(target).join(hidden);
-        let failed = ExportError::unwritten;
-        if !files::is_there(&folder) {
-            fs::create_dir(&folder).map_err(failed(&folder))?;
+        let parent = parent_folder(target);
+        if !parent.is_dir() {
+            return Err(exists("it is in a folder that does not exist"));
         }
-        let lock = File::open(&folder).map_err(failed(&folder))?;
+        let folder = parent.join(hidden);
+        let failed = ExportError::unwritten;
+        match fs::create_dir(&folder) {
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+            made => made.map_err(failed(&folder))?,
+        }
+        // A link would lead to a folder of others, whose content would be removed.
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let lock = match rustix::fs::open(&folder, flags, Mode::empty()) {
+            Ok(lock) => File::from(lock),
+            Err(Errno::NOTDIR | Errno::LOOP) => {
+                return Err(exists("its hidden folder is a file or a link; remove it"));
+            }
+            Err(e) => return Err(failed(&folder)(e.into())),
+        };
         if lock.try_lock().is_err() {
             return Err(exists("another process exports to it"));
         }
@@ -60,7 +78,7 @@ impl<'a> ExportFolder<'a> {
             };
             removed.map_err(failed(&path))?;
         }
-        Ok(Self { target: target.to_owned(), folder, _lock: lock, files: 0, progress })
+        Ok(Self { target: target.to_owned(), folder, _lock: lock, files: 0, unreported: 0, progress })
     }
 
     /// The path of a file of the export, with its folders made. It counts as a file that is written.
@@ -101,12 +119,21 @@ impl<'a> ExportFolder<'a> {
         self.files
     }
 
-    /// Reports events that were written.
+    /// Counts an event that was written, and reports the count now and then.
     ///
     /// # Errors
     /// The export is to stop.
-    pub fn advance(&self, events: u64) -> Result<(), ExportError> {
-        self.progress.advance(events);
+    pub fn count_event(&mut self) -> Result<(), ExportError> {
+        self.unreported += 1;
+        if self.unreported < REPORTED_AT_ONCE { Ok(()) } else { self.report() }
+    }
+
+    /// Reports the events that were counted.
+    ///
+    /// # Errors
+    /// The export is to stop.
+    pub fn report(&mut self) -> Result<(), ExportError> {
+        self.progress.advance(std::mem::take(&mut self.unreported));
         if self.progress.is_cancelled() { Err(ExportError::Interrupted) } else { Ok(()) }
     }
 

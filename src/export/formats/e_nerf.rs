@@ -92,7 +92,8 @@ impl ExportFormat for ENerf {
         write_config(plan, (&views, threshold, scale), out)?;
         Ok(json!({
             "events": files.off.iter().zip(&files.on).map(|(off, on)| off + on).sum::<u64>(),
-            "events_after_the_last_pose_in_float32": files.dropped,
+            "events_before_the_first_frame": files.early,
+            "events_after_the_last_pose_in_float32": files.late,
             "threshold": threshold, "scale": scale, "bound": 1, "bound_from": seen.basis,
             "train_idxs": views.train, "val_idxs": views.validation,
             "command": "python main_nerf.py --config config.txt --datadir DIR",
@@ -105,7 +106,10 @@ impl ExportFormat for ENerf {
 struct EventFiles {
     on: Vec<u64>,
     off: Vec<u64>,
-    dropped: u64,
+    /// Events before the first frame.
+    early: u64,
+    /// Events that would be past the last pose in float32.
+    late: u64,
 }
 
 /// The frames of a set, as indices of the frames.
@@ -134,16 +138,17 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Eve
         while starts.get(files.on.len()).is_some_and(|start| *start <= t_us) {
             next_file(&mut array, &mut files, out)?;
         }
-        let Some(array) = array.as_mut() else { return Ok(()) };
+        let Some(array) = array.as_mut() else {
+            files.early += 1;
+            return Ok(());
+        };
         if t_ns > last_ns {
-            files.dropped += 1;
+            files.late += 1;
             return Ok(());
         }
         let of = if event.polarity == Polarity::On { &mut files.on } else { &mut files.off };
         *of.last_mut().expect("a file is open") += 1;
-        if array.rows() % 65_536 == 65_535 {
-            out.advance(65_536)?;
-        }
+        out.count_event()?;
         array.push(&npy::float64([event.x.into(), event.y.into(), t_ns as f64, sign(event)]))
     })?;
     while files.on.len() < starts.len() {
@@ -185,7 +190,7 @@ fn write_images(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(),
     for (index, pose) in plan.frames.iter().enumerate() {
         out.write_file(&format!("images/{index:06}.png"), &plan.subject.sharp_file(*pose)?)?;
         writeln!(stamps, "{}", plan.stamp_us(*pose) * NS_PER_US).expect("a String takes any text");
-        out.advance(0)?;
+        out.report()?;
     }
     out.write_file("images/image_stamps_ns.txt", stamps.as_bytes())
 }

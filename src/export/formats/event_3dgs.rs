@@ -105,7 +105,7 @@ impl ExportFormat for Colmap {
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
         for (index, pose) in plan.frames.iter().enumerate() {
             out.write_file(&format!("images/{index:06}.png"), &plan.subject.sharp_file(*pose)?)?;
-            out.advance(0)?;
+            out.report()?;
         }
         let points = write_colmap(plan, &plan.frames, out)?;
         let held_out: Vec<Option<usize>> = match plan.test {
@@ -216,13 +216,14 @@ fn integrate(
         while stamps.get(next).is_some_and(|stamp| *stamp < t_us) {
             integral.write(next, out)?;
             next += 1;
-            out.advance(0)?;
+            out.report()?;
         }
         // The brightness of the first frame holds at its stamp, so earlier events are in it already.
         if t_us > stamps[0] && next < stamps.len() {
             let at = usize::from(event.y) * width + usize::from(event.x);
             integral.brightness[at] += if event.polarity == Polarity::On { on } else { -off };
             events += 1;
+            out.count_event()?;
         }
         Ok(())
     })?;

@@ -16,6 +16,7 @@ use super::camera_needs::{
     centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_poses,
 };
 use crate::event::{Event, Polarity};
+use crate::export::brightness::log_offset;
 use crate::export::npy::{self, Entry, GrowingArray};
 use crate::export::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, SceneBox, UnmetNeed,
@@ -23,8 +24,8 @@ use crate::export::{
 };
 use crate::image::{Image, Size, png};
 use crate::se3::Se3;
+use crate::sensor::SensorChoice;
 use crate::sensor::front_end::ChannelDecode;
-use crate::sensor::{SensorChoice, WHITE};
 use glam::DVec3;
 use serde_json::{Value, json};
 
@@ -83,8 +84,8 @@ impl ExportFormat for EventNerf {
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
         let seen = geometry::scene_box(plan)?;
         let similarity = unit_sphere(plan, &seen);
-        let (count, t_scale) = (pose_count(plan), LAST / plan.length_us() as f64);
-        let events = write_events(plan, ("train", t_scale), out)?;
+        let count = pose_count(plan);
+        let events = write_events(plan, EventClock::Shares, out)?;
         write_train(plan, (count, similarity), out)?;
         for set in ["validation", "test"] {
             out.repeat("train/events/events.npz", &format!("{set}/events/events.npz"))?;
@@ -127,7 +128,7 @@ impl ExportFormat for E3dgs {
     }
 
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let events = write_events(plan, ("train", 1.0), out)?;
+        let events = write_events(plan, EventClock::Micros, out)?;
         out.repeat("train/events/events.npz", "validation/events/events.npz")?;
         let camera = poses::matrix_text(&poses::intrinsics(plan, 0.0));
         let mut white = Vec::new();
@@ -161,12 +162,8 @@ impl ExportFormat for E3dgs {
 
 /// The offset of the method's logarithm. A sensor in linear light has its own.
 fn offset(plan: &ExportPlan<'_>) -> f64 {
-    let Some(sensor) = &plan.subject.sensor else { return EPS };
-    match sensor {
-        SensorChoice::Voltmeter(model) if model.front_end.decode == ChannelDecode::Srgb => model.k[1] / WHITE,
-        SensorChoice::Esim(model) if model.front_end.decode == ChannelDecode::Srgb => model.eps,
-        _ => EPS,
-    }
+    let linear = |sensor: &&SensorChoice| sensor.as_model().front_end().decode != ChannelDecode::None;
+    plan.subject.sensor.as_ref().filter(linear).map_or(EPS, log_offset)
 }
 
 fn formula(plan: &ExportPlan<'_>) -> BrightnessFormula {
@@ -207,38 +204,48 @@ fn moved(pose: &Se3, (origin, scale): (DVec3, f64)) -> Se3 {
     Se3 { rotation: pose.rotation, translation: (pose.translation - origin) * scale }
 }
 
-/// Writes the events. The last one is moved to the end of the interval where times have a scale
-/// other than microseconds.
+/// Times of events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum EventClock {
+    /// From 0 to [`LAST`]. The last event is moved to the last pose.
+    Shares,
+    /// Microseconds.
+    Micros,
+}
+
+/// Writes the events of the training set.
 fn write_events(
     plan: &ExportPlan<'_>,
-    (set, t_scale): (&str, f64),
+    clock: EventClock,
     out: &mut ExportFolder<'_>,
 ) -> Result<u64, ExportError> {
-    let archive = out.file(&format!("{set}/events/events.npz"))?;
+    let archive = out.file("train/events/events.npz")?;
+    let time = |t_us: i64| match clock {
+        // Divided last, so that the end is exact.
+        EventClock::Shares => t_us as f64 * LAST / plan.length_us() as f64,
+        EventClock::Micros => t_us as f64,
+    };
     let spool = |kind, name: &str| GrowingArray::create(&archive.with_file_name(name), kind, None);
     let (mut x, mut y) = (spool("<i4", "x.spool")?, spool("<i4", "y.spool")?);
     let (mut t, mut p) = (spool("<f8", "t.spool")?, spool("<i8", "p.spool")?);
     // Held back by one, so that the time of the last event can be another.
-    let mut held: Option<(Event, f64)> = None;
-    let mut push = |event: &Event, time: f64| {
-        if t.rows() % 65_536 == 65_535 {
-            out.advance(65_536)?;
-        }
+    let mut held: Option<(Event, i64)> = None;
+    let mut push = |event: &Event, t_us: i64| {
+        out.count_event()?;
         x.push(&i32::from(event.x).to_le_bytes())?;
         y.push(&i32::from(event.y).to_le_bytes())?;
-        t.push(&time.to_le_bytes())?;
+        t.push(&time(t_us).to_le_bytes())?;
         let sign: i64 = if event.polarity == Polarity::On { 1 } else { -1 };
         p.push(&sign.to_le_bytes())
     };
-    plan.for_each_event(|event, t_us| match held.replace((*event, t_us as f64 * t_scale)) {
-        Some((event, time)) => push(&event, time),
+    plan.for_each_event(|event, t_us| match held.replace((*event, t_us)) {
+        Some((event, t_us)) => push(&event, t_us),
         None => Ok(()),
     })?;
-    let Some((last, time)) = held else {
+    let Some((last, t_us)) = held else {
         return Err(ExportError::Data("the interval has no event".to_owned()));
     };
-    let is_scaled = t_scale.to_bits() != 1.0f64.to_bits();
-    push(&last, if is_scaled { plan.length_us() as f64 * t_scale } else { time })?;
+    push(&last, if clock == EventClock::Shares { plan.length_us() } else { t_us })?;
     let events = t.rows();
     let entries = [("x", x), ("y", y), ("t", t), ("p", p)];
     npy::write_archive(&archive, entries.map(|(name, array)| (name, Entry::Spooled(array))).into())?;
@@ -273,7 +280,7 @@ fn write_train(
                 written = Some((frame, picture));
             }
         }
-        out.advance(0)?;
+        out.report()?;
     }
     Ok(())
 }

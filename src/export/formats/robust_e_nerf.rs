@@ -15,14 +15,13 @@
 
 use super::camera_needs::{products, unmet_events, unmet_frames};
 use crate::event::Polarity;
-use crate::export::brightness::BrightnessFactor;
+use crate::export::brightness::{BrightnessFactor, log_offset};
 use crate::export::npy::{self, Entry, GrowingArray};
 use crate::export::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, ExportSubject,
     UnmetNeed, geometry, poses,
 };
 use crate::se3::OPENCV_FROM_OPENGL;
-use crate::sensor::{SensorChoice, WHITE};
 use serde_json::{Value, json};
 
 /// The layout of Robust e-NeRF.
@@ -118,20 +117,10 @@ fn unmet(plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
     needs.into_iter().flatten().collect()
 }
 
-/// The offset of the method's logarithm that fits the sensor best: that of the sensor itself.
-fn offset(sensor: &SensorChoice) -> f64 {
-    match sensor {
-        SensorChoice::Voltmeter(model) => model.k[1] / WHITE,
-        SensorChoice::Esim(model) => model.eps,
-        // Its lin-log curve has no offset, so the smallest of the others stands for it.
-        SensorChoice::V2e(_) => 0.001,
-    }
-}
-
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
     let mut losses = Vec::new();
     if let Some(sensor) = &plan.subject.sensor {
-        let formula = BrightnessFormula::Log { offset: offset(sensor) };
+        let formula = BrightnessFormula::Log { offset: log_offset(sensor) };
         let factor = BrightnessFactor::between(sensor, formula);
         if !factor.is_exact() {
             let BrightnessFactor { median, p5, p95 } = factor;
@@ -151,7 +140,7 @@ fn write(
     out: &mut ExportFolder<'_>,
 ) -> Result<Value, ExportError> {
     let sensor = plan.sensor()?;
-    let eps = offset(sensor);
+    let eps = log_offset(sensor);
     let factor = BrightnessFactor::between(sensor, BrightnessFormula::Log { offset: eps }).median;
     let (on, off) = sensor.as_model().contrast();
     let thresholds = [on * factor, off * factor];
@@ -197,9 +186,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64
     let mut stamp = spool("<i8", None, "stamp.spool")?;
     let mut polarity = spool("|b1", None, "polarity.spool")?;
     plan.for_each_event(|event, t_us| {
-        if stamp.rows() % 65_536 == 65_535 {
-            out.advance(65_536)?;
-        }
+        out.count_event()?;
         position.push([event.x, event.y].map(u16::to_le_bytes).as_flattened())?;
         stamp.push(&(t_us * NS_PER_US).to_le_bytes())?;
         polarity.push(&[u8::from(event.polarity == Polarity::On)])
@@ -270,7 +257,7 @@ fn write_views(
         let flip = OPENCV_FROM_OPENGL.to_array();
         rows[..3].iter_mut().for_each(|row| row.iter_mut().zip(flip).for_each(|(v, sign)| *v *= sign));
         listed.push(json!({ "file_path": format!("./{name}"), "transform_matrix": rows }));
-        out.advance(0)?;
+        out.report()?;
     }
     let camera = &subject.camera;
     let intrinsics = [[camera.fx, 0.0, camera.cx - 0.5], [0.0, camera.fy, camera.cy - 0.5], [0.0, 0.0, 1.0]];

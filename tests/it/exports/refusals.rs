@@ -78,25 +78,64 @@ fn an_existing_place_is_left_as_it_is() {
 fn a_killed_export_is_cleared_by_the_next() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gs2e"))
-        .arg("export")
-        .arg(plane::centred().release())
-        .args(["--trajectory", "base", "--to", "event-3dgs", "--out"])
-        .arg(&out)
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let (hidden, start) = (folder.path().join(".out.gs2e-export"), Instant::now());
-    while !hidden.join("images").exists() && start.elapsed() < Duration::from_secs(60) {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
+    signalled(&out, "-KILL");
+    let hidden = folder.path().join(".out.gs2e-export");
     assert!(hidden.exists() && !out.exists(), "it was killed while it wrote");
     std::fs::write(hidden.join("left"), "over").unwrap();
     let output = export(plane::centred().release(), &out, "event-3dgs", &["--trajectory", "base"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(!hidden.exists() && !out.join("left").exists() && out.join("export.json").exists());
+}
+
+/// Waits until an export of the plane to `out` writes pictures, then sends it a signal.
+fn signalled(out: &Path, signal: &str) -> std::process::ExitStatus {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_gs2e"))
+        .arg("export")
+        .arg(plane::centred().release())
+        .args(["--trajectory", "base", "--to", "event-3dgs", "--out"])
+        .arg(out)
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let (pictures, start) = (out.with_file_name(".out.gs2e-export").join("images"), Instant::now());
+    while !pictures.exists() && start.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    child.wait().unwrap()
+}
+
+#[test]
+fn an_interrupted_export_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let status = signalled(&folder.path().join("out"), "-INT");
+    assert_eq!(status.code(), Some(130));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// The hidden folder is cleared, so it must not be a way to a folder of others.
+#[test]
+fn a_link_in_the_hidden_place_is_not_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let others = folder.path().join("others");
+    std::fs::create_dir(&others).unwrap();
+    std::fs::write(others.join("kept"), "mine").unwrap();
+    std::os::unix::fs::symlink(&others, folder.path().join(".out.gs2e-export")).unwrap();
+    let output = export(small::release(), &folder.path().join("out"), "colmap", &["--trajectory", "base"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("a file or a link"));
+    assert_eq!(std::fs::read_to_string(others.join("kept")).unwrap(), "mine");
+}
+
+#[test]
+fn a_place_in_an_absent_folder_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("absent/out");
+    let output = export(small::release(), &out, "colmap", &["--trajectory", "base"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("a folder that does not exist"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
 /// Two exports of a release are equal, byte by byte.

@@ -58,7 +58,9 @@ fn steps_along_its_rays_are_thresholds() {
         // The factor of equal formulas is 1 up to the step of its differences.
         assert!((found - THRESHOLD).abs() < 1e-6, "{name}: {found}");
     }
-    assert_eq!(exported.json("config.json")["model.min_modeled_intensity"], EPS);
+    let offset = exported.json("config.json")["model.min_modeled_intensity"].as_f64().unwrap();
+    // A logarithm and an exponential of numbers near 0.001: a few roundings.
+    assert!((offset - EPS).abs() < 1e-15, "{offset}");
 }
 
 /// `numpy.load` knows a text by its type; scalars have no axis.
@@ -106,4 +108,20 @@ fn deblur_e_nerf_adds_a_circuit_and_says_that_it_is_ideal() {
     assert_eq!(exported.losses("approximate"), ["sensor.circuit"]);
     let gain = read_npz::<f32>(&exported.path("camera_calibration.npz"), "closed_loop_gain");
     assert_eq!((gain.shape.len(), gain.values[0]), (0, 1.0 / 0.7));
+}
+
+#[test]
+fn views_of_another_trajectory_are_held_out() {
+    let plane = plane::centred();
+    let exported = Exported::of(plane, "robust-e-nerf", &["--test-from", "other"]);
+    let count = |set: &str| {
+        let listed = exported.json(&format!("views/transforms_{set}.json"));
+        let pictures = exported.list(&format!("views/{set}")).len();
+        (listed["frames"].as_array().unwrap().len(), pictures)
+    };
+    let frames = POSES.div_ceil(plane.sharp_every);
+    assert_eq!(count("train"), (frames, frames));
+    let other = std::fs::read_dir(plane.release().join("plane/other/sharp")).unwrap().count();
+    assert_eq!(count("test"), (other, other));
+    assert_eq!(exported.json("export.json")["selection"]["test"]["from"], "other");
 }
