@@ -73,6 +73,7 @@ pub fn write_export(
     if !unmet.is_empty() {
         return Err(ExportError::Unmet { format: format.name(), unmet });
     }
+    // Lost and derived properties follow from the choice of a format; a false assumption does not.
     let losses = format.losses(plan);
     if !lossy && losses.iter().any(|loss| loss.kind == LossKind::Approximate) {
         return Err(ExportError::Lossy { format: format.name(), losses });
@@ -86,6 +87,7 @@ pub fn write_export(
         "selection": plan.selection(),
         "losses": losses,
         "facts": facts,
+        // With this one.
         "files": out.files() + 1,
     });
     let mut text = serde_json::to_vec_pretty(&description).expect("a JSON value can be written");

@@ -101,6 +101,7 @@ impl ExportArgs {
             }
         };
         let plan = ExportPlan::new(&subject, &test, self.window)?;
+        // The number of events in an interval is not known before they are read.
         let bar = if console.is_live() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         let cancel = on_interrupt().map_err(|_| ExportError::Interrupted)?;
         let progress = BarProgress { bar, cancel };

@@ -99,6 +99,7 @@ impl BrightnessFactor {
 /// Brightness of an encoded grey from 0 to 1, as thresholds compare it.
 pub(super) fn own_brightness(model: &dyn SensorModel, grey: f64) -> f64 {
     let front = model.front_end();
+    // All three channels of a grey are equal, so the weights of the colours have no effect.
     let light = if front.decode == ChannelDecode::Srgb { srgb::decode(grey) } else { grey };
     let seen = (WHITE * front.exposure * light).max(front.range.min);
     model.brightness(front.range.max.map_or(seen, |max| seen.min(max)))
@@ -137,7 +138,14 @@ mod tests {
         };
         let gamma = BrightnessFormula::Gamma { offset: 1e-5 };
         let log = BrightnessFormula::Log { offset: 0.001 };
+        let voltmeter =
+            |decode: &str| sensor(&format!("{{ voltmeter: {{ front_end: {{ decode: {decode} }} }} }}"));
+        let own = log_offset(&voltmeter("none"));
+        assert!((own - 20.0 / 255.0).abs() < 1e-12, "k2 is 20 in every preset: {own}");
         let cases = [
+            (voltmeter("none"), BrightnessFormula::LinLog, [1.154, 1.08, 4.1]),
+            (voltmeter("none"), BrightnessFormula::Log { offset: own }, [1.0, 1.0, 1.0]),
+            (voltmeter("srgb"), BrightnessFormula::Gamma { offset: own }, [1.002, 0.81, 1.07]),
             (esim("none"), BrightnessFormula::LinLog, [1.002, 1.001, 1.18]),
             (esim("none"), log, [1.0, 1.0, 1.0]),
             (esim("none"), gamma, [2.204, 2.202, 2.22]),

@@ -42,6 +42,7 @@ pub(super) fn seen_points(plan: &ExportPlan<'_>) -> Result<(Vec<ColmapPoint>, Ve
     let step = lattice(subject.camera.size);
     for pose in subject.depth.iter().copied().step_by(spread) {
         let depth = subject.depth_picture(pose)?;
+        // Grey points serve a trainer too; it learns their colours.
         let picture = subject.sharp.contains(&pose).then(|| subject.sharp_picture(pose)).transpose()?;
         let world_from_camera = subject.poses.world_from_camera[pose];
         let Size { width, height } = depth.size();
@@ -51,6 +52,7 @@ pub(super) fn seen_points(plan: &ExportPlan<'_>) -> Result<(Vec<ColmapPoint>, Ve
             if z.is_nan() {
                 continue;
             }
+            // Depth belongs to the middle of a pixel.
             let own = subject.camera.unproject([f64::from(x) + 0.5, f64::from(y) + 0.5], z);
             let rgb = picture.as_ref().map_or([128; 3], |picture| picture.pixels()[at]);
             let xyz = world_from_camera.rotation * own + world_from_camera.translation;
@@ -72,6 +74,7 @@ pub(super) fn scene_box(plan: &ExportPlan<'_>) -> Result<SceneBox, ExportError> 
     let (places, basis): (Vec<DVec3>, _) = match plan.subject.depth_range {
         _ if !points.is_empty() => (points.iter().map(|point| point.xyz).collect(), "depth"),
         Some([near, far]) => {
+            // Percentiles 5 and 95 leave out a tenth of what is seen.
             depth = vec![near / 2.0, far * 2.0];
             (frustum_corners(plan, &depth), "statistics")
         }

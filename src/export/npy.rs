@@ -52,6 +52,7 @@ impl GrowingArray {
     pub(super) fn create(path: &Path, kind: &'static str, columns: Option<u64>) -> Result<Self, ExportError> {
         let create = || {
             let mut file = BufWriter::new(File::create_new(path)?);
+            // Room for the header, whose length does not depend on the number of rows.
             file.write_all(&[0; HEADER])?;
             Ok(file)
         };

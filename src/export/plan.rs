@@ -40,12 +40,14 @@ impl<'a> ExportPlan<'a> {
         window_us: Option<[i64; 2]>,
     ) -> Result<Self, ExportError> {
         let stamps = &subject.poses.stamps_us;
-        let poses = match window_us {
-            None => 0..stamps.len(),
+        let (first, end) = match window_us {
+            None => (0, stamps.len()),
             Some([start, end]) => {
-                stamps.partition_point(|t| *t < start)..stamps.partition_point(|t| *t <= end)
+                (stamps.partition_point(|t| *t < start), stamps.partition_point(|t| *t <= end))
             }
         };
+        // An interval between two poses has an end before its start.
+        let poses = first..end;
         if poses.len() < 2 {
             let [first, last] =
                 [stamps.first(), stamps.last()].map(|stamp| stamp.copied().unwrap_or_default());

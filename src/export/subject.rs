@@ -69,6 +69,7 @@ impl ExportSubject {
         let names: Vec<&str> = record.trajectories.iter().map(|part| part.name.as_str()).collect();
         let at = choose(&names, choice.trajectory.as_deref(), "trajectory", &id)?;
         let part = &record.trajectories[at];
+        // Names of a release that others made may hold anything; each file is opened below its folder.
         let folder = format!("{id}/{}", part.name);
         let (sensor_name, sensor) = choose_sensor(&record, &part.name, choice.sensor.as_deref())?;
         let events = format!("{folder}/{}", EventStream::released_name(sensor_name.as_deref()));
@@ -187,6 +188,7 @@ impl ExportSubject {
                     return Err(unreadable(because));
                 }
                 last = t_us;
+                // The stream is sorted, so no later event lies in the interval.
                 if t_us > last_us {
                     return Ok(());
                 }

@@ -151,6 +151,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Eve
         out.count_event()?;
         array.push(&npy::float64([event.x.into(), event.y.into(), t_ns as f64, sign(event)]))
     })?;
+    // The loader counts on one file per frame, also after the last event.
     while files.on.len() < starts.len() {
         next_file(&mut array, &mut files, out)?;
     }
@@ -176,6 +177,7 @@ fn sign(event: &Event) -> f64 {
 }
 
 fn write_poses(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
+    // The loader skips the first line whatever it holds; without it the first pose would be lost.
     let mut text = "# t_ns px py pz qx qy qz qw\n".to_owned();
     for (t_us, pose) in plan.poses() {
         let (c, q) = (pose.translation, pose.rotation);
@@ -226,6 +228,7 @@ fn choose_views(plan: &ExportPlan<'_>, off: &[u64]) -> Result<FrameSets, ExportE
             train.push(place);
         }
     }
+    // Its own file is the last batch.
     while train.last().is_some_and(|last| off[*last] == 0) {
         train.pop();
     }
@@ -251,6 +254,7 @@ fn write_config(
     let text = format!(
         "mode = esim\npp_poses_sphere = 0\nscale = {scale}\nbound = 1\nC_thres = {}\ntrain_idxs = [{}]\n\
          val_idxs = [{}]\nout_dim_color = 1\nevents = 1\nevent_only = 1\nimages_corrupted = 0\nH = {}\nW = {}\n",
+        // -1 makes the program normalise, which needs no threshold.
         threshold.unwrap_or(-1.0),
         list(&views.train),
         list(&views.validation),

@@ -191,6 +191,7 @@ impl<'a> Integral<'a> {
 /// A picture as the sensor's pixels see it, grey.
 fn seen_through(model: &dyn SensorModel, picture: &Image<[u8; 3]>) -> Image<f32> {
     let colours = picture.pixels().iter().map(|rgb| rgb.map(f32::from)).collect::<Vec<_>>();
+    // A sensor that decodes colours ignores this grey.
     let greys = colours.iter().map(|rgb| luminance(*rgb)).collect();
     let frame = DenseFrame {
         index: 0,
@@ -213,6 +214,7 @@ fn integrate(
     let width = plan.subject.camera.size.width as usize;
     let (mut next, mut events) = (0, 0);
     plan.for_each_event(|event, t_us| {
+        // An event at the stamp of a frame belongs to its picture.
         while stamps.get(next).is_some_and(|stamp| *stamp < t_us) {
             integral.write(next, out)?;
             next += 1;
@@ -227,6 +229,7 @@ fn integrate(
         }
         Ok(())
     })?;
+    // Frames after the last event have the picture of that time.
     for index in next..stamps.len() {
         integral.write(index, out)?;
     }

@@ -88,6 +88,7 @@ impl ExportFormat for EventNerf {
         let events = write_events(plan, EventClock::Shares, out)?;
         write_train(plan, (count, similarity), out)?;
         for set in ["validation", "test"] {
+            // Every set is read with events, also one whose pictures alone are used.
             out.repeat("train/events/events.npz", &format!("{set}/events/events.npz"))?;
             write_held_out(plan, (set, similarity), out)?;
         }
@@ -154,6 +155,7 @@ impl ExportFormat for E3dgs {
         let threshold = mean_threshold(plan, formula(plan));
         Ok(json!({
             "events": events, "threshold": threshold, "tonemap_eps": offset(plan),
+            // With fewer events than its default after the first pose, nothing is trained on.
             "max_events": events / 4,
             "command": "python train.py -s DIR --event_threshold THRESHOLD --max_events MAX_EVENTS",
         }))
@@ -191,6 +193,7 @@ fn pose_count(plan: &ExportPlan<'_>) -> u32 {
 /// Origin and factor that move cameras and content into the unit sphere.
 fn unit_sphere(plan: &ExportPlan<'_>, seen: &SceneBox) -> (DVec3, f64) {
     let [low, high] = seen.corners;
+    // Bit a of k picks the upper end of axis a.
     let corners = (0..8).map(|k| {
         let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
@@ -274,6 +277,7 @@ fn write_train(
         let frame = *nearest.ok_or_else(|| ExportError::Data("there are no sharp frames".to_owned()))?;
         let picture = format!("train/rgb/{name}.png");
         match &written {
+            // Neighbouring poses mostly share a frame, so its bytes are on the disk once.
             Some((of, first)) if *of == frame => out.repeat(first, &picture)?,
             _ => {
                 out.write_file(&picture, &plan.subject.sharp_file(frame)?)?;

@@ -4,7 +4,7 @@
 //! | file | arrays |
 //! |---|---|
 //! | `raw_events.npz` | `position` uint16 (N, 2), `timestamp` int64 ns, `polarity` bool |
-//! | `camera_poses.npz` | `T_wc_position` float32 (M, 3), `T_wc_orientation` float32 (M, 4) xyzw, `T_wc_timestamp` int64 ns |
+//! | `camera_poses.npz` | `T_wc_position` float32 (M, 3), `T_wc_orientation` (M, 4) xyzw, `T_wc_timestamp` ns |
 //! | `camera_calibration.npz` | intrinsics with pixel centres at integers, thresholds, refractory period |
 //! | `renderer_params.npz` | `interm_color_space`, `log_eps` |
 //! | `views/transforms_{train,val,test}.json`, `views/{train,val,test}/*.png` | frames, OpenGL camera axes |
@@ -154,6 +154,7 @@ fn write(
     ];
     npy::write_archive(&out.file("renderer_params.npz")?, colour.into())?;
     let (held_out, test) = plan.test_frames();
+    // Its validation and its test read one set each; there is one set of held-out views for both.
     for (set, subject, frames) in [
         ("train", plan.subject, plan.train_frames()),
         ("val", held_out, test.clone()),
@@ -163,6 +164,7 @@ fn write(
     }
     let seen = geometry::scene_box(plan)?;
     let [low, high] = seen.corners;
+    // Keys of its YAML, because a whole configuration of the program would be its code.
     let config = json!({
         "nerf.aabb": [low.x, low.y, low.z, high.x, high.y, high.z],
         "model.min_modeled_intensity": eps,
@@ -179,6 +181,7 @@ fn write(
 }
 
 fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64, ExportError> {
+    // An array of an archive is contiguous, so each column waits in a file of its own.
     let archive = out.file("raw_events.npz")?;
     let spool =
         |kind, columns, name: &str| GrowingArray::create(&archive.with_file_name(name), kind, columns);
@@ -189,6 +192,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64
         out.count_event()?;
         position.push([event.x, event.y].map(u16::to_le_bytes).as_flattened())?;
         stamp.push(&(t_us * NS_PER_US).to_le_bytes())?;
+        // One byte per event: NumPy's bool.
         polarity.push(&[u8::from(event.polarity == Polarity::On)])
     })?;
     let events = stamp.rows();
@@ -254,6 +258,7 @@ fn write_views(
         let name = format!("{set}/{index:06}");
         out.write_file(&format!("views/{name}.png"), &subject.sharp_file(*pose)?)?;
         let mut rows = poses::matrix(&subject.poses.world_from_camera[*pose]);
+        // Camera axes are columns.
         let flip = OPENCV_FROM_OPENGL.to_array();
         rows[..3].iter_mut().for_each(|row| row.iter_mut().zip(flip).for_each(|(v, sign)| *v *= sign));
         listed.push(json!({ "file_path": format!("./{name}"), "transform_matrix": rows }));
