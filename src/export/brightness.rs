@@ -120,7 +120,7 @@ mod tests {
 
     fn sensor(text: &str) -> SensorChoice {
         let recipe = format!(
-            "version: 1\nscene: s\nsource: {{ procedural: {{ kind: still-life, gaussians: 10, views: 6, arc: 6, seed: 1 }} }}\n\
+            "version: 1\nscene: s\nsource: {{ procedural: {{ kind: still-life, gaussians: 100, views: 6, arc: 6, seed: 1 }} }}\n\
              camera: {{ width: 8, height: 8 }}\ntrajectories: [{{ name: base, refine: {{ window: 1, factor: 2 }} }}]\n\
              seed: 1\nsampling: {{ between: linear }}\nsensor: {text}\noutputs: [events]\n"
         );

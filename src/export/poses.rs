@@ -27,6 +27,7 @@ pub(super) fn pose_at(plan: &ExportPlan<'_>, t_us: f64) -> Se3 {
 /// Camera to world, OpenCV axes, by rows.
 pub(super) fn matrix(pose: &Se3) -> [[f64; 4]; 4] {
     let turn = pose.rotation_matrix().transpose();
+    // glam stores columns, so the columns of the transpose are the rows.
     let row = |of: DVec3, t: f64| [of.x, of.y, of.z, t];
     let DVec3 { x, y, z } = pose.translation;
     [row(turn.x_axis, x), row(turn.y_axis, y), row(turn.z_axis, z), [0.0, 0.0, 0.0, 1.0]]

@@ -66,6 +66,7 @@ impl<'a> ExportFolder<'a> {
             }
             Err(e) => return Err(failed(&folder)(e.into())),
         };
+        // The lock ends with the process, also with a killed one, so no remains of it block the place.
         if lock.try_lock().is_err() {
             return Err(exists("another process exports to it"));
         }

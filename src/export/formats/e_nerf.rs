@@ -204,6 +204,7 @@ fn write_bounds(
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let camera = &plan.subject.camera;
+    // The last column of the three rows of a pose holds height, width and focal length.
     let sides = [f64::from(camera.size.height), f64::from(camera.size.width), camera.fx];
     let mut values = Vec::new();
     for (_, pose) in plan.poses() {

@@ -145,6 +145,7 @@ impl ExportFormat for E3dgs {
             out.write_file(&format!("train/pose/{index:06}_{t_us:012}.txt"), text.as_bytes())?;
         }
         let (held_out, frames) = plan.test_frames();
+        // Another trajectory has a clock of its own.
         let first_us = held_out.poses.stamps_us[0];
         for (index, frame) in frames.iter().enumerate() {
             let t_us = held_out.poses.stamps_us[*frame] - first_us;

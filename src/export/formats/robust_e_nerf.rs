@@ -4,7 +4,7 @@
 //! | file | arrays |
 //! |---|---|
 //! | `raw_events.npz` | `position` uint16 (N, 2), `timestamp` int64 ns, `polarity` bool |
-//! | `camera_poses.npz` | `T_wc_position` float32 (M, 3), `T_wc_orientation` (M, 4) xyzw, `T_wc_timestamp` ns |
+//! | `camera_poses.npz` | `T_wc_position` float32 (M, 3), `T_wc_orientation` xyzw, `T_wc_timestamp` ns |
 //! | `camera_calibration.npz` | intrinsics with pixel centres at integers, thresholds, refractory period |
 //! | `renderer_params.npz` | `interm_color_space`, `log_eps` |
 //! | `views/transforms_{train,val,test}.json`, `views/{train,val,test}/*.png` | frames, OpenGL camera axes |

@@ -181,6 +181,7 @@ impl Plane {
         {
             self.cross_levels([x, y], &poses, &mut events);
         }
+        // No crossing falls on the last stamp by itself.
         events.push(event(stamp_us(POSES - 1), ODD, Polarity::On));
         events.sort_by_key(Event::file_order);
         let law = Some(LawStamp { version: 1, c_on: THRESHOLD, c_off: THRESHOLD });
