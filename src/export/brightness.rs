@@ -138,10 +138,11 @@ mod tests {
         };
         let gamma = BrightnessFormula::Gamma { offset: 1e-5 };
         let log = BrightnessFormula::Log { offset: 0.001 };
-        let voltmeter =
-            |decode: &str| sensor(&format!("{{ voltmeter: {{ front_end: {{ decode: {decode} }} }} }}"));
+        let voltmeter = |decode: &str| {
+            sensor(&format!("{{ voltmeter: {{ preset: dvs346, front_end: {{ decode: {decode} }} }} }}"))
+        };
         let own = log_offset(&voltmeter("none"));
-        assert!((own - 20.0 / 255.0).abs() < 1e-12, "k2 is 20 in every preset: {own}");
+        assert!((own - 20.0 / 255.0).abs() < 1e-12, "k2 of the preset is 20: {own}");
         let cases = [
             (voltmeter("none"), BrightnessFormula::LinLog, [1.154, 1.08, 4.1]),
             (voltmeter("none"), BrightnessFormula::Log { offset: own }, [1.0, 1.0, 1.0]),
