@@ -155,9 +155,15 @@ mod tests {
         ];
         for (sensor, formula, wanted) in cases {
             let found = BrightnessFactor::between(&sensor, formula);
-            for (found, wanted) in [found.median, found.p5, found.p95].into_iter().zip(wanted) {
-                // The table has two decimals in its percentiles, and three in its medians.
-                assert!((found - wanted).abs() <= 0.006 * wanted.max(1.0), "{formula:?}: {found}, {wanted}");
+            // The table has three decimals in its medians. Its percentiles lie where the ratio grows by
+            // up to 38 per unit of grey, so a grid of another thousand greys moves them by 0.04.
+            let tolerances = [0.003, 0.04, 0.04];
+            let numbers = [found.median, found.p5, found.p95].into_iter().zip(wanted);
+            for ((found, wanted), tolerance) in numbers.zip(tolerances) {
+                assert!(
+                    (found - wanted).abs() <= tolerance * wanted.max(1.0),
+                    "{formula:?}: {found}, {wanted}"
+                );
             }
         }
     }
