@@ -16,6 +16,7 @@ mod console;
 mod convert;
 mod diff;
 mod environment;
+mod export;
 mod failure;
 mod gc;
 mod info;
@@ -96,6 +97,8 @@ enum VerbCommand {
     Info(info::InfoArgs),
     /// Convert a scene or an event file to another format, or draw events
     Convert(convert::ConvertArgs),
+    /// Write a trajectory of a release in the layout of a published method
+    Export(export::ExportArgs),
     /// Write one recipe for each scene of a dataset on disk
     Init(init::InitArgs),
     /// Delete the stored files that no recipe and no release refers to
@@ -190,6 +193,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Diff(verb) => verb.run(console),
         VerbCommand::Info(verb) => verb.run(console),
         VerbCommand::Convert(verb) => verb.run(console),
+        VerbCommand::Export(verb) => verb.run(console),
         VerbCommand::Init(verb) => verb.run(common, console),
         VerbCommand::Gc(verb) => verb.run(common, console),
         VerbCommand::Render(verb) => verb.run(common, console),

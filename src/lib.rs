@@ -41,6 +41,7 @@
 //!   that are up to date at a glance.
 //! - [`run`]: execution of steps: order, cores and memory, failures, interrupts, remaining time.
 //! - [`release`]: the tree that people download, and its audit.
+//! - [`export`]: a trajectory of a released tree in the layout that a published method reads.
 //! - [`study`]: measurements. Of a scene: the cost of a setting and its effect on the events. Of
 //!   the program: its precision in hard cases.
 //! - [`cli`]: the user's commands and messages. Printing, the environment, and the clock for people
@@ -84,6 +85,7 @@ pub mod dataset;
 pub(crate) mod elementary;
 pub mod escape;
 pub mod event;
+pub mod export;
 pub mod files;
 pub mod foreign;
 pub mod frames;

@@ -42,6 +42,7 @@ use compose::{compose_top, compose_tree, empty_splits, terms_of, transforms_of};
 
 pub use built::GatherError;
 pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
+pub use published::recipe as recipe_of_scene;
 pub use report::dataset::{CaptionedPicture, compose_dataset_page};
 pub use scene::SceneRecord;
 pub use split::SplitLeak;

@@ -170,7 +170,11 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
     Ok(difference)
 }
 
-pub(super) fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
+/// Reads the manifest of the release in `dir`.
+///
+/// # Errors
+/// The folder is not a release of format 1.
+pub fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
     const WANTED: &str = "a release folder";
     let no_release = |path: &Path, found: &str| DiffError {
         path: path.to_owned(),
@@ -192,7 +196,11 @@ pub(super) fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
     Ok(manifest)
 }
 
-pub(super) fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
+/// Reads the description of a scene of the release in `dir`.
+///
+/// # Errors
+/// It cannot be read.
+pub fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
     read_json(dir, &format!("{}/scene.json", scene.id), "the description of a scene")
 }
 

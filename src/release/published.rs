@@ -132,6 +132,6 @@ pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTe
 ///
 /// # Errors
 /// It is not a valid recipe.
-pub(super) fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
+pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
     read_recipe_text(scene.recipe.to_string(), Path::new("recipe"))
 }

@@ -24,6 +24,7 @@ mod disk_space;
 mod docs;
 mod event_pictures;
 mod event_statistics;
+mod exports;
 mod fidelity;
 mod foreign_readers;
 mod forgeries;

@@ -41,6 +41,7 @@ const ORDER: &[&str] = &[
     "plan",
     "run",
     "release",
+    "export",
     "study",
     "cli",
 ];

@@ -1,0 +1,156 @@
+//! `gs2e export`: writes a trajectory of a release in the layout of a published method.
+
+use super::console::{Console, path};
+use super::message::{MessageLevel, UserMessage};
+use super::on_interrupt;
+use super::problem::{ExitKind, VerbError};
+use crate::export::{
+    ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, FORMATS, SubjectChoice,
+    TestViews, format_named, write_export,
+};
+use crate::store::space::is_full;
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Arguments of `export`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf. \
+    DIR is written whole or not at all, and export.json in it lists every loss."
+)]
+pub(super) struct ExportArgs {
+    /// Folder of the release
+    #[arg(value_name = "RELEASE")]
+    release: PathBuf,
+    /// Layout to write
+    #[arg(long, value_name = "FORMAT")]
+    to: String,
+    /// Folder to write; it must not exist
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Scene, if the release has several
+    #[arg(long, value_name = "ID")]
+    scene: Option<String>,
+    /// Trajectory, if the scene has several
+    #[arg(long, value_name = "NAME")]
+    trajectory: Option<String>,
+    /// Sensor, if the trajectory has several
+    #[arg(long, value_name = "NAME")]
+    sensor: Option<String>,
+    /// Interval to export, in microseconds of the release [default: all poses]
+    #[arg(long, value_name = "START..END", value_parser = parse_window)]
+    window: Option<[i64; 2]>,
+    /// Hold out every n-th sharp frame
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..))]
+    test_every: u32,
+    /// Hold out the sharp frames of another trajectory of the scene instead
+    #[arg(long, value_name = "NAME", conflicts_with = "test_every")]
+    test_from: Option<String>,
+    /// Write the export although the method assumes something else than the release holds
+    #[arg(long)]
+    lossy: bool,
+}
+
+fn parse_window(text: &str) -> Result<[i64; 2], String> {
+    let parts = text.split_once("..").and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
+    let window = parts.filter(|[start, end]: &[i64; 2]| start < end);
+    window.ok_or_else(|| "wanted two whole numbers of microseconds, such as 0..500000".to_owned())
+}
+
+impl ExportArgs {
+    pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
+        let Some(format) = format_named(&self.to) else {
+            let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
+            let what = format!("{} is no format of exports", self.to);
+            return Err(VerbError::usage("format", what).help(&names.join(", ")));
+        };
+        let description = self.export(format, console).map_err(|error| self.to_error(error))?;
+        let selection = &description["selection"];
+        console.say(&format!(
+            "{}: {} of {}, {} poses, {} frames, {} files",
+            self.out.display(),
+            selection["trajectory"].as_str().unwrap_or_default(),
+            selection["scene"].as_str().unwrap_or_default(),
+            selection["poses"],
+            selection["frames"],
+            description["files"]
+        ));
+        if console.json {
+            console.result(&json!({ "output": path(&self.out), "export": description }));
+        }
+        Ok(ExitKind::Done)
+    }
+
+    fn export(&self, format: &dyn ExportFormat, console: &Console) -> Result<Value, ExportError> {
+        let Self { scene, trajectory, sensor, .. } = self;
+        let choice =
+            SubjectChoice { scene: scene.clone(), trajectory: trajectory.clone(), sensor: sensor.clone() };
+        let subject = ExportSubject::open(&self.release, &choice)?;
+        let test = match &self.test_from {
+            None => TestViews::Every(self.test_every as usize),
+            Some(other) => {
+                let choice = SubjectChoice {
+                    scene: Some(subject.scene.clone()),
+                    trajectory: Some(other.clone()),
+                    sensor: choice.sensor,
+                };
+                TestViews::From(Box::new(ExportSubject::open(&self.release, &choice)?))
+            }
+        };
+        let plan = ExportPlan::new(&subject, &test, self.window)?;
+        // The number of events in an interval is not known before they are read.
+        let bar = if console.is_live() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        let cancel = on_interrupt().map_err(|_| ExportError::Interrupted)?;
+        let progress = BarProgress { bar, cancel };
+        let written = write_export(format, &plan, (&self.out, self.lossy), &progress);
+        progress.bar.finish_and_clear();
+        written
+    }
+
+    fn to_error(&self, error: ExportError) -> VerbError {
+        let message = |kind, code, what: String| (kind, UserMessage::new(MessageLevel::Error, code, what));
+        let said = error.to_string();
+        let (exit, message) = match error {
+            ExportError::Source(_) => message(ExitKind::Failed, "input-unreadable", said),
+            ExportError::Selection(_) => message(ExitKind::Usage, "selection", said),
+            ExportError::Exists { .. } => message(ExitKind::Usage, "output-unwritable", said),
+            ExportError::Data(_) => message(ExitKind::Failed, "not-written", said),
+            ExportError::Interrupted => message(ExitKind::Interrupted, "interrupted", said),
+            ExportError::Write { source, .. } => {
+                let code = if is_full(&source) { "disk-full" } else { "output-unwritable" };
+                message(ExitKind::Failed, code, said)
+            }
+            ExportError::Unmet { unmet, .. } => {
+                let (exit, refusal) = message(ExitKind::Usage, "unmet", said);
+                let lines = unmet.iter().map(|need| format!("{}: {}", need.what, need.remedy));
+                (exit, lines.fold(refusal, UserMessage::detail).help("build a release that meets them"))
+            }
+            ExportError::Lossy { losses, .. } => {
+                let (exit, refusal) = message(ExitKind::Usage, "lossy", said);
+                let line = |loss: &ExportLoss| format!("{}: {}", loss.field, loss.what);
+                let lines = losses.iter().filter(|loss| loss.figure.is_some()).map(line);
+                (exit, lines.fold(refusal, UserMessage::detail).help("pass --lossy to write it anyway"))
+            }
+        };
+        VerbError::from_message(exit, message)
+    }
+}
+
+/// Shows the number of events, and stops at an interrupt.
+struct BarProgress {
+    bar: ProgressBar,
+    cancel: Arc<AtomicBool>,
+}
+
+impl ExportProgress for BarProgress {
+    fn advance(&self, events: u64) {
+        self.bar.inc(events);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,119 @@
+//! Exports: one trajectory of a released tree, in the layout that a published method reads.
+//!
+//! ```text
+//! released tree ── subject ── plan ── format ── folder
+//! ```
+//! An [`ExportSubject`] is one trajectory with one sensor. An [`ExportPlan`] adds what is decided
+//! before anything is written: the interval, the frames and the held-out views. An
+//! [`ExportFormat`] names the needs that are not met and the properties that are lost, writes its
+//! files, and reads them back.
+//!
+//! Layouts are facts about the loaders of these methods. No code of theirs is in this program.
+
+mod brightness;
+mod error;
+mod formats;
+mod geometry;
+mod ledger;
+mod npy;
+mod plan;
+mod poses;
+mod subject;
+mod tree;
+
+pub use brightness::{BrightnessFactor, BrightnessFormula};
+pub use error::ExportError;
+pub use formats::{FORMATS, format_named};
+pub use geometry::SceneBox;
+pub use ledger::{ExportLoss, LossKind, UnmetNeed};
+pub use plan::{ExportPlan, TestViews};
+pub use subject::{ExportSubject, SubjectChoice};
+pub use tree::ExportFolder;
+
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A layout of a published method.
+pub trait ExportFormat: Sync {
+    /// Name on the command line.
+    fn name(&self) -> &'static str;
+
+    /// The program whose loader reads it, with the commit at which the layout was read.
+    fn consumer(&self) -> &'static str;
+
+    /// Requirements of the loader that the plan does not meet.
+    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed>;
+
+    /// Properties of the release that the layout does not hold, or holds approximately.
+    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss>;
+
+    /// Writes the files. Returns facts for `export.json`, such as similarity and thresholds.
+    ///
+    /// # Errors
+    /// The release cannot be read, a file cannot be written, or the data do not fit the loader.
+    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError>;
+}
+
+/// Name of the file that describes an export.
+pub const DESCRIPTION: &str = "export.json";
+
+/// Writes an export to the folder `to`, which must not exist. The folder appears complete or not at
+/// all. Returns the content of its `export.json`.
+///
+/// # Errors
+/// A need is unmet; a property is approximate and `lossy` is false; `to` exists; or reading or
+/// writing fails.
+pub fn write_export(
+    format: &dyn ExportFormat,
+    plan: &ExportPlan<'_>,
+    (to, lossy): (&Path, bool),
+    progress: &dyn ExportProgress,
+) -> Result<Value, ExportError> {
+    let unmet = format.unmet(plan);
+    if !unmet.is_empty() {
+        return Err(ExportError::Unmet { format: format.name(), unmet });
+    }
+    // Lost and derived properties follow from the choice of a format; a false assumption does not.
+    let losses = format.losses(plan);
+    if !lossy && losses.iter().any(|loss| loss.kind == LossKind::Approximate) {
+        return Err(ExportError::Lossy { format: format.name(), losses });
+    }
+    let mut out = ExportFolder::create(to, progress)?;
+    let facts = format.write(plan, &mut out)?;
+    let description = json!({
+        "format": format.name(),
+        "consumer": format.consumer(),
+        "source": plan.subject.release,
+        "selection": plan.selection(),
+        "losses": losses,
+        "facts": facts,
+        // With this one.
+        "files": out.files() + 1,
+    });
+    let mut text = serde_json::to_vec_pretty(&description).expect("a JSON value can be written");
+    text.push(b'\n');
+    out.write_file(DESCRIPTION, &text)?;
+    out.place()?;
+    Ok(description)
+}
+
+/// Receives the progress of an export, and may stop it.
+pub trait ExportProgress {
+    /// Called after `events` more events were written.
+    fn advance(&self, events: u64);
+
+    /// Returns true if the export is to stop.
+    fn is_cancelled(&self) -> bool;
+}
+
+/// No progress is shown, and nothing stops the export.
+#[derive(Debug, Clone, Copy)]
+pub struct SilentProgress;
+
+impl ExportProgress for SilentProgress {
+    fn advance(&self, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,244 @@
+//! What an export reads: one trajectory of a release, with one sensor.
+
+use super::ExportError;
+use crate::artifact::EventStream;
+use crate::camera::Camera;
+use crate::event::Event;
+use crate::event::file::{self, EventFormat, ReadHints};
+use crate::files;
+use crate::image::{Image, Size, png};
+use crate::release::{SceneRecord, diff, recipe_of_scene};
+use crate::sensor::SensorChoice;
+use crate::trajectory::Trajectory;
+use serde_json::{Value, json};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+/// The names that a person chose. One that is absent may be left out if there is only one.
+#[derive(Debug, Clone, Default)]
+pub struct SubjectChoice {
+    /// Scene id.
+    pub scene: Option<String>,
+    /// Name of the trajectory.
+    pub trajectory: Option<String>,
+    /// Name of the sensor.
+    pub sensor: Option<String>,
+}
+
+/// One trajectory of a release, with one sensor.
+#[derive(Debug)]
+pub struct ExportSubject {
+    /// Name, version and licence of the release, and licence and recipe digest of the scene.
+    pub release: Value,
+    /// Scene id.
+    pub scene: String,
+    /// Name of the trajectory.
+    pub trajectory: String,
+    /// Name of the sensor, if the trajectory has several.
+    pub sensor_name: Option<String>,
+    /// The camera of all pictures and events.
+    pub camera: Camera,
+    /// All poses, in microseconds.
+    pub poses: Trajectory,
+    /// Poses with a sharp picture, ascending.
+    pub sharp: Vec<usize>,
+    /// Poses with a depth picture, ascending.
+    pub depth: Vec<usize>,
+    /// Percentiles 5 and 95 of the depth, if the release states them.
+    pub depth_range: Option<[f64; 2]>,
+    /// The sensor, if the trajectory has events.
+    pub sensor: Option<SensorChoice>,
+    dir: PathBuf,
+    folder: String,
+    events: String,
+}
+
+impl ExportSubject {
+    /// Opens a trajectory of the release in `dir`.
+    ///
+    /// # Errors
+    /// The folder is not a release, a file of it cannot be read, or the choice names nothing or
+    /// leaves several possibilities.
+    pub fn open(dir: &Path, choice: &SubjectChoice) -> Result<Self, ExportError> {
+        let source = |e: diff::DiffError| ExportError::Source(e.to_string());
+        let manifest = diff::read_manifest(dir).map_err(source)?;
+        let ids: Vec<&str> = manifest.scenes.iter().map(|scene| scene.id.as_str()).collect();
+        let at = choose(&ids, choice.scene.as_deref(), "scene", "the release")?;
+        let record = diff::read_scene(dir, &manifest.scenes[at]).map_err(source)?;
+        let id = ids[at].to_owned();
+        let names: Vec<&str> = record.trajectories.iter().map(|part| part.name.as_str()).collect();
+        let at = choose(&names, choice.trajectory.as_deref(), "trajectory", &id)?;
+        let part = &record.trajectories[at];
+        // Names of a release that others made may hold anything; each file is opened below its folder.
+        let folder = format!("{id}/{}", part.name);
+        let (sensor_name, sensor) = choose_sensor(&record, &part.name, choice.sensor.as_deref())?;
+        let events = format!("{folder}/{}", EventStream::released_name(sensor_name.as_deref()));
+        let depth = part.statistics.depth_unit.map(|q| [f64::from(q.p5), f64::from(q.p95)]);
+        let release = json!({
+            "release": manifest.name, "version": manifest.version, "tool": manifest.tool,
+            "licence": manifest.licence, "scene_licence": record.licence, "recipe_sha256": record.recipe_sha256,
+        });
+        let mut subject = Self {
+            release,
+            trajectory: part.name.clone(),
+            scene: id,
+            sensor_name,
+            camera: camera_of(&record, dir)?,
+            poses: Trajectory { world_from_camera: Vec::new(), stamps_us: Vec::new() },
+            sharp: Vec::new(),
+            depth: Vec::new(),
+            depth_range: depth,
+            sensor,
+            dir: dir.to_owned(),
+            folder,
+            events,
+        };
+        subject.read_poses()?;
+        subject.sharp = subject.pictures("sharp", "png");
+        subject.depth = subject.pictures("depth", "npy");
+        // A release may lack events that its sensor would make.
+        if !files::is_there(&dir.join(&subject.events)) {
+            subject.sensor = None;
+        }
+        Ok(subject)
+    }
+
+    fn read_poses(&mut self) -> Result<(), ExportError> {
+        let bytes = self.read("poses.txt", files::MAX_DOCUMENT)?;
+        let path = self.path("poses.txt");
+        let poses =
+            Trajectory::read_poses(bytes.as_slice()).map_err(|e| ExportError::unreadable(&path, e))?;
+        if poses.stamps_us.len() < 2 {
+            return Err(ExportError::unreadable(&path, "wanted two poses at least"));
+        }
+        self.poses = poses;
+        Ok(())
+    }
+
+    /// The poses with a picture of this kind.
+    fn pictures(&self, kind: &str, extension: &str) -> Vec<usize> {
+        let has = |pose: &usize| files::is_there(&self.path(&format!("{kind}/{pose:06}.{extension}")));
+        (0..self.poses.stamps_us.len()).filter(has).collect()
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.join(&self.folder).join(name)
+    }
+
+    /// Reads a file of the trajectory. Nothing outside the release is opened.
+    fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
+        let below = Path::new(&self.folder).join(name);
+        files::read_below(&self.dir, &below, limit).map_err(|e| ExportError::unreadable(&self.path(name), e))
+    }
+
+    /// The file of the sharp picture of a pose, PNG in sRGB.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn sharp_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
+        self.read(&format!("sharp/{pose:06}.png"), files::MAX_PICTURE)
+    }
+
+    /// The sharp picture of a pose, sRGB.
+    ///
+    /// # Errors
+    /// It cannot be read, or has another size than the camera.
+    pub fn sharp_picture(&self, pose: usize) -> Result<Image<[u8; 3]>, ExportError> {
+        let name = format!("sharp/{pose:06}.png");
+        png::read_sized(Cursor::new(self.sharp_file(pose)?), self.camera.size)
+            .map_err(|e| ExportError::unreadable(&self.path(&name), e))
+    }
+
+    /// Depth along the optical axis at a pose, in units of the poses; NaN where nothing is seen.
+    ///
+    /// # Errors
+    /// It cannot be read, or has another size than the camera.
+    pub fn depth_picture(&self, pose: usize) -> Result<Image<f32>, ExportError> {
+        let name = format!("depth/{pose:06}.npy");
+        // Opened once without following a link, because the reader takes a path.
+        self.read(&name, files::MAX_PICTURE)?;
+        let path = self.path(&name);
+        crate::dataset::depth::read_depth(&path, self.camera.size, None)
+            .map_err(|e| ExportError::unreadable(&path, e))
+    }
+
+    /// Calls `see` with each event from `first_us` to `last_us`, both included, and its time in
+    /// microseconds, in the order of the file. Chunks are read one at a time.
+    ///
+    /// # Errors
+    /// The events cannot be read, are not sorted, or lie outside the sensor; or `see` fails.
+    pub fn for_each_event(
+        &self,
+        [first_us, last_us]: [i64; 2],
+        mut see: impl FnMut(&Event, i64) -> Result<(), ExportError>,
+    ) -> Result<(), ExportError> {
+        let path = self.dir.join(&self.events);
+        let unreadable = |because: String| ExportError::unreadable(&path, because);
+        // The reader follows links, so the path is checked first.
+        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
+        let size = self.camera.size;
+        let hints = ReadHints { size: Some(size), unit: None };
+        let mut opened = file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))?;
+        let (mut chunk, mut last) = (Vec::new(), i64::MIN);
+        while opened.source.next_chunk(&mut chunk).map_err(|e| unreadable(e.to_string()))? {
+            for event in &chunk {
+                let t_us = event.t.floor_micros();
+                if t_us < last || u32::from(event.x) >= size.width || u32::from(event.y) >= size.height {
+                    let because = format!("an event at {t_us} us is not sorted, or is outside of {size}");
+                    return Err(unreadable(because));
+                }
+                last = t_us;
+                // The stream is sorted, so no later event lies in the interval.
+                if t_us > last_us {
+                    return Ok(());
+                }
+                if t_us >= first_us {
+                    see(event, t_us)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn camera_of(record: &SceneRecord, dir: &Path) -> Result<Camera, ExportError> {
+    let part = &record.camera;
+    let size = Size { width: part.width, height: part.height };
+    // The size is a claim of a file, and memory grows with it.
+    size.check_sensor().map_err(|e| ExportError::unreadable(&dir.join(&record.id).join("scene.json"), e))?;
+    Ok(Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy })
+}
+
+/// The index of the chosen name.
+fn choose(names: &[&str], asked: Option<&str>, what: &str, of: &str) -> Result<usize, ExportError> {
+    let listed = || {
+        let shown = names.iter().take(12).copied().collect::<Vec<_>>().join(", ");
+        if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
+    };
+    match asked {
+        Some(asked) => names.iter().position(|name| *name == asked).ok_or_else(|| {
+            ExportError::Selection(format!("{of} has no {what} `{asked}`; it has: {}", listed()))
+        }),
+        None if names.len() == 1 => Ok(0),
+        None => Err(ExportError::Selection(format!(
+            "{of} has {} of kind {what}: choose one with --{what}: {}",
+            names.len(),
+            listed()
+        ))),
+    }
+}
+
+fn choose_sensor(
+    record: &SceneRecord,
+    trajectory: &str,
+    asked: Option<&str>,
+) -> Result<(Option<String>, Option<SensorChoice>), ExportError> {
+    let recipe = recipe_of_scene(record).map_err(|e| ExportError::Source(format!("{}: {e}", record.id)))?;
+    let sensors: Vec<(Option<&str>, &SensorChoice)> = recipe.sensors_of(trajectory).iter().collect();
+    let names: Vec<&str> = sensors.iter().filter_map(|(name, _)| *name).collect();
+    if names.is_empty() && asked.is_none() {
+        return Ok((None, sensors.first().map(|(_, sensor)| (*sensor).clone())));
+    }
+    let at = choose(&names, asked, "sensor", trajectory)?;
+    Ok((Some(names[at].to_owned()), Some(sensors[at].1.clone())))
+}
