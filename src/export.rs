@@ -5,8 +5,8 @@
 //! ```
 //! An [`ExportSubject`] is one trajectory with one sensor. An [`ExportPlan`] adds what is decided
 //! before anything is written: the interval, the frames and the held-out views. An
-//! [`ExportFormat`] names the needs that are not met and the properties that are lost, writes its
-//! files, and reads them back.
+//! [`ExportFormat`] names the needs that are not met and the properties that are lost, and writes
+//! its files.
 //!
 //! Layouts are facts about the loaders of these methods. No code of theirs is in this program.
 

@@ -54,13 +54,13 @@ fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f6
     });
     let mut events: Vec<Event> = moved.filter(|e| (0..=last).contains(&e.t.floor_micros())).collect();
     events.sort_by_key(|event| event.t);
-    let mut events = events.into_iter().peekable();
+    let mut rest = events.as_slice();
     let mut observer = CrossingObserver::new(law, frames[0].clone(), last);
     for frame in &frames[1..] {
         observer.take_frame(frame.clone());
-        while let Some(event) = events.next_if(|event| event.t.floor_micros() <= frame.t_us) {
-            observer.see(&[event]);
-        }
+        let due;
+        (due, rest) = rest.split_at(rest.partition_point(|event| event.t.floor_micros() <= frame.t_us));
+        observer.see(due);
     }
     observer.finish().unwrap().found
 }
