@@ -252,7 +252,9 @@ impl<'a> StreamObserver<'a> {
         self.millisecond.1 += 1;
         self.tally.off_time += u64::from(t_us < 0 || t_us > self.end_us);
         // The middle of the microsecond, so that no frame's stamp lies on the edge of a bin.
-        let phase = ((t_us as f64 + 0.5) * self.frames_per_us).rem_euclid(1.0);
+        let frames = (t_us as f64 + 0.5) * self.frames_per_us;
+        // `rem_euclid` divides, which costs as much as the rest of an event's count.
+        let phase = frames - frames.floor();
         self.tally.phases[((phase * PHASES as f64) as usize).min(PHASES - 1)] += 1;
     }
 }

@@ -91,8 +91,9 @@ impl ReleasedTrajectory<'_> {
             motion: &motion,
             camera: self.camera,
         };
-        let MeasuredTrajectory { motion: measured, geometry, streams: counted } =
-            self.measure(&pictures, Hertz(rate))?;
+        let (measured, blur) =
+            rayon::join(|| self.measure(&pictures, Hertz(rate)), || self.blur(&pictures));
+        let MeasuredTrajectory { motion: measured, geometry, streams: counted } = measured?;
         // Fields without data in a release are `None`, and their passes report that they were not
         // run.
         let whole = TrajectorySubject {
@@ -126,7 +127,7 @@ impl ReleasedTrajectory<'_> {
             })
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
-        findings.push(self.blur(&pictures)?);
+        findings.push(blur?);
         Ok(findings)
     }
 
@@ -260,9 +261,16 @@ fn exposed(
 
 fn count_events(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
     let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
-    let mut chunk = Vec::new();
-    while reader.next_chunk(&mut chunk).map_err(|e| e.to_string())? {
-        observer.append(&chunk);
+    let (mut chunk, mut following) = (Vec::new(), Vec::new());
+    let mut more = reader.next_chunk(&mut chunk).map_err(|e| e.to_string())?;
+    while more {
+        // The reader stays on this thread.
+        more = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| observer.append(&chunk));
+            reader.next_chunk(&mut following)
+        })
+        .map_err(|e| e.to_string())?;
+        std::mem::swap(&mut chunk, &mut following);
     }
     Ok(observer.finish())
 }

@@ -1,7 +1,7 @@
 //! One walk over the pictures of a trajectory: each is decoded once, and all comparisons see it.
 //!
-//! Some poses are decoded at a time, in parallel. The comparisons of frames with frames and those of
-//! frames with events then run side by side.
+//! Some poses are decoded at a time, in parallel. Meanwhile the poses before them are compared: frames with
+//! frames, and frames with events.
 
 use super::RecheckError;
 use super::anchors::AnchorWatch;
@@ -76,24 +76,30 @@ pub(super) fn walk_pictures(
     let mut geometry = GeometryWatch::new(pictures.camera, &pictures.motion.trajectory.world_from_camera);
     let mut differences = Vec::new();
     let poses: Vec<usize> = (0..pictures.poses()).collect();
+    let decode = |poses: &[usize]| -> Result<Vec<DecodedPose>, RecheckError> {
+        poses.par_iter().map(|pose| present.decode(pictures, &views, *pose)).collect()
+    };
     // Decoding is the longest part, and independent per pose. The comparisons need the order of
     // time.
-    for poses in poses.chunks(AT_ONCE) {
-        let decoded: Vec<DecodedPose> =
-            poses.par_iter().map(|pose| present.decode(pictures, &views, *pose)).collect::<Result<_, _>>()?;
+    let mut batches = poses.chunks(AT_ONCE);
+    let mut decoded = decode(batches.next().unwrap_or_default())?;
+    while !decoded.is_empty() {
         let (mut frames, mut compared) = (Vec::new(), Vec::new());
         for DecodedPose { pose, frame, smoothed, depth, flow } in decoded {
             differences.extend(flow);
             frames.extend(frame.map(|frame| (pose, frame)));
             compared.push((pose, smoothed, depth));
         }
+        let mut following = Ok(Vec::new());
         // The readers of streams stay on this thread.
         rayon::in_place_scope(|scope| {
             scope.spawn(|_| {
                 compared.into_iter().for_each(|(pose, smoothed, depth)| geometry.see(pose, smoothed, depth));
             });
+            scope.spawn(|_| following = decode(batches.next().unwrap_or_default()));
             show_frames(pictures, &frames, anchors, streams)
         })?;
+        decoded = following?;
     }
     let flows = present.flow_differences(differences);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
