@@ -3,6 +3,7 @@
 pub mod asked;
 pub mod assess;
 pub mod past;
+pub mod shard;
 pub mod survey;
 mod wire;
 

@@ -114,6 +114,8 @@ pub enum RunEvent<'a> {
         remark: Option<&'a str>,
         /// Time saved by leaving work out, if it was measured.
         saving: Option<TimeSaved>,
+        /// True if another machine made it, and its outputs were copied from the shared store.
+        is_adopted: bool,
     },
     /// A step is up to date.
     Kept {
@@ -179,6 +181,8 @@ pub enum StepError {
 pub struct RunSummary {
     /// Number of steps made.
     pub made: usize,
+    /// Number of steps whose outputs were copied from the shared store.
+    pub adopted: usize,
     /// Number of steps up to date.
     pub kept: usize,
     /// Number of steps up to date that were made again with the same result.
@@ -216,8 +220,9 @@ impl RunSummary {
     pub fn then(self, second: Self) -> Self {
         Self {
             made: self.made + second.made,
+            adopted: self.adopted + second.adopted,
             // The steps that the first run made are up to date in the second.
-            kept: second.kept.saturating_sub(self.made),
+            kept: second.kept.saturating_sub(self.made + self.adopted),
             rechecked: self.rechecked + second.rechecked,
             // The second run judged every step again, so the rest of its summary is complete.
             ..second

@@ -27,6 +27,7 @@ mod options;
 mod publish;
 pub mod record;
 mod root;
+mod shared;
 pub mod space;
 pub mod stat_cache;
 mod state;
@@ -43,10 +44,12 @@ use crate::files::is_no_file;
 use blob::BlobFolders;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
+pub use shared::SharedMismatch;
 pub use unlike::OutputMismatch;
 
 use disk::StoreDisk;
 use record::{RecordSummary, StepRecord, StoredOutput};
+use shared::SharedStore;
 use space::DiskSpace;
 use stat_cache::{StatEntry, StatSighting};
 use state::{StateDb, StateTable};
@@ -69,6 +72,7 @@ pub struct Store {
     /// Files whose bytes this process has read, if it does not trust stat fields.
     verified: Option<Mutex<BTreeSet<PathBuf>>>,
     counts: DigestCounts,
+    shared: Option<SharedStore>,
     /// The first failure of an operation whose result was not awaited.
     failed: Mutex<Option<StoreError>>,
     /// The kernel frees it with the store.
@@ -101,7 +105,7 @@ impl Store {
         opening: impl Into<StoreOptions>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let StoreOptions { access, claim, verify, sync_each, index, fs } = opening.into();
+        let StoreOptions { access, claim, verify, sync_each, index, shared, fs } = opening.into();
         let disk = StoreDisk::new(fs, sync_each);
         let lock = match access {
             StoreAccess::Read => None,
@@ -120,6 +124,7 @@ impl Store {
             // a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
+        let shared = shared.as_deref().map(SharedStore::open).transpose()?;
         let state = StateDb::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
         Ok(Self {
             root: root.to_owned(),
@@ -127,6 +132,7 @@ impl Store {
             state: Mutex::new(state),
             verified: verify.then(Mutex::default),
             counts: DigestCounts::default(),
+            shared,
             failed: Mutex::new(None),
             disk,
             lock,

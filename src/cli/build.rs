@@ -20,6 +20,7 @@ use crate::files::is_there;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
 use crate::plan::past::past_costs;
+use crate::plan::shard::SceneShard;
 use crate::plan::survey::{PlanSurvey, SettledScene, SettledStep, plan_all, survey_recipes};
 use crate::recipe;
 use crate::run::backends::RendererChoice;
@@ -43,6 +44,9 @@ pub(super) struct BuildArgs {
     /// Link every output into this folder, as SCENE/TRAJECTORY/STEP/FILE
     #[arg(long, value_name = "DIR")]
     to: Option<PathBuf>,
+    /// Build a share of the scenes only: the I-th of N, whose expected costs are about equal
+    #[arg(long, value_name = "I/N")]
+    shard: Option<SceneShard>,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -59,6 +63,9 @@ pub(super) struct TrustOptions {
     /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = SyncArg::Batch)]
     sync: SyncArg,
+    /// Copy steps from and to this folder, which the builds of several machines share
+    #[arg(long, value_name = "DIR")]
+    pub(super) shared_store: Option<PathBuf>,
     /// Treat a warning of a check as a fault: exit 3, and release nothing
     #[arg(long)]
     pub(super) strict: bool,
@@ -85,6 +92,15 @@ impl BuildArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
         self.targets.resolve()?;
+        if let Some(shard) = self.shard {
+            self.targets.keep_shard(shard)?;
+            let SceneShard { number, of } = shard;
+            let scenes = self.targets.recipes.len();
+            console.say(&format!("shard {number} of {of}: {scenes} scenes"));
+            if scenes == 0 {
+                return Ok(ExitKind::Done);
+            }
+        }
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
         if !is_there(&common.store) {
@@ -98,7 +114,7 @@ impl BuildArgs {
         let surveyed = if self.care.recheck.is_some() {
             plan_all(paths, &renderers)
         } else {
-            survey_recipes(paths, &renderers, &store, &option_tag(&chosen))
+            survey_recipes(paths, &renderers, &store, &option_tag(&chosen, self.care.shared_store.as_deref()))
         };
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         takedown::show_takedown(taken_down, console);
@@ -299,7 +315,8 @@ impl BuildRequest<'_> {
             failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }
         let summary = summary?;
-        match run::settle_run(plan, &summary, store, &option_tag(self.chosen)) {
+        let tag = option_tag(self.chosen, self.care.shared_store.as_deref());
+        match run::settle_run(plan, &summary, store, &tag) {
             // This error was already reported with its step. Complete records count even without
             // the database.
             Err(error) if summary.is_full() && error.is_full() => {}

@@ -46,6 +46,10 @@ pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessa
             mismatch_message(new("nondeterministic", what), sides)
                 .help(format!("{kept}; gs2e why {scene}/{step} shows the inputs"))
         }
+        StepError::Store(StoreError::SharedMismatch(sides)) => {
+            new("nondeterministic", format!("{scene}/{step}: {sides}"))
+                .help("build --recheck 1 on both machines shows which of them is wrong")
+        }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
     }
 }

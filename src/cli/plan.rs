@@ -51,8 +51,12 @@ impl PlanArgs {
         let opening = StoreOptions { verify: self.verify, ..store_options(common, StoreAccess::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;
-        let surveyed =
-            survey_recipes(&self.targets.recipes, &chosen.knowing(&store), &store, &option_tag(&chosen));
+        let surveyed = survey_recipes(
+            &self.targets.recipes,
+            &chosen.knowing(&store),
+            &store,
+            &option_tag(&chosen, None),
+        );
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         let assessed = assess_plan(&plan, &store)?;
         // Programs get a single array, so nothing else may go to stdout.

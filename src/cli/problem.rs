@@ -159,7 +159,11 @@ impl From<StoreError> for VerbError {
             StoreError::Locked { .. } => {
                 Self::failed("locked", message).help("leave out --no-wait to wait for it")
             }
-            StoreError::Nondeterministic(_) => Self::failed("nondeterministic", message),
+            StoreError::NotShared { .. } => Self::usage("not-shared", message)
+                .help("choose an empty folder, or one that an earlier --shared-store filled"),
+            StoreError::Nondeterministic(_) | StoreError::SharedMismatch(_) => {
+                Self::failed("nondeterministic", message)
+            }
             StoreError::Io { .. } | StoreError::State { .. } => {
                 Self::failed("store", format!("failed {message}"))
             }

@@ -303,12 +303,12 @@ impl RunObserver for Progress<'_> {
                 self.tell(shown, &UserMessage::new(MessageLevel::Warning, "memory", what).step(scene, name));
             }
             RunEvent::Advanced { step, words } => self.advanced(shown, step, words),
-            RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving } => {
+            RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving, is_adopted } => {
                 shown.finished += 1;
                 let left_out = self.left_out(shown, step, outputs, saving);
                 let ended = StepEnd {
                     step,
-                    state: "made",
+                    state: if is_adopted { "adopted" } else { "made" },
                     key: Some(key),
                     outputs,
                     seconds: Some(seconds),

@@ -169,6 +169,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             let need = planned.step.need(&files);
             return Ok(Some(StaleStep { key, description, sources, reason, recheck, files, need }));
         }
+        self.store.share(&key).map_err(PlanError::from)?;
         let outputs = outputs.expect("a step that is kept has outputs");
         self.summary.kept += 1;
         self.observer.tell(&RunEvent::Kept { step, key: &key, outputs: &outputs });
@@ -250,8 +251,10 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving }) => {
-                if is_recheck {
+            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving, is_adopted }) => {
+                if is_adopted {
+                    self.summary.adopted += 1;
+                } else if is_recheck {
                     self.summary.kept += 1;
                     self.summary.rechecked += 1;
                 } else {
@@ -266,6 +269,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
                     warnings: &warnings,
                     remark: remark.as_deref(),
                     saving,
+                    is_adopted,
                 });
                 self.done(step, StepProduct { key, outputs, sources });
             }

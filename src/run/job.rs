@@ -43,6 +43,8 @@ pub(super) struct StepResult {
     pub(super) warnings: Vec<String>,
     pub(super) remark: Option<String>,
     pub(super) saving: Option<TimeSaved>,
+    /// True if another machine made it, and its outputs were copied.
+    pub(super) is_adopted: bool,
 }
 
 /// The work of one step on its own thread.
@@ -61,6 +63,11 @@ impl StepJob<'_> {
         if let StepReason::BlobAltered { digest } = &stale.reason {
             // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
+        }
+        if stale.recheck.is_none()
+            && let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))?
+        {
+            return Ok(adopted);
         }
         // Even an empty folder cannot be created on a full disk.
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
@@ -109,7 +116,22 @@ impl StepJob<'_> {
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
         self.store.forget_resume(&stale.key)?;
-        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving })
+        self.store.share(&stale.key)?;
+        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving, is_adopted: false })
+    }
+
+    /// The outputs of another machine.
+    fn adopted(&self, key: &Key) -> Result<Option<StepResult>, StepError> {
+        let started = Instant::now();
+        Ok(self.store.adopt(key)?.map(|record| StepResult {
+            outputs: record.outputs,
+            seconds: started.elapsed().as_secs_f64(),
+            cores: 1,
+            warnings: record.provenance.warnings,
+            remark: Some("from the shared store".to_owned()),
+            saving: None,
+            is_adopted: true,
+        }))
     }
 
     /// Returns the error, or the lack of disk space if that is the cause. The cause is known from
@@ -119,7 +141,9 @@ impl StepJob<'_> {
             StepError::Stage(StageError::Work { .. } | StageError::Io { .. } | StageError::Program(_)) => {
                 true
             }
-            StepError::Store(error) => !matches!(error, StoreError::Nondeterministic(_)),
+            StepError::Store(error) => {
+                !matches!(error, StoreError::Nondeterministic(_) | StoreError::SharedMismatch(_))
+            }
             _ => false,
         };
         let space = self.store.space().ok();

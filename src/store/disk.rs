@@ -115,6 +115,24 @@ impl StoreDisk {
         })
     }
 
+    /// Copies a file to a name that is not in use.
+    pub(super) fn copy(&self, from: &Path, to: &Path) -> Result<(), StoreError> {
+        retry_interrupted(|| {
+            // A part of an interrupted copy cannot be written over: it is read-only.
+            match self.fs.remove(to) {
+                Err(e) if !is_absent(&e) => return Err(e),
+                _ => {}
+            }
+            self.fs.copy(from, to)
+        })
+        .map_err(disk_error("copying to", to))
+    }
+
+    /// Creates or replaces a file. After an error, it may have part of the bytes.
+    pub(super) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        retry_interrupted(|| self.fs.write(path, bytes)).map_err(disk_error("writing", path))
+    }
+
     /// Publishes a finished file under its final name; the first writer wins. Returns `false` if
     /// the name was taken.
     pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {

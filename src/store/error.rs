@@ -1,5 +1,6 @@
 //! Failures of the store.
 
+use super::shared::SharedMismatch;
 use super::unlike::OutputMismatch;
 use std::path::PathBuf;
 
@@ -42,6 +43,15 @@ pub enum StoreError {
         /// The holder of the lock: pid, host and command.
         holder: String,
     },
+    /// The folder that was named as shared is the store of one machine.
+    #[error("{} is the store of one machine, and cannot be shared", path.display())]
+    NotShared {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Another machine produced other bytes for a key.
+    #[error("nondeterministic step: {0}")]
+    SharedMismatch(Box<SharedMismatch>),
     /// A key produced other bytes than before.
     #[error("nondeterministic step: {0}")]
     Nondeterministic(Box<OutputMismatch>),

@@ -59,6 +59,11 @@ pub trait Fs: fmt::Debug + Send + Sync {
     /// Creates or replaces a file. After an error, it may have part of the bytes.
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
 
+    /// Copies a file and its permissions. After an error, the copy may have part of the bytes.
+    fn copy(&self, from: &Path, to: &Path) -> io::Result<()> {
+        fs::copy(from, to).map(drop)
+    }
+
     /// Reads a file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
 

@@ -31,6 +31,9 @@ pub struct StoreOptions {
     /// Folder of the database, if it must not lie in the store: for a store on a network file
     /// system.
     pub index: Option<PathBuf>,
+    /// Folder that the stores of several machines share, if there is one. It is written and read, so the
+    /// store must be opened for building.
+    pub shared: Option<PathBuf>,
     /// Implementation of file operations.
     pub fs: Arc<dyn Fs>,
 }
@@ -43,6 +46,7 @@ impl From<StoreAccess> for StoreOptions {
             verify: false,
             sync_each: false,
             index: None,
+            shared: None,
             fs: Arc::new(fs::SystemFs),
         }
     }

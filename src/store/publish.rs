@@ -1,5 +1,6 @@
 //! Publication of a step's files as blobs and a record.
 
+use super::blob::FinishedBlob;
 use super::record::{StepRecord, StoredOutput};
 use super::state::StateTable;
 use super::{BlobState, OutputMismatch, Store, StoreError, unlike};
@@ -25,9 +26,19 @@ impl Store {
     pub fn publish(
         &self,
         workspace: &StepWorkspace<'_>,
-        mut record: StepRecord,
+        record: StepRecord,
     ) -> Result<Vec<StoredOutput>, StoreError> {
         let files = self.blobs.finish(workspace.path())?;
+        self.publish_files(workspace, &files, record)
+    }
+
+    /// Publishes the finished files of a workspace.
+    pub(super) fn publish_files(
+        &self,
+        workspace: &StepWorkspace<'_>,
+        files: &[FinishedBlob],
+        mut record: StepRecord,
+    ) -> Result<Vec<StoredOutput>, StoreError> {
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
         let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
         if let Some(before) = &before

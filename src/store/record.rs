@@ -106,7 +106,7 @@ impl StepRecord {
         }
     }
 
-    fn record_path(root: &Path, key: &Key) -> PathBuf {
+    pub(super) fn record_path(root: &Path, key: &Key) -> PathBuf {
         let name = key.to_string();
         root.join("ac").join(&name[..2]).join(format!("{name}.json"))
     }
@@ -128,9 +128,14 @@ impl StepRecord {
         if let Some(folder) = path.parent() {
             disk.create_dir(folder)?;
         }
-        let bytes = serde_json::to_vec(&self).expect("a record is plain data");
+        let bytes = self.to_bytes();
         let temporary = root.join("tmp").join(format!("{}.{}.json", std::process::id(), self.key));
         disk.write_atomically(&path, &temporary, &bytes)
+    }
+
+    /// The text of the file.
+    pub(super) fn to_bytes(&self) -> Vec<u8> {
+        serde_json::to_vec(self).expect("a record is plain data")
     }
 
     /// The record of a key; `None` if it is absent. A torn or altered record, and one of another

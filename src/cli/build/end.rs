@@ -6,14 +6,18 @@ use crate::cli::problem::ExitKind;
 use crate::run::RunSummary;
 
 fn last_line(summary: &RunSummary, seconds: f64) -> String {
-    let RunSummary { made, kept, failures, unreached, interrupted, .. } = summary;
+    let RunSummary { made, adopted, kept, failures, unreached, interrupted, .. } = summary;
     if *interrupted {
-        let (finished, all) = (made + kept, made + kept + failures.len() + unreached);
+        let finished = made + adopted + kept;
+        let all = finished + failures.len() + unreached;
         return format!(
             "interrupted: {finished} of {all} steps are finished and kept; run the same command to continue"
         );
     }
     let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
+    if *adopted > 0 {
+        text.push_str(&format!(", from the shared store {adopted}"));
+    }
     if *unreached > 0 {
         text.push_str(&format!(", not reached {unreached}"));
     }

@@ -12,12 +12,13 @@ use crate::store::space::DiskSpace;
 use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::path::{Path, PathBuf};
 
-/// Names this program and its options that may change a key.
-pub(in crate::cli) fn option_tag(chosen: &RendererChoice) -> Digest {
+/// Names this program, its options that may change a key, and the shared store: a scene that was settled
+/// without it has not been offered to it.
+pub(in crate::cli) fn option_tag(chosen: &RendererChoice, shared: Option<&Path>) -> Digest {
     // The stat fields identify a build of the program: a rebuilt program may compute other keys.
     let program =
         std::env::current_exe().and_then(|path| path.metadata()).map(|about| FileStat::from(&about));
-    Digest::of_bytes(format!("{:?} {}", program.ok(), chosen.name()).as_bytes())
+    Digest::of_bytes(format!("{:?} {} {shared:?}", program.ok(), chosen.name()).as_bytes())
 }
 
 /// Opens the store for writing, and waits while another process holds it.
@@ -30,7 +31,9 @@ pub(in crate::cli) fn open_store(
     let claim =
         LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
     let sync_each = care.sync == SyncArg::Always;
-    let opening = StoreOptions { verify: care.verify, sync_each, claim, ..store_options(common, access) };
+    let shared = care.shared_store.clone();
+    let opening =
+        StoreOptions { verify: care.verify, sync_each, claim, shared, ..store_options(common, access) };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
         console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));

@@ -91,8 +91,7 @@ impl ReleasedTrajectory<'_> {
             motion: &motion,
             camera: self.camera,
         };
-        let (measured, blur) =
-            rayon::join(|| self.measure(&pictures, Hertz(rate)), || self.blur(&pictures));
+        let (measured, blur) = rayon::join(|| self.measure(&pictures, Hertz(rate)), || self.blur(&pictures));
         let MeasuredTrajectory { motion: measured, geometry, streams: counted } = measured?;
         // Fields without data in a release are `None`, and their passes report that they were not
         // run.

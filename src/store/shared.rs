@@ -1,0 +1,221 @@
+//! A folder that the stores of several machines share: `VERSION`, `cas/` and `ac/` as in a store, and
+//! `tmp/`.
+//!
+//! Files appear whole, by a link to a finished one, and never change: the first writer wins. There is no
+//! lock, no counter and no database, because those fail on network file systems. A folder that is seen
+//! late by a cache of the file system costs a copy, and nothing else. Nobody trusts the bytes: whoever
+//! takes a file compares it with its name.
+
+use super::blob::BlobFolders;
+use super::disk::{StoreDisk, disk_error, is_absent};
+use super::fs::SystemFs;
+use super::record::{StepRecord, StoredOutput};
+use super::{Digest, FORMAT, Key, Store, StoreError};
+use std::collections::BTreeSet;
+use std::fmt;
+use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use tempfile::TempDir;
+
+/// A shared folder, open for reading and writing.
+#[derive(Debug)]
+pub(super) struct SharedStore {
+    root: PathBuf,
+    disk: StoreDisk,
+    blobs: BlobFolders,
+    /// A folder below `tmp/` that no other process has: machines may have equal process ids.
+    own: TempDir,
+    next: AtomicU64,
+    /// Files that are lost, or have other bytes than their name says. Sound ones take their place.
+    damaged: Mutex<BTreeSet<Digest>>,
+}
+
+/// Different outputs of one key, in the shared folder and on this machine.
+#[derive(Debug)]
+pub struct SharedMismatch {
+    /// The shared folder.
+    pub shared: PathBuf,
+    /// The record that was there first.
+    pub first: StepRecord,
+    /// The record of this machine.
+    pub own: StepRecord,
+}
+
+impl fmt::Display for SharedMismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let differs = |own: &&StoredOutput| !self.first.outputs.contains(own);
+        let file = self.own.outputs.iter().find(differs).map_or("the list of files", |own| own.name.as_str());
+        write!(
+            f,
+            "{} has other outputs of key {} than this machine: {file} differs",
+            self.shared.display(),
+            self.own.key
+        )
+    }
+}
+
+impl SharedStore {
+    /// Opens a shared folder, and creates it if there is none.
+    pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
+        // Each file is synced before others can see it, whatever the own store does.
+        let disk = StoreDisk::new(Arc::new(SystemFs), true);
+        disk.create_dir(root)?;
+        disk.check_format(root, FORMAT, true)?;
+        if crate::files::is_there(&root.join("lock")) {
+            return Err(StoreError::NotShared { path: root.to_owned() });
+        }
+        for folder in ["cas", "ac", "tmp"] {
+            disk.create_dir(&root.join(folder))?;
+        }
+        let tmp = root.join("tmp");
+        let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
+        Ok(Self {
+            root: root.to_owned(),
+            blobs: BlobFolders::new(root, disk.clone()),
+            disk,
+            own: own.map_err(disk_error("creating a folder in", &tmp))?,
+            next: AtomicU64::new(0),
+            damaged: Mutex::default(),
+        })
+    }
+
+    fn fresh(&self) -> PathBuf {
+        self.own.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
+    }
+
+    fn damaged(&self) -> std::sync::MutexGuard<'_, BTreeSet<Digest>> {
+        self.damaged.lock().expect("no holder panics")
+    }
+
+    fn record(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
+        let record = StepRecord::read(&self.root, &self.disk, key)?;
+        // A name that leads out of a folder was not written by this program.
+        Ok(record.filter(|record| record.outputs.iter().all(|output| stays_inside(&output.name))))
+    }
+
+    /// Copies an output to a new file. Returns `false` if it is not there.
+    fn take(&self, output: &StoredOutput, to: &Path) -> Result<bool, StoreError> {
+        let from = self.blobs.path(&output.digest);
+        match self.disk.stat(&from) {
+            Ok(_) => self.disk.copy(&from, to).map(|()| true),
+            Err(e) if is_absent(&e) => Ok(false),
+            Err(e) => Err(disk_error("reading", &from)(e)),
+        }
+    }
+
+    /// Publishes a record and its outputs, whose files are at `path_of`. Returns the record that was there
+    /// first, if there is one.
+    fn offer(
+        &self,
+        record: &StepRecord,
+        path_of: &dyn Fn(&Digest) -> PathBuf,
+    ) -> Result<Option<StepRecord>, StoreError> {
+        if let Some(first) = self.record(&record.key)? {
+            let is_damaged = |output: &&StoredOutput| self.damaged().contains(&output.digest);
+            let damaged: Vec<&StoredOutput> = record.outputs.iter().filter(is_damaged).collect();
+            damaged.into_iter().try_for_each(|output| self.put(output, &path_of(&output.digest)))?;
+            return Ok(Some(first));
+        }
+        record.outputs.iter().try_for_each(|output| self.put(output, &path_of(&output.digest)))?;
+        // After the files, so that no record names bytes that are not there.
+        let (from, to) = (self.fresh(), StepRecord::record_path(&self.root, &record.key));
+        self.disk.write(&from, &record.to_bytes())?;
+        if self.publish(&from, &to)? {
+            return Ok(None);
+        }
+        // Another machine was faster, or a damaged record has the name.
+        let first = self.record(&record.key)?;
+        if first.is_none() {
+            self.disk.write(&from, &record.to_bytes())?;
+            self.disk.rename(&from, &to)?;
+        }
+        Ok(first)
+    }
+
+    fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
+        let to = self.blobs.path(&output.digest);
+        // A power cut may leave a file with a part of its bytes.
+        let is_whole = self.disk.stat(&to).is_ok_and(|stat| stat.size == output.size);
+        let is_damaged = self.damaged().contains(&output.digest);
+        if is_whole && !is_damaged {
+            return Ok(());
+        }
+        let from = self.fresh();
+        self.disk.copy(own, &from)?;
+        if self.publish(&from, &to)? {
+            return Ok(());
+        }
+        // The other writer has the same bytes, unless they are damaged.
+        if is_damaged || !self.disk.stat(&to).is_ok_and(|stat| stat.size == output.size) {
+            self.disk.copy(own, &from)?;
+            self.disk.rename(&from, &to)?;
+            self.damaged().remove(&output.digest);
+        }
+        Ok(())
+    }
+
+    /// Gives a finished file its name, if nobody else has. Returns `false` if the name is taken.
+    fn publish(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
+        if let Some(folder) = to.parent() {
+            self.disk.create_dir(folder)?;
+        }
+        let is_ours = self.disk.link_new(from, to)?;
+        self.disk.remove(from)?;
+        Ok(is_ours)
+    }
+}
+
+/// Returns true for a name of a file below a folder.
+fn stays_inside(name: &str) -> bool {
+    !name.is_empty() && Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+impl Store {
+    /// Takes the outputs of a key from the shared folder. `None` if there is no such folder, or it lacks
+    /// them, or they are damaged there.
+    ///
+    /// # Errors
+    /// They cannot be read or written.
+    pub fn adopt(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
+        let Some(shared) = &self.shared else { return Ok(None) };
+        let Some(record) = shared.record(key)? else { return Ok(None) };
+        let workspace = self.workspace()?;
+        for output in &record.outputs {
+            let to = workspace.path().join(&output.name);
+            if let Some(folder) = to.parent() {
+                self.disk.create_dir(folder)?;
+            }
+            if !shared.take(output, &to)? {
+                shared.damaged().insert(output.digest);
+                return Ok(None);
+            }
+        }
+        let files = self.blobs.finish(workspace.path())?;
+        let found = |wanted: &StoredOutput| files.iter().any(|file| file.output == *wanted);
+        let wrong = record.outputs.iter().filter(|output| !found(output)).map(|output| output.digest);
+        let wrong: Vec<Digest> = wrong.collect();
+        if !wrong.is_empty() {
+            shared.damaged().extend(wrong);
+            return Ok(None);
+        }
+        self.publish_files(&workspace, &files, record.clone())?;
+        Ok(Some(record))
+    }
+
+    /// Offers the outputs of a key to the shared folder, if there is one and it lacks them.
+    ///
+    /// # Errors
+    /// It cannot be read or written, or it has other outputs of this key.
+    pub fn share(&self, key: &Key) -> Result<(), StoreError> {
+        let Some(shared) = &self.shared else { return Ok(()) };
+        let Some(own) = self.full_record(key)? else { return Ok(()) };
+        match shared.offer(&own, &|digest| self.path_of(digest))? {
+            Some(first) if first.outputs != own.outputs => {
+                let shared = shared.root.clone();
+                Err(StoreError::SharedMismatch(Box::new(SharedMismatch { shared, first, own })))
+            }
+            _ => Ok(()),
+        }
+    }
+}
