@@ -92,15 +92,6 @@ impl BuildArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
         self.targets.resolve()?;
-        if let Some(shard) = self.shard {
-            self.targets.keep_shard(shard)?;
-            let SceneShard { number, of } = shard;
-            let scenes = self.targets.recipes.len();
-            console.say(&format!("shard {number} of {of}: {scenes} scenes"));
-            if scenes == 0 {
-                return Ok(ExitKind::Done);
-            }
-        }
         let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
         if !is_there(&common.store) {
@@ -116,7 +107,15 @@ impl BuildArgs {
         } else {
             survey_recipes(paths, &renderers, &store, &option_tag(&chosen, self.care.shared_store.as_deref()))
         };
-        let PlanSurvey { settled, plan, taken_down } = surveyed?;
+        let mut surveyed = surveyed?;
+        if let Some(shard) = self.shard {
+            let recipes = recipe::read_all(paths)?;
+            let chosen = shard.choose(&recipes).into_iter().map(|recipe| recipe.scene.as_str()).collect();
+            surveyed.keep_scenes(&chosen, &renderers);
+            let SceneShard { number, of } = shard;
+            console.say(&format!("shard {number} of {of}: {} of {} scenes", chosen.len(), recipes.len()));
+        }
+        let PlanSurvey { settled, plan, taken_down } = surveyed;
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
         let mut findings = findings_of_settled(&settled, &store)?;

@@ -1,7 +1,6 @@
 //! The recipes that a verb works on, as the user names them.
 
 use super::problem::VerbError;
-use crate::plan::shard::SceneShard;
 use crate::{escape, files, recipe};
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -33,14 +32,6 @@ impl RecipeTargets {
             })?;
             path.clone_from(&recipe.meta.file.path);
         }
-        Ok(())
-    }
-
-    /// Replaces the recipes by those of one shard.
-    pub(super) fn keep_shard(&mut self, shard: SceneShard) -> Result<(), VerbError> {
-        let recipes = recipe::read_all(&self.recipes)?;
-        self.recipes =
-            shard.choose(&recipes).into_iter().map(|recipe| recipe.meta.file.path.clone()).collect();
         Ok(())
     }
 

@@ -81,7 +81,14 @@ mod tests {
 
     fn scene(name: &str, width: u32) -> Recipe {
         let text = format!(
-            "schema: gs2e/1\nscene: {name}\nsource: {{ procedural: {{ scene: still-life }} }}\ncamera: {{ width: {width}, height: 100 }}\ntrajectories: [{{ name: a, orbit: {{ seconds: 1 }} }}]\n"
+            "version: 1
+scene: {name}
+seed: 7
+source: {{ procedural: {{ gaussians: 300, views: 6, arc: 0.5, seed: 1 }} }}
+camera: {{ width: {width}, height: 100 }}
+trajectories: [{{ name: base, refine: {{ factor: 2 }} }}]
+sensor: {{ voltmeter: {{ preset: dvs346-paper }} }}
+"
         );
         read_recipe_text(text, Path::new("test.yaml")).unwrap_or_else(|e| panic!("{e}"))
     }

@@ -66,6 +66,16 @@ impl From<RecipeFaults> for SurveyError {
     }
 }
 
+impl PlanSurvey {
+    /// Leaves out all scenes but these.
+    pub fn keep_scenes(&mut self, ids: &BTreeSet<&str>, renderers: &dyn RendererPolicy) {
+        self.settled.retain(|scene| ids.contains(scene.scene.as_str()));
+        let scenes = std::mem::take(&mut self.plan).into_scenes();
+        let kept = scenes.into_iter().filter(|recipe| ids.contains(recipe.scene.as_str()));
+        self.plan = Plan::new(kept.collect(), renderers);
+    }
+}
+
 /// Surveys the recipes in files and folders. `tag` identifies the program and those of its options
 /// that may change a key: memos with another tag do not count.
 ///

@@ -61,7 +61,7 @@ impl SharedStore {
         // Each file is synced before others can see it, whatever the own store does.
         let disk = StoreDisk::new(Arc::new(SystemFs), true);
         disk.create_dir(root)?;
-        disk.check_format(root, FORMAT, true)?;
+        disk.check_format(root, FORMAT, false)?;
         if crate::files::is_there(&root.join("lock")) {
             return Err(StoreError::NotShared { path: root.to_owned() });
         }
@@ -70,14 +70,22 @@ impl SharedStore {
         }
         let tmp = root.join("tmp");
         let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
-        Ok(Self {
+        let shared = Self {
             root: root.to_owned(),
             blobs: BlobFolders::new(root, disk.clone()),
             disk,
             own: own.map_err(disk_error("creating a folder in", &tmp))?,
             next: AtomicU64::new(0),
             damaged: Mutex::default(),
-        })
+        };
+        let version = root.join("VERSION");
+        if !crate::files::is_there(&version) {
+            // Another process may do the same at this moment.
+            let own = shared.fresh();
+            shared.disk.write(&own, format!("{FORMAT}\n").as_bytes())?;
+            shared.publish(&own, &version)?;
+        }
+        Ok(shared)
     }
 
     fn fresh(&self) -> PathBuf {
@@ -135,23 +143,17 @@ impl SharedStore {
 
     fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
         let to = self.blobs.path(&output.digest);
-        // A power cut may leave a file with a part of its bytes.
-        let is_whole = self.disk.stat(&to).is_ok_and(|stat| stat.size == output.size);
-        let is_damaged = self.damaged().contains(&output.digest);
-        if is_whole && !is_damaged {
-            return Ok(());
-        }
+        // Bytes without a record are rare, and may be those of a machine that lost its power.
+        let is_sound = || self.disk.digest(&to).is_ok_and(|found| found == output.digest);
         let from = self.fresh();
-        self.disk.copy(own, &from)?;
-        if self.publish(&from, &to)? {
-            return Ok(());
-        }
-        // The other writer has the same bytes, unless they are damaged.
-        if is_damaged || !self.disk.stat(&to).is_ok_and(|stat| stat.size == output.size) {
+        if !is_sound() {
             self.disk.copy(own, &from)?;
-            self.disk.rename(&from, &to)?;
-            self.damaged().remove(&output.digest);
+            if !self.publish(&from, &to)? && !is_sound() {
+                self.disk.copy(own, &from)?;
+                self.disk.rename(&from, &to)?;
+            }
         }
+        self.damaged().remove(&output.digest);
         Ok(())
     }
 
@@ -181,20 +183,19 @@ impl Store {
         let Some(shared) = &self.shared else { return Ok(None) };
         let Some(record) = shared.record(key)? else { return Ok(None) };
         let workspace = self.workspace()?;
+        let mut wrong = Vec::new();
         for output in &record.outputs {
             let to = workspace.path().join(&output.name);
             if let Some(folder) = to.parent() {
                 self.disk.create_dir(folder)?;
             }
             if !shared.take(output, &to)? {
-                shared.damaged().insert(output.digest);
-                return Ok(None);
+                wrong.push(output.digest);
             }
         }
         let files = self.blobs.finish(workspace.path())?;
         let found = |wanted: &StoredOutput| files.iter().any(|file| file.output == *wanted);
-        let wrong = record.outputs.iter().filter(|output| !found(output)).map(|output| output.digest);
-        let wrong: Vec<Digest> = wrong.collect();
+        wrong.extend(record.outputs.iter().filter(|output| !found(output)).map(|output| output.digest));
         if !wrong.is_empty() {
             shared.damaged().extend(wrong);
             return Ok(None);

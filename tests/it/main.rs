@@ -75,6 +75,7 @@ mod report;
 mod restricted;
 mod scenes;
 mod several_sensors;
+mod shared_store;
 mod signatures;
 mod simulate_verb;
 mod sources;
