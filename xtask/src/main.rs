@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | docs | man | manifest | python | container`.
+//! power | sound | slurm | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -17,6 +17,7 @@ mod page;
 mod power;
 mod python;
 mod report;
+mod slurm;
 mod sound;
 mod suite;
 
@@ -48,6 +49,8 @@ usage: cargo xtask <task>
                      (`--releases N`, `--program FILE`; `--stated` plants the faults of the stated sizes alone)
   sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
                      `--program FILE`)
+  slurm [ARGS]...    a build by an array job on a private Slurm cluster, with tasks and daemons killed (`--scenes N`, `--tasks N`,
+                     `--program FILE`; needs Debian's slurm-wlm and munge)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         }
         (Some("report"), args) => report::run(args),
         (Some("power"), args) => power::run(args),
+        (Some("slurm"), args) => slurm::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("man"), [folder]) => man_pages(folder),
