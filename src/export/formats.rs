@@ -4,12 +4,15 @@ mod camera_needs;
 mod e_nerf;
 mod event_3dgs;
 mod eventnerf;
+mod parquet_rows;
 mod robust_e_nerf;
+mod webdataset;
+mod windows;
 
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 7] = [
+pub static FORMATS: [&dyn ExportFormat; 9] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -17,6 +20,8 @@ pub static FORMATS: [&dyn ExportFormat; 7] = [
     &eventnerf::E3dgs,
     &robust_e_nerf::RobustENerf,
     &robust_e_nerf::DeblurENerf,
+    &webdataset::WebDataset,
+    &parquet_rows::ParquetRows,
 ];
 
 /// The layout of this name.

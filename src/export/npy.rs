@@ -117,6 +117,23 @@ pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<
     archive.finish().map_err(|e| failed(e.into()))?.flush().map_err(failed)
 }
 
+/// A compressed archive of whole arrays, in memory.
+pub(super) fn compressed_archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let mut archive = ZipWriter::new(io::Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::DEFAULT)
+        .unix_permissions(0o644);
+    for (name, bytes) in entries {
+        let added = archive.start_file(format!("{name}.npy"), options);
+        added
+            .map_err(io::Error::from)
+            .and_then(|()| archive.write_all(bytes))
+            .expect("a Vec takes any bytes");
+    }
+    archive.finish().expect("a Vec takes any bytes").into_inner()
+}
+
 /// Little-endian bytes of float64 numbers.
 pub(super) fn float64(values: impl IntoIterator<Item = f64>) -> Vec<u8> {
     values.into_iter().flat_map(f64::to_le_bytes).collect()

@@ -149,6 +149,14 @@ impl ExportSubject {
             .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 
+    /// The file of the depth picture of a pose, NumPy float32 (H, W).
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn depth_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
+        self.read(&format!("depth/{pose:06}.npy"), files::MAX_PICTURE)
+    }
+
     /// Depth along the optical axis at a pose, in units of the poses; NaN where nothing is seen.
     ///
     /// # Errors

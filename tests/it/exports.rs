@@ -19,6 +19,7 @@ mod eventnerf;
 mod plane;
 mod refusals;
 mod robust;
+mod samples;
 mod steps;
 
 use plane::Plane;

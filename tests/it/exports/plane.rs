@@ -127,7 +127,7 @@ impl Plane {
         &self.release
     }
 
-    fn folder(&self, name: &str) -> PathBuf {
+    pub(super) fn folder(&self, name: &str) -> PathBuf {
         self.release().join("plane/base").join(name)
     }
 
