@@ -8,6 +8,7 @@
 
 mod advice;
 pub mod affine;
+mod ahead;
 pub mod alignment;
 pub mod batching;
 pub mod capture;

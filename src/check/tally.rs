@@ -7,6 +7,7 @@ mod crowding;
 pub use busy::BusyPixels;
 pub use crowding::CrowdingSums;
 
+use super::ahead::{AHEAD, load_ahead};
 use super::drift::DriftLaw;
 use super::event_frame::fit::{DriftBalance, FrameComparison};
 use super::event_times::grid::{GridCounter, StampGrid};
@@ -123,6 +124,22 @@ pub(super) struct PixelCounts {
     pub(super) off: Vec<u32>,
 }
 
+impl PixelCounts {
+    fn of(&self, polarity: Polarity) -> &[u32] {
+        match polarity {
+            Polarity::On => &self.on,
+            Polarity::Off => &self.off,
+        }
+    }
+
+    fn of_mut(&mut self, polarity: Polarity) -> &mut [u32] {
+        match polarity {
+            Polarity::On => &mut self.on,
+            Polarity::Off => &mut self.off,
+        }
+    }
+}
+
 impl<'a> StreamObserver<'a> {
     /// Starts before the first event of a sensor of `size` with stamps from 0 to `end_us`. Without
     /// a law, or with fewer than two anchors, events are not compared with frames.
@@ -156,9 +173,23 @@ impl<'a> StreamObserver<'a> {
 
     /// Counts a chunk.
     pub fn append(&mut self, events: &[Event]) {
-        for event in events {
-            self.see(*event);
+        for batch in events.chunks(AHEAD) {
+            load_ahead(batch.iter().map(|event| self.met_by(event)));
+            batch.iter().for_each(|event| self.see(*event));
         }
+    }
+
+    /// The bits of the values that an event meets at its pixel.
+    fn met_by(&self, event: &Event) -> u64 {
+        let Some(pixel) = self.pixel(event) else { return 0 };
+        let last = self.last_us.get(pixel).map_or(0, |last| last.cast_unsigned());
+        u64::from(self.counts.of(event.polarity)[pixel]) ^ last
+    }
+
+    /// The pixel of an event; `None` off the sensor.
+    fn pixel(&self, event: &Event) -> Option<usize> {
+        let [x, y, width, height] = [event.x.into(), event.y.into(), self.size.width, self.size.height];
+        (x < width && y < height).then_some(y as usize * width as usize + x as usize)
     }
 
     /// The counts after the last event.
@@ -193,20 +224,14 @@ impl<'a> StreamObserver<'a> {
         let tally = &mut self.tally;
         tally.events += 1;
         tally.on += u64::from(event.polarity == Polarity::On);
-        let (x, y) = (usize::from(event.x), usize::from(event.y));
-        let (width, height) = (self.size.width as usize, self.size.height as usize);
         // Order, times and polarity count for every event; the rest needs a pixel.
-        if x >= width || y >= height {
-            tally.off_sensor += 1;
+        let Some(pixel) = self.pixel(&event) else {
+            self.tally.off_sensor += 1;
             return;
-        }
-        let (counts, pixel) = match event.polarity {
-            Polarity::On => (&mut self.counts.on, y * width + x),
-            Polarity::Off => (&mut self.counts.off, y * width + x),
         };
-        counts[pixel] += 1;
+        self.counts.of_mut(event.polarity)[pixel] += 1;
         if let Some(last) = self.last_us.get_mut(pixel) {
-            tally.too_soon += u64::from(t_us - *last < self.dead_us);
+            self.tally.too_soon += u64::from(t_us - *last < self.dead_us);
             *last = t_us;
         }
         self.crowds.see([event.x, event.y], t_us);

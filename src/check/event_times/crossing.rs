@@ -34,8 +34,9 @@ mod pairs;
 
 pub use frame_drifts::SeenFrame;
 
+use crate::check::ahead::{AHEAD, load_ahead};
 use crate::check::drift::DriftLaw;
-use crate::event::Event;
+use crate::event::{Event, Polarity};
 use crate::image::Size;
 use frame_drifts::{Crossing, FrameDrifts};
 use levels::LevelResiduals;
@@ -58,6 +59,11 @@ const BAND: f64 = 0.25;
 const REACH: f64 = 0.5;
 /// [`StreamClock::reach`] of pairs of events, either of which may meet another interval.
 const REACH_OF_PAIRS: f64 = 0.25;
+/// Number of events that are enough: their standard error is far below [`super::OFFSET_US`]. Of a longer
+/// stream, the events on some lines of the picture are compared.
+const ENOUGH: u64 = 1 << 20;
+/// Minimum number of compared lines in a row of parts.
+const LINES: u64 = 4;
 /// Minimum number of parts with events for a jackknife.
 const MIN_PARTS: usize = 8;
 
@@ -131,9 +137,15 @@ impl CrossingFit {
 }
 
 impl CrossingObserver {
-    /// Starts at the first frame of a clip that ends at `end_us`.
+    /// Starts at the first frame of a clip that ends at `end_us`, with about as many events.
     #[must_use]
-    pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64) -> Self {
+    pub fn new(law: DriftLaw, first: SeenFrame, (end_us, events): (i64, u64)) -> Self {
+        let apart = lines_apart(events, first.brightness.size());
+        Self::of_lines(law, first, end_us, apart)
+    }
+
+    /// Compares the events on every `apart`-th line.
+    fn of_lines(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
         let Size { width, height } = first.brightness.size();
         let (width, height) = (width as usize, height as usize);
         let start_us = first.t_us as f64;
@@ -148,7 +160,7 @@ impl CrossingObserver {
             };
             PartRow { first: first_line(row) * width, pixels, residuals }
         };
-        Self { rows: (0..PARTS).map(row).collect(), drifts: FrameDrifts::new(law, first, end_us) }
+        Self { rows: (0..PARTS).map(row).collect(), drifts: FrameDrifts::new(law, first, end_us, apart) }
     }
 
     /// Size of the frames.
@@ -165,21 +177,12 @@ impl CrossingObserver {
         self.drifts.take_frame(frame);
     }
 
-    /// Sees events between the two latest frames, in the order of the stream. Events off the sensor are left
-    /// out.
+    /// Sees events between the two latest frames, in the order of the stream. Events off the sensor, and on
+    /// lines that are not compared, are left out.
     pub fn see(&mut self, events: &[Event]) {
         let Self { drifts, rows } = self;
         // Each row looks at all events: that costs far less than what follows for its own.
-        rows.par_iter_mut().for_each(|row| {
-            for event in events {
-                let Some(pixel) = drifts.pixel(event).and_then(|pixel| pixel.checked_sub(row.first)) else {
-                    continue;
-                };
-                if pixel < row.pixels {
-                    row.residuals.see(&drifts.crossing(event, pixel, row.first));
-                }
-            }
-        });
+        rows.par_iter_mut().for_each(|row| row.see(drifts, events));
     }
 
     /// The clock over all events.
@@ -215,6 +218,13 @@ impl CrossingObserver {
     }
 }
 
+/// Lines of the picture from one that is compared to the next.
+fn lines_apart(events: u64, size: Size) -> u64 {
+    // Each part of the picture keeps some lines, so that the errors of the parts are still independent.
+    let most = u64::from(size.height) / (PARTS as u64 * LINES);
+    events.div_ceil(ENOUGH).min(most).max(1)
+}
+
 /// The residuals of single events that are used.
 #[derive(Debug, Clone, Copy)]
 enum Residuals {
@@ -222,7 +232,37 @@ enum Residuals {
     Large,
 }
 
+impl PartRow {
+    /// Sees those of the events that are in the row.
+    fn see(&mut self, drifts: &FrameDrifts, events: &[Event]) {
+        let Self { first, pixels, residuals } = self;
+        let within = |event: &Event| drifts.pixel(event)?.checked_sub(*first).filter(|pixel| pixel < pixels);
+        let mut own = events.iter().filter_map(|event| Some((within(event)?, event)));
+        let mut batch = Vec::with_capacity(AHEAD);
+        loop {
+            batch.clear();
+            batch.extend(own.by_ref().take(AHEAD));
+            if batch.is_empty() {
+                return;
+            }
+            let met = |(pixel, event): &(usize, &Event)| {
+                drifts.met_at(*first + pixel) ^ residuals.met_by(*pixel, event.polarity)
+            };
+            load_ahead(batch.iter().map(met));
+            batch.iter().for_each(|(pixel, event)| residuals.see(&drifts.crossing(event, *pixel, *first)));
+        }
+    }
+}
+
 impl EventResiduals {
+    /// The bits of the values that an event at a pixel meets.
+    fn met_by(&self, pixel: usize, polarity: Polarity) -> u64 {
+        match self {
+            Self::Levels(levels) => levels.met_at(pixel),
+            Self::Pairs(pairs) => pairs.met_by(pixel, polarity),
+        }
+    }
+
     fn see(&mut self, crossing: &Crossing) {
         match self {
             Self::Levels(levels) => levels.see(crossing),

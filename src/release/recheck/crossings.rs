@@ -74,7 +74,10 @@ impl CrossingWatch {
         let Self::Events(events) = self else { return Ok(()) };
         let frame = seen_frame(frame, t_us, &events.front_end);
         match &mut events.observer {
-            None => events.observer = Some(CrossingObserver::new(events.law, frame, events.end_us)),
+            None => {
+                let clip = (events.end_us, events.reader.count());
+                events.observer = Some(CrossingObserver::new(events.law, frame, clip));
+            }
             Some(observer) => observer.take_frame(frame),
         }
         // All events after the last frame are seen with it.

@@ -21,6 +21,8 @@ pub struct SeenFrame {
 pub(super) struct FrameDrifts {
     law: DriftLaw,
     width: usize,
+    /// True for the lines of the picture that are compared.
+    compared: Vec<bool>,
     middle_us: f64,
     /// `ln(L + k2)` of the first frame; NaN where it is cut off.
     first_logs: Vec<f64>,
@@ -71,13 +73,15 @@ fn integral_between(step_us: f64, ends: [f32; 2]) -> f64 {
 }
 
 impl FrameDrifts {
-    pub(super) fn new(law: DriftLaw, first: SeenFrame, end_us: i64) -> Self {
+    /// Every `apart`-th line is compared.
+    pub(super) fn new(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
         let SeenFrame { t_us, brightness, cut } = &first;
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
         let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
         Self {
             law,
             width: brightness.size().width as usize,
+            compared: (0..u64::from(brightness.size().height)).map(|y| y.is_multiple_of(apart)).collect(),
             middle_us: f64::midpoint(*t_us as f64, end_us as f64),
             exposure: vec![0.0; first_logs.len()],
             first_logs,
@@ -108,10 +112,21 @@ impl FrameDrifts {
         self.frames[1] = frame;
     }
 
-    /// The pixel of an event; `None` off the sensor.
+    /// The pixel of an event; `None` off the sensor, and on lines that are not compared.
     pub(super) fn pixel(&self, event: &Event) -> Option<usize> {
-        let pixel = usize::from(event.y) * self.width + usize::from(event.x);
-        (usize::from(event.x) < self.width && pixel < self.exposure.len()).then_some(pixel)
+        let [x, y] = [event.x, event.y].map(usize::from);
+        let is_compared = *self.compared.get(y)? && x < self.width;
+        is_compared.then_some(y * self.width + x)
+    }
+
+    /// The bits of the values that determine the drift of a pixel.
+    pub(super) fn met_at(&self, pixel: usize) -> u64 {
+        let of_frame = |frame: &SeenFrame| {
+            u64::from(frame.brightness.pixels()[pixel].to_bits()) ^ u64::from(frame.cut[pixel])
+        };
+        let [from, to] = &self.frames;
+        let drift = self.first_logs[pixel].to_bits() ^ self.exposure[pixel].to_bits();
+        drift ^ of_frame(from) ^ of_frame(to)
     }
 
     /// The column of parts in which a pixel lies. Pixels may be counted from any line.

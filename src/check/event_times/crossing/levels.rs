@@ -25,6 +25,12 @@ impl LevelResiduals {
         Self { law, levels: vec![0.0; pixels], sums: vec![[LineSums::default(); 2]; places] }
     }
 
+    /// The bits of the values that an event meets at a pixel.
+    pub(super) fn met_at(&self, pixel: usize) -> u64 {
+        let sums = if self.law.from_zero { 0 } else { self.sums[pixel][0].n.to_bits() };
+        self.levels[pixel].to_bits() ^ sums
+    }
+
     pub(super) fn see(&mut self, crossing: &Crossing) {
         let Crossing { pixel, part, drift, moves, threshold, .. } = *crossing;
         self.levels[pixel] += crossing.jump();

@@ -48,11 +48,9 @@ pub(super) struct PairResiduals {
 #[derive(Debug, Clone, Copy)]
 struct PairStart {
     t_us: f64,
-    /// Drift at the event; NaN if it is unknown.
+    /// Drift at the event; NaN if it is unknown, or if the event does not follow it.
     drift: f64,
     moves: [f64; 2],
-    /// True if the event follows the drift.
-    along: bool,
 }
 
 impl PairResiduals {
@@ -60,7 +58,7 @@ impl PairResiduals {
         // From zero, the first frame is like an event: the voltage is at the level, and does not
         // move yet.
         let drift = if law.from_zero { 0.0 } else { f64::NAN };
-        let start = PairStart { t_us: first_us, drift, moves: [0.0; 2], along: true };
+        let start = PairStart { t_us: first_us, drift, moves: [0.0; 2] };
         Self {
             law,
             last: vec![start; pixels],
@@ -70,14 +68,20 @@ impl PairResiduals {
         }
     }
 
+    /// The bits of the values that an event meets at a pixel.
+    pub(super) fn met_by(&self, pixel: usize, polarity: Polarity) -> u64 {
+        let sums = self.groups.get(pixel).map_or(0.0, |groups| groups[group_of(polarity)].n);
+        self.last[pixel].t_us.to_bits() ^ sums.to_bits()
+    }
+
     pub(super) fn see(&mut self, crossing: &Crossing) {
         let Crossing { pixel, part, t_us, drift, moves, threshold, .. } = *crossing;
-        let along = crossing.is_along();
+        // A pair of which either event does not follow the drift has no residual, nor has one of an unknown drift.
+        let drift = if crossing.is_along() { drift } else { f64::NAN };
         // Every event starts a pair, also one that is left out: the next pair is counted from it.
-        let from = std::mem::replace(&mut self.last[pixel], PairStart { t_us, drift, moves, along });
+        let from = std::mem::replace(&mut self.last[pixel], PairStart { t_us, drift, moves });
         let left = drift - from.drift - crossing.jump();
-        // An unknown drift is no residual at all.
-        if !(along && from.along) || left.is_nan() {
+        if left.is_nan() {
             return;
         }
         if self.is_noisy(crossing, t_us - from.t_us) {
@@ -91,7 +95,7 @@ impl PairResiduals {
         if size < 1.0 {
             self.parts[part].add(moves, left);
             if let Some(groups) = self.groups.get_mut(pixel) {
-                groups[usize::from(crossing.polarity == Polarity::Off)].add(moves, left);
+                groups[group_of(crossing.polarity)].add(moves, left);
             }
         }
         if (size - 1.0).abs() < BAND {
@@ -121,4 +125,9 @@ impl PairResiduals {
         }
         parts
     }
+}
+
+/// The group of the pairs that end with an event of this polarity.
+fn group_of(polarity: Polarity) -> usize {
+    usize::from(polarity == Polarity::Off)
 }

@@ -45,6 +45,16 @@ fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<SeenFrame
 
 /// The clock of a world whose events have other times.
 fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
+    clock_of_lines(world, frames, 1, time)
+}
+
+/// The clock by the events on every `apart`-th line.
+fn clock_of_lines(
+    world: &PlantedWorld,
+    frames: &[SeenFrame],
+    apart: u64,
+    time: impl Fn(f64) -> f64,
+) -> CrossingFit {
     let law = DriftLaw::for_crossings(&SensorChoice::Voltmeter(world.sensor.clone())).unwrap();
     let last = frames[FRAMES - 1].t_us;
     let moved = world.events.iter().map(|event| {
@@ -55,7 +65,7 @@ fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f6
     let mut events: Vec<Event> = moved.filter(|e| (0..=last).contains(&e.t.floor_micros())).collect();
     events.sort_by_key(|event| event.t);
     let mut rest = events.as_slice();
-    let mut observer = CrossingObserver::new(law, frames[0].clone(), last);
+    let mut observer = CrossingObserver::of_lines(law, frames[0].clone(), last, apart);
     for frame in &frames[1..] {
         observer.take_frame(frame.clone());
         let due;
@@ -84,6 +94,39 @@ fn clocks_of_unequal_and_noisy_pixels_are_measured() {
             let found = clock_of(&world, &frames, |t| scale * t).scale.value - sound.scale.value;
             assert!((found - (scale - 1.0)).abs() < within, "{scale}: {found}");
         }
+    }
+}
+
+/// A part of the lines shows the same clock, with a larger error.
+#[test]
+fn some_lines_of_the_picture_show_the_clock() {
+    let setting = settings().next().unwrap();
+    let world = PlantedWorld::new(setting);
+    let frames = rounded_frames(&world, setting);
+    let all = clock_of(&world, &frames, |t| t + 50.0);
+    let some = clock_of_lines(&world, &frames, 3, |t| t + 50.0);
+    println!("all {all:?}, some {some:?}");
+    assert!((0.2..0.5).contains(&(some.events as f64 / all.events as f64)));
+    // The standard error grows with the root of 3, and varies by a third with its 64 parts or fewer.
+    let growth = some.offset_us.deviation / all.offset_us.deviation;
+    assert!((1.0..3.0).contains(&growth), "{growth}");
+    // A third of the events is in both.
+    let apart = (some.offset_us.value - all.offset_us.value).abs();
+    assert!(apart < 4.0 * some.offset_us.deviation, "{apart}");
+}
+
+#[test]
+fn long_streams_are_compared_on_some_lines() {
+    let size = |height| Size { width: 640, height };
+    for (events, height, apart) in [
+        (0, 360, 1),
+        (1 << 20, 360, 1),
+        (10 << 20, 360, 10),
+        (1 << 40, 360, 11),
+        (1 << 40, 48, 1),
+        (1 << 40, 8, 1),
+    ] {
+        assert_eq!(lines_apart(events, size(height)), apart, "{events} events, {height} lines");
     }
 }
 
