@@ -1,9 +1,12 @@
 //! The layouts, one file each. Relatives share a file.
 
 mod camera_needs;
+mod e2nerf;
 mod e_nerf;
+mod evdeblurnerf;
 mod event_3dgs;
 mod eventnerf;
+mod inceventgs;
 mod parquet_rows;
 mod robust_e_nerf;
 mod webdataset;
@@ -12,7 +15,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 9] = [
+pub static FORMATS: [&dyn ExportFormat; 13] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -20,6 +23,10 @@ pub static FORMATS: [&dyn ExportFormat; 9] = [
     &eventnerf::E3dgs,
     &robust_e_nerf::RobustENerf,
     &robust_e_nerf::DeblurENerf,
+    &evdeblurnerf::EvDeblurNerf,
+    &evdeblurnerf::Llff,
+    &e2nerf::E2Nerf,
+    &inceventgs::IncEventGs,
     &webdataset::WebDataset,
     &parquet_rows::ParquetRows,
 ];

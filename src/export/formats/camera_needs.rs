@@ -97,3 +97,16 @@ pub(super) fn mean_threshold(plan: &ExportPlan<'_>, formula: BrightnessFormula) 
 pub(super) fn products(names: &[&str]) -> ExportLoss {
     ExportLoss::lost("outputs", names.join(", "))
 }
+
+/// The need for this number of blurred pictures, each with a sharp frame in the middle of its exposure.
+pub(super) fn unmet_exposures(plan: &ExportPlan<'_>, least: usize) -> Option<UnmetNeed> {
+    let exposures = plan.exposures();
+    let sharp = |pose: &usize| plan.frames.binary_search(pose).is_ok();
+    let found = exposures.iter().filter(|exposure| sharp(&exposure.pose)).count();
+    let what = format!(
+        "{} blurred pictures, {found} of them with a sharp frame in the middle, wanted at least {least} of both",
+        exposures.len()
+    );
+    (found < least || found < exposures.len())
+        .then(|| UnmetNeed::new(what, "outputs: [sharp, blur] and a longer trajectory or a smaller blur.frames"))
+}
