@@ -29,7 +29,7 @@ pub use formats::{FORMATS, format_named};
 pub use geometry::SceneBox;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{ExportPlan, TestViews};
-pub use subject::{Exposure, ExportSubject, SubjectChoice};
+pub use subject::{ExportSubject, Exposure, SubjectChoice};
 pub use tree::ExportFolder;
 
 use serde_json::{Value, json};

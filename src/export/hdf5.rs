@@ -38,10 +38,7 @@ impl Hdf5File {
     }
 
     /// Runs `add` on the file.
-    pub(super) fn add<T>(
-        &self,
-        add: impl FnOnce(&H5File) -> Result<T, Hdf5Error>,
-    ) -> Result<T, ExportError> {
+    pub(super) fn add<T>(&self, add: impl FnOnce(&H5File) -> Result<T, Hdf5Error>) -> Result<T, ExportError> {
         add(&self.file).map_err(failed(&self.path))
     }
 

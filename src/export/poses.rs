@@ -2,8 +2,8 @@
 
 use super::ExportPlan;
 use crate::camera::Camera;
-use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use crate::se3::rotation::slerp;
+use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use crate::trajectory::Trajectory;
 use crate::trajectory::text::significant_digits;
 use glam::DVec3;

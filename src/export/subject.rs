@@ -3,8 +3,8 @@
 use super::ExportError;
 use crate::artifact::EventStream;
 use crate::camera::Camera;
-use crate::event::Event;
-use crate::event::file::{self, EventFormat, ReadHints};
+use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
+use crate::event::{Event, StreamHeader};
 use crate::files;
 use crate::image::{Image, Size, npy, png};
 use crate::release::{SceneRecord, diff, recipe_of_scene};
@@ -158,8 +158,7 @@ impl ExportSubject {
             return Ok(Vec::new());
         }
         let bytes = self.read("transforms.json", files::MAX_DOCUMENT)?;
-        let listed: Value =
-            serde_json::from_slice(&bytes).map_err(|e| ExportError::unreadable(&path, e))?;
+        let listed: Value = serde_json::from_slice(&bytes).map_err(|e| ExportError::unreadable(&path, e))?;
         let frames = listed["frames"].as_array().map_or(&[][..], Vec::as_slice);
         let blurred = frames.iter().filter(|frame| frame.get("blur_file_path").is_some());
         let read = |frame: &Value| {
@@ -248,6 +247,23 @@ impl ExportSubject {
             .map_err(|e| ExportError::unreadable(&path, e))
     }
 
+    /// What the file of events states.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn event_header(&self) -> Result<StreamHeader, ExportError> {
+        Ok(self.open_events()?.header)
+    }
+
+    fn open_events(&self) -> Result<OpenEventFile, ExportError> {
+        let path = self.dir.join(&self.events);
+        let unreadable = |because: String| ExportError::unreadable(&path, because);
+        // The reader follows links, so the path is checked first.
+        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
+        let hints = ReadHints { size: Some(self.camera.size), unit: None };
+        file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))
+    }
+
     /// Calls `see` with each event from `first_us` to `last_us`, both included, and its time in
     /// microseconds, in the order of the file. Chunks are read one at a time.
     ///
@@ -260,11 +276,8 @@ impl ExportSubject {
     ) -> Result<(), ExportError> {
         let path = self.dir.join(&self.events);
         let unreadable = |because: String| ExportError::unreadable(&path, because);
-        // The reader follows links, so the path is checked first.
-        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
         let size = self.camera.size;
-        let hints = ReadHints { size: Some(size), unit: None };
-        let mut opened = file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))?;
+        let mut opened = self.open_events()?;
         let (mut chunk, mut last) = (Vec::new(), i64::MIN);
         while opened.source.next_chunk(&mut chunk).map_err(|e| unreadable(e.to_string()))? {
             for event in &chunk {

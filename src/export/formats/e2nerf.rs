@@ -12,7 +12,9 @@
 //! Traps: every second entry is read; an entry 0 is skipped; the size, the number of views, near, far and the
 //! thresholds are in its code.
 
-use super::camera_needs::{centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames};
+use super::camera_needs::{
+    centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames,
+};
 use crate::event::Polarity;
 use crate::export::brightness::BrightnessFactor;
 use crate::export::tensor::TensorWriter;
@@ -67,9 +69,14 @@ impl ExportFormat for E2Nerf {
     fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         let mut losses = centred_camera(plan, 0.0, true);
         losses.extend(numbers_in_code(plan));
-        losses.extend(thresholds(plan, FORMULA, true).into_iter().filter(|loss| loss.field != "sensor.threshold"));
+        losses.extend(
+            thresholds(plan, FORMULA, true).into_iter().filter(|loss| loss.field != "sensor.threshold"),
+        );
         losses.push(encoded_mean());
-        losses.push(ExportLoss::lost("events", "times within a quarter of an exposure; events between exposures"));
+        losses.push(ExportLoss::lost(
+            "events",
+            "times within a quarter of an exposure; events between exposures",
+        ));
         losses.push(ExportLoss::derived("poses", "17 poses of each exposure, between those of the release"));
         losses.push(products(&["depth", "flow", "labels of events"]));
         losses
@@ -104,7 +111,8 @@ fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
     }
     let views = plan.exposures().len();
     if views != VIEWS {
-        let what = format!("{views} blurred pictures: the program has {VIEWS} in its code, one number to edit");
+        let what =
+            format!("{views} blurred pictures: the program has {VIEWS} in its code, one number to edit");
         losses.push(ExportLoss::approximate("blur.count", views.abs_diff(VIEWS) as f64, what));
     }
     let ratio = BOUNDS[1] / BOUNDS[0];
@@ -119,7 +127,8 @@ fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         let factor = BrightnessFactor::between(sensor, FORMULA).median;
         let (on, off) = sensor.as_model().contrast();
         let own = [on * factor, off * factor];
-        let apart = own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
+        let apart =
+            own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
         if apart > SAME_THRESHOLD {
             let [on, off] = THRESHOLDS;
             let what = format!(
@@ -255,7 +264,8 @@ fn write_test(
     let mut entries = Vec::new();
     for (view, frame) in frames.iter().enumerate() {
         let matrix = moved(&subject.poses.world_from_camera[*frame], similarity);
-        entries.push(json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": [matrix, matrix] }));
+        entries
+            .push(json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": [matrix, matrix] }));
         out.write_file(&format!("test/r_{view}.png"), &subject.sharp_file(*frame)?)?;
     }
     write_transforms(plan, "transform_test.json", entries, out)?;

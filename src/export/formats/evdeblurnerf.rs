@@ -23,8 +23,8 @@ use crate::export::brightness::BrightnessFactor;
 use crate::export::hdf5::{GrowingColumn, Hdf5File};
 use crate::export::npy::{self, Entry};
 use crate::export::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, TestViews, UnmetNeed,
-    geometry, poses,
+    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, TestViews,
+    UnmetNeed, geometry, poses,
 };
 use crate::se3::Se3;
 use glam::DVec3;
@@ -70,7 +70,12 @@ impl ExportFormat for EvDeblurNerf {
     fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         let mut losses = losses(plan);
         losses.extend(thresholds(plan, FORMULA, false));
-        losses.push(products(&["sharp frames between the held-out ones", "depth", "flow", "labels of events"]));
+        losses.push(products(&[
+            "sharp frames between the held-out ones",
+            "depth",
+            "flow",
+            "labels of events",
+        ]));
         losses
     }
 
@@ -175,7 +180,7 @@ fn pictures(plan: &ExportPlan<'_>) -> Vec<Picture> {
         return plan.frames.iter().copied().map(sharp).collect();
     }
     let every = held_out_every(plan);
-    let picture = |(index, exposure): (usize, &crate::export::Exposure)| {
+    let picture = |(index, exposure): (usize, &Exposure)| {
         if index % every == 0 {
             return sharp(exposure.pose);
         }
@@ -226,7 +231,8 @@ fn write_pictures(
 
 fn write_stamps(pictures: &[Picture], out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
     let stamps = |of: &dyn Fn(&Picture) -> i64| {
-        let bytes: Vec<u8> = pictures.iter().flat_map(|picture| (of(picture) + SHIFT_US).to_le_bytes()).collect();
+        let bytes: Vec<u8> =
+            pictures.iter().flat_map(|picture| (of(picture) + SHIFT_US).to_le_bytes()).collect();
         Entry::Whole(npy::array("<i8", &[pictures.len() as u64], &bytes))
     };
     let entries = vec![

@@ -11,7 +11,9 @@
 //! The poses serve evaluation alone: the method finds its own. Traps: the name of the folder of events is in
 //! the code, whatever the threshold; pictures are JPEG; times become float32 of seconds.
 
-use super::camera_needs::{mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views};
+use super::camera_needs::{
+    mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
+};
 use crate::event::Polarity;
 use crate::export::npy::{self, GrowingArray};
 use crate::export::plan::seconds_text;
@@ -34,8 +36,10 @@ const MIN_FRAMES: usize = 2;
 const QUALITY: u8 = 100;
 /// Difference of two distances of stamps of equal distance: both are rounded to a microsecond.
 const ROUNDING_US: i64 = 2;
-/// Time from which on float32 seconds are more than a microsecond apart, us: 2^24 of them.
-const FLOAT32_US: i64 = 1 << 24;
+/// Time from which on float32 seconds are more than a microsecond apart, us, and their distance there: a
+/// fraction has 23 bits, and each doubling of the time doubles the distance.
+const FLOAT32_US: i64 = 16_000_000;
+const SPACING_US: f64 = 16e6 / (1 << 23) as f64;
 
 impl ExportFormat for IncEventGs {
     fn name(&self) -> &'static str {
@@ -60,9 +64,11 @@ impl ExportFormat for IncEventGs {
 
     fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         let mut losses = thresholds(plan, FORMULA, true);
-        if plan.length_us() > FLOAT32_US {
-            let spacing = (plan.length_us() as f64 / FLOAT32_US as f64).log2().ceil().exp2();
-            let what = format!("times become float32 of seconds: they are up to {spacing} us apart at the end");
+        if plan.length_us() >= FLOAT32_US {
+            let octave = (plan.length_us() / FLOAT32_US).ilog2();
+            let spacing = SPACING_US * f64::from(1 << octave.min(30));
+            let what =
+                format!("times become float32 of seconds: they are up to {spacing:.1} us apart at the end");
             losses.push(ExportLoss::approximate("events.t", spacing, what));
         }
         losses.push(ExportLoss::lost("sharp", "exact greys: the pictures are JPEG, for evaluation"));
