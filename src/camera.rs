@@ -50,6 +50,40 @@ impl Camera {
     }
 }
 
+/// Place of the principal point in the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrincipalPoint {
+    /// The place that `cx` and `cy` give, or the source.
+    #[default]
+    Given,
+    /// The middle of the picture. Most methods that read one focal length assume it.
+    Middle,
+    /// Half a pixel right of the middle and below it. It is exact for methods whose rays leave a pixel at its
+    /// corner, such as E-NeRF and E2NeRF.
+    CornerHalf,
+}
+
+impl PrincipalPoint {
+    /// Returns true if this is the default.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        *self == Self::Given
+    }
+
+    /// The camera with its principal point at this place.
+    fn place(self, camera: Camera) -> Camera {
+        let from_middle = match self {
+            Self::Given => return camera,
+            Self::Middle => 0.0,
+            Self::CornerHalf => 0.5,
+        };
+        let [cx, cy] =
+            [camera.size.width, camera.size.height].map(|side| f64::from(side) / 2.0 + from_middle);
+        Camera { cx, cy, ..camera }
+    }
+}
+
 /// A recipe's choice of a camera that differs from the source's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CameraChoice {
@@ -60,6 +94,9 @@ pub struct CameraChoice {
     /// fx, fy, cx and cy in pixels. `None` keeps the horizontal field of view of the source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub intrinsics: Option<[f64; 4]>,
+    /// The principal point. `Given` is that of `intrinsics` or of the source, and stays out of keys.
+    #[serde(skip_serializing_if = "PrincipalPoint::is_given")]
+    pub principal: PrincipalPoint,
 }
 
 impl CameraChoice {
@@ -68,10 +105,11 @@ impl CameraChoice {
     #[must_use]
     pub fn resolve(&self, source: Option<&Camera>) -> Option<Camera> {
         let size = Size { width: self.width, height: self.height };
-        match self.intrinsics {
+        let camera = match self.intrinsics {
             Some([fx, fy, cx, cy]) => Some(Camera { size, fx, fy, cx, cy }),
             None => source.map(|source| source.resized(size)),
-        }
+        };
+        camera.map(|camera| self.principal.place(camera))
     }
 }
 
@@ -100,7 +138,7 @@ mod tests {
     #[test]
     fn a_camera_is_chosen_and_what_it_leaves_open_is_the_sources() {
         let own = Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 32.0, cy: 24.0 };
-        let size = CameraChoice { width: 32, height: 24, intrinsics: None };
+        let size = CameraChoice { width: 32, height: 24, intrinsics: None, principal: PrincipalPoint::Given };
         let whole = CameraChoice { intrinsics: Some([30.0, 31.0, 15.0, 12.0]), ..size };
         let fx = |choice, source| choose_camera(choice, source).map(|camera| camera.fx);
         assert_eq!(fx(None, Some(&own)), Some(60.0));
@@ -108,5 +146,12 @@ mod tests {
         assert_eq!(choose_camera(Some(whole), Some(&own)), choose_camera(Some(whole), None));
         assert_eq!(fx(Some(whole), None), Some(30.0));
         assert_eq!((fx(Some(size), None), fx(None, None)), (None, None));
+        let centre = |principal, choice: CameraChoice| {
+            let camera = CameraChoice { principal, ..choice }.resolve(Some(&own)).unwrap();
+            [camera.fx, camera.cx, camera.cy]
+        };
+        assert_eq!(centre(PrincipalPoint::CornerHalf, size), [30.0, 16.5, 12.5]);
+        assert_eq!(centre(PrincipalPoint::Middle, whole), [30.0, 16.0, 12.0]);
+        assert_eq!(centre(PrincipalPoint::Given, whole), [30.0, 15.0, 12.0]);
     }
 }

@@ -14,11 +14,13 @@ mod brightness;
 mod error;
 mod formats;
 mod geometry;
+mod hdf5;
 mod ledger;
 mod npy;
 mod plan;
 mod poses;
 mod subject;
+mod tensor;
 mod tree;
 
 pub use brightness::{BrightnessFactor, BrightnessFormula};
@@ -27,7 +29,7 @@ pub use formats::{FORMATS, format_named};
 pub use geometry::SceneBox;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{ExportPlan, TestViews};
-pub use subject::{ExportSubject, SubjectChoice};
+pub use subject::{ExportSubject, Exposure, SubjectChoice};
 pub use tree::ExportFolder;
 
 use serde_json::{Value, json};

@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf, webdataset, \
-    parquet. \
+    after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf, evdeblurnerf, \
+    llff, e2nerf, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet. \
     DIR is written whole or not at all, and export.json in it lists every loss."
 )]
 pub(super) struct ExportArgs {

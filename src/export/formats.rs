@@ -1,9 +1,17 @@
 //! The layouts, one file each. Relatives share a file.
 
 mod camera_needs;
+mod dsec;
+mod e2nerf;
+mod e2vid;
 mod e_nerf;
+mod evdeblurnerf;
 mod event_3dgs;
 mod eventnerf;
+mod evreal;
+mod inceventgs;
+mod marks;
+mod monash_h5;
 mod parquet_rows;
 mod robust_e_nerf;
 mod webdataset;
@@ -12,7 +20,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 9] = [
+pub static FORMATS: [&dyn ExportFormat; 18] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -20,6 +28,15 @@ pub static FORMATS: [&dyn ExportFormat; 9] = [
     &eventnerf::E3dgs,
     &robust_e_nerf::RobustENerf,
     &robust_e_nerf::DeblurENerf,
+    &evdeblurnerf::EvDeblurNerf,
+    &evdeblurnerf::Llff,
+    &e2nerf::E2Nerf,
+    &inceventgs::IncEventGs,
+    &monash_h5::MonashH5,
+    &e2vid::E2Vid,
+    &e2vid::E2VidZip,
+    &evreal::Evreal,
+    &dsec::Dsec,
     &webdataset::WebDataset,
     &parquet_rows::ParquetRows,
 ];

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// Bytes of a header: room for two lengths of 20 digits.
+/// Bytes of a header: room for a length of 20 digits and three sides of a picture.
 const HEADER: usize = 128;
 
 /// A header of format 1.0 for an array of this type and shape.
@@ -43,13 +43,19 @@ pub(super) struct GrowingArray {
     path: PathBuf,
     file: BufWriter<File>,
     kind: &'static str,
-    columns: Option<u64>,
+    /// The shape of a row.
+    row: Vec<u64>,
     rows: u64,
 }
 
 impl GrowingArray {
     /// Starts an array with rows of `columns` elements, or of one axis without them.
     pub(super) fn create(path: &Path, kind: &'static str, columns: Option<u64>) -> Result<Self, ExportError> {
+        Self::of_rows(path, kind, columns.into_iter().collect())
+    }
+
+    /// Starts an array whose rows have this shape.
+    pub(super) fn of_rows(path: &Path, kind: &'static str, row: Vec<u64>) -> Result<Self, ExportError> {
         let create = || {
             let mut file = BufWriter::new(File::create_new(path)?);
             // Room for the header, whose length does not depend on the number of rows.
@@ -57,7 +63,7 @@ impl GrowingArray {
             Ok(file)
         };
         let file = create().map_err(ExportError::unwritten(path))?;
-        Ok(Self { path: path.to_owned(), file, kind, columns, rows: 0 })
+        Ok(Self { path: path.to_owned(), file, kind, row, rows: 0 })
     }
 
     /// Appends a row.
@@ -73,7 +79,7 @@ impl GrowingArray {
 
     /// Completes the file.
     pub(super) fn finish(mut self) -> Result<PathBuf, ExportError> {
-        let shape: Vec<u64> = [self.rows].into_iter().chain(self.columns).collect();
+        let shape: Vec<u64> = [self.rows].into_iter().chain(self.row.iter().copied()).collect();
         let header = header(self.kind, &shape);
         let mut finish = || {
             self.file.seek(SeekFrom::Start(0))?;

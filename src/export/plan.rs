@@ -1,6 +1,6 @@
 //! What is decided before anything is written: the interval, the frames, and the held-out views.
 
-use super::{ExportError, ExportSubject};
+use super::{ExportError, ExportSubject, Exposure};
 use crate::event::Event;
 use crate::se3::Se3;
 use crate::sensor::SensorChoice;
@@ -56,6 +56,18 @@ impl<'a> ExportPlan<'a> {
         }
         let frames = subject.sharp.iter().copied().filter(|pose| poses.contains(pose)).collect();
         Ok(Self { subject, test, poses, frames })
+    }
+
+    /// The exposures within the interval. Their times count from its start, us.
+    #[must_use]
+    pub fn exposures(&self) -> Vec<Exposure> {
+        let [first, last] = self.window_us();
+        let within = |exposure: &&Exposure| first <= exposure.open_us[0] && exposure.open_us[1] <= last;
+        let moved = |exposure: &Exposure| Exposure {
+            pose: exposure.pose,
+            open_us: exposure.open_us.map(|t_us| t_us - first),
+        };
+        self.subject.exposures.iter().filter(within).map(moved).collect()
     }
 
     /// First and last stamp, in the times of the release, us.
@@ -145,4 +157,10 @@ impl<'a> ExportPlan<'a> {
             "frames": self.frames.len(), "test": test,
         })
     }
+}
+
+/// A time in seconds, with six decimals: exact.
+#[must_use]
+pub(super) fn seconds_text(t_us: i64) -> String {
+    format!("{}.{:06}", t_us / 1_000_000, t_us % 1_000_000)
 }

@@ -1,8 +1,9 @@
 //! Poses at any time, and their forms in files.
 
 use super::ExportPlan;
-use crate::se3::Se3;
+use crate::camera::Camera;
 use crate::se3::rotation::slerp;
+use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use crate::trajectory::Trajectory;
 use crate::trajectory::text::significant_digits;
 use glam::DVec3;
@@ -31,6 +32,29 @@ pub(super) fn matrix(pose: &Se3) -> [[f64; 4]; 4] {
     let row = |of: DVec3, t: f64| [of.x, of.y, of.z, t];
     let DVec3 { x, y, z } = pose.translation;
     [row(turn.x_axis, x), row(turn.y_axis, y), row(turn.z_axis, z), [0.0, 0.0, 0.0, 1.0]]
+}
+
+/// Camera to world, OpenGL axes, by rows.
+pub(super) fn opengl_matrix(pose: &Se3) -> [[f64; 4]; 4] {
+    let mut rows = matrix(pose);
+    // Camera axes are columns.
+    let flip = OPENCV_FROM_OPENGL.to_array();
+    rows[..3].iter_mut().for_each(|row| row.iter_mut().zip(flip).for_each(|(v, sign)| *v *= sign));
+    rows
+}
+
+/// A row of LLFF's `poses_bounds.npy`: three rows of the camera axes down, right and back, the place, and
+/// one of height, width and focal length; then the nearest and the furthest distance.
+pub(super) fn llff_row(camera: &Camera, pose: &Se3, depth: [f64; 2]) -> [f64; 17] {
+    let sides = [f64::from(camera.size.height), f64::from(camera.size.width), camera.fx];
+    let mut row = [0.0; 17];
+    for ((out, [right, down, forward, place]), side) in
+        row.as_chunks_mut::<5>().0.iter_mut().zip(matrix(pose)).zip(sides)
+    {
+        *out = [down, right, -forward, place, side];
+    }
+    row[15..].copy_from_slice(&depth);
+    row
 }
 
 /// A matrix as text, one row per line.

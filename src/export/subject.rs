@@ -3,10 +3,10 @@
 use super::ExportError;
 use crate::artifact::EventStream;
 use crate::camera::Camera;
-use crate::event::Event;
-use crate::event::file::{self, EventFormat, ReadHints};
+use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
+use crate::event::{Event, StreamHeader};
 use crate::files;
-use crate::image::{Image, Size, png};
+use crate::image::{Image, Size, npy, png};
 use crate::release::{SceneRecord, diff, recipe_of_scene};
 use crate::sensor::SensorChoice;
 use crate::trajectory::Trajectory;
@@ -44,6 +44,10 @@ pub struct ExportSubject {
     pub sharp: Vec<usize>,
     /// Poses with a depth picture, ascending.
     pub depth: Vec<usize>,
+    /// Poses with a picture of the optical flow, ascending.
+    pub flow: Vec<usize>,
+    /// The blurred pictures, ascending.
+    pub exposures: Vec<Exposure>,
     /// Percentiles 5 and 95 of the depth, if the release states them.
     pub depth_range: Option<[f64; 2]>,
     /// The sensor, if the trajectory has events.
@@ -51,6 +55,34 @@ pub struct ExportSubject {
     dir: PathBuf,
     folder: String,
     events: String,
+}
+
+/// A blurred picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Exposure {
+    /// The pose in the middle, which names the picture.
+    pub pose: usize,
+    /// Times at which the shutter opens and closes, in the times of the release, us.
+    pub open_us: [i64; 2],
+}
+
+impl Exposure {
+    /// An exposure from a frame of `transforms.json`.
+    fn read(frame: &Value) -> Option<Self> {
+        let name = frame["blur_file_path"].as_str()?.strip_prefix("blur/")?.strip_suffix(".png")?;
+        let open_us = [frame["exposure_start_us"].as_i64()?, frame["exposure_end_us"].as_i64()?];
+        Some(Self { pose: name.parse().ok()?, open_us })
+    }
+
+    /// Returns true if its pose exists and lies within the exposure, and the exposure within the poses.
+    fn fits(&self, stamps_us: &[i64]) -> bool {
+        let [start, end] = self.open_us;
+        let within = |stamp: &i64| (start..=end).contains(stamp);
+        let ends = stamps_us.first().zip(stamps_us.last());
+        start < end
+            && stamps_us.get(self.pose).is_some_and(within)
+            && ends.is_some_and(|(first, last)| *first <= start && end <= *last)
+    }
 }
 
 impl ExportSubject {
@@ -87,6 +119,8 @@ impl ExportSubject {
             poses: Trajectory { world_from_camera: Vec::new(), stamps_us: Vec::new() },
             sharp: Vec::new(),
             depth: Vec::new(),
+            flow: Vec::new(),
+            exposures: Vec::new(),
             depth_range: depth,
             sensor,
             dir: dir.to_owned(),
@@ -96,6 +130,8 @@ impl ExportSubject {
         subject.read_poses()?;
         subject.sharp = subject.pictures("sharp", "png");
         subject.depth = subject.pictures("depth", "npy");
+        subject.flow = subject.pictures("flow", "npy");
+        subject.exposures = subject.read_exposures()?;
         // A release may lack events that its sensor would make.
         if !files::is_there(&dir.join(&subject.events)) {
             subject.sensor = None;
@@ -113,6 +149,26 @@ impl ExportSubject {
         }
         self.poses = poses;
         Ok(())
+    }
+
+    /// The blurred pictures that `transforms.json` lists. A trajectory without a folder of them has none.
+    fn read_exposures(&self) -> Result<Vec<Exposure>, ExportError> {
+        let path = self.path("transforms.json");
+        if !files::is_there(&self.path("blur")) {
+            return Ok(Vec::new());
+        }
+        let bytes = self.read("transforms.json", files::MAX_DOCUMENT)?;
+        let listed: Value = serde_json::from_slice(&bytes).map_err(|e| ExportError::unreadable(&path, e))?;
+        let frames = listed["frames"].as_array().map_or(&[][..], Vec::as_slice);
+        let blurred = frames.iter().filter(|frame| frame.get("blur_file_path").is_some());
+        let read = |frame: &Value| {
+            let exposure = Exposure::read(frame).filter(|exposure| exposure.fits(&self.poses.stamps_us));
+            let wanted = "a blurred picture has no pose, or no exposure around it within the poses";
+            exposure.ok_or_else(|| ExportError::unreadable(&path, wanted))
+        };
+        let mut exposures = blurred.map(read).collect::<Result<Vec<_>, _>>()?;
+        exposures.sort_by_key(|exposure| exposure.pose);
+        Ok(exposures)
     }
 
     /// The poses with a picture of this kind.
@@ -149,6 +205,27 @@ impl ExportSubject {
             .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 
+    /// The file of the blurred picture of a pose, PNG in sRGB.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn blurred_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
+        self.read(&format!("blur/{pose:06}.png"), files::MAX_PICTURE)
+    }
+
+    /// The optical flow at a pose, px/s to the right and down, row-major; NaN where it is undefined.
+    ///
+    /// # Errors
+    /// It cannot be read, or has another size than the camera.
+    pub fn flow_picture(&self, pose: usize) -> Result<Vec<[f32; 2]>, ExportError> {
+        let name = format!("flow/{pose:06}.npy");
+        let file = self.read(&name, files::MAX_PICTURE)?;
+        let Size { width, height } = self.camera.size;
+        let values = npy::read_floats(&[height.into(), width.into(), 2], &mut Cursor::new(file));
+        let values = values.map_err(|e| ExportError::unreadable(&self.path(&name), e))?;
+        Ok(values.as_chunks().0.to_vec())
+    }
+
     /// The file of the depth picture of a pose, NumPy float32 (H, W).
     ///
     /// # Errors
@@ -170,6 +247,23 @@ impl ExportSubject {
             .map_err(|e| ExportError::unreadable(&path, e))
     }
 
+    /// What the file of events states.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn event_header(&self) -> Result<StreamHeader, ExportError> {
+        Ok(self.open_events()?.header)
+    }
+
+    fn open_events(&self) -> Result<OpenEventFile, ExportError> {
+        let path = self.dir.join(&self.events);
+        let unreadable = |because: String| ExportError::unreadable(&path, because);
+        // The reader follows links, so the path is checked first.
+        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
+        let hints = ReadHints { size: Some(self.camera.size), unit: None };
+        file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))
+    }
+
     /// Calls `see` with each event from `first_us` to `last_us`, both included, and its time in
     /// microseconds, in the order of the file. Chunks are read one at a time.
     ///
@@ -182,11 +276,8 @@ impl ExportSubject {
     ) -> Result<(), ExportError> {
         let path = self.dir.join(&self.events);
         let unreadable = |because: String| ExportError::unreadable(&path, because);
-        // The reader follows links, so the path is checked first.
-        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
         let size = self.camera.size;
-        let hints = ReadHints { size: Some(size), unit: None };
-        let mut opened = file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))?;
+        let mut opened = self.open_events()?;
         let (mut chunk, mut last) = (Vec::new(), i64::MIN);
         while opened.source.next_chunk(&mut chunk).map_err(|e| unreadable(e.to_string()))? {
             for event in &chunk {

@@ -84,12 +84,30 @@ pub fn write_image<P: PngPixel>(image: &Image<P>, out: impl Write) -> std::io::R
     write_rows(image.size(), P::COLOUR, P::bytes(image.pixels()), out)
 }
 
+/// Writes a colour image of 16 bits, whose channels may hold anything.
+///
+/// # Errors
+/// `out` fails, or the image has no pixels.
+pub fn write_wide(image: &Image<[u16; 3]>, out: impl Write) -> std::io::Result<()> {
+    let bytes: Vec<u8> = image.pixels().as_flattened().iter().flat_map(|v| v.to_be_bytes()).collect();
+    write_depth(image.size(), (ColorType::Rgb, BitDepth::Sixteen), &bytes, out)
+}
+
 /// Writes the rows of an image of 8 bits.
 fn write_rows(size: Size, colour: ColorType, rows: &[u8], out: impl Write) -> std::io::Result<()> {
+    write_depth(size, (colour, BitDepth::Eight), rows, out)
+}
+
+fn write_depth(
+    size: Size,
+    (colour, depth): (ColorType, BitDepth),
+    rows: &[u8],
+    out: impl Write,
+) -> std::io::Result<()> {
     let Size { width, height } = size;
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(colour);
-    encoder.set_depth(BitDepth::Eight);
+    encoder.set_depth(depth);
     encoder.set_filter(Filter::Paeth);
     encoder.set_deflate_compression(DeflateCompression::FdeflateUltraFast);
     let mut writer = encoder.write_header()?;

@@ -80,6 +80,13 @@ fn camera_value(camera: CameraChoice) -> Value {
     for (key, value) in ["fx", "fy", "cx", "cy"].into_iter().zip(camera.intrinsics.into_iter().flatten()) {
         sides[key] = json!(value);
     }
+    if !camera.principal.is_given() {
+        sides["principal"] = json!(camera.principal);
+        // The numbers of the point are not the ones used, and a recipe refuses both.
+        if let Some(sides) = sides.as_object_mut() {
+            sides.retain(|key, _| !["cx", "cy"].contains(&key.as_str()));
+        }
+    }
     sides
 }
 

@@ -36,6 +36,7 @@ pub(super) use trajectory::{
 };
 
 use super::field::{Field, NumberLiteral, UnsupportedField};
+use crate::camera::PrincipalPoint;
 use crate::check::Limits;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
@@ -129,6 +130,9 @@ pub(super) struct CameraSection {
     pub cx: Field<f64>,
     /// Principal point, y. Unit: px. Default: half the height.
     pub cy: Field<f64>,
+    /// Principal point by name, for `gs2e export`. Other than `given`, it excludes `cx` and `cy`. Default:
+    /// `given`.
+    pub principal: Field<PrincipalPoint>,
 }
 
 /// [sampling.md](sampling.md) explains the choice between a rate and a tolerance.

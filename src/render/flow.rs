@@ -13,14 +13,34 @@ use crate::trajectory::flow::FlowMeter;
 use glam::DVec2;
 use rayon::prelude::*;
 
-/// Displacement of each pixel's world point on the image from view `from` to view `to`, px. `depth`
-/// is in scene units along the optical axis of `from`. NaN where depth is NaN, and where the point
+/// Length of the displacement of each pixel's world point on the image from view `from` to view `to`, px.
+/// `depth` is in scene units along the optical axis of `from`. NaN where depth is NaN, and where the point
 /// is not in front of `to`.
 ///
 /// # Panics
 /// If `depth` does not have the size of `from`'s camera.
 #[must_use]
 pub fn flow_displacement(depth: &Image<f32>, from: &CameraView, to: &CameraView) -> Image<f32> {
+    displacements(depth, from, to, |moved| moved.map_or(f32::NAN, |moved| moved.length() as f32))
+}
+
+/// Displacement of each pixel's world point as [`flow_displacement`], to the right and down, px.
+///
+/// # Panics
+/// If `depth` does not have the size of `from`'s camera.
+#[must_use]
+pub fn flow_between(depth: &Image<f32>, from: &CameraView, to: &CameraView) -> Image<[f32; 2]> {
+    let vector = |moved: DVec2| [moved.x as f32, moved.y as f32];
+    displacements(depth, from, to, |moved| moved.map_or([f32::NAN; 2], vector))
+}
+
+/// The result of `see` at each pixel, from its displacement.
+fn displacements<T: Copy + Default + Send>(
+    depth: &Image<f32>,
+    from: &CameraView,
+    to: &CameraView,
+    see: impl Fn(Option<DVec2>) -> T + Sync,
+) -> Image<T> {
     let size = from.camera.size;
     assert_eq!(depth.size(), size, "the depth image is that of the view");
     // Centres are subtracted before anything is rotated: far from the world's origin, the
@@ -29,17 +49,15 @@ pub fn flow_displacement(depth: &Image<f32>, from: &CameraView, to: &CameraView)
     let turn = to_from_world * from.world_from_camera.rotation_matrix();
     let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
     let width = size.width as usize;
-    let mut moved = vec![0.0; size.pixels()];
-    moved.par_iter_mut().enumerate().for_each(|(i, moved)| {
+    let mut seen = vec![T::default(); size.pixels()];
+    seen.par_iter_mut().enumerate().for_each(|(i, seen)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         // NaN for a pixel without depth; the projection refuses it, and the result is NaN again.
         let point = from.camera.unproject(pixel, f64::from(depth.pixels()[i]));
-        *moved = match to.camera.project(turn * point + shift) {
-            Some([x, y]) => DVec2::new(x - pixel[0], y - pixel[1]).length() as f32,
-            None => f32::NAN,
-        };
+        let moved = to.camera.project(turn * point + shift);
+        *seen = see(moved.map(|[x, y]| DVec2::new(x - pixel[0], y - pixel[1])));
     });
-    Image::from_vec(size, moved)
+    Image::from_vec(size, seen)
 }
 
 /// Measures the flow of a moving camera on small images.

@@ -13,14 +13,22 @@
 )]
 
 mod arrays;
+mod blur;
+mod dsec;
+mod e2nerf;
 mod e_nerf;
+mod evdeblurnerf;
 mod event_3dgs;
 mod eventnerf;
+mod huggingface;
+mod inceventgs;
+mod networks;
 mod plane;
 mod refusals;
 mod robust;
 mod samples;
 mod steps;
+mod trained;
 
 use plane::Plane;
 use serde_json::Value;

@@ -18,10 +18,10 @@ const REAL_SCENE: &str = "../shared/data/scenes";
 const EVENTS: &str = "demo/procedural/still-life/base/events.h5";
 
 /// A finished run.
-struct Cost {
-    seconds: f64,
+pub(crate) struct Cost {
+    pub(crate) seconds: f64,
     /// Largest resident memory, MB.
-    peak_mb: f64,
+    pub(crate) peak_mb: f64,
 }
 
 /// Measures: `--program FILE` (built in release mode), `--most N` (10^8 events), `--runs N` (3).
@@ -113,7 +113,7 @@ fn measure_streams(gs2e: &Path, folder: &Path, most: u64) -> Outcome {
 }
 
 /// Runs the program, which must end with one of these codes.
-fn watch(gs2e: &Path, args: &[&str], codes: &[i32]) -> Outcome<Cost> {
+pub(crate) fn watch(gs2e: &Path, args: &[&str], codes: &[i32]) -> Outcome<Cost> {
     let what = format!("gs2e {}", args.join(" "));
     let begun = Instant::now();
     let mut command = Command::new(gs2e);
@@ -138,7 +138,7 @@ fn watch(gs2e: &Path, args: &[&str], codes: &[i32]) -> Outcome<Cost> {
 
 /// Writes a stream in EVT 2.0 (Prophesee, docs.prophesee.ai): 32-bit words, of which the highest four
 /// bits are the kind. The events jump over the sensor, ON and OFF in turn.
-fn write_stream(path: &Path, events: u64) -> std::io::Result<()> {
+pub(crate) fn write_stream(path: &Path, events: u64) -> std::io::Result<()> {
     let mut out = BufWriter::new(fs::File::create(path)?);
     let [width, height] = SIZE;
     write!(

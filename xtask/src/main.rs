@@ -10,6 +10,7 @@ mod ci;
 mod command;
 mod container;
 mod demo;
+mod export_bench;
 mod faults;
 mod folder;
 mod fuzz;
@@ -42,6 +43,9 @@ usage: cargo xtask <task>
   bench check [ARGS]...
                      time of `check --tree` next to that of the release, and its memory for streams of 10^6 to 10^8 events
                      (`--most N`, `--runs N`, `--program FILE`)
+  bench export [ARGS]...
+                     time and peak memory of every layout of `gs2e export` for a stream of 10^8 events, next to a plain copy of what
+                     it wrote (`--events N`, `--only FORMAT`, `--program FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
@@ -75,6 +79,7 @@ fn main() -> ExitCode {
             command::cargo(&["bench", "--quiet", "--bench", "build", "--"]).args(args).run()
         }
         (Some("bench"), [part, args @ ..]) if part == "check" => check_bench::run(args),
+        (Some("bench"), [part, args @ ..]) if part == "export" => export_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()

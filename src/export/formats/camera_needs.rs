@@ -48,8 +48,10 @@ pub(super) fn centred_camera(plan: &ExportPlan<'_>, ray: f64, one_focal: bool) -
     let mut losses = Vec::new();
     if furthest > SAME_PX {
         let [cx, cy] = [middle_x + 0.5 - ray, middle_y + 0.5 - ray];
+        let name = if ray > 0.0 { "middle" } else { "corner-half" };
         let what = format!(
-            "the loader's rays miss the pixel centres by {furthest} px; only a camera with its centre at ({cx}, {cy}) px is exact"
+            "the loader's rays miss the pixel centres by {furthest} px; only a camera with its centre at ({cx}, {cy}) px \
+             is exact: camera: {{ principal: {name} }}"
         );
         losses.push(ExportLoss::approximate("camera.centre", furthest, what));
     }
@@ -96,4 +98,26 @@ pub(super) fn mean_threshold(plan: &ExportPlan<'_>, formula: BrightnessFormula) 
 /// Products without a place in any of these layouts.
 pub(super) fn products(names: &[&str]) -> ExportLoss {
     ExportLoss::lost("outputs", names.join(", "))
+}
+
+/// The need for this number of blurred pictures, each with a sharp frame in the middle of its exposure.
+pub(super) fn unmet_exposures(plan: &ExportPlan<'_>, least: usize) -> Option<UnmetNeed> {
+    let exposures = plan.exposures();
+    let sharp = |pose: &usize| plan.frames.binary_search(pose).is_ok();
+    let found = exposures.iter().filter(|exposure| sharp(&exposure.pose)).count();
+    let what = format!(
+        "{} blurred pictures, {found} of them with a sharp frame in the middle, wanted at least {least} of both",
+        exposures.len()
+    );
+    (found < least || found < exposures.len()).then(|| {
+        UnmetNeed::new(what, "outputs: [sharp, blur] and a longer trajectory or a smaller blur.frames")
+    })
+}
+
+/// The need for columns and rows that int16 holds.
+pub(super) fn unmet_int16(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
+    let size = plan.subject.camera.size;
+    let most = i16::MAX;
+    let what = format!("pictures of {size}, wanted at most {most} columns and rows: places are int16");
+    (i16::try_from(size.width.max(size.height)).is_err()).then(|| UnmetNeed::new(what, "a smaller camera"))
 }

@@ -21,7 +21,6 @@ use crate::export::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, ExportSubject,
     UnmetNeed, geometry, poses,
 };
-use crate::se3::OPENCV_FROM_OPENGL;
 use serde_json::{Value, json};
 
 /// The layout of Robust e-NeRF.
@@ -257,10 +256,7 @@ fn write_views(
     for (index, pose) in frames.iter().enumerate() {
         let name = format!("{set}/{index:06}");
         out.write_file(&format!("views/{name}.png"), &subject.sharp_file(*pose)?)?;
-        let mut rows = poses::matrix(&subject.poses.world_from_camera[*pose]);
-        // Camera axes are columns.
-        let flip = OPENCV_FROM_OPENGL.to_array();
-        rows[..3].iter_mut().for_each(|row| row.iter_mut().zip(flip).for_each(|(v, sign)| *v *= sign));
+        let rows = poses::opengl_matrix(&subject.poses.world_from_camera[*pose]);
         listed.push(json!({ "file_path": format!("./{name}"), "transform_matrix": rows }));
         out.report()?;
     }

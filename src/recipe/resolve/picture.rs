@@ -2,7 +2,7 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
-use crate::camera::CameraChoice;
+use crate::camera::{CameraChoice, PrincipalPoint};
 use crate::image::Size;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
@@ -32,13 +32,24 @@ impl Resolver<'_> {
             self.small(field, 1, SIDE)
         });
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
+        let principal = self.principal(raw, place);
         let size = Size { width: width?, height: height? };
         // Both sides may be in range, and their product still too large.
         if let Err(error) = size.check_sensor() {
             return self.refuse(FieldProblem::of_field(format!("is {error}")).at(place));
         }
         let Size { width, height } = size;
-        Some(Some(CameraChoice { width, height, intrinsics: intrinsics? }))
+        Some(Some(CameraChoice { width, height, intrinsics: intrinsics?, principal: principal? }))
+    }
+
+    /// Resolves `principal`, which excludes the numbers of the same point.
+    fn principal(&self, raw: &schema::CameraSection, camera: TextSpan) -> Option<PrincipalPoint> {
+        let principal = self.or(&raw.principal, PrincipalPoint::Given)?;
+        if !principal.is_given() && ![&raw.cx, &raw.cy].iter().all(|field| field.is_absent()) {
+            let problem = FieldProblem::of_field("has both `principal` and `cx` or `cy`");
+            return self.refuse(problem.help("keep one of them").at(camera));
+        }
+        Some(principal)
     }
 
     /// Resolves fx, fy, cx and cy; the inner `None` means that the camera has no intrinsics of its

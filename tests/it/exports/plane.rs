@@ -1,6 +1,7 @@
 //! A textured plane in closed form, seen by a camera that moves in three axes and turns, with the
 //! events of an ideal threshold sensor, as files of a release.
 
+use super::blur;
 use crate::release::forger::edit;
 use crate::release::small::{gs2e, said};
 use glam::{DQuat, DVec2, DVec3};
@@ -119,6 +120,7 @@ impl Plane {
         }
         plane.write_poses();
         plane.write_pictures();
+        blur::write(&plane);
         plane.events = plane.write_events();
         plane
     }

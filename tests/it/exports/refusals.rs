@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Runs an export that must fail with this code, say these words, and leave an empty folder.
-fn refused(release: &Path, format: &str, more: &[&str], code: i32, words: &[&str]) {
+pub(super) fn refused(release: &Path, format: &str, more: &[&str], code: i32, words: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     let output = export(release, &folder.path().join("out"), format, more);
     let said = String::from_utf8_lossy(&output.stderr);

@@ -88,7 +88,8 @@ fn parquet_rows(exported: &Exported, split: &str) -> Vec<Sample> {
     reader.get_row_iter(None).unwrap().map(|row| sample(row.unwrap())).collect()
 }
 
-fn stream(plane: &plane::Plane) -> Vec<Event> {
+/// The events of the released file.
+pub(super) fn stream(plane: &plane::Plane) -> Vec<Event> {
     let mut reader = h5::Reader::open(&plane.folder("events.h5")).unwrap();
     let (mut all, mut chunk) = (Vec::new(), Vec::new());
     while reader.next_chunk(&mut chunk).unwrap() {

@@ -2,7 +2,8 @@
 
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
-use gs2e::camera::CameraChoice;
+use gs2e::camera::{Camera, CameraChoice, PrincipalPoint};
+use gs2e::image::Size;
 use gs2e::recipe::{Recipe, SceneSource, TrajectoryRecipe, find_edits};
 use gs2e::seed::{Seed, StreamPurpose};
 use gs2e::speed::function::SpeedExpression;
@@ -219,6 +220,28 @@ fn the_law_is_summed_or_integrated() {
     assert_eq!(again(&format!("{yaml}sampling: {{ law: integral }}\n")).law, SummationRule::Integral);
 }
 
+/// Methods of events take the centre of a picture for one of two places, which no number has to spell.
+#[test]
+fn the_principal_point_has_a_name() {
+    let yaml = |camera: &str| {
+        format!(
+            "version: 1\nscene: a\nsource: {{ procedural: {{}} }}\ncamera: {{ width: 64, height: 48, {camera} }}\n\
+             trajectories: [{{ name: b, refine: {{}} }}]\n"
+        )
+    };
+    let own = Camera { size: Size { width: 64, height: 48 }, fx: 50.0, fy: 50.0, cx: 31.0, cy: 25.0 };
+    let centre = |camera: &str| {
+        let camera = again(&yaml(camera)).camera.unwrap().resolve(Some(&own)).unwrap();
+        [camera.fx, camera.cx, camera.cy]
+    };
+    assert_eq!(centre("principal: given"), [50.0, 31.0, 25.0]);
+    assert_eq!(centre("principal: middle"), [50.0, 32.0, 24.0]);
+    assert_eq!(centre("principal: corner-half"), [50.0, 32.5, 24.5]);
+    assert_eq!(centre("fx: 60, principal: corner-half"), [60.0, 32.5, 24.5]);
+    let Err(fault) = recipe(&yaml("fx: 60, cx: 30, principal: middle")) else { panic!("both are given") };
+    assert!(fault.render_text().contains("both `principal` and `cx` or `cy`"), "{}", fault.render_text());
+}
+
 #[test]
 fn a_scene_without_a_capture_writes_its_camera() {
     let t = |camera: &str, intrinsics: [f64; 4]| {
@@ -228,7 +251,12 @@ fn a_scene_without_a_capture_writes_its_camera() {
         );
         let recipe = again(&yaml);
         assert_eq!((&recipe.source, recipe.source.kind().name()), (&SceneSource::None, "none"));
-        let wanted = CameraChoice { width: 64, height: 48, intrinsics: Some(intrinsics) };
+        let wanted = CameraChoice {
+            width: 64,
+            height: 48,
+            intrinsics: Some(intrinsics),
+            principal: PrincipalPoint::Given,
+        };
         assert_eq!(recipe.camera, Some(wanted), "{camera}");
     };
     t("width: 64, height: 48, fx: 60", [60.0, 60.0, 32.0, 24.0]);

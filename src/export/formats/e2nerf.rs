@@ -1,0 +1,286 @@
+//! E2NeRF (Qi et al., ICCV 2023; GitHub iCVTEAM/E2NeRF at 487fec1), its branch for synthetic scenes.
+//!
+//! | file | content |
+//! |---|---|
+//! | `events.pt` | float32 (views, 4, H W): signed counts between the five poses of each exposure |
+//! | `transform_train.json` | two equal entries per view; `transform_matrix` is a list of 18 poses, OpenGL axes |
+//! | `transform_test.json` | one entry per view, whose `transform_matrix[1]` is the pose |
+//! | `train/r_0.png`, `r_2.png`, … | blurred pictures |
+//! | `test/r_0.png`, `r_1.png`, … | sharp pictures |
+//!
+//! Its poses are the entries 1, 5, 9, 13 and 17 of a list, from the opening of the shutter to its closing.
+//! Traps: every second entry is read; an entry 0 is skipped; the size, the number of views, near, far and the
+//! thresholds are in its code.
+
+use super::camera_needs::{
+    centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames,
+};
+use crate::event::Polarity;
+use crate::export::brightness::BrightnessFactor;
+use crate::export::tensor::TensorWriter;
+use crate::export::{
+    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, SceneBox,
+    TestViews, UnmetNeed, geometry, poses,
+};
+use crate::image::Size;
+use crate::image::srgb;
+use crate::se3::Se3;
+use crate::sensor::WHITE;
+use glam::DVec3;
+use serde_json::{Value, json};
+
+/// The layout of E2NeRF.
+#[derive(Debug)]
+pub(super) struct E2Nerf;
+
+const FORMULA: BrightnessFormula = BrightnessFormula::LinLog;
+/// The size, the number of views, the bounds and the thresholds in the program's code.
+const SIZE: Size = Size { width: 800, height: 800 };
+const VIEWS: usize = 100;
+const BOUNDS: [f64; 2] = [2.0, 6.0];
+const THRESHOLDS: [f64; 2] = [0.3, 0.2];
+/// Number of stretches of an exposure.
+const STRETCHES: i64 = 4;
+/// Steps from the opening of the shutter to its closing, in the list of poses.
+const STEPS: u32 = 16;
+/// Relative difference of thresholds below which they count as equal.
+const SAME_THRESHOLD: f64 = 0.01;
+
+impl ExportFormat for E2Nerf {
+    fn name(&self) -> &'static str {
+        "e2nerf"
+    }
+
+    fn consumer(&self) -> &'static str {
+        "github.com/iCVTEAM/E2NeRF at 487fec1"
+    }
+
+    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
+        let needs = [
+            unmet_events(plan),
+            unmet_exposures(plan, 1),
+            // One between two exposures at least, or of another trajectory.
+            unmet_frames(plan, 2),
+            geometry::unmet_depth(plan),
+        ];
+        needs.into_iter().flatten().collect()
+    }
+
+    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+        let mut losses = centred_camera(plan, 0.0, true);
+        losses.extend(numbers_in_code(plan));
+        losses.extend(
+            thresholds(plan, FORMULA, true).into_iter().filter(|loss| loss.field != "sensor.threshold"),
+        );
+        losses.push(encoded_mean());
+        losses.push(ExportLoss::lost(
+            "events",
+            "times within a quarter of an exposure; events between exposures",
+        ));
+        losses.push(ExportLoss::derived("poses", "17 poses of each exposure, between those of the release"));
+        losses.push(products(&["depth", "flow", "labels of events"]));
+        losses
+    }
+
+    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+        let exposures = plan.exposures();
+        let seen = geometry::scene_box(plan)?;
+        let similarity = scale_to_bounds(&seen);
+        let events = write_counts(plan, &exposures, out)?;
+        write_train(plan, &exposures, similarity, out)?;
+        let test = write_test(plan, &exposures, similarity, out)?;
+        let fits = seen.depth.map(|depth| depth * similarity.1);
+        Ok(json!({
+            "events": events, "views": exposures.len(), "test_views": test,
+            "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
+            "similarity": { "origin": similarity.0.to_array(), "scale": similarity.1 },
+            "near": fits[0], "far": fits[1], "bounds_from": seen.basis,
+            "command": "python run_nerf_exp.py --dataset_type blender --datadir DIR",
+        }))
+    }
+}
+
+/// Losses by numbers in the program's code.
+fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = Vec::new();
+    let size = plan.subject.camera.size;
+    if size != SIZE {
+        let other = f64::from(size.width.abs_diff(SIZE.width) + size.height.abs_diff(SIZE.height));
+        let what = format!("pictures of {size}: the program has {SIZE} in its code, two numbers to edit");
+        losses.push(ExportLoss::approximate("camera.size", other, what));
+    }
+    let views = plan.exposures().len();
+    if views != VIEWS {
+        let what =
+            format!("{views} blurred pictures: the program has {VIEWS} in its code, one number to edit");
+        losses.push(ExportLoss::approximate("blur.count", views.abs_diff(VIEWS) as f64, what));
+    }
+    let ratio = BOUNDS[1] / BOUNDS[0];
+    if let Some([near, far]) = plan.subject.depth_range.filter(|[near, far]| far / near > ratio) {
+        let what = format!(
+            "depths of {near} to {far} units: no scale moves them into the {} to {} of the program's code",
+            BOUNDS[0], BOUNDS[1]
+        );
+        losses.push(ExportLoss::approximate("geometry", far / near / ratio, what));
+    }
+    if let Some(sensor) = &plan.subject.sensor {
+        let factor = BrightnessFactor::between(sensor, FORMULA).median;
+        let (on, off) = sensor.as_model().contrast();
+        let own = [on * factor, off * factor];
+        let apart =
+            own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
+        if apart > SAME_THRESHOLD {
+            let [on, off] = THRESHOLDS;
+            let what = format!(
+                "thresholds of {:.3} (ON) and {:.3} (OFF) in its formula: the program has {on} and {off} in its code",
+                own[0], own[1]
+            );
+            losses.push(ExportLoss::approximate("sensor.threshold", apart, what));
+        }
+    }
+    losses
+}
+
+/// The loss of a mean in linear light: the program takes the mean of encoded pictures.
+fn encoded_mean() -> ExportLoss {
+    // The largest difference is at an edge between black and white that covers a pixel for some share.
+    let apart = (0..=1000).map(|share| f64::from(share) / 1000.0).map(|share| srgb::encode(share) - share);
+    let most = apart.fold(0.0, f64::max) * WHITE;
+    let what = format!(
+        "a blurred picture is a mean in linear light, and the program takes the mean of five encoded pictures: up to \
+         {most:.0} greys apart at an edge between black and white, less at lower contrast"
+    );
+    ExportLoss::approximate("blur.light", most, what)
+}
+
+/// Origin and factor that move the depths into the bounds of the program.
+fn scale_to_bounds(seen: &SceneBox) -> (DVec3, f64) {
+    // The geometric middle of the depths goes to that of the bounds.
+    let middle = |[near, far]: [f64; 2]| (near * far).sqrt();
+    (seen.centre, middle(BOUNDS) / middle(seen.depth))
+}
+
+fn moved(pose: &Se3, (origin, scale): (DVec3, f64)) -> [[f64; 4]; 4] {
+    let translation = (pose.translation - origin) * scale;
+    poses::opengl_matrix(&Se3 { rotation: pose.rotation, translation })
+}
+
+/// The signed counts of the exposures. Those of one exposure are in memory at a time.
+struct Counts<'a> {
+    tensor: TensorWriter,
+    exposures: &'a [Exposure],
+    /// The exposure that is counted.
+    view: usize,
+    counts: Vec<f32>,
+}
+
+impl Counts<'_> {
+    /// Counts an event at `t_us`. It belongs to the stretch that starts before it and ends at it or later.
+    fn add(&mut self, at: usize, t_us: i64, sign: f32) -> Result<bool, ExportError> {
+        while self.exposures.get(self.view).is_some_and(|exposure| exposure.open_us[1] < t_us) {
+            self.store()?;
+        }
+        let Some(exposure) = self.exposures.get(self.view) else { return Ok(false) };
+        let [start, end] = exposure.open_us;
+        if t_us <= start {
+            return Ok(false);
+        }
+        // The ends of the stretches are fractions of a microsecond.
+        let stretch = ((t_us - start) * STRETCHES - 1) / (end - start);
+        let pixels = self.counts.len() / 4;
+        self.counts[usize::try_from(stretch).unwrap_or(0) * pixels + at] += sign;
+        Ok(true)
+    }
+
+    /// Writes the counts of an exposure, and starts with the next one.
+    fn store(&mut self) -> Result<(), ExportError> {
+        self.tensor.push(&self.counts)?;
+        self.counts.fill(0.0);
+        self.view += 1;
+        Ok(())
+    }
+}
+
+fn write_counts(
+    plan: &ExportPlan<'_>,
+    exposures: &[Exposure],
+    out: &mut ExportFolder<'_>,
+) -> Result<u64, ExportError> {
+    let size = plan.subject.camera.size;
+    let shape = [exposures.len() as u64, 4, size.pixels() as u64];
+    let tensor = TensorWriter::create(&out.file("events.pt")?, shape)?;
+    let mut counts = Counts { tensor, exposures, view: 0, counts: vec![0.0; 4 * size.pixels()] };
+    let mut events = 0;
+    plan.for_each_event(|event, t_us| {
+        let at = usize::from(event.y) * size.width as usize + usize::from(event.x);
+        let sign = if event.polarity == Polarity::On { 1.0 } else { -1.0 };
+        events += u64::from(counts.add(at, t_us, sign)?);
+        out.count_event()
+    })?;
+    while counts.view < exposures.len() {
+        counts.store()?;
+    }
+    counts.tensor.finish()?;
+    Ok(events)
+}
+
+fn write_train(
+    plan: &ExportPlan<'_>,
+    exposures: &[Exposure],
+    similarity: (DVec3, f64),
+    out: &mut ExportFolder<'_>,
+) -> Result<(), ExportError> {
+    let mut entries = Vec::new();
+    for (view, exposure) in exposures.iter().enumerate() {
+        let [start, end] = exposure.open_us.map(|t_us| t_us as f64);
+        let pose = |step: u32| {
+            let t_us = start + (end - start) * f64::from(step) / f64::from(STEPS);
+            moved(&poses::pose_at(plan, t_us), similarity)
+        };
+        // The entry before the first of the program is not read.
+        let listed: Vec<_> = [0].into_iter().chain(0..=STEPS).map(pose).collect();
+        for number in [2 * view, 2 * view + 1] {
+            entries.push(json!({ "file_path": format!("./train/r_{number}"), "transform_matrix": listed }));
+        }
+        out.write_file(&format!("train/r_{}.png", 2 * view), &plan.subject.blurred_file(exposure.pose)?)?;
+        out.report()?;
+    }
+    write_transforms(plan, "transform_train.json", entries, out)
+}
+
+/// The sharp frames outside of all exposures, or those of another trajectory; without any, the held-out ones.
+fn write_test(
+    plan: &ExportPlan<'_>,
+    exposures: &[Exposure],
+    similarity: (DVec3, f64),
+    out: &mut ExportFolder<'_>,
+) -> Result<usize, ExportError> {
+    let exposed = |frame: &usize| exposures.iter().any(|exposure| exposure.pose == *frame);
+    let (subject, mut frames) = plan.test_frames();
+    if matches!(plan.test, TestViews::Every(_)) {
+        let between: Vec<usize> = plan.frames.iter().copied().filter(|frame| !exposed(frame)).collect();
+        frames = if between.is_empty() { frames } else { between };
+    }
+    let mut entries = Vec::new();
+    for (view, frame) in frames.iter().enumerate() {
+        let matrix = moved(&subject.poses.world_from_camera[*frame], similarity);
+        entries
+            .push(json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": [matrix, matrix] }));
+        out.write_file(&format!("test/r_{view}.png"), &subject.sharp_file(*frame)?)?;
+    }
+    write_transforms(plan, "transform_test.json", entries, out)?;
+    Ok(frames.len())
+}
+
+fn write_transforms(
+    plan: &ExportPlan<'_>,
+    name: &str,
+    entries: Vec<Value>,
+    out: &mut ExportFolder<'_>,
+) -> Result<(), ExportError> {
+    let camera = &plan.subject.camera;
+    let angle = 2.0 * libm::atan(f64::from(camera.size.width) / 2.0 / camera.fx);
+    let text = json!({ "camera_angle_x": angle, "frames": entries });
+    let text = serde_json::to_vec(&text).expect("a JSON value can be written");
+    out.write_file(name, &text)
+}
