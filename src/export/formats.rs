@@ -4,6 +4,7 @@ mod camera_needs;
 mod e_nerf;
 mod event_3dgs;
 mod eventnerf;
+mod mcap;
 mod parquet_rows;
 mod robust_e_nerf;
 mod webdataset;
@@ -12,7 +13,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 9] = [
+pub static FORMATS: [&dyn ExportFormat; 10] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -22,6 +23,7 @@ pub static FORMATS: [&dyn ExportFormat; 9] = [
     &robust_e_nerf::DeblurENerf,
     &webdataset::WebDataset,
     &parquet_rows::ParquetRows,
+    &mcap::Mcap,
 ];
 
 /// The layout of this name.

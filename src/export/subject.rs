@@ -121,12 +121,12 @@ impl ExportSubject {
         (0..self.poses.stamps_us.len()).filter(has).collect()
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.dir.join(&self.folder).join(name)
     }
 
     /// Reads a file of the trajectory. Nothing outside the release is opened.
-    fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
+    pub(super) fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
         let below = Path::new(&self.folder).join(name);
         files::read_below(&self.dir, &below, limit).map_err(|e| ExportError::unreadable(&self.path(name), e))
     }
@@ -185,7 +185,7 @@ impl ExportSubject {
         // The reader follows links, so the path is checked first.
         files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
         let size = self.camera.size;
-        let hints = ReadHints { size: Some(size), unit: None };
+        let hints = ReadHints { size: Some(size), ..ReadHints::default() };
         let mut opened = file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))?;
         let (mut chunk, mut last) = (Vec::new(), i64::MIN);
         while opened.source.next_chunk(&mut chunk).map_err(|e| unreadable(e.to_string()))? {

@@ -16,6 +16,7 @@ mod arrays;
 mod e_nerf;
 mod event_3dgs;
 mod eventnerf;
+mod mcap;
 mod plane;
 mod refusals;
 mod robust;
