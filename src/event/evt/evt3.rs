@@ -224,13 +224,15 @@ impl Evt3Decoder {
     }
 }
 
+/// Time after which the counter overflows, us.
+pub(super) const TURN_US: i64 = 1 << (2 * PART);
+
 /// Number of the first overflow after all times.
-const LAST_TURN: i64 = (END_US >> (2 * PART)) + 1;
+const LAST_TURN: i64 = END_US / TURN_US + 1;
 
 /// Number of overflows between a time and the time by another clock, to the nearest. A clock that is behind
 /// shows none: it was set back, or stands still.
 fn missed_turns(t_us: i64, expected_us: i64) -> i64 {
-    const TURN_US: i64 = 1 << (2 * PART);
     (expected_us.saturating_sub(t_us).saturating_add(TURN_US / 2) / TURN_US).max(0)
 }
 

@@ -4,13 +4,16 @@
 //! The time of EVT 3.0 overflows every 16.8 s, and a reader counts the overflows that it sees. Packets that
 //! are lost, and long pauses without a packet, hide some. The times of the packets show them.
 
-use super::evt3::{Evt3Decoder, Evt3Encoder};
+use super::evt3::{Evt3Decoder, Evt3Encoder, TURN_US};
 use super::reader::{DecodedWords, WordDecoder as _};
 use crate::event::Event;
 use crate::image::Size;
 
 /// Size of a word, bytes.
 pub(crate) const WORD: usize = Evt3Decoder::BYTES;
+
+/// Time after which the clock is 0 again, us.
+pub(crate) const OVERFLOW_US: i64 = TURN_US;
 
 /// Encodes events in packets. A packet begins with its whole time and the row of its first event, so a
 /// reader that begins with it misses the overflows before it only.
@@ -103,7 +106,6 @@ mod tests {
     use crate::units::Timestamp;
 
     const SIZE: Size = Size { width: 2048, height: 2048 };
-    const TURN_US: i64 = 1 << 24;
 
     fn event(t_us: i64, x: u16, y: u16) -> Event {
         let t = Timestamp::from_micros(t_us);

@@ -45,7 +45,10 @@ struct PlacedMessage {
 
 impl std::fmt::Debug for Reader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Reader").field("topics", &self.topics).field("size", &self.size).finish_non_exhaustive()
+        f.debug_struct("Reader")
+            .field("topics", &self.topics)
+            .field("size", &self.size)
+            .finish_non_exhaustive()
     }
 }
 

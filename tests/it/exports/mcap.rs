@@ -14,7 +14,7 @@ use glam::{DQuat, DVec3};
 use gs2e::event::file::{self, EventFormat, ReadHints};
 use gs2e::event::{Event, Polarity};
 use gs2e::image::png;
-use recording::{Fields, Message, McapFile};
+use recording::{Fields, McapFile, Message};
 use std::io::Cursor;
 use std::path::PathBuf;
 

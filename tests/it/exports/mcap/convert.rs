@@ -55,7 +55,11 @@ fn every_form_of_chunks_is_read() {
     for compression in ["", "zstd", "lz4"] {
         let bytes = complete(&[chunk(compression, &inner)]);
         let (code, said, lines) = convert(&bytes, &[]);
-        assert_eq!((code, lines), (Some(0), vec!["5000 3 7 1".to_owned(), "5000 9 7 0".to_owned()]), "{said}");
+        assert_eq!(
+            (code, lines),
+            (Some(0), vec!["5000 3 7 1".to_owned(), "5000 9 7 0".to_owned()]),
+            "{said}"
+        );
     }
     // Without chunks, and with schemas and channels in another chunk than the messages.
     let split = [chunk("zstd", &inner[..2]), chunk("zstd", &inner[2..])];
@@ -76,7 +80,10 @@ fn mono_has_times_of_ros() {
     let (code, said, lines) = convert(&mono(&events, 1_700_000_000_000_000_000), &[]);
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(lines, ["1700000000000000 319 239 1", "1700000004000000 0 0 0"]);
-    refused(&mono(&event(0, 240, 0, 0), 0), "packet 0, byte 0: pixel (0, 240) is outside the sensor of 320x240");
+    refused(
+        &mono(&event(0, 240, 0, 0), 0),
+        "packet 0, byte 0: pixel (0, 240) is outside the sensor of 320x240",
+    );
     refused(&mono(&events, u64::MAX), "wanted less than 2^63");
     let (code, said, _) = convert(&mono(&event(0, 0, 0, 1), 0), &[]);
     assert!(code == Some(2) && said.contains("truncated to the microsecond"), "{said}");
@@ -108,7 +115,10 @@ fn a_topic_is_chosen_by_name() {
 fn other_contents_are_named() {
     let one = |packet: Packet| recording(&[packet]);
     let events = |list: &[u16]| one(Packet { events: words(list), ..Packet::default() });
-    refused(&one(Packet { encoding: "libcaer", ..packet() }), "events encoded as `libcaer`, wanted `evt3` or `mono`");
+    refused(
+        &one(Packet { encoding: "libcaer", ..packet() }),
+        "events encoded as `libcaer`, wanted `evt3` or `mono`",
+    );
     refused(&one(Packet { is_bigendian: 1, ..packet() }), "big-endian events");
     refused(&one(Packet { size: [0, 240], ..packet() }), "a sensor of 0x240");
     refused(&one(Packet { size: [70_000, 70_000], ..packet() }), "65536 columns and rows");
@@ -126,7 +136,10 @@ fn other_contents_are_named() {
     refused(&of(&cdr, packet_type, "cdr"), "encapsulation 00000000, wanted 00010000");
     refused(&of(&cdr, packet_type, "protobuf"), "encoded as `protobuf`, wanted `cdr`");
     refused(&of(&cdr, "event_camera_msgs/EventPacket", "ros1"), "encoded as `ros1`, wanted `cdr`");
-    refused(&of(&cdr, "dvs_msgs/msg/EventArray", "cdr"), "no topic of the type event_camera_msgs/msg/EventPacket");
+    refused(
+        &of(&cdr, "dvs_msgs/msg/EventArray", "cdr"),
+        "no topic of the type event_camera_msgs/msg/EventPacket",
+    );
     refused(&complete(&[channel(0, 9, "/e", "cdr")]), "channel 0 has the schema 9, which is absent");
     refused(&complete(&packets(&[])), "`/e` has no message");
     let inner = packets(&[packet()]);
@@ -199,7 +212,10 @@ fn lengths_that_lie_are_refused() {
     let huge = (1_u64 << 62).to_le_bytes();
     let inner = packets(&[packet()]);
     // A record: kind, then its length.
-    refused(&complete(&[changed(schema(1, "a"), 1, &huge)]), "a record of 4611686018427387904 bytes, and the file has");
+    refused(
+        &complete(&[changed(schema(1, "a"), 1, &huge)]),
+        "a record of 4611686018427387904 bytes, and the file has",
+    );
     refused(&complete(&[changed(schema(1, "a"), 11, &[0xff; 4])]), "a name of 4294967295 bytes");
     refused(&complete(&[changed(schema(1, "a"), 11, &[0, 1, 0, 0])]), "ends within its fields");
     // A chunk: kind, length, two times, its length without compression, the sum, and a text.
@@ -208,10 +224,13 @@ fn lengths_that_lie_are_refused() {
     refused(&of("", 25, &[1, 0, 0, 0]), "a chunk ends within a record");
     refused(&of("zstd", 33, &[1]), "a chunk with the sum");
     refused(&of("zstd", 45, &huge), "a chunk of 4611686018427387904 bytes in a record with room for");
-    refused(&of("lz4", 51, &[0xff; 4]), "the chunk:");
+    refused(&of("lz4", 52, &[0xff; 4]), "the chunk:");
     // A record in a chunk.
     let bad = changed(inner[2].clone(), 1, &huge);
-    refused(&complete(&[chunk("zstd", &[inner[0].clone(), inner[1].clone(), bad])]), "in a chunk, and the chunk has");
+    refused(
+        &complete(&[chunk("zstd", &[inner[0].clone(), inner[1].clone(), bad])]),
+        "in a chunk, and the chunk has",
+    );
     // Fields of a message: the text of the header, and the number of bytes of events.
     let of = |at, value: &[u8]| {
         let message_bytes = changed(packet().message(), at, value);
@@ -233,7 +252,11 @@ fn a_recording_is_read_only() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("in.txt"), "# sensor 4x4\n0 1 1 1\n").unwrap();
     let output = gs2e(folder.path(), &["convert", "in.txt", "out.mcap"]);
-    assert!(output.status.code() == Some(2) && said(&output).contains("export --to mcap"), "{}", said(&output));
+    assert!(
+        output.status.code() == Some(2) && said(&output).contains("export --to mcap"),
+        "{}",
+        said(&output)
+    );
     let bytes = recording(&[packet()]);
     std::fs::write(folder.path().join("in.mcap"), bytes).unwrap();
     let output = gs2e(folder.path(), &["info", "in.mcap"]);

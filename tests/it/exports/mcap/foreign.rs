@@ -1,4 +1,5 @@
-//! Recordings read by the field's own programs: `mcap` with `mcap-ros2-support`, and `rosbags`, all from PyPI.
+//! Recordings read by the field's own programs, all from PyPI: `mcap` with `mcap-ros2-support`, and `rosbags`.
+//! `evt3` decodes the packets.
 //! `read_recording.py` compares the events one by one, and reports what both libraries found.
 //!
 //! If Python lacks one of them, a message goes to stderr; with `REQUIRE_ROS_READERS=1` that is a failure.
@@ -17,9 +18,9 @@ fn python(args: &[&str]) -> Option<Output> {
 
 /// What both libraries found in the recording of an export; `None` if they are absent.
 fn found(exported: &Exported, events: &Path) -> Option<Value> {
-    let imports = "import numpy, mcap.reader, mcap_ros2.decoder, rosbags.highlevel";
+    let imports = "import numpy, evt3, mcap.reader, mcap_ros2.decoder, rosbags.highlevel";
     if !python(&["-c", imports]).is_some_and(|output| output.status.success()) {
-        absent("REQUIRE_ROS_READERS", "python3 with rosbags, mcap and mcap-ros2-support is absent");
+        absent("REQUIRE_ROS_READERS", "python3 with rosbags, mcap, mcap-ros2-support and evt3 is absent");
         return None;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -60,9 +61,10 @@ fn foreign_readers_find_the_same() {
     let list = |topic: &str, one: &dyn Fn(&Message) -> Value| {
         file.messages(topic).iter().map(one).collect::<Vec<Value>>()
     };
-    let topics = file.channels.values().map(|channel| {
-        (channel.topic.clone(), json!([channel.kind, file.messages(&channel.topic).len()]))
-    });
+    let topics = file
+        .channels
+        .values()
+        .map(|channel| (channel.topic.clone(), json!([channel.kind, file.messages(&channel.topic).len()])));
     let wanted = json!({
         "topics": topics.collect::<serde_json::Map<_, _>>(),
         "events": plane.events,

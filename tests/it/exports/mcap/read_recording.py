@@ -1,5 +1,5 @@
 """Reads a recording with mcap and mcap-ros2-support, and with rosbags: its file and its folder. Every event is
-compared with a reference. Prints what each reader found as JSON.
+compared with a reference, decoded here by Prophesee's description and by the package evt3. Prints what each reader found as JSON.
 
 Usage: read_recording.py RECORDING.mcap EVENTS.npz
 """
@@ -10,6 +10,7 @@ import sys
 import zlib
 from pathlib import Path
 
+import evt3
 import numpy
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -79,6 +80,7 @@ def numbers(time, place, rotation):
 
 
 def report(messages, reference):
+    words, size = [], None
     found = {"topics": {}, "images": [], "depths": [], "poses": [], "transforms": []}
     decoder, epoch = Evt3(), None
     for topic, kind, time, message in messages:
@@ -87,6 +89,8 @@ def report(messages, reference):
         if topic == "/event_camera/events":
             before = len(decoder.events)
             decoder.decode(bytes(message.events))
+            words.append(bytes(message.events))
+            size = {"sensor_width": message.width, "sensor_height": message.height}
             assert (message.encoding, message.time_base, bool(message.is_bigendian)) == ("evt3", 0, False)
             assert stamp_ns(message.header) == time
             if len(decoder.events) > before:
@@ -113,6 +117,10 @@ def report(messages, reference):
     wanted = numpy.stack([reference[name].astype(numpy.int64) for name in "txyp"], axis=1)
     assert events.shape == wanted.shape, (events.shape, wanted.shape)
     assert (events == wanted).all()
+    theirs = evt3.decode_bytes(b"".join(words), **size)
+    names = ["timestamp", "x", "y", "polarity"]
+    theirs = numpy.stack([numpy.asarray(getattr(theirs, name)).astype(numpy.int64) for name in names], axis=1)
+    assert theirs.shape == wanted.shape and (theirs == wanted).all()
     found["events"] = len(events)
     return found
 

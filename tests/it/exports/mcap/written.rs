@@ -128,7 +128,10 @@ fn the_folder_is_a_bag() {
     let bag = &bag["rosbag2_bagfile_information"];
     assert_eq!((&bag["storage_identifier"], &bag["version"]), (&"mcap".into(), &5.into()));
     let name = recorded(&exported).file_name().unwrap().to_str().unwrap().to_owned();
-    assert_eq!((&bag["relative_file_paths"][0], &bag["files"][0]["path"]), (&name.clone().into(), &name.into()));
+    assert_eq!(
+        (&bag["relative_file_paths"][0], &bag["files"][0]["path"]),
+        (&name.clone().into(), &name.into())
+    );
     assert_eq!(bag["message_count"], file.all().len());
     assert_eq!(bag["duration"]["nanoseconds"], file.all().last().unwrap().log_time - EPOCH_NS);
     assert_eq!(bag["starting_time"]["nanoseconds_since_epoch"], EPOCH_NS);

@@ -93,7 +93,8 @@ pub(in super::super) fn packets(packets: &[Packet]) -> Vec<Vec<u8>> {
 pub(in super::super) fn complete(records: &[Vec<u8>]) -> Vec<u8> {
     let magic = b"\x89MCAP0\r\n";
     let header = record(1, &[&sized(b"ros2"), &sized(b"tests")]);
-    [&magic[..], &header, &records.concat(), &record(0x0f, &[&[0; 4]]), &record(2, &[&[0; 20]]), magic].concat()
+    [&magic[..], &header, &records.concat(), &record(0x0f, &[&[0; 4]]), &record(2, &[&[0; 20]]), magic]
+        .concat()
 }
 
 /// A file with packets in one chunk.
