@@ -4,6 +4,7 @@ pub mod aedat4;
 pub mod evt;
 pub mod file;
 pub mod h5;
+pub mod mcap;
 pub mod npz;
 pub mod order;
 pub mod picture;

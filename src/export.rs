@@ -28,7 +28,7 @@ pub use error::ExportError;
 pub use formats::{FORMATS, format_named};
 pub use geometry::SceneBox;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
-pub use plan::{ExportPlan, TestViews};
+pub use plan::{DEFAULT_EPOCH_US, ExportPlan, TestViews};
 pub use subject::{ExportSubject, Exposure, SubjectChoice};
 pub use tree::ExportFolder;
 
@@ -42,6 +42,11 @@ pub trait ExportFormat: Sync {
 
     /// The program whose loader reads it, with the commit at which the layout was read.
     fn consumer(&self) -> &'static str;
+
+    /// Returns true if its stamps are absolute, and begin at [`ExportPlan::epoch_us`].
+    fn has_epoch(&self) -> bool {
+        false
+    }
 
     /// Requirements of the loader that the plan does not meet.
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed>;

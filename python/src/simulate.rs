@@ -72,7 +72,7 @@ pub(crate) fn simulate_to_file<'py>(
     frames: &Bound<'py, PyAny>,
     request: SimulationRequest<'py>,
 ) -> PyResult<String> {
-    let format = EventFormat::for_path(&out, EvtVersion::Evt2).ok_or_else(|| {
+    let format = EventFormat::for_output(&out, EvtVersion::Evt2).ok_or_else(|| {
         let what =
             format!("{}: not an event format; wanted .h5, .npz, .raw, .aedat4, .txt or .csv", out.display());
         PyValueError::new_err(what)

@@ -7,6 +7,7 @@ use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
 use super::output;
 use super::problem::{ExitKind, VerbError};
+use crate::event::file::EventFormat;
 use crate::files::{self, write_by_rename};
 use crate::scene::form::{FormatLoss, SceneFormat};
 use crate::scene::{self, Gaussians, SceneError, ply};
@@ -21,10 +22,11 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub(super) struct ConvertArgs {
     /// Scene: .ply, compressed .ply, .splat, .spz, .sog, or the folder of a SOG;
-    /// or events: .h5, .npz, .raw, .aedat4, .txt, .csv
+    /// or events: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// File to write: .ply, .spz or .splat for a scene; the formats above, or a .png, for events
+    /// File to write: .ply, .spz or .splat for a scene; the formats above except .mcap, or a .png, for
+    /// events
     #[arg(value_name = "OUT")]
     output: PathBuf,
     /// Write the output although something is lost
@@ -69,6 +71,10 @@ impl ConvertArgs {
         let name = |path: &Path| path.display().to_string();
         match formats {
             [None, None] => Ok(None),
+            [Some(_), Some(EventFormat::Mcap)] => refuse_usage(format!(
+                "{}: a .mcap is read only; `gs2e export --to mcap` writes recordings of releases",
+                name(&self.output)
+            )),
             [Some(from), Some(to)] => Ok(Some(EventConversion {
                 from: (&self.input, from),
                 to: (&self.output, to),

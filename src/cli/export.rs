@@ -15,11 +15,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// First time that messages of ROS 2 cannot hold: their seconds have 31 bits.
+const MAX_EPOCH_S: f64 = 2_147_483_648.0;
+
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf, evdeblurnerf, \
-    llff, e2nerf, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet. \
+    llff, e2nerf, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet, mcap. \
     DIR is written whole or not at all, and export.json in it lists every loss."
 )]
 pub(super) struct ExportArgs {
@@ -50,6 +53,9 @@ pub(super) struct ExportArgs {
     /// Hold out the sharp frames of another trajectory of the scene instead
     #[arg(long, value_name = "NAME", conflicts_with = "test_every")]
     test_from: Option<String>,
+    /// Time at which the stamps of an mcap begin, in seconds since 1970 [default: 1]
+    #[arg(long, value_name = "SECONDS", value_parser = parse_epoch)]
+    epoch: Option<i64>,
     /// Write the export although the method assumes something else than the release holds
     #[arg(long)]
     lossy: bool,
@@ -61,6 +67,17 @@ fn parse_window(text: &str) -> Result<[i64; 2], String> {
     window.ok_or_else(|| "wanted two whole numbers of microseconds, such as 0..500000".to_owned())
 }
 
+/// An epoch in microseconds.
+fn parse_epoch(text: &str) -> Result<i64, String> {
+    let seconds = text.strip_suffix('s').unwrap_or(text).parse::<f64>().ok();
+    let seconds = seconds.filter(|seconds| (0.0..MAX_EPOCH_S).contains(seconds));
+    // Below 2^51 microseconds, so the cast is exact.
+    #[expect(clippy::cast_possible_truncation, reason = "bounded above")]
+    seconds
+        .map(|seconds| (seconds * 1e6).round() as i64)
+        .ok_or_else(|| format!("wanted seconds from 0 to {MAX_EPOCH_S}, such as 1 or 1700000000"))
+}
+
 impl ExportArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let Some(format) = format_named(&self.to) else {
@@ -68,6 +85,10 @@ impl ExportArgs {
             let what = format!("{} is no format of exports", self.to);
             return Err(VerbError::usage("format", what).help(&names.join(", ")));
         };
+        if self.epoch.is_some() && !format.has_epoch() {
+            let what = format!("--epoch: {} has no absolute times", format.name());
+            return Err(VerbError::usage("epoch", what).help("--to mcap has"));
+        }
         let description = self.export(format, console).map_err(|error| self.to_error(error))?;
         let selection = &description["selection"];
         console.say(&format!(
@@ -101,7 +122,8 @@ impl ExportArgs {
                 TestViews::From(Box::new(ExportSubject::open(&self.release, &choice)?))
             }
         };
-        let plan = ExportPlan::new(&subject, &test, self.window)?;
+        let mut plan = ExportPlan::new(&subject, &test, self.window)?;
+        plan.epoch_us = self.epoch.unwrap_or(plan.epoch_us);
         // The number of events in an interval is not known before they are read.
         let bar = if console.is_live() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         let cancel = on_interrupt().map_err(|_| ExportError::Interrupted)?;

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Scenes: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG. Events: .h5, .npz, \
-    .raw, .aedat4, .txt, .csv. Captures: a COLMAP model, a transforms.json, or a folder with a cameras.json. \
+    .raw, .aedat4, .txt, .csv, .mcap. Captures: a COLMAP model, a transforms.json, or a folder with a cameras.json. \
     Folders: a release, a store. For a scene, the up direction is a guess, and the recipe is a first try."
 )]
 pub(super) struct InfoArgs {

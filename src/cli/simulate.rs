@@ -151,9 +151,9 @@ impl SimulateArgs {
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
         let inputs = optional.into_iter().flatten().chain([self.input_path()]);
         output::screen_outputs([self.out.as_path()], inputs, console.json)?;
-        let format = EventFormat::for_path(&self.out, self.codec.into()).ok_or_else(|| {
+        let format = EventFormat::for_output(&self.out, self.codec.into()).ok_or_else(|| {
             let what = format!("{}: not an event format", self.out.display());
-            VerbError::usage("format", what).help(super::convert::events::SUPPORTED)
+            VerbError::usage("format", what).help(super::convert::events::WRITTEN)
         })?;
         common.limit_cores();
         // Interrupts are caught before a file exists that an interrupt could leave behind.

@@ -8,6 +8,7 @@
 mod evt2;
 mod evt3;
 mod header;
+pub(crate) mod packet;
 mod reader;
 mod writer;
 

@@ -2,7 +2,7 @@
 
 use super::evt::{self, EvtVersion};
 use super::text::{self, ColumnSeparator, TextTimeUnit};
-use super::{Event, EventFileError, EventSink, EventSource, StreamHeader, aedat4, h5, npz};
+use super::{Event, EventFileError, EventSink, EventSource, StreamHeader, aedat4, h5, mcap, npz};
 use crate::image::Size;
 use crate::units::Timestamp;
 use std::path::Path;
@@ -20,6 +20,8 @@ pub enum EventFormat {
     Aedat4,
     /// Text.
     Text(ColumnSeparator),
+    /// Recordings of ROS 2. They are read; an export of a release writes them.
+    Mcap,
 }
 
 impl EventFormat {
@@ -34,8 +36,15 @@ impl EventFormat {
             "aedat4" => Some(Self::Aedat4),
             "txt" => Some(Self::Text(ColumnSeparator::Txt)),
             "csv" => Some(Self::Text(ColumnSeparator::Csv)),
+            "mcap" => Some(Self::Mcap),
             _ => None,
         }
+    }
+
+    /// The format that belongs to the name of a file to be written.
+    #[must_use]
+    pub fn for_output(path: &Path, version: EvtVersion) -> Option<Self> {
+        Self::for_path(path, version).filter(|format| *format != Self::Mcap)
     }
 
     /// Returns true if files of this format store the sensor size.
@@ -59,11 +68,13 @@ impl EventFormat {
 
 /// Properties given by the user, for files that do not state them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct ReadHints {
+pub struct ReadHints<'a> {
     /// Columns and rows of the sensor.
     pub size: Option<Size>,
     /// Unit of integer times in a text.
     pub unit: Option<TextTimeUnit>,
+    /// Topic of a recording, if it has several with events.
+    pub topic: Option<&'a str>,
 }
 
 /// An event file open for reading.
@@ -86,7 +97,7 @@ impl std::fmt::Debug for OpenEventFile {
 ///
 /// # Errors
 /// It is not of that format, or the sensor size is unknown.
-pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEventFile, EventFileError> {
+pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<OpenEventFile, EventFileError> {
     let (mut offset_us, mut labelled) = (0, false);
     let (header, source): (Option<StreamHeader>, Box<dyn EventSource>) = match format {
         EventFormat::H5 => {
@@ -110,6 +121,10 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints) -> Result<OpenEv
         }
         EventFormat::Text(_) => {
             let reader = text::Reader::open(path, hints.size, hints.unit)?;
+            (Some(reader.header()), Box::new(reader))
+        }
+        EventFormat::Mcap => {
+            let reader = mcap::Reader::open(path, hints.topic)?;
             (Some(reader.header()), Box::new(reader))
         }
     };
@@ -182,6 +197,10 @@ pub fn create(
         EventFormat::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
         EventFormat::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
         EventFormat::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
+        EventFormat::Mcap => {
+            let because = "a recording is an export of a release, and no file of events alone";
+            return Err(EventFileError::Container(because.to_owned()));
+        }
     };
     // An HDF5 file states the origin of its times. The other formats count from 0.
     let offset_us = if format == EventFormat::H5 { h5.t_offset_us } else { 0 };

@@ -11,6 +11,7 @@ mod eventnerf;
 mod evreal;
 mod inceventgs;
 mod marks;
+mod mcap;
 mod monash_h5;
 mod parquet_rows;
 mod robust_e_nerf;
@@ -20,7 +21,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 18] = [
+pub static FORMATS: [&dyn ExportFormat; 19] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -39,6 +40,7 @@ pub static FORMATS: [&dyn ExportFormat; 18] = [
     &dsec::Dsec,
     &webdataset::WebDataset,
     &parquet_rows::ParquetRows,
+    &mcap::Mcap,
 ];
 
 /// The layout of this name.

@@ -6,6 +6,9 @@ use crate::se3::Se3;
 use crate::sensor::SensorChoice;
 use serde_json::{Value, json};
 
+/// One second: tools of ROS refuse or hide times of 0.
+pub const DEFAULT_EPOCH_US: i64 = 1_000_000;
+
 /// The held-out views.
 #[derive(Debug)]
 pub enum TestViews {
@@ -26,6 +29,8 @@ pub struct ExportPlan<'a> {
     poses: std::ops::Range<usize>,
     /// Poses of the interval with a sharp picture, ascending.
     pub frames: Vec<usize>,
+    /// Time that stamps of formats with absolute times begin at, us since 1970.
+    pub epoch_us: i64,
 }
 
 impl<'a> ExportPlan<'a> {
@@ -55,7 +60,7 @@ impl<'a> ExportPlan<'a> {
             return Err(ExportError::Selection(because));
         }
         let frames = subject.sharp.iter().copied().filter(|pose| poses.contains(pose)).collect();
-        Ok(Self { subject, test, poses, frames })
+        Ok(Self { subject, test, poses, frames, epoch_us: DEFAULT_EPOCH_US })
     }
 
     /// The exposures within the interval. Their times count from its start, us.

@@ -177,12 +177,12 @@ impl ExportSubject {
         (0..self.poses.stamps_us.len()).filter(has).collect()
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(super) fn path(&self, name: &str) -> PathBuf {
         self.dir.join(&self.folder).join(name)
     }
 
     /// Reads a file of the trajectory. Nothing outside the release is opened.
-    fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
+    pub(super) fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
         let below = Path::new(&self.folder).join(name);
         files::read_below(&self.dir, &below, limit).map_err(|e| ExportError::unreadable(&self.path(name), e))
     }
@@ -211,6 +211,16 @@ impl ExportSubject {
     /// It cannot be read.
     pub fn blurred_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
         self.read(&format!("blur/{pose:06}.png"), files::MAX_PICTURE)
+    }
+
+    /// The blurred picture of a pose, sRGB.
+    ///
+    /// # Errors
+    /// It cannot be read, or has another size than the camera.
+    pub fn blurred_picture(&self, pose: usize) -> Result<Image<[u8; 3]>, ExportError> {
+        let name = format!("blur/{pose:06}.png");
+        png::read_sized(Cursor::new(self.blurred_file(pose)?), self.camera.size)
+            .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 
     /// The optical flow at a pose, px/s to the right and down, row-major; NaN where it is undefined.
@@ -260,7 +270,7 @@ impl ExportSubject {
         let unreadable = |because: String| ExportError::unreadable(&path, because);
         // The reader follows links, so the path is checked first.
         files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
-        let hints = ReadHints { size: Some(self.camera.size), unit: None };
+        let hints = ReadHints { size: Some(self.camera.size), ..ReadHints::default() };
         file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))
     }
 

@@ -12,6 +12,7 @@ mod events;
 mod inputs;
 mod peak;
 mod pictures;
+mod recordings;
 mod release;
 mod scenes;
 
@@ -94,7 +95,8 @@ fn main() -> ExitCode {
         }
     }
     let judged = program == own;
-    let bombs = [pictures::BOMBS, scenes::BOMBS, events::BOMBS, inputs::BOMBS, release::BOMBS].concat();
+    let events = [events::BOMBS, recordings::BOMBS].concat();
+    let bombs = [pictures::BOMBS, scenes::BOMBS, &events, inputs::BOMBS, release::BOMBS].concat();
     let chosen = bombs.iter().filter(|b| names.is_empty() || names.iter().any(|name| b.name.contains(name)));
     say("| bomb | what it claims | input | exit | peak | allowed |\n|---|---|---|---|---|---|");
     let mut failures = Vec::new();

@@ -48,6 +48,7 @@ const EVENTS: [&str; 6] = [
 ];
 const EVT: [&str; 2] = ["tests/fuzz/corpus/evt2.raw", "tests/fuzz/corpus/evt3.raw"];
 const AEDAT4: [&str; 2] = ["tests/fuzz/corpus/few.aedat4", "tests/fuzz/corpus/plain.aedat4"];
+const MCAP: [&str; 2] = ["tests/fuzz/corpus/few.mcap", "tests/fuzz/corpus/plain.mcap"];
 const TEXT: [&str; 3] =
     ["tests/fuzz/corpus/few.txt", "tests/fuzz/corpus/few.csv", "tests/fuzz/corpus/foreign.txt"];
 const IMAGES: [&str; 6] = [
@@ -116,6 +117,11 @@ pub(crate) const READERS: [Reader; 23] = [
         name: "aedat4",
         corpus: || files(&AEDAT4),
         read: |file| on_disk(file, "events", |path| event::aedat4::Reader::open(path).is_ok_and(drain)),
+    },
+    Reader {
+        name: "mcap",
+        corpus: || files(&MCAP),
+        read: |file| on_disk(file, "events", |path| event::mcap::Reader::open(path, None).is_ok_and(drain)),
     },
     Reader {
         name: "event-text",

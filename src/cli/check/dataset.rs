@@ -273,7 +273,7 @@ impl EventPlace<'_> {
         }
         let format = EventFormat::for_path(self.path, EvtVersion::Evt2).ok_or_else(|| {
             EventFileError::Container(
-                "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv".to_owned(),
+                "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap".to_owned(),
             )
         })?;
         let opened = open_known(self.path, format, self.hint)?;
@@ -288,7 +288,8 @@ fn open_known(path: &Path, format: EventFormat, hint: Option<Size>) -> Result<Op
         EventFormat::Text(_) => &[None, Some(TextTimeUnit::Second)],
         _ => &[None],
     };
-    let hints = units.iter().flat_map(|unit| [None, hint].map(|size| ReadHints { size, unit: *unit }));
+    let hints = units.iter();
+    let hints = hints.flat_map(|unit| [None, hint].map(|size| ReadHints { size, unit: *unit, topic: None }));
     let mut first = None;
     for hints in hints {
         // A text shows the form of its times with its first events only.

@@ -19,7 +19,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// The names of the event formats, for help texts.
-pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
+pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap";
+
+/// Those that are written.
+pub(in crate::cli) const WRITTEN: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
 
 /// Options of event conversions.
 #[derive(Debug, clap::Args)]
@@ -44,6 +47,9 @@ pub(in crate::cli) struct EventInputOptions {
     /// Unit of times with a fraction, in a .txt or .csv
     #[arg(long, value_enum, value_name = "UNIT")]
     time_unit: Option<TimeUnitArg>,
+    /// Topic of a .mcap, if several hold events
+    #[arg(long, value_name = "NAME")]
+    topic: Option<String>,
 }
 
 /// The codecs of a .raw.
@@ -100,14 +106,14 @@ impl EventInputOptions {
         })
     }
 
-    fn hints(&self) -> ReadHints {
+    fn hints(&self) -> ReadHints<'_> {
         let unit = self.time_unit.map(|unit| match unit {
             TimeUnitArg::S => TextTimeUnit::Second,
             TimeUnitArg::Ms => TextTimeUnit::Millisecond,
             TimeUnitArg::Us => TextTimeUnit::Microsecond,
             TimeUnitArg::Ns => TextTimeUnit::Nanosecond,
         });
-        ReadHints { size: self.size, unit }
+        ReadHints { size: self.size, unit, topic: self.topic.as_deref() }
     }
 }
 

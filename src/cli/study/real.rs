@@ -37,7 +37,7 @@ pub(super) struct RealArgs {
     /// White in float frames: 1 or 255 [default: decided by the first two frames]
     #[arg(long, value_parser = full_scale)]
     full_scale: Option<FullScale>,
-    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt or .csv
+    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
     #[arg(long, value_name = "FILE")]
     events: PathBuf,
     #[command(flatten)]

@@ -2,6 +2,7 @@
 //! overflows every 16.8 seconds. Row and time hold until they are replaced. A run of pixels is a
 //! base and masks of 12 or 8 pixels.
 
+use super::END_US;
 use super::reader::{DecodedWords, WordDecoder};
 use crate::event::{Event, Polarity};
 
@@ -67,6 +68,17 @@ impl Evt3Encoder {
         }
         self.waiting.push(*event);
         Some(())
+    }
+
+    /// Writes the collected events, and then the time `t_us` in full. The next event writes its row again,
+    /// so a reader may begin here. The caller keeps pauses shorter than half an overflow.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
+    pub(super) fn restart(&mut self, t_us: i64, out: &mut Vec<u8>) {
+        self.flush(out);
+        let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
+        write_word(TIME_HIGH, high as u16, out);
+        write_word(TIME_LOW, low, out);
+        (self.high, self.low, self.row) = (Some(high), Some(low), None);
     }
 
     /// Writes the collected events.
@@ -148,16 +160,56 @@ pub(super) struct Evt3Decoder {
     row: Option<u16>,
     base: u16,
     polarity: u16,
+    /// True if words were lost since the last time: no event has a time until the next one.
+    stale: bool,
+    /// Time by another clock at the next upper part, if one is known.
+    expected_us: Option<i64>,
+    /// Time at the first upper part of a packet.
+    first_us: Option<i64>,
 }
 
 impl Evt3Decoder {
+    /// Begins a packet of words. If words before it were `lost`, the row and the time are unknown until
+    /// their next words. `expected_us` is the time of the packet by another clock: it shows overflows
+    /// without a word.
+    pub(super) fn begin_packet(&mut self, lost: bool, expected_us: Option<i64>) {
+        if lost {
+            (self.stale, self.row) = (true, None);
+        }
+        (self.expected_us, self.first_us) = (expected_us, None);
+    }
+
+    /// Time at the first upper part of the packet, us.
+    pub(super) fn first_us(&self) -> Option<i64> {
+        self.first_us
+    }
+
+    fn t_us(&self, high: u16) -> i64 {
+        (self.turns << PART | i64::from(high)) << PART | i64::from(self.low)
+    }
+
+    fn upper_part(&mut self, value: u16) {
+        // A large step backwards is an overflow of the counter, not disorder.
+        self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
+        // The lower part starts at 0 until its own word comes. A repeated upper part changes nothing.
+        if self.high != Some(value) || self.stale {
+            (self.high, self.low) = (Some(value), 0);
+        }
+        self.stale = false;
+        if let Some(expected) = self.expected_us.take() {
+            // Times beyond the last turn are refused with their first event.
+            self.turns = (self.turns + missed_turns(self.t_us(value), expected)).min(LAST_TURN);
+        }
+        self.first_us = self.first_us.or(Some(self.t_us(value)));
+    }
+
     /// An event in the present row and at the present time.
     fn event(&self, x: u16, on: bool, found: &mut DecodedWords<'_>) -> Result<(), String> {
-        let (Some(high), Some(y)) = (self.high, self.row) else {
+        let (Some(high), Some(y), false) = (self.high, self.row, self.stale) else {
             found.untimed += 1;
             return Ok(());
         };
-        let t_us = (self.turns << PART | i64::from(high)) << PART | i64::from(self.low);
+        let t_us = self.t_us(high);
         let polarity = if on { Polarity::On } else { Polarity::Off };
         found.push(t_us, [x, y], polarity)
     }
@@ -170,6 +222,18 @@ impl Evt3Decoder {
         self.base = (self.base + bits).min(VALUE);
         Ok(())
     }
+}
+
+/// Time after which the counter overflows, us.
+pub(super) const TURN_US: i64 = 1 << (2 * PART);
+
+/// Number of the first overflow after all times.
+const LAST_TURN: i64 = END_US / TURN_US + 1;
+
+/// Number of overflows between a time and the time by another clock, to the nearest. A clock that is behind
+/// shows none: it was set back, or stands still.
+fn missed_turns(t_us: i64, expected_us: i64) -> i64 {
+    (expected_us.saturating_sub(t_us).saturating_add(TURN_US / 2) / TURN_US).max(0)
 }
 
 impl WordDecoder for Evt3Decoder {
@@ -185,15 +249,7 @@ impl WordDecoder for Evt3Decoder {
             MASK_12 => return self.run(value, 12, found),
             MASK_8 => return self.run(value & 0xff, 8, found),
             TIME_LOW => self.low = value,
-            TIME_HIGH => {
-                // A large step backwards is an overflow of the counter, not disorder.
-                self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
-                // The lower part starts at 0 until its own word comes. A repeated upper part
-                // changes nothing.
-                if self.high != Some(value) {
-                    (self.high, self.low) = (Some(value), 0);
-                }
-            }
+            TIME_HIGH => self.upper_part(value),
             TRIGGER | OTHERS | CONTINUED_4 | CONTINUED_12 => {}
             kind => return Err(format!("a word of kind {kind:#x}, which EVT 3.0 does not have")),
         }

@@ -46,7 +46,12 @@ pub(super) struct DecodedWords<'a> {
     pub(super) untimed: u64,
 }
 
-impl DecodedWords<'_> {
+impl<'a> DecodedWords<'a> {
+    /// Decoded events go to `events`; those of a sensor of `size` are accepted.
+    pub(super) fn new(events: &'a mut Vec<Event>, size: Size) -> Self {
+        Self { events, size, untimed: 0 }
+    }
+
     /// Adds an event if it is on the sensor and in the range of times.
     pub(super) fn push(&mut self, t_us: i64, [x, y]: [u16; 2], polarity: Polarity) -> Result<(), String> {
         if u32::from(x) >= self.size.width || u32::from(y) >= self.size.height {
@@ -106,7 +111,7 @@ impl EventSource for Reader {
             if block.is_empty() {
                 return Ok(false);
             }
-            let mut found = DecodedWords { events: out, size: self.header.size, untimed: 0 };
+            let mut found = DecodedWords::new(out, self.header.size);
             match &mut self.state {
                 WordState::Evt2(state) => decode_words(state, &block, self.offset, &mut found),
                 WordState::Evt3(state) => decode_words(state, &block, self.offset, &mut found),
