@@ -189,6 +189,27 @@ impl ChannelSet {
         luminance_rate: false,
         doubtful: false,
     };
+
+    /// Returns true if no image is requested.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// The images of this set and of another one. The values of an image do not depend on the others
+    /// that are requested with it.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            rgb: self.rgb || other.rgb,
+            luminance: self.luminance || other.luminance,
+            alpha: self.alpha || other.alpha,
+            depth: self.depth || other.depth,
+            flow: self.flow || other.flow,
+            luminance_rate: self.luminance_rate || other.luminance_rate,
+            doubtful: self.doubtful || other.doubtful,
+        }
+    }
 }
 
 /// The requested images; the others are `None`.
@@ -302,6 +323,19 @@ pub trait Renderer {
     /// Gaussians. A later promise replaces an earlier one; an empty promise leaves nothing out.
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         let _ = (camera, poses);
+    }
+
+    /// Promises that the next frames of one of several readers show only these poses, which may lie
+    /// outside the promise of [`Renderer::keep_to`]: that one is extended, and the counts of frames
+    /// within it stay as they are. A later promise of this kind replaces an earlier one.
+    fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
+        let _ = (camera, poses);
+    }
+
+    /// The counts of the last rendering, `work`, as they would be if the promise of
+    /// [`Renderer::keep_also`] had been the only one.
+    fn work_within(&self, work: RenderWork) -> RenderWork {
+        work
     }
 
     /// Announces a view. Views are rendered in the order in which they are announced. An

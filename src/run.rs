@@ -7,6 +7,7 @@
 pub mod backends;
 pub mod estimate;
 mod executor;
+mod group;
 mod job;
 mod order;
 mod resources;
@@ -79,6 +80,8 @@ pub enum RunEvent<'a> {
         reason: &'a StepReason,
         /// Number of cores.
         cores: usize,
+        /// Number of steps that these cores make together, with this one.
+        together: usize,
     },
     /// A step needs more memory than the total, and runs alone.
     TooLarge {

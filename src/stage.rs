@@ -16,6 +16,7 @@ pub mod foreign;
 pub mod frames;
 pub mod geometry;
 mod need;
+pub mod pass;
 pub mod poses;
 pub mod reconstruct;
 pub mod scene_checks;
@@ -40,6 +41,7 @@ pub use target::{StageInputs, StepTarget};
 use crate::artifact::{Artifact, ArtifactFiles};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::source::Capture;
+use pass::PassRole;
 use std::path::PathBuf;
 
 /// Index of a step in its plan.
@@ -112,6 +114,11 @@ pub trait Stage: serde::Serialize {
 
     /// A program whose version the class lacks. The program was not asked, so the key is not known.
     fn unasked(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// The part of the stage in a pass over rendered poses, which several steps can share.
+    fn role(&self) -> Option<PassRole<'_>> {
         None
     }
 

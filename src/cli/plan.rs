@@ -6,7 +6,7 @@ use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
-use crate::plan::past::past_costs;
+use crate::plan::past::{past_costs, sharing_steps};
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
 use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
@@ -156,8 +156,9 @@ fn estimate_run(
 ) -> Result<(), VerbError> {
     let mut sum = EstimateTotal::default();
     let past = past_costs(plan, store)?;
-    for (a, past) in assessed.iter().zip(past) {
-        if a.action == StepAction::Keep {
+    let runs: Vec<bool> = assessed.iter().map(|a| a.action != StepAction::Keep).collect();
+    for ((past, runs), shares) in past.into_iter().zip(&runs).zip(sharing_steps(plan, &runs)) {
+        if !runs {
             continue;
         }
         sum.steps += 1;
@@ -165,7 +166,7 @@ fn estimate_run(
             sum.unknown += 1;
             continue;
         };
-        sum.core_seconds += past.core_seconds;
+        sum.core_seconds += if shares { past.core_seconds } else { past.alone_core_seconds };
         sum.bytes += past.bytes;
         sum.memory = sum.memory.max(past.memory);
     }

@@ -123,7 +123,7 @@ impl<'a> Progress<'a> {
         format!("{scene}/{step}")
     }
 
-    fn started(&self, shown: &mut ProgressView, step: StepId, reason: &StepReason, cores: usize) {
+    fn started(&self, shown: &mut ProgressView, step: StepId, reason: &StepReason, cores: f64) {
         if let Some(bars) = &mut shown.bars {
             bars.started(step, &self.name(step), cores);
         }
@@ -287,7 +287,9 @@ impl RunObserver for Progress<'_> {
     fn tell(&self, event: &RunEvent<'_>) {
         let shown = &mut *self.shown.lock().expect("no observer panics");
         match *event {
-            RunEvent::Started { step, reason, cores } => self.started(shown, step, reason, cores),
+            RunEvent::Started { step, reason, cores, together } => {
+                self.started(shown, step, reason, cores as f64 / together as f64);
+            }
             RunEvent::Kept { step, key, outputs } => {
                 shown.finished += 1;
                 let key = Some(key);

@@ -1,7 +1,9 @@
 //! Frames rendered along a trajectory.
 
+mod reading;
 mod saving;
 
+pub use reading::{PoseReader, ReadFrames, RenderedPose};
 pub use saving::TimeSaved;
 
 use super::{DenseFrame, FrameError, FrameSequence};
@@ -28,8 +30,10 @@ pub struct RenderedFrames {
     renderer: Box<dyn Renderer>,
     camera: Camera,
     trajectory: Trajectory,
-    /// Velocity of the camera at each pose, if rates are requested.
+    /// Velocity of the camera at each pose, if rates or the flow are requested.
     velocities: Vec<CameraVelocity>,
+    /// True if rates are requested.
+    rated: bool,
     /// True if colours are requested.
     coloured: bool,
     done: usize,
@@ -62,8 +66,18 @@ impl RenderedFrames {
         assert_eq!(poses, stamps, "a trajectory has one stamp a pose");
         renderer.keep_to(&camera, &trajectory.world_from_camera);
         let (rendered, work) = (RenderedImages::default(), RenderWork::default());
-        let (velocities, coloured) = (Vec::new(), false);
-        Self { renderer, camera, trajectory, velocities, coloured, done: 0, expected: 0, rendered, work }
+        Self {
+            renderer,
+            camera,
+            trajectory,
+            velocities: Vec::new(),
+            rated: false,
+            coloured: false,
+            done: 0,
+            expected: 0,
+            rendered,
+            work,
+        }
     }
 
     /// Adds the luminance's rate of change to every frame, for a camera with these velocities at
@@ -73,6 +87,16 @@ impl RenderedFrames {
     /// The number of velocities differs from that of poses.
     #[must_use]
     pub fn with_rates(self, velocities: Vec<CameraVelocity>) -> Self {
+        Self { rated: true, ..self.with_velocities(velocities) }
+    }
+
+    /// Sets the velocities of the camera at the poses, on which the flow that a [`PoseReader`] wants
+    /// depends.
+    ///
+    /// # Panics
+    /// The number of velocities differs from that of poses.
+    #[must_use]
+    pub fn with_velocities(self, velocities: Vec<CameraVelocity>) -> Self {
         assert_eq!(velocities.len(), self.len(), "one velocity a pose");
         Self { velocities, ..self }
     }
@@ -90,7 +114,7 @@ impl RenderedFrames {
     }
 
     fn want(&self) -> ChannelSet {
-        ChannelSet { rgb: self.coloured, luminance_rate: !self.velocities.is_empty(), ..WANT }
+        ChannelSet { rgb: self.coloured, luminance_rate: self.rated, ..WANT }
     }
 
     /// Converts an image to the grey scale.
@@ -120,6 +144,33 @@ impl RenderedFrames {
         }
     }
 
+    /// Renders a frame, and adds its work.
+    fn render(
+        &mut self,
+        index: usize,
+        view: &CameraView,
+        want: ChannelSet,
+    ) -> Result<RenderWork, FrameError> {
+        let rendered = self.renderer.render(view, want, &mut self.rendered);
+        let work = rendered.map_err(|source| FrameError::Render { index, source })?;
+        self.work += work;
+        Ok(work)
+    }
+
+    /// The frame that was rendered last.
+    fn take_frame(&mut self, index: usize) -> Result<DenseFrame, FrameError> {
+        let luminance = Self::to_grey(self.rendered.luminance.take(), "luminance", index)?;
+        self.scale_colours(index)?;
+        let rate = self
+            .rated
+            .then(|| Self::to_grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
+            .transpose()?;
+        // Counted last: a frame that failed is not skipped by the next call.
+        self.done += 1;
+        let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
+        Ok(DenseFrame { index, t, luminance, rate })
+    }
+
     /// The summed work of the frames so far.
     #[must_use]
     pub fn work(&self) -> RenderWork {
@@ -145,20 +196,8 @@ impl FrameSequence for RenderedFrames {
             self.renderer.expect(&next, want);
             self.expected += 1;
         }
-        self.work += self
-            .renderer
-            .render(&view, want, &mut self.rendered)
-            .map_err(|source| FrameError::Render { index, source })?;
-        let luminance = Self::to_grey(self.rendered.luminance.take(), "luminance", index)?;
-        self.scale_colours(index)?;
-        let rate = want
-            .luminance_rate
-            .then(|| Self::to_grey(self.rendered.luminance_rate.take(), "the rate of luminance", index))
-            .transpose()?;
-        // Counted last: a frame that failed is not skipped by the next call.
-        self.done += 1;
-        let t = Timestamp::from_micros(self.trajectory.stamps_us[index]);
-        Ok(Some(DenseFrame { index, t, luminance, rate }))
+        self.render(index, &view, want)?;
+        self.take_frame(index).map(Some)
     }
 
     fn want_colour(&mut self) {

@@ -3,9 +3,11 @@
 use super::{Plan, PlannedStep};
 use crate::recipe::Recipe;
 use crate::stage::Stage as _;
+use crate::stage::StepId;
 use crate::stage::blur::BlurStage;
 use crate::stage::events::EventsStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+use crate::stage::pass::SharedPass;
 use crate::stage::sharp::SharpStage;
 use crate::stage::trajectory::TrajectoryStage;
 use crate::store::record::RecordSummary;
@@ -15,8 +17,10 @@ use std::collections::BTreeMap;
 /// Resources used by a step, or expected from earlier steps of its stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PastCosts {
-    /// Wall time times threads, s.
+    /// Wall time times threads, s. Of a step that was made together with others, its share.
     pub core_seconds: f64,
+    /// The same for the step alone.
+    pub alone_core_seconds: f64,
     /// Bytes of its outputs.
     pub bytes: f64,
     /// Granted memory, bytes.
@@ -26,8 +30,10 @@ pub struct PastCosts {
 impl PastCosts {
     fn from_record(record: &RecordSummary) -> Self {
         let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
+        let threads = record.threads as f64;
         Self {
-            core_seconds: record.seconds * record.threads as f64,
+            core_seconds: record.seconds * threads,
+            alone_core_seconds: record.alone_seconds.unwrap_or(record.seconds) * threads,
             bytes: bytes as f64,
             memory: record.memory as f64,
         }
@@ -56,6 +62,27 @@ pub fn past_costs(plan: &Plan, store: &Store) -> Result<Vec<Option<PastCosts>>, 
     let or_mean =
         |(own, step): (Option<PastCosts>, &PlannedStep)| own.or_else(|| of_stage(step.step.stage()));
     Ok(own.into_iter().zip(plan.steps()).map(or_mean).collect())
+}
+
+/// For each step of a plan, whether a run of the steps for which `runs` is true would make it together
+/// with others, in one pass of the renderer.
+#[must_use]
+pub fn sharing_steps(plan: &Plan, runs: &[bool]) -> Vec<bool> {
+    let mut passes: BTreeMap<Vec<StepId>, Vec<(usize, SharedPass)>> = BTreeMap::new();
+    for (at, planned) in plan.steps().iter().enumerate().filter(|(at, _)| runs[*at]) {
+        if let Some(pass) = SharedPass::of(&*planned.step) {
+            // Steps of one pass have the same inputs, so only few are compared.
+            let inputs = planned.step.inputs().into_iter().map(|(_, input)| input).collect();
+            passes.entry(inputs).or_default().push((at, pass));
+        }
+    }
+    let mut shares = vec![false; runs.len()];
+    for steps in passes.values() {
+        for (at, pass) in steps {
+            shares[*at] = steps.iter().any(|(other, others)| other != at && others == pass);
+        }
+    }
+    shares
 }
 
 /// The numerical class in which a scene was last rendered; `None` if it was not rendered, or
@@ -94,12 +121,16 @@ fn stage_means(store: &Store) -> BTreeMap<String, PastCosts> {
         let (count, sum) = sums.entry(record.stage).or_default();
         *count += 1.0;
         sum.core_seconds += past.core_seconds;
+        sum.alone_core_seconds += past.alone_core_seconds;
         sum.bytes += past.bytes;
         // Memory is a peak: the mean would be too low for many steps of the stage.
         sum.memory = sum.memory.max(past.memory);
     }
     let mean = |(stage, (count, sum)): (String, (f64, PastCosts))| {
-        (stage, PastCosts { core_seconds: sum.core_seconds / count, bytes: sum.bytes / count, ..sum })
+        let PastCosts { core_seconds, alone_core_seconds, bytes, memory } = sum;
+        let [core_seconds, alone_core_seconds, bytes] =
+            [core_seconds, alone_core_seconds, bytes].map(|sum| sum / count);
+        (stage, PastCosts { core_seconds, alone_core_seconds, bytes, memory })
     };
     sums.into_iter().map(mean).collect()
 }

@@ -9,6 +9,7 @@
 pub(super) mod activate;
 pub mod backward;
 mod bin;
+mod cull;
 mod exp2;
 mod extent;
 pub(super) mod eye;
@@ -30,8 +31,9 @@ use crate::camera::Camera;
 use crate::image::Size;
 use crate::scene::{Gaussians, sh};
 use crate::se3::Se3;
-use activate::GaussianBlock;
+use activate::{GaussianBlock, PROMISES};
 use bin::{OrderedSplats, TileGrid, TileLists};
+use cull::CullCounts;
 use eye::ViewTransform;
 use project::{ProjectedChunk, ProjectionInput};
 use raster::RasterInput;
@@ -53,7 +55,14 @@ pub struct CpuRenderer {
     omit: OmissionPolicy,
     instructions: InstructionSet,
     frame: FrameBuffers,
+    /// Number of Gaussians of each promise.
+    promised: [usize; PROMISES],
 }
+
+/// Index of the promise of [`Renderer::keep_to`].
+const ALL_FRAMES: usize = 0;
+/// Index of the promise of [`Renderer::keep_also`].
+const ONE_READER: usize = 1;
 
 /// The buffers of a frame's passes, kept for the next frame.
 #[derive(Debug)]
@@ -81,12 +90,19 @@ impl FrameBuffers {
         }
     }
 
-    /// Projects every Gaussian. Returns the work.
+    /// Projects every Gaussian. Returns the work, with the culled Gaussians of the first promise.
     fn project(&mut self, input: &ProjectionInput<'_>) -> RenderWork {
         input.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
         let mut work = RenderWork { gaussians: input.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
-        work
+        self.culled(ALL_FRAMES).within(work)
+    }
+
+    /// The culled Gaussians of the last frame for a promise.
+    fn culled(&self, promise: usize) -> CullCounts {
+        let mut sum = CullCounts::default();
+        self.chunks.iter().for_each(|chunk| sum += chunk.culled[promise]);
+        sum
     }
 
     /// Number of splats of the last frame.
@@ -121,6 +137,7 @@ impl CpuRenderer {
         super::check_style(&style)?;
         let blocks = activate::activate_all(&scene, style.rules, &unseen::all_indices(&scene));
         let sh_degree = activate::sh_degree(&scene);
+        let promised = [scene.len(); PROMISES];
         Ok(Self {
             scene,
             blocks,
@@ -129,6 +146,7 @@ impl CpuRenderer {
             omit: OmissionPolicy::default(),
             instructions: InstructionSet::widest_set(),
             frame: FrameBuffers::new(),
+            promised,
         })
     }
 }
@@ -187,8 +205,7 @@ impl CpuRenderer {
         let frame = &mut self.frame;
         let mut work = frame.project(&projection);
         let drawn = frame.drawn();
-        // `splats` has a place for every Gaussian that was kept, drawn or not.
-        work.unseen = work.gaussians - frame.splats.len() as u64;
+        work.unseen = work.gaussians - self.promised[ALL_FRAMES] as u64;
         work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
         done(PassKind::Project);
 
@@ -228,6 +245,47 @@ impl CpuRenderer {
         // Freed first, so that the old and the new blocks do not exist at once.
         self.blocks = Vec::new();
         self.blocks = activate::activate_all(&self.scene, self.style.rules, numbers);
+        self.promised = [numbers.len(); PROMISES];
+    }
+
+    /// Sets the Gaussians of [`ONE_READER`] to these indices, ascending, and keeps them in addition to
+    /// those that are kept already.
+    fn keep_more(&mut self, numbers: &[u32]) {
+        let kept: Vec<u32> =
+            self.blocks.iter().flat_map(|block| &block.numbers[..block.len]).copied().collect();
+        let all = unseen::merged_indices(&kept, numbers);
+        if all.len() > kept.len() {
+            let first = self.promised_to(ALL_FRAMES);
+            self.keep(&all);
+            self.promise(ALL_FRAMES, &first);
+        }
+        self.promise(ONE_READER, numbers);
+    }
+
+    /// Indices of the Gaussians of a promise.
+    fn promised_to(&self, promise: usize) -> Vec<u32> {
+        let lanes = |block: &GaussianBlock| {
+            let has = move |lane: &usize| block.promised[promise] >> lane & 1 == 1;
+            (0..block.len).filter(has).map(|lane| block.numbers[lane]).collect::<Vec<u32>>()
+        };
+        self.blocks.iter().flat_map(lanes).collect()
+    }
+
+    /// Marks the kept Gaussians with these indices, ascending, as those of a promise.
+    fn promise(&mut self, promise: usize, numbers: &[u32]) {
+        let mut rest = numbers;
+        for block in &mut self.blocks {
+            let mut lanes = 0_u64;
+            for (lane, number) in block.numbers[..block.len].iter().enumerate() {
+                if let Some(after) = rest.strip_prefix(std::slice::from_ref(number)) {
+                    (lanes, rest) = (lanes | 1 << lane, after);
+                }
+            }
+            // All lanes of a short block count as all: the usual case is one comparison.
+            let all = lanes.count_ones() as usize == block.len;
+            block.promised[promise] = if all { cull::ALL_LANES } else { lanes };
+        }
+        self.promised[promise] = numbers.len();
     }
 }
 
@@ -246,8 +304,7 @@ impl Renderer for CpuRenderer {
             OmissionPolicy::Nothing => self.scene.sh_degree,
         };
         // An earlier promise may have left Gaussians out, which a later frame must show.
-        let kept: usize = self.blocks.iter().map(|block| block.len).sum();
-        if omit == OmissionPolicy::Nothing && kept < self.scene.len() {
+        if omit == OmissionPolicy::Nothing && self.promised != [self.scene.len(); PROMISES] {
             self.keep(&unseen::all_indices(&self.scene));
         }
     }
@@ -256,6 +313,17 @@ impl Renderer for CpuRenderer {
         if self.omit == OmissionPolicy::Needless {
             self.keep(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
         }
+    }
+
+    fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
+        if self.omit == OmissionPolicy::Needless {
+            self.keep_more(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
+        }
+    }
+
+    fn work_within(&self, work: RenderWork) -> RenderWork {
+        let unseen = work.gaussians - self.promised[ONE_READER] as u64;
+        RenderWork { unseen, ..self.frame.culled(ONE_READER).within(work) }
     }
 
     fn render(

@@ -45,9 +45,9 @@ impl RunEstimate {
         Self { steps, cores: cores.max(1) as f64, stages: BTreeMap::new(), before_and_now: [0.0; 2] }
     }
 
-    /// A step starts at `now` on `cores`.
-    pub fn started(&mut self, step: StepId, now: f64, cores: usize) {
-        self.steps[step.0].state = StepState::Running { since: now, cores: cores.max(1) as f64 };
+    /// A step starts at `now` on `cores`: a fraction of them if others are made on the same cores.
+    pub fn started(&mut self, step: StepId, now: f64, cores: f64) {
+        self.steps[step.0].state = StepState::Running { since: now, cores };
     }
 
     /// A step was made in this many core-seconds.
@@ -111,7 +111,7 @@ mod tests {
     fn nothing_is_told_of_what_nobody_knows() {
         let mut estimate = RunEstimate::new([("events", None), ("events", None), ("sharp", Some(4.0))], 2);
         assert_eq!(estimate.remaining(0.0), None);
-        estimate.started(StepId(0), 0.0, 2);
+        estimate.started(StepId(0), 0.0, 2.0);
         estimate.made(StepId(0), 6.0);
         // The other step of its stage is expected to take as long: 6 and 4 core-seconds on two
         // cores.
@@ -134,11 +134,24 @@ mod tests {
     #[test]
     fn a_running_step_counts_less_the_longer_it_runs_and_never_nothing() {
         let mut estimate = RunEstimate::new([("a", Some(10.0))], 4);
-        estimate.started(StepId(0), 100.0, 1);
+        estimate.started(StepId(0), 100.0, 1.0);
         // It has one core only, however many are free.
         close(estimate.remaining(100.0), 10.0);
         close(estimate.remaining(106.0), 4.0);
         close(estimate.remaining(130.0), 3.0);
+    }
+
+    /// Two steps of 6 and 2 core-seconds on the same two cores end after 4 s, together.
+    #[test]
+    fn steps_on_the_same_cores_share_them() {
+        let mut estimate = RunEstimate::new([("a", Some(6.0)), ("b", Some(2.0))], 2);
+        estimate.started(StepId(0), 0.0, 1.0);
+        estimate.started(StepId(1), 0.0, 1.0);
+        // The longer one has a core of its own at most, so the rest is rather too long: 5 s of 3.
+        close(estimate.remaining(1.0), 5.0);
+        estimate.made(StepId(0), 6.0);
+        estimate.made(StepId(1), 2.0);
+        close(estimate.remaining(4.0), 0.0);
     }
 
     #[test]

@@ -1,32 +1,20 @@
 //! Scheduling of steps: ready, stale and running ones.
 
+use super::group::{FinishedStep, StepGroup, run_group};
 use super::job::{StaleStep, StepJob, StepResult};
 use super::order::StepRank;
 use super::resources::ResourceGrant;
 use super::{ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure};
 use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
-use crate::plan::assess::{
-    PlanError, SourceFiles, StepAction, StepAssessment, StepProduct, StepReason, step_alone,
-};
-use crate::stage::{StageError, StepId, StepNeed};
+use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
+use crate::stage::{StageError, StepId};
 use crate::store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
-use std::thread::{self, Scope, ScopedJoinHandle};
-
-/// A finished step.
-pub(super) struct FinishedStep {
-    step: StepId,
-    key: Key,
-    sources: SourceFiles,
-    /// True if it was up to date.
-    is_recheck: bool,
-    /// `Err` if the step panicked.
-    result: thread::Result<Result<StepResult, StepError>>,
-}
+use std::thread::{Scope, ScopedJoinHandle};
 
 /// A run in progress.
 pub(super) struct RunExecutor<'scope, 'a> {
@@ -44,9 +32,16 @@ pub(super) struct RunExecutor<'scope, 'a> {
     ranks: Vec<StepRank>,
     /// Steps that must run, in order of rank.
     stale: BTreeMap<StepRank, StaleStep>,
-    /// Running steps with their key, resources and threads.
-    pub(super) running: BTreeMap<StepId, (Key, ResourceGrant, ScopedJoinHandle<'scope, ()>)>,
+    pub(super) running: BTreeMap<StepId, RunningStep<'scope>>,
     pub(super) summary: RunSummary,
+}
+
+/// A running step.
+pub(super) struct RunningStep<'scope> {
+    key: Key,
+    /// Its resources, and its thread. Of steps that are made together, the last to be reported holds
+    /// those of all.
+    grant: Option<(ResourceGrant, ScopedJoinHandle<'scope, ()>)>,
 }
 
 impl<'scope, 'a> RunExecutor<'scope, 'a> {
@@ -90,7 +85,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     }
 
     fn left(&self) -> ResourceBudget {
-        self.options.budget.left(self.running.values().map(|(_, grant, _)| grant))
+        self.options.budget.left(self.running.values().filter_map(|step| Some(&step.grant.as_ref()?.0)))
     }
 
     /// Settles every ready step that is up to date, and starts others while cores are free.
@@ -122,7 +117,10 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
                     self.ready.insert(rank.1);
                     return self.start_ready(scope, sender);
                 }
-                Ok(false) => self.start(rank.1, stale, scope, sender),
+                Ok(false) => {
+                    let group = self.group(rank.1, stale);
+                    self.start(group, scope, sender);
+                }
                 Err(error) => self.fail(rank.1, error.into()),
             }
         }
@@ -132,10 +130,36 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     /// its record. A step that is too large for the whole budget runs alone.
     fn next_stale(&self) -> Option<StepRank> {
         let left = self.left();
-        let at_work = |key: &Key| self.running.values().any(|(running, ..)| running == key);
         // If nothing runs, waiting would free nothing.
         let fits = |stale: &StaleStep| left.holds(&stale.need) || self.running.is_empty();
-        self.stale.iter().find(|(_, stale)| fits(stale) && !at_work(&stale.key)).map(|(rank, _)| *rank)
+        self.stale
+            .iter()
+            .find(|(_, stale)| fits(stale) && !self.is_at_work(&stale.key))
+            .map(|(rank, _)| *rank)
+    }
+
+    /// Returns true if a step with this key is running.
+    fn is_at_work(&self, key: &Key) -> bool {
+        self.running.values().any(|step| step.key == *key)
+    }
+
+    /// A step, and the other stale steps that one pass of the renderer can serve with it.
+    fn group(&mut self, step: StepId, stale: StaleStep) -> StepGroup {
+        let mut group = StepGroup::new(step, stale);
+        let Some(pass) = group.pass(self.plan) else { return group };
+        // Only the budget bounds a step that runs alone.
+        let left = self.left();
+        let ranks: Vec<StepRank> = self.stale.keys().copied().collect();
+        for rank in ranks {
+            let other = &self.stale[&rank];
+            let is_free = !self.is_at_work(&other.key) && matches!(self.is_mended(other), Ok(false));
+            let need = is_free.then(|| group.need_with(self.plan, &pass, (rank.1, other))).flatten();
+            if let Some(need) = need.filter(|need| left.holds(need)) {
+                let other = self.stale.remove(&rank).expect("its rank was listed");
+                group.add(rank.1, other, need);
+            }
+        }
+        group
     }
 
     /// Returns true if another step has meanwhile made the lost bytes that were the reason to run
@@ -191,21 +215,25 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     fn start(
         &mut self,
-        step: StepId,
-        stale: StaleStep,
+        group: StepGroup,
         scope: &'scope Scope<'scope, '_>,
         sender: &mpsc::Sender<FinishedStep>,
     ) where
         'a: 'scope,
     {
-        let StepNeed { memory, .. } = stale.need;
+        let StepGroup { members, need } = group;
         let whole = self.options.budget;
-        // An equal share of the free cores for this step and each waiting one, rounded up.
-        let cores = self.left().cores.div_ceil(self.stale.len() + 1).max(1);
-        let (at_work, grant) = (stale.key, ResourceGrant { cores, need: stale.need });
-        self.observer.tell(&RunEvent::Started { step, reason: &stale.reason, cores });
-        if memory > whole.memory {
-            self.observer.tell(&RunEvent::TooLarge { step, memory, budget: whole.memory });
+        // An equal share of the free cores for each of these steps and each waiting one, rounded up.
+        let count = members.len();
+        let cores = (self.left().cores * count).div_ceil(self.stale.len() + count).max(1);
+        for (step, stale) in &members {
+            let (step, together) = (*step, count);
+            self.observer.tell(&RunEvent::Started { step, reason: &stale.reason, cores, together });
+            if need.memory > whole.memory {
+                let (memory, budget) = (need.memory, whole.memory);
+                self.observer.tell(&RunEvent::TooLarge { step, memory, budget });
+            }
+            self.running.insert(step, RunningStep { key: stale.key, grant: None });
         }
         let allows_commands = self.options.allow_commands;
         let programs = self.options.programs.clone();
@@ -215,18 +243,14 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             cancel: self.cancel,
             observer: self.observer,
             cores,
+            memory: need.memory,
             allows_commands,
             programs,
         };
-        let sender = sender.clone();
-        let thread = scope.spawn(move || {
-            // A panic is passed to the waiting thread, which would otherwise wait forever.
-            let result = catch_unwind(AssertUnwindSafe(|| job.run(step, &stale)));
-            // The receiver outlives the scope, so sending cannot fail.
-            let StaleStep { key, sources, recheck, .. } = stale;
-            let _ = sender.send(FinishedStep { step, key, sources, is_recheck: recheck.is_some(), result });
-        });
-        self.running.insert(step, (at_work, grant, thread));
+        let (sender, last) = (sender.clone(), members[count - 1].0);
+        let thread = scope.spawn(move || run_group(&job, members, &sender));
+        let grant = Some((ResourceGrant { cores, need }, thread));
+        self.running.get_mut(&last).expect("it was added above").grant = grant;
     }
 
     fn open_inputs(&self, step: StepId) -> Vec<ArtifactFiles> {
@@ -239,7 +263,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     pub(super) fn finish(&mut self, finished: FinishedStep) {
         let FinishedStep { step, key, sources, is_recheck, result } = finished;
-        if let Some((.., thread)) = self.running.remove(&step) {
+        if let Some((_, thread)) = self.running.remove(&step).and_then(|step| step.grant) {
             thread.join().expect("the last message of the thread is the outcome of its step");
         }
         // Steps with the same key are assessed again: they find the new record, or run if this step

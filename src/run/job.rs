@@ -6,6 +6,7 @@ use crate::frames::rendered::TimeSaved;
 use crate::plan::assess::{SourceFiles, StepReason, read_sources};
 use crate::plan::{Plan, PlannedStep};
 use crate::programs::ProgramFinder;
+use crate::stage::pass::{PassSeconds, PassStep, run_pass};
 use crate::stage::{StageContext, StageError, StepId, StepNeed, StepProgress};
 use crate::store::description::DescribedValue;
 use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
@@ -54,12 +55,100 @@ pub(super) struct StepJob<'a> {
     pub(super) cancel: &'a AtomicBool,
     pub(super) observer: &'a dyn RunObserver,
     pub(super) cores: usize,
+    /// Memory granted, bytes.
+    pub(super) memory: u64,
     pub(super) allows_commands: bool,
     pub(super) programs: ProgramFinder,
 }
 
-impl StepJob<'_> {
+/// A step before its work.
+enum PreparedStep<'a> {
+    /// Another machine made it.
+    Adopted(Box<StepResult>),
+    /// An empty folder for its files.
+    Workspace(StepWorkspace<'a>),
+}
+
+/// The end of a step's work.
+struct StepWork {
+    worked: Result<(), StageError>,
+    seconds: f64,
+    /// An estimate of the seconds that it takes alone, if others shared its work.
+    alone: Option<f64>,
+    warnings: Vec<String>,
+    remark: Option<String>,
+    saving: Option<TimeSaved>,
+}
+
+impl<'a> StepJob<'a> {
     pub(super) fn run(&self, step: StepId, stale: &StaleStep) -> Result<StepResult, StepError> {
+        match self.prepare(stale)? {
+            PreparedStep::Adopted(adopted) => Ok(*adopted),
+            PreparedStep::Workspace(workspace) => {
+                self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
+            }
+        }
+    }
+
+    /// Makes steps of one pass together. A step that the pass could not serve is made alone.
+    pub(super) fn run_together(&self, members: &[(StepId, StaleStep)]) -> Vec<Result<StepResult, StepError>> {
+        let mut results: Vec<Option<Result<StepResult, StepError>>> = Vec::new();
+        let mut places = Vec::new();
+        for (at, (_, stale)) in members.iter().enumerate() {
+            results.push(match self.prepare(stale) {
+                Ok(PreparedStep::Adopted(adopted)) => Some(Ok(*adopted)),
+                Ok(PreparedStep::Workspace(workspace)) => {
+                    places.push((at, workspace));
+                    None
+                }
+                Err(error) => Some(Err(error)),
+            });
+        }
+        // A single step that is left has no need of a pass.
+        if places.len() > 1 {
+            for (at, result) in self.make_together(members, &places) {
+                results[at] = Some(result);
+            }
+        }
+        drop(places);
+        let alone = |(result, (step, stale)): (Option<_>, &(StepId, StaleStep))| {
+            result.unwrap_or_else(|| self.run(*step, stale))
+        };
+        results.into_iter().zip(members).map(alone).collect()
+    }
+
+    /// The results of the steps that a pass served, by their place among the members.
+    fn make_together(
+        &self,
+        members: &[(StepId, StaleStep)],
+        places: &[(usize, StepWorkspace<'_>)],
+    ) -> Vec<(usize, Result<StepResult, StepError>)> {
+        let mut steps = Vec::new();
+        for (at, workspace) in places {
+            let (step, stale) = &members[*at];
+            let cx = self.context(stale, workspace);
+            steps.push(PassStep { step: &*self.plan.steps()[step.0].step, cx });
+        }
+        let files = &members[places[0].0].1.files;
+        // Without threads there is no pass, and each step alone reports why.
+        let Ok(ends) = self.in_threads(|| run_pass(&mut steps, files, monotonic_seconds)) else {
+            return Vec::new();
+        };
+        let mut results = Vec::new();
+        for ((end, PassStep { cx, .. }), (at, workspace)) in ends.into_iter().zip(steps).zip(places) {
+            let Some(worked) = end.made else { continue };
+            let StageContext { warnings, remark, saving, .. } = cx;
+            let PassSeconds { share: seconds, alone, .. } = end.seconds;
+            let work = StepWork { worked, seconds, alone: Some(alone), warnings, remark, saving };
+            let (step, stale) = &members[*at];
+            let result = self.conclude(*step, stale, workspace, work);
+            results.push((*at, result.map_err(|e| self.with_space(e, workspace.bytes()))));
+        }
+        results
+    }
+
+    /// Takes the outputs of another machine, or makes a folder for a step.
+    fn prepare(&self, stale: &StaleStep) -> Result<PreparedStep<'a>, StepError> {
         if let StepReason::BlobAltered { digest } = &stale.reason {
             // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
@@ -67,11 +156,23 @@ impl StepJob<'_> {
         if stale.recheck.is_none()
             && let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))?
         {
-            return Ok(adopted);
+            return Ok(PreparedStep::Adopted(Box::new(adopted)));
         }
         // Even an empty folder cannot be created on a full disk.
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
-        self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
+        Ok(PreparedStep::Workspace(workspace))
+    }
+
+    /// The facilities for a step.
+    fn context<'w>(&'w self, stale: &StaleStep, workspace: &'w StepWorkspace<'_>) -> StageContext<'w> {
+        let mut cx = StageContext::new(workspace.path(), self.cancel);
+        // A step that is made again for comparison must do all of its work again.
+        cx.resume = stale.recheck.is_none().then(|| self.store.resume_of(&stale.key));
+        // A clock without a date: no product may depend on the time of the build.
+        cx.clock = Some(monotonic_seconds);
+        cx.allows_commands = self.allows_commands;
+        cx.programs = self.programs.clone();
+        cx
     }
 
     fn make(
@@ -83,31 +184,44 @@ impl StepJob<'_> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
         let tell = |words: &str| self.observer.tell(&RunEvent::Advanced { step, words });
-        let mut cx = StageContext::new(workspace.path(), self.cancel);
+        let mut cx = self.context(stale, workspace);
         cx.progress = Some(StepProgress(&tell));
-        // A step that is made again for comparison must do all of its work again.
-        cx.resume = stale.recheck.is_none().then(|| self.store.resume_of(&stale.key));
-        // A clock without a date: no product may depend on the time of the build.
-        cx.clock = Some(monotonic_seconds);
-        cx.allows_commands = self.allows_commands;
-        cx.programs = self.programs.clone();
         let runs_commands = self.allows_commands && !planned.step.programs().is_empty();
         if runs_commands || planned.step.runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);
         }
         let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
+        let StageContext { warnings, remark, saving, .. } = cx;
+        self.conclude(
+            step,
+            stale,
+            workspace,
+            StepWork { worked, seconds, alone: None, warnings, remark, saving },
+        )
+    }
+
+    /// Records a step after its work.
+    fn conclude(
+        &self,
+        step: StepId,
+        stale: &StaleStep,
+        workspace: &StepWorkspace<'_>,
+        work: StepWork,
+    ) -> Result<StepResult, StepError> {
+        let planned = &self.plan.steps()[step.0];
+        let StepWork { worked, seconds, alone, warnings, remark, saving } = work;
         // A file that is half written looks broken. The message that it changes is the better one.
         if !matches!(worked, Err(StageError::Cancelled)) {
             self.refuse_moved(planned, &stale.sources)?;
         }
         worked?;
-        let StageContext { warnings, remark, saving, .. } = cx;
         let provenance = StepProvenance {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
+            alone_seconds: alone,
             threads: self.cores,
-            memory: stale.need.memory,
+            memory: self.memory,
             warnings: warnings.clone(),
         };
         let record = StepRecord::new(stale.key, planned.step.stage(), stale.description.lines(), provenance);

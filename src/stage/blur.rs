@@ -1,11 +1,15 @@
 //! Stage `blur`: blurred frames, one PNG per exposure.
 
-use super::shot::{ReadyShot, ShotParameters, record_work};
+use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::shot::{ShotParameters, record_work};
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_json};
+use crate::camera::Camera;
+use crate::frames::rendered::RenderedPose;
 use crate::image::png;
+use crate::render::{ChannelSet, Renderer};
 use crate::sampling::exposure::{
-    self, ExposeError, ExposedFrame, ExposureCourse, FrameExposer, ShutterSettings,
+    self, DenseView, ExposeError, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
 };
 use crate::scene::Gaussians;
 use crate::source::Capture;
@@ -42,37 +46,72 @@ impl Stage for BlurStage {
         self.shot.need(files, BYTES_A_PIXEL)
     }
 
+    fn role(&self) -> Option<PassRole<'_>> {
+        Some(PassRole::Poses(self))
+    }
+
     fn run(
         &self,
-        (capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct),
+        inputs: (Capture, Gaussians, TrajectoryProduct),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let ReadyShot { camera, mut renderer } = self.shot.ready(&capture, gaussians, &motion, cx)?;
-        let (poses, seconds) = (&motion.trajectory.world_from_camera, motion.seconds());
-        let centres = exposure::exposure_centres(poses.len(), self.shutter.frames);
-        if centres.is_empty() {
+        pass::run_alone(self, inputs, cx)
+    }
+}
+
+impl PoseStage for BlurStage {
+    fn shot(&self) -> &ShotParameters {
+        &self.shot
+    }
+
+    fn bytes_a_pixel(&self) -> u64 {
+        BYTES_A_PIXEL
+    }
+
+    fn taker(&self, ground: &PassGround, camera: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+        let (poses, seconds) = (ground.motion.trajectory.world_from_camera.clone(), ground.motion.seconds());
+        if exposure::exposure_centres(poses.len(), self.shutter.frames).is_empty() {
             return Err(exposure::TooShort { poses: poses.len(), frames: self.shutter.frames })
                 .map_err(StageError::work_failed("expose"));
         }
-        let course = ExposureCourse { camera, poses, seconds: &seconds };
-        let exposer = FrameExposer::new(&mut *renderer, course, self.shutter);
-        let mut exposer = exposer.map_err(StageError::work_failed("join the poses by a path"))?;
-        let mut exposures = Vec::with_capacity(centres.len());
-        for pose in centres {
-            let exposed = exposer.expose(pose, &|| !cx.is_cancelled());
-            let ExposedFrame { exposure, picture } = exposed.map_err(|error| match error {
-                ExposeError::Interrupted => StageError::Cancelled,
-                error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
-            })?;
-            let out = cx.out.join(format!("{pose:06}.png"));
-            let written = File::create(&out)
-                .and_then(|file| png::write_image(&png::to_bytes(&picture), BufWriter::new(file)));
-            written.map_err(StageError::io_error(&out))?;
-            exposures.push(exposure);
-        }
-        cx.warnings.extend(exposure::ghost_warning(&exposures));
+        let exposer = FrameExposer::new(ExposureCourse { camera, poses, seconds }, self.shutter);
+        let exposer = exposer.map_err(StageError::work_failed("join the poses by a path"))?;
+        Ok(Box::new(BlurTaker { exposer, exposures: Vec::new() }))
+    }
+}
+
+/// The exposures of a trajectory.
+struct BlurTaker {
+    exposer: FrameExposer,
+    exposures: Vec<ExposureRecord>,
+}
+
+impl PoseTaker for BlurTaker {
+    fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
+        self.exposer.want(pose, renderer)
+    }
+
+    fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {
+        let RenderedPose { index, images, work, renderer, .. } = pose;
+        let exposed =
+            self.exposer.see(DenseView { pose: index, images, work, renderer }, &|| !cx.is_cancelled());
+        let exposed = exposed.map_err(|error| match error {
+            ExposeError::Interrupted => StageError::Cancelled,
+            error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
+        })?;
+        let Some(ExposedFrame { exposure, picture }) = exposed else { return Ok(()) };
+        let out = cx.out.join(format!("{:06}.png", exposure.pose));
+        let written = File::create(&out)
+            .and_then(|file| png::write_image(&png::to_bytes(&picture), BufWriter::new(file)));
+        written.map_err(StageError::io_error(&out))?;
+        self.exposures.push(exposure);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        cx.warnings.extend(exposure::ghost_warning(&self.exposures));
         let out = cx.out.join(BlurredFrames::EXPOSURES);
-        write_json(&out, &exposures).map_err(StageError::io_error(&out))?;
-        record_work(&exposer.work, cx)
+        write_json(&out, &self.exposures).map_err(StageError::io_error(&out))?;
+        record_work(&self.exposer.work, cx)
     }
 }

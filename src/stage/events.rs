@@ -4,6 +4,8 @@
 mod resample;
 mod sampling;
 
+use super::pass::{PassGround, PassRole, PoseReaders};
+use super::shot::ShotParameters;
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
@@ -34,7 +36,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
@@ -92,27 +93,43 @@ impl Stage for EventsStage {
     }
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        let sensors = self.sensors().count() as u64;
-        // Only a front end that changes the frame, or a build that omits nothing, holds frames of
-        // its own.
-        let is_coloured =
-            |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
-        let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
-        let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
-        let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
-        let behind = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late;
-        let others = BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind;
-        super::rendering_need(&self.backend, self.camera, files, others)
+        super::rendering_need(&self.backend, self.camera, files, self.bytes_a_pixel())
+    }
+
+    fn role(&self) -> Option<PassRole<'_>> {
+        // With a tolerance, frames are elsewhere than at the poses.
+        self.tolerance.is_none().then_some(PassRole::Events(self))
     }
 
     fn run(
         &self,
-        (capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct),
+        inputs: (Capture, Gaussians, TrajectoryProduct),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
+        self.make(PassGround::new(inputs), None, cx)
+    }
+}
+
+impl EventsStage {
+    /// Leads a pass: makes the product, and shows the renderings of its frames to the readers.
+    pub(super) fn lead(
+        &self,
+        ground: PassGround,
+        readers: &mut PoseReaders<'_, '_>,
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        self.make(ground, Some(readers), cx)
+    }
+
+    fn make(
+        &self,
+        ground: PassGround,
+        readers: Option<&mut PoseReaders<'_, '_>>,
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        let PassGround { capture, gaussians, motion } = ground;
         let camera = super::choose_camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
-        let gaussians = Arc::new(gaussians);
         let new_renderer = || {
             let renderer = self.backend.renderer(gaussians.clone(), style);
             let mut renderer = renderer.map_err(StageError::work_failed("render"))?;
@@ -126,13 +143,16 @@ impl Stage for EventsStage {
         let own = chosen_own.as_ref().unwrap_or(self);
         let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
-        let mut frames =
-            own.with_inputs(RenderedFrames::new(renderer, camera, trajectory.clone()), velocities);
+        let frames = RenderedFrames::new(renderer, camera, trajectory.clone());
+        let mut frames = own.with_inputs(frames, velocities, readers.is_some());
         if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
             cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
         }
-        let (mut streams, anchors) =
-            own.simulate(&mut frames, (&trajectory.stamps_us, &choice), camera.size, cx)?;
+        let kept = (&trajectory.stamps_us[..], &choice);
+        let (mut streams, anchors) = match readers {
+            Some(readers) => own.simulate(&mut readers.reading(&mut frames), kept, cx)?,
+            None => own.simulate(&mut frames, kept, cx)?,
+        };
         let work = frames.work();
         if let Some(path) = path {
             let again = (camera, frames.into_renderer());
@@ -167,10 +187,40 @@ impl Stage for EventsStage {
 }
 
 impl EventsStage {
+    /// Camera and rendering.
+    pub(super) fn shot(&self) -> ShotParameters {
+        let Self { camera, render, omit, .. } = *self;
+        ShotParameters { camera, render, omit, backend: self.backend.clone() }
+    }
+
+    /// Memory per pixel in addition to that of the renderer, bytes.
+    pub(super) fn bytes_a_pixel(&self) -> u64 {
+        let sensors = self.sensors().count() as u64;
+        // Only a front end that changes the frame, or a build that omits nothing, holds frames of
+        // its own.
+        let is_coloured =
+            |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
+        let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
+        let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
+        let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
+        let behind = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late;
+        BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind
+    }
+
     /// The frames with all that the sensors read: rates for [`BetweenFrames::Hermite`], and colour.
-    fn with_inputs(&self, frames: RenderedFrames, velocities: Vec<CameraVelocity>) -> RenderedFrames {
+    /// Other readers may want the flow.
+    fn with_inputs(
+        &self,
+        frames: RenderedFrames,
+        velocities: Vec<CameraVelocity>,
+        has_readers: bool,
+    ) -> RenderedFrames {
         let needs_rates = self.sensors().any(|(_, sensor)| sensor.between() == BetweenFrames::Hermite);
-        let mut frames = if needs_rates { frames.with_rates(velocities) } else { frames };
+        let mut frames = match (needs_rates, has_readers) {
+            (true, _) => frames.with_rates(velocities),
+            (false, true) => frames.with_velocities(velocities),
+            (false, false) => frames,
+        };
         if self.sees_colour() {
             frames.want_colour();
         }
@@ -211,11 +261,11 @@ impl EventsStage {
     /// end shows them.
     fn simulate(
         &self,
-        frames: &mut RenderedFrames,
+        frames: &mut dyn FrameSequence,
         (stamps_us, choice): (&[i64], &AnchorChoice),
-        size: Size,
         cx: &StageContext<'_>,
     ) -> Result<(Vec<EventStream>, Vec<AnchorFrames>), StageError> {
+        let size = frames.size();
         let mut anchors = vec![AnchorFrames::without_frames(choice); self.front_ends().len()];
         let keep = |anchors: &mut AnchorFrames, frame: &DenseFrame| {
             if choice.frames.binary_search(&frame.index).is_ok() {

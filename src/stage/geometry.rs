@@ -1,16 +1,18 @@
 //! Stages `depth` and `flow`: geometry of the scene as seen by the camera, one `.npy` per pose.
 
-use super::shot::ShotParameters;
+use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
-use crate::image::npy;
-use crate::render::{CameraVelocity, ChannelSet, RenderedImages};
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::image::npy::{self, NpyPixel};
+use crate::render::{ChannelSet, RenderedImages};
 use crate::sampling::exposure;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
 use std::fmt::Debug;
-use std::io::{self, Write};
 use std::marker::PhantomData;
 
 /// Parameters: camera, rendering, and the spacing of images.
@@ -44,14 +46,11 @@ pub trait PixelQuantity: Debug + Send + Sync {
     /// The rendered channels.
     const CHANNELS: ChannelSet;
 
-    /// The velocity of the camera at each pose, if the quantity depends on it.
-    fn velocities(motion: &TrajectoryProduct) -> Option<Vec<CameraVelocity>>;
+    /// The value of a pixel.
+    type Pixel: NpyPixel + Send + Sync + 'static;
 
-    /// Writes one image.
-    ///
-    /// # Errors
-    /// Writing to `out` fails.
-    fn write(rendered: &RenderedImages, out: impl Write) -> io::Result<()>;
+    /// The image of the quantity.
+    fn keep(rendered: &RenderedImages) -> Image<Self::Pixel>;
 }
 
 /// Float32 `[H, W]`, scene units along the optical axis; NaN where opacity is below 0.5.
@@ -69,12 +68,10 @@ impl PixelQuantity for DepthQuantity {
     const BYTES_A_PIXEL: u64 = 24;
     const CHANNELS: ChannelSet = ChannelSet { depth: true, ..ChannelSet::NONE };
 
-    fn velocities(_: &TrajectoryProduct) -> Option<Vec<CameraVelocity>> {
-        None
-    }
+    type Pixel = f32;
 
-    fn write(rendered: &RenderedImages, out: impl Write) -> io::Result<()> {
-        npy::write_image(rendered.depth.as_ref().expect("depth was asked for"), out)
+    fn keep(rendered: &RenderedImages) -> Image<f32> {
+        rendered.depth.clone().expect("depth was asked for")
     }
 }
 
@@ -84,12 +81,10 @@ impl PixelQuantity for FlowQuantity {
     const BYTES_A_PIXEL: u64 = 72;
     const CHANNELS: ChannelSet = ChannelSet { flow: true, ..ChannelSet::NONE };
 
-    fn velocities(motion: &TrajectoryProduct) -> Option<Vec<CameraVelocity>> {
-        Some(motion.velocities())
-    }
+    type Pixel = [f32; 2];
 
-    fn write(rendered: &RenderedImages, out: impl Write) -> io::Result<()> {
-        npy::write_image(rendered.flow.as_ref().expect("flow was asked for"), out)
+    fn keep(rendered: &RenderedImages) -> Image<[f32; 2]> {
+        rendered.flow.clone().expect("flow was asked for")
     }
 }
 
@@ -107,14 +102,36 @@ impl<Q: PixelQuantity> Stage for GeometryStage<Q> {
         self.shot.need(files, Q::BYTES_A_PIXEL)
     }
 
+    fn role(&self) -> Option<PassRole<'_>> {
+        Some(PassRole::Poses(self))
+    }
+
     fn run(
         &self,
-        (capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct),
+        inputs: (Capture, Gaussians, TrajectoryProduct),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let mut ready = self.shot.ready(&capture, gaussians, &motion, cx)?;
-        let kept = exposure::kept_poses(motion.trajectory.world_from_camera.len(), self.every, None);
-        let views = ready.views(&motion, &kept, Q::velocities(&motion).as_deref());
-        ready.take(&views, Q::CHANNELS, ("npy", |rendered, file| Q::write(rendered, file)), cx)
+        pass::run_alone(self, inputs, cx)
+    }
+}
+
+impl<Q: PixelQuantity> PoseStage for GeometryStage<Q> {
+    fn shot(&self) -> &ShotParameters {
+        &self.shot
+    }
+
+    fn bytes_a_pixel(&self) -> u64 {
+        Q::BYTES_A_PIXEL
+    }
+
+    fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+        let kept = exposure::kept_poses(ground.poses(), self.every, None);
+        let form = PoseFileForm {
+            extension: "npy",
+            keep: Q::keep,
+            write: |image, file| npy::write_image(image, file),
+            is_encoded: false,
+        };
+        Ok(Box::new(FileTaker::new(kept, Q::CHANNELS, form)))
     }
 }

@@ -1,10 +1,12 @@
 //! Stage `sharp`: sharp frames of a release, one PNG per pose.
 
-use super::shot::ShotParameters;
+use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
+use crate::camera::Camera;
 use crate::image::png;
-use crate::render::{ChannelSet, RenderedImages};
+use crate::render::ChannelSet;
 use crate::sampling::exposure;
 use crate::scene::Gaussians;
 use crate::source::Capture;
@@ -40,18 +42,38 @@ impl Stage for SharpStage {
         self.shot.need(files, BYTES_A_PIXEL)
     }
 
+    fn role(&self) -> Option<PassRole<'_>> {
+        Some(PassRole::Poses(self))
+    }
+
     fn run(
         &self,
-        (capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct),
+        inputs: (Capture, Gaussians, TrajectoryProduct),
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let mut ready = self.shot.ready(&capture, gaussians, &motion, cx)?;
-        let kept = exposure::kept_poses(motion.trajectory.world_from_camera.len(), self.every, self.exposed);
-        let want = ChannelSet { rgb: true, ..ChannelSet::default() };
-        let views = ready.views(&motion, &kept, None);
-        let write = |rendered: &RenderedImages, file| {
-            png::write_image(&png::to_bytes(rendered.rgb.as_ref().expect("colour was asked for")), file)
+        pass::run_alone(self, inputs, cx)
+    }
+}
+
+impl PoseStage for SharpStage {
+    fn shot(&self) -> &ShotParameters {
+        &self.shot
+    }
+
+    fn bytes_a_pixel(&self) -> u64 {
+        BYTES_A_PIXEL
+    }
+
+    fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+        let kept = exposure::kept_poses(ground.poses(), self.every, self.exposed);
+        let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
+        let form = PoseFileForm {
+            extension: "png",
+            // As bytes, because several pictures wait at once.
+            keep: |images| png::to_bytes(images.rgb.as_ref().expect("colour was asked for")),
+            write: |picture, file| png::write_image(picture, file),
+            is_encoded: true,
         };
-        ready.take(&views, want, ("png", write), cx)
+        Ok(Box::new(FileTaker::new(kept, want, form)))
     }
 }

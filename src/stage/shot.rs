@@ -1,21 +1,16 @@
-//! Common part of the stages that render pictures for a release: camera, rules, and the loop over
-//! poses.
+//! Common part of the stages that render pictures for a release: camera, rules, and one file per pose.
 
+use super::pass::{PassGround, PoseTaker};
 use super::{StageContext, StageError, StepNeed};
-use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
+use crate::artifact::{ArtifactFiles, write_json};
 use crate::camera::{Camera, CameraChoice};
+use crate::frames::rendered::RenderedPose;
 use crate::render::backend::Backend;
-use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages,
-    Renderer,
-};
-use crate::scene::Gaussians;
-use crate::source::Capture;
+use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages, Renderer};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufWriter};
-use std::sync::Arc;
 
 /// Parameters: the camera and the rendering.
 #[derive(Debug, Clone, Serialize)]
@@ -33,82 +28,95 @@ pub struct ShotParameters {
     pub backend: Backend,
 }
 
-/// Number of pictures rendered before they are encoded: the encoder uses one core per picture.
-const BATCH: usize = 8;
-
-/// A camera and its renderer.
-pub(super) struct ReadyShot {
-    pub(super) camera: Camera,
-    pub(super) renderer: Box<dyn Renderer>,
-}
-
 impl ShotParameters {
     pub(super) fn need(&self, files: &[ArtifactFiles], bytes_a_pixel: u64) -> StepNeed {
         super::rendering_need(&self.backend, self.camera, files, bytes_a_pixel)
     }
 
     /// A renderer that was promised the poses.
-    pub(super) fn ready(
+    pub(super) fn renderer(
         &self,
-        capture: &Capture,
-        gaussians: Gaussians,
-        motion: &TrajectoryProduct,
-        cx: &mut StageContext<'_>,
-    ) -> Result<ReadyShot, StageError> {
-        let camera = super::choose_camera(self.camera, capture, cx);
-        let style = self.render.resolve(gaussians.antialiased);
-        let mut renderer =
-            self.backend.renderer(Arc::new(gaussians), style).map_err(StageError::work_failed("render"))?;
+        ground: &PassGround,
+        camera: Camera,
+    ) -> Result<Box<dyn Renderer>, StageError> {
+        let style = self.render.resolve(ground.gaussians.antialiased);
+        let renderer = self.backend.renderer(ground.gaussians.clone(), style);
+        let mut renderer = renderer.map_err(StageError::work_failed("render"))?;
         // The policy comes first: under another one, the renderer ignores the promise.
         renderer.omit(self.omit);
-        renderer.keep_to(&camera, &motion.trajectory.world_from_camera);
-        Ok(ReadyShot { camera, renderer })
+        renderer.keep_to(&camera, &ground.motion.trajectory.world_from_camera);
+        Ok(renderer)
     }
 }
 
-impl ReadyShot {
-    /// The views from these poses, of a camera at rest or in motion.
-    pub(super) fn views(
-        &self,
-        motion: &TrajectoryProduct,
-        poses: &[usize],
-        velocities: Option<&[CameraVelocity]>,
-    ) -> Vec<(usize, CameraView)> {
-        let view = |j: usize| {
-            let still = CameraView::at_rest(self.camera, motion.trajectory.world_from_camera[j]);
-            velocities.map_or(still, |all| CameraView { velocity: all[j], ..still })
-        };
-        poses.iter().map(|j| (*j, view(*j))).collect()
+/// Number of pictures that wait for their encoder, which uses one core per picture.
+const BATCH: usize = 8;
+
+/// A taker that writes one file per pose.
+pub(super) struct FileTaker<K> {
+    /// The poses with a file, ascending.
+    poses: Vec<usize>,
+    want: ChannelSet,
+    form: PoseFileForm<K>,
+    /// What waits to be written, with its pose.
+    kept: Vec<(usize, K)>,
+    work: RenderWork,
+}
+
+/// The form of a pose's file.
+pub(super) struct PoseFileForm<K> {
+    /// The extension of its name.
+    pub(super) extension: &'static str,
+    /// What is kept of the images until the file is written.
+    pub(super) keep: fn(&RenderedImages) -> K,
+    /// Writes the file.
+    pub(super) write: fn(&K, BufWriter<File>) -> io::Result<()>,
+    /// True if writing costs more than a copy, so that several cores should write at once.
+    pub(super) is_encoded: bool,
+}
+
+impl<K: Sync> FileTaker<K> {
+    /// Files of these poses, ascending.
+    pub(super) fn new(poses: Vec<usize>, want: ChannelSet, form: PoseFileForm<K>) -> Self {
+        Self { poses, want, form, kept: Vec::new(), work: RenderWork::default() }
     }
 
-    /// Renders the requested channels of these views, and writes each to the file of its index, and
-    /// `work.json`.
-    pub(super) fn take(
-        &mut self,
-        views: &[(usize, CameraView)],
-        want: ChannelSet,
-        (extension, write): (&str, impl Fn(&RenderedImages, BufWriter<File>) -> io::Result<()> + Sync),
-        cx: &StageContext<'_>,
-    ) -> Result<(), StageError> {
-        let mut work = RenderWork::default();
-        for batch in views.chunks(BATCH) {
-            let mut pictures = Vec::with_capacity(batch.len());
-            for (j, view) in batch {
-                cx.go_on()?;
-                let mut rendered = RenderedImages::default();
-                work += self
-                    .renderer
-                    .render(view, want, &mut rendered)
-                    .map_err(StageError::work_failed("render"))?;
-                pictures.push((j, rendered));
-            }
-            pictures.par_iter().try_for_each(|(j, rendered)| {
-                let out = cx.out.join(format!("{j:06}.{extension}"));
-                let written = File::create(&out).and_then(|file| write(rendered, BufWriter::new(file)));
-                written.map_err(StageError::io_error(&out))
-            })?;
+    fn has(&self, pose: usize) -> bool {
+        self.poses.binary_search(&pose).is_ok()
+    }
+
+    /// Writes what waits.
+    fn flush(&mut self, cx: &StageContext<'_>) -> Result<(), StageError> {
+        let PoseFileForm { extension, write, .. } = self.form;
+        let out = cx.out;
+        let written = self.kept.par_iter().try_for_each(|(pose, kept)| {
+            let path = out.join(format!("{pose:06}.{extension}"));
+            let written = File::create(&path).and_then(|file| write(kept, BufWriter::new(file)));
+            written.map_err(StageError::io_error(&path))
+        });
+        self.kept.clear();
+        written
+    }
+}
+
+impl<K: Sync> PoseTaker for FileTaker<K> {
+    fn want(&mut self, pose: usize, _: &mut dyn Renderer) -> ChannelSet {
+        if self.has(pose) { self.want } else { ChannelSet::NONE }
+    }
+
+    fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {
+        if !self.has(pose.index) {
+            return Ok(());
         }
-        record_work(&work, cx)
+        self.work += pose.work;
+        self.kept.push((pose.index, (self.form.keep)(pose.images)));
+        let most = if self.form.is_encoded { BATCH } else { 1 };
+        if self.kept.len() < most { Ok(()) } else { self.flush(cx) }
+    }
+
+    fn finish(mut self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        self.flush(cx)?;
+        record_work(&self.work, cx)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::context::StageContext;
 use super::error::StageError;
+use super::pass::PassRole;
 use super::target::StageInputs;
 use super::{SourceFile, Stage, StepId, StepNeed};
 use crate::artifact::ArtifactFiles;
@@ -54,6 +55,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
 
     /// A program that must be asked for its version before the key is known.
     fn unasked(&self) -> Option<&'static str>;
+
+    /// The part of the stage in a pass over rendered poses.
+    fn role(&self) -> Option<PassRole<'_>>;
 
     /// Opens the inputs and does the work.
     ///
@@ -116,6 +120,10 @@ where
 
     fn unasked(&self) -> Option<&'static str> {
         self.stage.unasked()
+    }
+
+    fn role(&self) -> Option<PassRole<'_>> {
+        self.stage.role()
     }
 
     fn run(&self, files: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError> {

@@ -37,8 +37,11 @@ pub fn content_digest(outputs: &[StoredOutput]) -> Digest {
 pub struct StepProvenance {
     /// Version of the program.
     pub tool: String,
-    /// Wall time of the step in seconds.
+    /// Wall time of the step in seconds. Of steps that were made together, its share.
     pub seconds: f64,
+    /// An estimate of the seconds that it takes alone, if it was made together with others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alone_seconds: Option<f64>,
     /// Number of threads.
     pub threads: usize,
     /// Memory granted, bytes.
@@ -73,8 +76,11 @@ const FORMAT: u32 = 1;
 pub struct RecordSummary {
     /// Name of the stage.
     pub stage: String,
-    /// Wall time of the step in seconds.
+    /// As [`StepProvenance::seconds`].
     pub seconds: f64,
+    /// As [`StepProvenance::alone_seconds`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alone_seconds: Option<f64>,
     /// Number of threads.
     pub threads: usize,
     /// Memory granted, bytes.
@@ -113,8 +119,9 @@ impl StepRecord {
 
     /// The part of the record for the index.
     pub(super) fn brief(&self) -> RecordSummary {
-        let StepProvenance { seconds, threads, memory, .. } = self.provenance;
-        RecordSummary { stage: self.stage.clone(), seconds, threads, memory, outputs: self.outputs.clone() }
+        let StepProvenance { seconds, alone_seconds, threads, memory, .. } = self.provenance;
+        let (stage, outputs) = (self.stage.clone(), self.outputs.clone());
+        RecordSummary { stage, seconds, alone_seconds, threads, memory, outputs }
     }
 
     fn sealed(&self) -> String {
@@ -175,8 +182,13 @@ mod tests {
 
     fn sample() -> StepRecord {
         let line = ExplanationLine { path: "params.rate".into(), text: "2400/1".into() };
-        let provenance =
-            StepProvenance { tool: "0".into(), seconds: 0.1, threads: 2, memory: 7, warnings: vec![] };
+        let provenance = StepProvenance {
+            tool: "0".into(),
+            seconds: 0.1,
+            threads: 2,
+            memory: 7,
+            ..StepProvenance::default()
+        };
         let mut record = StepRecord::new(Key(Digest::of_bytes(b"key")), "trajectory", vec![line], provenance);
         record.outputs.push(StoredOutput {
             name: "poses.txt".into(),

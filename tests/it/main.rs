@@ -48,6 +48,7 @@ mod manifest;
 mod memory;
 mod messages;
 mod no_omit;
+mod one_pass;
 mod other_programs;
 mod paths;
 mod photos;

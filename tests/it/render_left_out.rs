@@ -94,6 +94,45 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
+    /// Renderings for several readers count for each of them as if it had a renderer of its own.
+    #[test]
+    fn each_promise_has_its_own_counts(
+        blobs in blobs(),
+        camera in cameras(),
+        poses in paths(),
+        others in paths(),
+        rules in prop::sample::select(&ALL_RULES[..]),
+    ) {
+        let scene = Arc::new(blob_scene(&blobs));
+        let new = || CpuRenderer::new(scene.clone(), RenderStyle { rules, ..OFFICIAL }).unwrap();
+        let promised = |poses: &[Se3]| {
+            let mut cpu = new();
+            cpu.keep_to(&camera, poses);
+            cpu
+        };
+        let (mut whole, mut both) = (promised(&poses), promised(&poses));
+        // A part of the path, views elsewhere, and the part again.
+        let part = &poses[poses.len() / 3..];
+        for reader in [part, &others, part] {
+            both.keep_also(&camera, reader);
+            let mut own = promised(reader);
+            let (wanted, alone) = frame(&mut own, camera, reader[0]);
+            let (found, work) = frame(&mut both, camera, reader[0]);
+            prop_assert!(found == wanted, "{alone:?} {work:?}");
+            prop_assert_eq!(both.work_within(work), alone);
+            // The promise of all frames still has its own counts.
+            let (wanted, alone) = frame(&mut whole, camera, poses[0]);
+            let (found, work) = frame(&mut both, camera, poses[0]);
+            prop_assert!(found == wanted);
+            prop_assert_eq!(work, alone);
+        }
+        // A new promise of all frames replaces both.
+        both.keep_to(&camera, &others);
+        let (_, alone) = frame(&mut promised(&others), camera, others[0]);
+        let (_, work) = frame(&mut both, camera, others[0]);
+        prop_assert_eq!((work, both.work_within(work)), (alone, alone));
+    }
+
     #[test]
     fn unseen_gaussians_change_no_bit(
         blobs in blobs(),

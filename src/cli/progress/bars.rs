@@ -79,7 +79,7 @@ impl ProgressBars {
         self.all.suspend(show);
     }
 
-    pub(super) fn started(&mut self, step: StepId, name: &str, cores: usize) {
+    pub(super) fn started(&mut self, step: StepId, name: &str, cores: f64) {
         let now = self.began.elapsed().as_secs_f64();
         self.change(|estimate| estimate.started(step, now, cores));
         if self.rows.len() < ROWS {

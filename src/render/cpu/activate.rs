@@ -1,6 +1,7 @@
 //! View-independent properties of Gaussians (scaled axes, opacity, reach), laid out in blocks for
 //! projection.
 
+use super::cull::ALL_LANES;
 use super::extent;
 use crate::render::RenderRules;
 use crate::render::dual::RealNumber;
@@ -10,6 +11,9 @@ use rayon::prelude::*;
 
 /// Number of Gaussians that are projected together.
 pub(super) const LANES: usize = 64;
+
+/// Number of promises that are counted apart: that of all frames, and that of one reader.
+pub(super) const PROMISES: usize = 2;
 
 /// One value for each Gaussian of a block.
 pub(super) type Lane = [f32; LANES];
@@ -21,6 +25,8 @@ pub(super) struct GaussianBlock {
     pub(super) len: usize,
     /// Indices of the Gaussians in the scene.
     pub(super) numbers: [u32; LANES],
+    /// The lanes that each promise may see, one bit per lane.
+    pub(super) promised: [u64; PROMISES],
     /// Means relative to the scene's origin.
     pub(super) positions: [Lane; 3],
     /// The columns of `Rq S`: world directions of a Gaussian's axes, scaled by the standard
@@ -95,6 +101,7 @@ fn activate_block(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Gau
     let mut block = GaussianBlock {
         len: numbers.len(),
         numbers: [0; LANES],
+        promised: [ALL_LANES; PROMISES],
         positions: [zero; 3],
         axes: [[zero; 3]; 3],
         opacity: zero,

@@ -8,7 +8,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
-use super::activate::{GaussianBlock, LANES, Lane};
+use super::activate::{GaussianBlock, LANES, Lane, PROMISES};
+use super::cull::{BEHIND, CullCounts, DEGENERATE, DRAWN, Fate, OUTSIDE, count_culled};
 use super::extent;
 use super::eye::ViewTransform;
 use super::splat::{MAX_FEATURES, Splat, SplatRates};
@@ -25,13 +26,6 @@ use rayon::prelude::*;
 /// Number of Gaussians that one task projects. Its multiples are the places at which the tasks'
 /// output begins.
 pub(super) const CHUNK: usize = 4096;
-
-/// Outcome of a projection: drawn, or the reason why not. It is as wide as an `f32` lane.
-type Fate = u32;
-const DRAWN: Fate = 0;
-const BEHIND: Fate = 1;
-const DEGENERATE: Fate = 2;
-const OUTSIDE: Fate = 3;
 
 /// The input of the pass.
 #[derive(Debug, Clone, Copy)]
@@ -57,8 +51,10 @@ pub(super) struct ProjectionInput<'a> {
 pub(super) struct ProjectedChunk {
     /// Number of splats at the front of the chunk's part of `splats`.
     pub(super) drawn: usize,
-    /// Counts.
+    /// Counts, without those of culled Gaussians.
     pub(super) work: RenderWork,
+    /// Culled Gaussians of each promise.
+    pub(super) culled: [CullCounts; PROMISES],
 }
 
 /// The splats of a chunk, and their indices in the scene.
@@ -204,6 +200,7 @@ impl ProjectionInput<'_> {
             RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, self.eye.size),
         }
         let count = seen.count(block.len, &mut done.work);
+        count_culled(&seen.fate[..block.len], block.promised, &mut done.culled);
         let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
         if coloured {
             seen.face(&self.eye, block, self.sh_degree, count);
@@ -370,7 +367,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
         }
     }
 
-    /// Lists the drawn lanes among the first `len`, and counts all outcomes.
+    /// Lists the drawn lanes among the first `len`, and counts those with a doubtful approximation.
     #[inline(always)]
     fn count(&mut self, len: usize, work: &mut RenderWork) -> usize {
         let mut drawn = 0;
@@ -379,10 +376,6 @@ impl<S: LaneValue> ProjectedBlock<S> {
             self.drawn[drawn] = i as u8;
             drawn += usize::from(self.fate[i] == DRAWN);
         }
-        let fates = |fate: Fate| self.fate[..len].iter().map(|&f| u64::from(f == fate)).sum::<u64>();
-        work.behind += fates(BEHIND);
-        work.degenerate += fates(DEGENERATE);
-        work.outside += fates(OUTSIDE);
         for k in 0..drawn {
             let i = usize::from(self.drawn[k]);
             work.affine_doubtful += u64::from(self.is_deeper(i, AFFINE_DOUBTFUL));

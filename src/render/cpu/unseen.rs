@@ -86,6 +86,15 @@ pub(super) fn seen_indices(
     all_indices(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
 }
 
+/// The indices of two ascending lists, ascending and each once.
+pub(super) fn merged_indices(a: &[u32], b: &[u32]) -> Vec<u32> {
+    let mut all = [a, b].concat();
+    // The sort of runs that are sorted already only merges them.
+    all.sort();
+    all.dedup();
+    all
+}
+
 /// A plane in camera axes. Visible points lie in front of it.
 struct CullPlane {
     /// Unit normal, pointing inwards.
