@@ -41,7 +41,7 @@ const FORMATS: [&str; 16] = [
     "parquet",
 ];
 
-/// Measures: `--program FILE` (built in release mode), `--events N` (10^8), `--only FORMAT`.
+/// Measures: `--program FILE` (built in release mode), `--events N` (10^8), `--only FORMAT,…`.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
     let events = value("--events")
@@ -61,7 +61,8 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     make_release(&gs2e, &folder, events)?;
     say(&format!("| `--to` | {events} events | peak | written | plain copy of it |\n|---|---|---|---|---|"));
     let only = value("--only");
-    for format in FORMATS.iter().filter(|format| only.is_none_or(|only| only == *format)) {
+    let is_asked = |format: &&&str| only.is_none_or(|only| only.split(',').any(|name| name == **format));
+    for format in FORMATS.iter().filter(is_asked) {
         measure(&gs2e, &folder, format, events)?;
     }
     fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))

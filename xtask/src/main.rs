@@ -45,7 +45,7 @@ usage: cargo xtask <task>
                      (`--most N`, `--runs N`, `--program FILE`)
   bench export [ARGS]...
                      time and peak memory of every layout of `gs2e export` for a stream of 10^8 events, next to a plain copy of what
-                     it wrote (`--events N`, `--only FORMAT`, `--program FILE`)
+                     it wrote (`--events N`, `--only FORMAT,…`, `--program FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report

@@ -245,7 +245,7 @@ fn write_train(
         out.write_file(&format!("train/r_{}.png", 2 * view), &plan.subject.blurred_file(exposure.pose)?)?;
         out.report()?;
     }
-    write_transforms(plan, "transform_train.json", entries, out)
+    write_transforms(plan, "transform_train.json", &entries, out)
 }
 
 /// The sharp frames outside of all exposures, or those of another trajectory; without any, the held-out ones.
@@ -268,14 +268,14 @@ fn write_test(
             .push(json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": [matrix, matrix] }));
         out.write_file(&format!("test/r_{view}.png"), &subject.sharp_file(*frame)?)?;
     }
-    write_transforms(plan, "transform_test.json", entries, out)?;
+    write_transforms(plan, "transform_test.json", &entries, out)?;
     Ok(frames.len())
 }
 
 fn write_transforms(
     plan: &ExportPlan<'_>,
     name: &str,
-    entries: Vec<Value>,
+    entries: &[Value],
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let camera = &plan.subject.camera;
