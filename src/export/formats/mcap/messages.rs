@@ -21,7 +21,7 @@ fn stamped(t_ns: i64, frame: &str) -> CdrWriter {
 }
 
 /// `std_msgs/msg/Header`.
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "END_US bounds all times")]
+#[expect(clippy::cast_possible_truncation, reason = "END_US bounds all times")]
 fn header(message: &mut CdrWriter, t_ns: i64, frame: &str) {
     message.i32(t_ns.div_euclid(NS_PER_S) as i32);
     message.u32(t_ns.rem_euclid(NS_PER_S) as u32);
