@@ -91,7 +91,7 @@ fn spacings_sensors_and_rules_do_not_matter() {
 fn dense_exposures_share_their_poses() {
     let mut value =
         with(&["events", "sharp", "blur", "flow"], &[("blur", serde_json::from_str(DENSE).unwrap())]);
-    value["source"]["procedural"]["arc"] = json!(20);
+    value["source"]["procedural"]["arc"] = json!(80);
     check(&value, "", &["blur", "events", "flow", "sharp"]);
     let place = Workspace::new();
     place.write("tiny.yaml", value.to_string());
@@ -105,7 +105,7 @@ fn dense_exposures_share_their_poses() {
 #[test]
 fn events_with_a_tolerance_are_made_alone() {
     let mut value = with(&["events", "sharp", "depth"], &[]);
-    value["sampling"] = json!({ "tolerance": { "rms": 0.2 } });
+    value["sampling"] = json!({ "tolerance": 0.2 });
     check(&value, "", &["depth", "sharp"]);
 }
 
