@@ -2,9 +2,11 @@
 
 mod reading;
 mod saving;
+mod shares;
 
 pub use reading::{PoseReader, ReadFrames, RenderedPose};
 pub use saving::TimeSaved;
+pub use shares::{ReaderSeconds, share_rest};
 
 use super::{DenseFrame, FrameError, FrameSequence};
 use crate::camera::Camera;

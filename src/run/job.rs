@@ -2,11 +2,11 @@
 
 use super::{RunEvent, RunObserver, StepError};
 use crate::artifact::ArtifactFiles;
-use crate::frames::rendered::TimeSaved;
+use crate::frames::rendered::{ReaderSeconds, TimeSaved};
 use crate::plan::assess::{SourceFiles, StepReason, read_sources};
 use crate::plan::{Plan, PlannedStep};
 use crate::programs::ProgramFinder;
-use crate::stage::pass::{PassSeconds, PassStep, run_pass};
+use crate::stage::pass::{PassStep, run_pass};
 use crate::stage::{StageContext, StageError, StepId, StepNeed, StepProgress};
 use crate::store::description::DescribedValue;
 use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
@@ -138,7 +138,7 @@ impl<'a> StepJob<'a> {
         for ((end, PassStep { cx, .. }), (at, workspace)) in ends.into_iter().zip(steps).zip(places) {
             let Some(worked) = end.made else { continue };
             let StageContext { warnings, remark, saving, .. } = cx;
-            let PassSeconds { share: seconds, alone, .. } = end.seconds;
+            let ReaderSeconds { share: seconds, alone, .. } = end.seconds;
             let work = StepWork { worked, seconds, alone: Some(alone), warnings, remark, saving };
             let (step, stale) = &members[*at];
             let result = self.conclude(*step, stale, workspace, work);

@@ -20,7 +20,8 @@ use crate::render::backend::Backend;
 use crate::render::doubt::BlendDoubt;
 use crate::render::flow::{self, FlowQuantiles};
 use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderedImages, Renderer,
+    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages,
+    Renderer,
 };
 use crate::sampling::ErrorTolerance;
 use crate::sampling::path::SampledPath;
@@ -36,6 +37,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
@@ -130,12 +132,7 @@ impl EventsStage {
         let PassGround { capture, gaussians, motion } = ground;
         let camera = super::choose_camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
-        let new_renderer = || {
-            let renderer = self.backend.renderer(gaussians.clone(), style);
-            let mut renderer = renderer.map_err(StageError::work_failed("render"))?;
-            renderer.omit(self.omit);
-            Ok::<_, StageError>(renderer)
-        };
+        let new_renderer = || self.new_renderer(gaussians.clone(), style);
         let path = continuous_path(&motion)?;
         let SampledFrames { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
@@ -187,6 +184,17 @@ impl EventsStage {
 }
 
 impl EventsStage {
+    fn new_renderer(
+        &self,
+        gaussians: Arc<Gaussians>,
+        style: RenderStyle,
+    ) -> Result<Box<dyn Renderer>, StageError> {
+        let mut renderer =
+            self.backend.renderer(gaussians, style).map_err(StageError::work_failed("render"))?;
+        renderer.omit(self.omit);
+        Ok(renderer)
+    }
+
     /// Camera and rendering.
     pub(super) fn shot(&self) -> ShotParameters {
         let Self { camera, render, omit, .. } = *self;

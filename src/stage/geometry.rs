@@ -41,7 +41,7 @@ pub trait PixelQuantity: Debug + Send + Sync {
     const NAME: &'static str;
     /// The stage's revision.
     const REVISION: u32;
-    /// Memory per pixel of a batch of images and their renderer, bytes, as measured.
+    /// Memory per pixel of an image and its copy, bytes, as measured.
     const BYTES_A_PIXEL: u64;
     /// The rendered channels.
     const CHANNELS: ChannelSet;
@@ -65,7 +65,7 @@ pub struct FlowQuantity;
 impl PixelQuantity for DepthQuantity {
     const NAME: &'static str = "depth";
     const REVISION: u32 = 1;
-    const BYTES_A_PIXEL: u64 = 24;
+    const BYTES_A_PIXEL: u64 = 8;
     const CHANNELS: ChannelSet = ChannelSet { depth: true, ..ChannelSet::NONE };
 
     type Pixel = f32;
@@ -78,7 +78,7 @@ impl PixelQuantity for DepthQuantity {
 impl PixelQuantity for FlowQuantity {
     const NAME: &'static str = "flow";
     const REVISION: u32 = 1;
-    const BYTES_A_PIXEL: u64 = 72;
+    const BYTES_A_PIXEL: u64 = 20;
     const CHANNELS: ChannelSet = ChannelSet { flow: true, ..ChannelSet::NONE };
 
     type Pixel = [f32; 2];

@@ -13,7 +13,7 @@ use super::wired::AnyStep;
 use super::{StageContext, StageError, StepId, StepNeed};
 use crate::artifact::{Artifact as _, ArtifactError, ArtifactFiles, TrajectoryProduct};
 use crate::camera::{Camera, CameraChoice};
-use crate::frames::rendered::RenderedPose;
+use crate::frames::rendered::{ReaderSeconds, RenderedPose, share_rest};
 use crate::render::backend::Backend;
 use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, Renderer};
 use crate::scene::Gaussians;
@@ -160,19 +160,7 @@ pub struct PassEnd {
     /// must then be made alone.
     pub made: Option<Result<(), StageError>>,
     /// Durations.
-    pub seconds: PassSeconds,
-}
-
-/// Durations of a step of a pass.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PassSeconds {
-    /// Its share of the pass, s: its own work, and an equal part of each rendering that it took. The
-    /// shares of all steps add up to the pass.
-    pub share: f64,
-    /// An estimate of what it takes alone, s: its own work, and each rendering that it took.
-    pub alone: f64,
-    /// Its own work, s, if it does not lead the pass.
-    own: f64,
+    pub seconds: ReaderSeconds,
 }
 
 /// Makes the products of several steps of one [`SharedPass`]. `files` are those of their inputs;
@@ -204,24 +192,9 @@ pub fn run_pass(steps: &mut [PassStep<'_>], files: &[ArtifactFiles], clock: fn()
     for (index, end) in readers.finish() {
         ends[index] = end;
     }
-    share_rest(&mut ends, led, clock() - began);
+    let durations = ends.iter_mut().map(|end| &mut end.seconds);
+    share_rest(durations.collect(), led, clock() - began);
     ends
-}
-
-/// Adds what is left of the duration of a pass to the shares: to that of the leader, or to all alike.
-fn share_rest(ends: &mut [PassEnd], leader: Option<usize>, seconds: f64) {
-    let (count, shared) = (ends.len() as f64, ends.iter().map(|end| end.seconds.share).sum::<f64>());
-    let rest = (seconds - shared).max(0.0);
-    match leader {
-        Some(leader) => {
-            let others: f64 = ends.iter().map(|end| end.seconds.own).sum();
-            ends[leader].seconds = PassSeconds { share: rest, alone: seconds - others, own: 0.0 };
-        }
-        None => ends.iter_mut().for_each(|end| {
-            end.seconds.share += rest / count;
-            end.seconds.alone += rest;
-        }),
-    }
 }
 
 /// Makes the product of a step in a pass of its own.
@@ -236,37 +209,4 @@ pub(super) fn run_alone(
     readers.lead(stage.shot(), &ground)?;
     let ends: Vec<(usize, PassEnd)> = readers.finish().collect();
     ends.into_iter().find_map(|(_, end)| end.made).expect("a pass that has not failed is complete")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn end(own: f64, share: f64, alone: f64) -> PassEnd {
-        PassEnd { made: None, seconds: PassSeconds { share, alone, own } }
-    }
-
-    fn check(mut ends: Vec<PassEnd>, leader: Option<usize>, wanted: &[[f64; 2]]) {
-        share_rest(&mut ends, leader, 10.0);
-        for (end, [share, alone]) in ends.iter().zip(wanted) {
-            let PassSeconds { share: found, alone: found_alone, .. } = end.seconds;
-            assert!((found - share).abs() < 1e-12 && (found_alone - alone).abs() < 1e-12, "{end:?}");
-        }
-        let sum: f64 = ends.iter().map(|end| end.seconds.share).sum();
-        assert!((sum - 10.0).abs() < 1e-12, "the shares add up to the pass: {sum}");
-    }
-
-    #[test]
-    fn the_time_of_a_pass_is_shared_out() {
-        // Two takers, with 1 s and 0.5 s of their own, of renderings of 4 s that three or two shared.
-        let takers = || vec![end(1.0, 2.5, 5.0), end(0.5, 2.0, 4.5)];
-        check(
-            [vec![end(0.0, 0.0, 0.0)], takers()].into_iter().flatten().collect(),
-            Some(0),
-            // The leader did all that the others did not.
-            &[[5.5, 8.5], [2.5, 5.0], [2.0, 4.5]],
-        );
-        // Without a leader, 5.5 s are left for both.
-        check(takers(), None, &[[5.25, 10.5], [4.75, 10.0]]);
-    }
 }

@@ -25,8 +25,8 @@ pub struct SharpStage {
     pub exposed: Option<u32>,
 }
 
-/// Memory per pixel of a batch in 32-bit colour with its encoders, bytes, as measured.
-const BYTES_A_PIXEL: u64 = 104;
+/// Memory per pixel of a picture in 32-bit colour, a batch in bytes, and its encoders, bytes, as measured.
+const BYTES_A_PIXEL: u64 = 44;
 
 impl Stage for SharpStage {
     const NAME: &'static str = "sharp";

@@ -21,7 +21,8 @@ fn with(outputs: &[&str], settings: &[(&str, Value)]) -> Value {
 /// The names of the steps of a build that were made together with others, as their records say.
 fn together(place: &Workspace) -> BTreeSet<String> {
     let shared = |(name, key): (String, String)| {
-        let record = std::fs::read(place.path(&format!(".gs2e/ac/{}/{key}.json", &key[..2]))).unwrap();
+        // A step that failed has no record.
+        let record = std::fs::read(place.path(&format!(".gs2e/ac/{}/{key}.json", &key[..2]))).ok()?;
         let record: Value = serde_json::from_slice(&record).unwrap();
         let provenance = &record["provenance"];
         let alone = provenance.get("alone_seconds")?.as_f64().unwrap();
@@ -91,7 +92,7 @@ fn spacings_sensors_and_rules_do_not_matter() {
 fn dense_exposures_share_their_poses() {
     let mut value =
         with(&["events", "sharp", "blur", "flow"], &[("blur", serde_json::from_str(DENSE).unwrap())]);
-    value["source"]["procedural"]["arc"] = json!(20);
+    value["source"]["procedural"]["arc"] = json!(80);
     check(&value, "", &["blur", "events", "flow", "sharp"]);
     let place = Workspace::new();
     place.write("tiny.yaml", value.to_string());
@@ -105,7 +106,7 @@ fn dense_exposures_share_their_poses() {
 #[test]
 fn events_with_a_tolerance_are_made_alone() {
     let mut value = with(&["events", "sharp", "depth"], &[]);
-    value["sampling"] = json!({ "tolerance": { "rms": 0.2 } });
+    value["sampling"] = json!({ "tolerance": 0.2 });
     check(&value, "", &["depth", "sharp"]);
 }
 
@@ -156,8 +157,8 @@ fn a_pass_that_is_interrupted_records_nothing_of_its_steps() {
     for signal in [rustix::process::Signal::INT, rustix::process::Signal::KILL] {
         let place = Workspace::new();
         let mut value = with(&outputs, &[]);
-        value["trajectories"][0]["refine"]["factor"] = json!(40);
-        value["camera"] = json!({ "width": 192, "height": 128 });
+        value["trajectories"][0]["refine"]["factor"] = json!(20);
+        value["camera"] = json!({ "width": 96, "height": 64 });
         place.write("tiny.yaml", value.to_string());
         let mut child = place.spawn("build -q tiny.yaml");
         while !has_picture(&place.path(".gs2e/tmp")) {

@@ -28,12 +28,15 @@ pub(super) fn workloads() -> Vec<Workload> {
     let luminance = ChannelSet { luminance: true, ..ChannelSet::default() };
     let rgb = ChannelSet { rgb: true, ..ChannelSet::default() };
     let rate = ChannelSet { luminance_rate: true, ..luminance };
+    // What one pass of a build renders for all outputs.
+    let all_outputs = ChannelSet { rgb: true, depth: true, flow: true, ..luminance };
     let mut all = Vec::new();
     let [outside, inside] = playbot().map_or([None, None], |views| views.map(Some));
     for (name, scene, view) in [Some(still_life()), outside, inside].into_iter().flatten() {
         all.push(workload(&format!("{name}, luminance"), &scene, view, luminance));
         all.push(workload(&format!("{name}, rgb"), &scene, view, rgb));
         all.push(workload(&format!("{name}, luminance and its rate"), &scene, view, rate));
+        all.push(workload(&format!("{name}, luminance, rgb, depth and flow"), &scene, view, all_outputs));
         all.push(path(name, &scene, view, luminance));
         for (channels, want) in [("luminance", luminance), ("rgb", rgb), ("luminance and its rate", rate)] {
             eprintln!("{name}, {channels}: {}", split(&scene, moving(view), want));

@@ -125,16 +125,17 @@ impl FrameExposer {
         view: DenseView<'_>,
         go_on: &dyn Fn() -> bool,
     ) -> Result<Option<ExposedFrame>, ExposeError> {
-        let Some((centre, k)) = self.place(view.pose) else { return Ok(None) };
+        let DenseView { pose, images, work, renderer } = view;
+        let Some((centre, k)) = self.place(pose) else { return Ok(None) };
         let moment = self.moment(centre, k, 1);
         if let SubframeTime::Pose(_) = moment {
-            self.work += view.renderer.work_within(view.work);
-            self.add(moment, view.images);
+            self.work += renderer.work_within(work);
+            self.add(moment, images);
         } else {
-            self.render(&[moment], self.dense_channels(), view.renderer, go_on)?;
+            self.render(&[moment], self.dense_channels(), renderer, go_on)?;
         }
         let is_last = k + 1 == self.shutter.frames;
-        is_last.then(|| self.close(centre, view.renderer, go_on)).transpose()
+        is_last.then(|| self.close(centre, renderer, go_on)).transpose()
     }
 
     /// Adds the sub-frames between the dense frames, and ends the exposure.

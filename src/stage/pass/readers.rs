@@ -1,8 +1,8 @@
 //! The takers of a pass, as one reader of the renderings.
 
-use super::{PassEnd, PassGround, PassSeconds, PoseStage, PoseTaker};
+use super::{PassEnd, PassGround, PoseStage, PoseTaker};
 use crate::camera::Camera;
-use crate::frames::rendered::{PoseReader, ReadFrames, RenderedFrames, RenderedPose};
+use crate::frames::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
 use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::stage::shot::ShotParameters;
 use crate::stage::{StageContext, StageError, choose_camera};
@@ -26,7 +26,7 @@ struct ReadingStep<'p, 'c> {
     cx: &'p mut StageContext<'c>,
     /// The images that it wants of the current pose.
     want: ChannelSet,
-    seconds: PassSeconds,
+    seconds: ReaderSeconds,
 }
 
 impl<'p, 'c> PoseReaders<'p, 'c> {
@@ -46,7 +46,7 @@ impl<'p, 'c> PoseReaders<'p, 'c> {
         let camera = choose_camera(stage.shot().camera, &ground.capture, cx);
         self.camera = Some(camera);
         let taker = stage.taker(ground, camera);
-        let (want, seconds) = (ChannelSet::NONE, PassSeconds::default());
+        let (want, seconds) = (ChannelSet::NONE, ReaderSeconds::default());
         self.steps.push(ReadingStep { index, taker, cx, want, seconds });
     }
 
@@ -108,7 +108,7 @@ impl ReadingStep<'_, '_> {
         if let Err(error) = self.cx.go_on().and_then(|()| taker.take(pose, self.cx)) {
             self.taker = Err(error);
         }
-        self.seconds.own += clock() - began;
+        self.seconds.worked(clock() - began);
     }
 
     fn finish(self, is_complete: bool, clock: fn() -> f64) -> (usize, PassEnd) {
@@ -120,9 +120,7 @@ impl ReadingStep<'_, '_> {
             // The pass ended early. If it was cancelled, so was the step.
             Ok(_) => cx.go_on().err().map(Err),
         };
-        seconds.own += clock() - began;
-        seconds.share += seconds.own;
-        seconds.alone += seconds.own;
+        seconds.worked(clock() - began);
         (index, PassEnd { made, seconds })
     }
 }
@@ -142,8 +140,7 @@ impl PoseReader for PoseReaders<'_, '_> {
         let shared = self.steps.iter().filter(|step| step.wants()).count() + usize::from(has_frame);
         for step in &mut self.steps {
             if step.wants() {
-                step.seconds.share += seconds / shared as f64;
-                step.seconds.alone += seconds;
+                step.seconds.rendered(seconds, shared);
             }
             let renderer = &mut *renderer;
             step.read(RenderedPose { index, images, work, seconds, has_frame, renderer }, self.clock);
