@@ -7,8 +7,10 @@
 mod arguments;
 mod audit;
 mod build;
+mod cancel;
 mod check;
 mod clock;
+mod cluster;
 mod commands;
 mod common;
 mod completions;
@@ -35,8 +37,10 @@ mod render;
 mod renderers;
 mod screening;
 mod simulate;
+mod status;
 mod stress;
 mod study;
+mod submit;
 mod supervise;
 mod takedown;
 mod targets;
@@ -89,6 +93,12 @@ enum VerbCommand {
     Check(check::CheckArgs),
     /// Build the stale steps, check the results, and write the release
     Release(release::ReleaseArgs),
+    /// Build scenes by array jobs of a batch system, on a store that their tasks share
+    Submit(submit::SubmitArgs),
+    /// Show which scenes of a shared store are done, running, queued and failed
+    Status(status::StatusArgs),
+    /// End the queued and running tasks of scenes
+    Cancel(cancel::CancelArgs),
     /// Read every byte of a release, and check that it is complete and consistent
     Audit(audit::AuditArgs),
     /// Show the differences between two releases, each with its reason
@@ -189,6 +199,9 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Check(verb) => verb.run(common, console),
         VerbCommand::Open(verb) => verb.run(common, console),
         VerbCommand::Release(verb) => verb.run(common, console),
+        VerbCommand::Submit(verb) => verb.run(common, console),
+        VerbCommand::Status(verb) => verb.run(common, console),
+        VerbCommand::Cancel(verb) => verb.run(common, console),
         VerbCommand::Audit(verb) => verb.run(common, console),
         VerbCommand::Diff(verb) => verb.run(console),
         VerbCommand::Info(verb) => verb.run(console),

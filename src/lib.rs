@@ -40,6 +40,7 @@
 //! - [`plan`]: recipes to steps. It finds the steps that must run, with the reasons, and the scenes
 //!   that are up to date at a glance.
 //! - [`run`]: execution of steps: order, cores and memory, failures, interrupts, remaining time.
+//! - [`cluster`]: scenes that the tasks of a batch system build, and their states.
 //! - [`release`]: the tree that people download, and its audit.
 //! - [`export`]: a trajectory of a released tree in the layout that a published method reads.
 //! - [`study`]: measurements. Of a scene: the cost of a setting and its effect on the events. Of
@@ -81,6 +82,7 @@ pub mod budget;
 pub mod camera;
 pub mod check;
 pub mod cli;
+pub mod cluster;
 pub mod dataset;
 pub(crate) mod elementary;
 pub mod escape;

@@ -102,7 +102,6 @@ impl ProgramFinder {
             io::ErrorKind::NotFound => format!("there is no program `{program}`"),
             _ => format!("the program `{program}` cannot be started: {error}"),
         };
-        let (reader, writer) = io::pipe().map_err(not_started)?;
         let invocation = ProgramCall {
             program: program.into(),
             arguments: arguments.iter().map(OsString::from).collect(),
@@ -110,21 +109,36 @@ impl ProgramFinder {
             environment: BTreeMap::from([("QT_QPA_PLATFORM".to_owned(), "offscreen".to_owned())]),
             folder: PathBuf::from("/"),
         };
+        let (printed, ended) = self.output_of(&invocation, MAX_ANSWER, MAX_ANSWER_SECONDS);
+        match ended {
+            Err(ProgramEnd::Failed(EndKind::NotStarted(error))) => Err(not_started(error)),
+            Err(ProgramEnd::Failed(how @ EndKind::TooLong(_))) => {
+                Err(format!("the program `{program}`: {how}"))
+            }
+            // Some programs print their version and end with an error code.
+            _ => Ok(printed),
+        }
+    }
+
+    /// Runs a program to its end, for at most `seconds`. Returns at most `limit` bytes of its output, and how
+    /// it ended.
+    pub fn output_of(
+        &self,
+        call: &ProgramCall,
+        limit: u64,
+        seconds: u32,
+    ) -> (String, Result<(), ProgramEnd>) {
+        let (reader, writer) = match io::pipe() {
+            Ok(ends) => ends,
+            Err(error) => return (String::new(), Err(ProgramEnd::Failed(EndKind::NotStarted(error)))),
+        };
         std::thread::scope(|scope| {
             // The pipe is read while the program runs: a full pipe would block it.
-            let printed = scope.spawn(move || log::read_text(reader, MAX_ANSWER));
-            let ended = process::within(MAX_ANSWER_SECONDS, &|| true, |goes_on| {
-                process::run_into(self, &invocation, Stdio::from(writer), goes_on)
+            let printed = scope.spawn(move || log::read_text(reader, limit));
+            let ended = process::within(seconds, &|| true, |goes_on| {
+                process::run_into(self, call, Stdio::from(writer), goes_on)
             });
-            let printed = printed.join().unwrap_or_default();
-            match ended {
-                Err(ProgramEnd::Failed(EndKind::NotStarted(error))) => Err(not_started(error)),
-                Err(ProgramEnd::Failed(how @ EndKind::TooLong(_))) => {
-                    Err(format!("the program `{program}`: {how}"))
-                }
-                // Some programs print their version and end with an error code.
-                _ => Ok(printed),
-            }
+            (printed.join().unwrap_or_default(), ended)
         })
     }
 

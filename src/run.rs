@@ -117,8 +117,10 @@ pub enum RunEvent<'a> {
         remark: Option<&'a str>,
         /// Time saved by leaving work out, if it was measured.
         saving: Option<TimeSaved>,
-        /// True if another machine made it, and its outputs were copied from the shared store.
-        is_adopted: bool,
+        /// Memory granted, bytes; 0 for outputs that were copied.
+        memory: u64,
+        /// The machine that made the outputs.
+        origin: StepOrigin,
     },
     /// A step is up to date.
     Kept {
@@ -134,6 +136,17 @@ pub enum RunEvent<'a> {
         /// The step and the cause.
         failure: &'a StepFailure,
     },
+}
+
+/// The machine that made the outputs of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StepOrigin {
+    /// This one.
+    Here,
+    /// This one, and at the same time another one, which was first in the shared store.
+    Twice,
+    /// Another one: they were copied from the shared store.
+    Elsewhere,
 }
 
 /// Receives the events of a run: those of one step in order, from the thread of the run or of the
@@ -184,6 +197,8 @@ pub enum StepError {
 pub struct RunSummary {
     /// Number of steps made.
     pub made: usize,
+    /// Number of these that another machine made at the same time.
+    pub twice: usize,
     /// Number of steps whose outputs were copied from the shared store.
     pub adopted: usize,
     /// Number of steps up to date.
@@ -223,6 +238,7 @@ impl RunSummary {
     pub fn then(self, second: Self) -> Self {
         Self {
             made: self.made + second.made,
+            twice: self.twice + second.twice,
             adopted: self.adopted + second.adopted,
             // The steps that the first run made are up to date in the second.
             kept: second.kept.saturating_sub(self.made + self.adopted),

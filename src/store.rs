@@ -44,7 +44,7 @@ use crate::files::is_no_file;
 use blob::BlobFolders;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
-pub use shared::SharedMismatch;
+pub use shared::{SharedMismatch, SharedSweep, SharedSwept, sweep_shared};
 pub use unlike::OutputMismatch;
 
 use disk::StoreDisk;
@@ -124,7 +124,10 @@ impl Store {
             // a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
-        let shared = shared.as_deref().map(SharedStore::open).transpose()?;
+        let shared = match lock {
+            Some(_) => shared.as_deref().map(SharedStore::open).transpose()?,
+            None => shared.as_deref().map(SharedStore::open_for_reading).transpose()?,
+        };
         let state = StateDb::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
         Ok(Self {
             root: root.to_owned(),

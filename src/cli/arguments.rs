@@ -17,7 +17,13 @@ pub fn command_line() -> clap::Command {
 /// The common options that have an effect in some verbs only. All verbs accept them, so that scripts
 /// can pass one set of options; the help of a verb lists its own.
 const RELEVANT: [(&str, &[&str]); 9] = [
-    ("store", &["build", "plan", "why", "check", "release", "open", "gc", "study", "info"]),
+    (
+        "store",
+        &[
+            "build", "plan", "why", "check", "release", "open", "gc", "study", "info", "submit", "status",
+            "cancel",
+        ],
+    ),
     (
         "jobs",
         &[
@@ -36,9 +42,15 @@ const RELEVANT: [(&str, &[&str]); 9] = [
     ("keep_going", &["build", "release"]),
     ("backend", RENDERING),
     ("gpu", RENDERING),
-    ("no_omit", &["build", "plan", "why", "check", "release", "open", "gc", "render", "study"]),
-    ("allow_commands", &["build", "release"]),
-    ("no_wait", &["build", "release", "gc"]),
+    (
+        "no_omit",
+        &[
+            "build", "plan", "why", "check", "release", "open", "gc", "render", "study", "submit", "status",
+            "cancel",
+        ],
+    ),
+    ("allow_commands", &["build", "release", "submit"]),
+    ("no_wait", &["build", "release", "gc", "submit"]),
     ("verbose", &["build", "release"]),
 ];
 
@@ -57,6 +69,9 @@ const RENDERING: &[&str] = &[
     "audit",
     "train",
     "trajectory",
+    "submit",
+    "status",
+    "cancel",
 ];
 
 fn hide_irrelevant(command: clap::Command) -> clap::Command {

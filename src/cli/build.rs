@@ -15,6 +15,7 @@ use super::progress::{EndSummary, Progress};
 use super::renderers::tell_gpu;
 use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
 use super::{CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, plan, takedown};
+use crate::cluster::submission::read_shard;
 use crate::escape;
 use crate::files::is_there;
 use crate::plan::Plan;
@@ -47,6 +48,9 @@ pub(super) struct BuildArgs {
     /// Build a share of the scenes only: the I-th of N, whose expected costs are about equal
     #[arg(long, value_name = "I/N")]
     shard: Option<SceneShard>,
+    /// Build the scenes of a task: FILE is a shard of a plan that `gs2e submit` wrote
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "recipes"])]
+    shard_file: Option<PathBuf>,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -74,6 +78,13 @@ pub(super) struct TrustOptions {
     memory: Option<u64>,
 }
 
+impl TrustOptions {
+    /// The defaults, with a shared store.
+    pub(super) fn sharing(shared_store: Option<PathBuf>) -> Self {
+        Self { shared_store, ..Self::default() }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 enum SyncArg {
     #[default]
@@ -91,30 +102,23 @@ fn parse_share(text: &str) -> Result<f64, String> {
 impl BuildArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
-        self.targets.resolve()?;
-        let paths = &self.targets.recipes;
         let chosen = common.renderers()?;
-        if !is_there(&common.store) {
-            // The recipes are read first, so that a faulty recipe leaves no store behind.
-            recipe::read_all(paths)?;
+        let task = match &self.shard_file {
+            Some(file) => Some(recipe::read_files(&read_shard(file)?)?),
+            None => None,
+        };
+        if task.is_none() {
+            self.targets.resolve()?;
+            if !is_there(&common.store) {
+                // The recipes are read first, so that a faulty recipe leaves no store behind.
+                recipe::read_all(&self.targets.recipes)?;
+            }
         }
         let store = open_store(common, &self.care, console)?;
-        let renderers = chosen.asking(&store);
-        // Memos would settle scenes without planning them, and only planned steps can be made
-        // again.
-        let surveyed = if self.care.recheck.is_some() {
-            plan_all(paths, &renderers)
-        } else {
-            survey_recipes(paths, &renderers, &store, &option_tag(&chosen, self.care.shared_store.as_deref()))
+        let surveyed = match task {
+            Some(recipes) => PlanSurvey::of_plan(Plan::new(recipes, &chosen.asking(&store))),
+            None => self.survey(&chosen, &store, console)?,
         };
-        let mut surveyed = surveyed?;
-        if let Some(shard) = self.shard {
-            let recipes = recipe::read_all(paths)?;
-            let chosen = shard.choose(&recipes).into_iter().map(|recipe| recipe.scene.as_str()).collect();
-            surveyed.keep_scenes(&chosen, &renderers);
-            let SceneShard { number, of } = shard;
-            console.say(&format!("shard {number} of {of}: {} of {} scenes", chosen.len(), recipes.len()));
-        }
         let PlanSurvey { settled, plan, taken_down } = surveyed;
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
@@ -145,6 +149,32 @@ impl BuildArgs {
             ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
             exit => exit,
         })
+    }
+
+    /// Surveys the recipes that the user names, or a share of them.
+    fn survey(
+        &self,
+        chosen: &RendererChoice,
+        store: &Store,
+        console: &Console,
+    ) -> Result<PlanSurvey, VerbError> {
+        let (paths, renderers) = (&self.targets.recipes, chosen.asking(store));
+        // Memos would settle scenes without planning them, and only planned steps can be made
+        // again.
+        let mut surveyed = if self.care.recheck.is_some() {
+            plan_all(paths, &renderers)?
+        } else {
+            let tag = option_tag(chosen, self.care.shared_store.as_deref());
+            survey_recipes(paths, &renderers, store, &tag)?
+        };
+        if let Some(shard) = self.shard {
+            let recipes = recipe::read_all(paths)?;
+            let chosen = shard.choose(&recipes).into_iter().map(|recipe| recipe.scene.as_str()).collect();
+            surveyed.keep_scenes(&chosen, &renderers);
+            let SceneShard { number, of } = shard;
+            console.say(&format!("shard {number} of {of}: {} of {} scenes", chosen.len(), recipes.len()));
+        }
+        Ok(surveyed)
     }
 }
 
@@ -192,7 +222,8 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
                 let name = format!("{}/{}", scene.scene, step.name);
                 let outputs = plan::output_files(store, &step.outputs);
                 console.result(&json!({
-                    "step": name, "state": "kept", "key": step.key, "outputs": outputs, "seconds": null,
+                    "scene": scene.scene, "step": name, "state": "kept", "key": step.key, "outputs": outputs,
+                    "seconds": null,
                 }));
             }
         }
@@ -304,6 +335,7 @@ impl BuildRequest<'_> {
         let cancel = on_interrupt()?;
         let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
         let progress = progress.with_settled(self.settled).falling_back(chosen.falls_back());
+        let progress = progress.on_host(&common.environment);
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();

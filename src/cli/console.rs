@@ -118,6 +118,11 @@ impl Console {
         self.writing().results(|out| writeln!(out, "{}", escape::line(line)));
     }
 
+    /// Prints the lines of a text on stdout.
+    pub(super) fn print_lines(&self, text: &str) {
+        text.lines().for_each(|line| self.print(line));
+    }
+
     /// Prints a text of this program, which ends in a line break, on stdout.
     pub(super) fn text(&self, text: &str) {
         self.writing().results(|out| write!(out, "{text}"));

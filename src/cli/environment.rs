@@ -1,6 +1,7 @@
 //! The variables of the environment that the program itself reads. Libraries read others, such as
 //! `NO_COLOR`.
 
+use rustix::system::uname;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
@@ -13,6 +14,11 @@ pub struct Environment {
     pub home: Option<OsString>,
     /// `XDG_CACHE_HOME`: folder of the index of a store on a remote disk.
     pub cache: Option<OsString>,
+    /// The task of a batch system in which this process runs, by the variables of Slurm, Kubernetes or AWS
+    /// Batch.
+    pub job: Option<String>,
+    /// `SLURMD_NODENAME`: the node of a task of Slurm. Several nodes may have one host name.
+    pub node: Option<String>,
 }
 
 impl Environment {
@@ -20,7 +26,13 @@ impl Environment {
     #[must_use]
     pub fn of_process() -> Self {
         let [path, home, cache] = ["PATH", "HOME", "XDG_CACHE_HOME"].map(std::env::var_os);
-        Self { path, home, cache }
+        let text = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+        Self { path, home, cache, job: job_of(&text), node: text("SLURMD_NODENAME") }
+    }
+
+    /// Name of this machine.
+    pub(super) fn host(&self) -> String {
+        self.node.clone().unwrap_or_else(|| uname().nodename().to_string_lossy().into_owned())
     }
 
     pub(super) fn path(&self) -> Option<&OsStr> {
@@ -35,5 +47,43 @@ impl Environment {
     pub(super) fn cache_folder(&self) -> Option<PathBuf> {
         let given = self.cache.as_ref().map(PathBuf::from);
         given.or_else(|| Some(self.home()?.join(".cache")))
+    }
+}
+
+/// The path of this program, as other machines may find it.
+pub(super) fn own_program() -> PathBuf {
+    std::env::current_exe().unwrap_or_else(|_| PathBuf::from("gs2e"))
+}
+
+/// The task that these variables name.
+fn job_of(value: &dyn Fn(&str) -> Option<String>) -> Option<String> {
+    let of_array =
+        |job: &str, task: &str, joint: char| Some(format!("{}{joint}{}", value(job)?, value(task)?));
+    of_array("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID", '_')
+        .or_else(|| value("SLURM_JOB_ID"))
+        // AWS Batch adds the index of the child itself. A pod of a Job has its name as host name.
+        .or_else(|| value("AWS_BATCH_JOB_ID"))
+        .or_else(|| of_array("HOSTNAME", "JOB_COMPLETION_INDEX", '/'))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tasks_are_named_by_the_variables_of_their_batch_system() {
+        let t = |set: &[(&str, &str)], wanted: Option<&str>| {
+            let value = |name: &str| Some(set.iter().find(|(known, _)| *known == name)?.1.to_owned());
+            assert_eq!(job_of(&value).as_deref(), wanted, "{set:?}");
+        };
+        t(&[], None);
+        t(
+            &[("SLURM_JOB_ID", "13"), ("SLURM_ARRAY_JOB_ID", "12"), ("SLURM_ARRAY_TASK_ID", "3")],
+            Some("12_3"),
+        );
+        t(&[("SLURM_JOB_ID", "13")], Some("13"));
+        t(&[("AWS_BATCH_JOB_ID", "a-b:3"), ("AWS_BATCH_JOB_ARRAY_INDEX", "3")], Some("a-b:3"));
+        t(&[("HOSTNAME", "gs2e-3-x"), ("JOB_COMPLETION_INDEX", "3")], Some("gs2e-3-x/3"));
+        t(&[("HOSTNAME", "gs2e-3-x")], None);
     }
 }

@@ -1,5 +1,7 @@
 //! `gs2e gc`: deletes everything that no recipe and no release refers to.
 
+mod shared;
+
 use super::build::{TrustOptions, open_store, store_options};
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
@@ -12,13 +14,16 @@ use crate::store::gc::{GcSweep, SweepSummary};
 use crate::store::{Key, Store, StoreAccess};
 use serde_json::json;
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Keeps the results that these recipes need now, the last results of their stale steps, and the results that a release was \
-    made from, as long as its folder exists. Scenes listed in takedown.txt are not kept. Name every recipe whose results must stay."
+    made from, as long as its folder exists. Scenes listed in takedown.txt are not kept. Name every recipe whose results must stay. \
+    With --shared-store, age decides alone: files that no build has used for AGE and two hours go to the trash of the shared store, and \
+    are deleted by a later run, after the same time again."
 )]
 pub(super) struct GcArgs {
     #[command(flatten)]
@@ -26,6 +31,12 @@ pub(super) struct GcArgs {
     /// Keep files younger than this: 90s, 30m, 12h or 1d
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = parse_age)]
     min_age: Duration,
+    /// Clean this folder, which the builds of several machines share, instead of the store
+    #[arg(long, value_name = "DIR", requires = "older_than", conflicts_with_all = ["recipes", "min_age"])]
+    shared_store: Option<PathBuf>,
+    /// Time without use after which a file of the shared store goes. It must exceed the longest job
+    #[arg(long, value_name = "AGE", value_parser = parse_age, requires = "shared_store")]
+    older_than: Option<Duration>,
     /// Print the amounts that would be deleted, and delete nothing
     #[arg(long)]
     dry_run: bool,
@@ -33,6 +44,9 @@ pub(super) struct GcArgs {
 
 impl GcArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        if let (Some(shared), Some(older_than)) = (&self.shared_store, self.older_than) {
+            return shared::run(shared, older_than, self.dry_run, console);
+        }
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
         // The products of a scene that was taken down are deleted too.
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);

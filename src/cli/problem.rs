@@ -156,11 +156,18 @@ impl From<StoreError> for VerbError {
             StoreError::Newer { .. } => {
                 Self::usage("store-newer", message).help("use a newer gs2e, or another --store")
             }
+            StoreError::NotPermitted { .. } => {
+                Self::failed("shared-store-refused", format!("failed {message}"))
+                    .help("the users of a shared store need one group, and a umask of 002")
+            }
             StoreError::Locked { .. } => {
                 Self::failed("locked", message).help("leave out --no-wait to wait for it")
             }
             StoreError::NotShared { .. } => Self::usage("not-shared", message)
                 .help("choose an empty folder, or one that an earlier --shared-store filled"),
+            StoreError::Clocks { .. } => {
+                Self::failed("clock-skew", message).help("set the clocks of the machines, then run it again")
+            }
             StoreError::Nondeterministic(_) | StoreError::SharedMismatch(_) => {
                 Self::failed("nondeterministic", message)
             }

@@ -4,6 +4,7 @@ mod bars;
 mod pace;
 
 use super::console::Console;
+use super::environment::Environment;
 use super::failure::{self, StepPlace};
 use super::left_out::OmissionTable;
 use super::message::{MessageLevel, UserMessage};
@@ -13,7 +14,7 @@ use crate::frames::rendered::TimeSaved;
 use crate::plan::Plan;
 use crate::plan::assess::StepReason;
 use crate::release::left_out;
-use crate::run::{RunEvent, RunObserver, StepFailure};
+use crate::run::{RunEvent, RunObserver, StepFailure, StepOrigin};
 use crate::stage::StepId;
 use crate::store::record::StoredOutput;
 use crate::store::{Key, Store};
@@ -35,6 +36,8 @@ pub(super) struct Progress<'a> {
     store: &'a Store,
     console: &'a Console,
     began: Instant,
+    /// Name of this machine, and of the task of a batch system, for programs.
+    host: (String, Option<String>),
     shown: Mutex<ProgressView>,
 }
 
@@ -68,8 +71,24 @@ struct StepEnd<'a> {
     key: Option<&'a Key>,
     outputs: &'a [StoredOutput],
     seconds: Option<f64>,
+    /// True if another machine made it at the same time.
+    is_twice: bool,
+    /// Cores and memory in bytes, if the step ran.
+    used: Option<(usize, u64)>,
     /// The work that the step left out, if it renders.
     left_out: Option<&'a OmissionTable>,
+}
+
+impl<'a> StepEnd<'a> {
+    /// A step that did not run to its end here.
+    fn without_work(
+        step: StepId,
+        state: &'static str,
+        key: Option<&'a Key>,
+        outputs: &'a [StoredOutput],
+    ) -> Self {
+        Self { step, state, key, outputs, seconds: None, is_twice: false, used: None, left_out: None }
+    }
 }
 
 impl<'a> Progress<'a> {
@@ -84,7 +103,13 @@ impl<'a> Progress<'a> {
     ) -> Self {
         let bars = console.is_live().then(|| ProgressBars::new(plan, cores, expected));
         let shown = Mutex::new(ProgressView { bars, ..ProgressView::default() });
-        Self { plan, settled: 0, falls_back: false, store, console, began: Instant::now(), shown }
+        let host = (String::new(), None);
+        Self { plan, settled: 0, falls_back: false, store, console, began: Instant::now(), host, shown }
+    }
+
+    /// Sets the name of this machine, and of the task of a batch system.
+    pub(super) fn on_host(self, environment: &Environment) -> Self {
+        Self { host: (environment.host(), environment.job.clone()), ..self }
     }
 
     /// Counts steps outside the plan that were up to date at a glance.
@@ -168,11 +193,17 @@ impl<'a> Progress<'a> {
     }
 
     fn to_json(&self, ended: &StepEnd<'_>) -> Value {
-        let StepEnd { step, state, key, outputs, seconds, left_out } = ended;
+        let StepEnd { step, state, key, outputs, seconds, is_twice, used, left_out } = ended;
+        let bytes: u64 = outputs.iter().map(|output| output.size).sum();
         let mut record = json!({
-            "step": self.name(*step), "state": state, "key": key.map(Key::to_string),
-            "outputs": plan::output_files(self.store, outputs), "seconds": seconds,
+            "scene": self.place(*step).0, "step": self.name(*step), "state": state,
+            "key": key.map(Key::to_string), "outputs": plan::output_files(self.store, outputs),
+            "seconds": seconds, "cores": used.map(|(cores, _)| cores), "memory": used.map(|(_, memory)| memory),
+            "bytes": bytes, "host": self.host.0, "job": self.host.1,
         });
+        if *is_twice {
+            record["twice"] = json!(true);
+        }
         if let Some(OmissionTable { rows, saving }) = left_out {
             record["left_out"] = json!(rows);
             record["saving"] = json!(saving);
@@ -257,7 +288,7 @@ impl<'a> Progress<'a> {
             let what = format!("{scene} is rendered on the CPU, because {because}");
             return self.tell(shown, &UserMessage::new(MessageLevel::Warning, "on-cpu", what).scene(scene));
         }
-        let ended = StepEnd { step, state: "failed", key: None, outputs: &[], seconds: None, left_out: None };
+        let ended = StepEnd::without_work(step, "failed", None, &[]);
         self.ended(shown, &ended, None);
         let (scene, name) = self.place(step);
         let place = StepPlace { scene, step: name, finished: shown.finished, all: self.all() };
@@ -292,9 +323,7 @@ impl RunObserver for Progress<'_> {
             }
             RunEvent::Kept { step, key, outputs } => {
                 shown.finished += 1;
-                let key = Some(key);
-                let ended = StepEnd { step, state: "kept", key, outputs, seconds: None, left_out: None };
-                self.ended(shown, &ended, None);
+                self.ended(shown, &StepEnd::without_work(step, "kept", Some(key), outputs), None);
             }
             RunEvent::TooLarge { step, memory, budget } => {
                 let [need, all] = [memory, budget].map(|bytes| format_amount(bytes, "B"));
@@ -305,15 +334,28 @@ impl RunObserver for Progress<'_> {
                 self.tell(shown, &UserMessage::new(MessageLevel::Warning, "memory", what).step(scene, name));
             }
             RunEvent::Advanced { step, words } => self.advanced(shown, step, words),
-            RunEvent::Made { step, key, outputs, seconds, cores, warnings, remark, saving, is_adopted } => {
+            RunEvent::Made {
+                step,
+                key,
+                outputs,
+                seconds,
+                cores,
+                warnings,
+                remark,
+                saving,
+                memory,
+                origin,
+            } => {
                 shown.finished += 1;
                 let left_out = self.left_out(shown, step, outputs, saving);
                 let ended = StepEnd {
                     step,
-                    state: if is_adopted { "adopted" } else { "made" },
+                    state: if origin == StepOrigin::Elsewhere { "adopted" } else { "made" },
+                    is_twice: origin == StepOrigin::Twice,
                     key: Some(key),
                     outputs,
                     seconds: Some(seconds),
+                    used: (origin != StepOrigin::Elsewhere).then_some((cores, memory)),
                     left_out: left_out.as_ref(),
                 };
                 self.ended(shown, &ended, Some(seconds * cores as f64));

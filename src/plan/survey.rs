@@ -67,6 +67,12 @@ impl From<RecipeFaults> for SurveyError {
 }
 
 impl PlanSurvey {
+    /// A plan without settled scenes.
+    #[must_use]
+    pub fn of_plan(plan: Plan) -> Self {
+        Self { settled: Vec::new(), plan, taken_down: TakenDown::default() }
+    }
+
     /// Leaves out all scenes but these.
     pub fn keep_scenes(&mut self, ids: &BTreeSet<&str>, renderers: &dyn RendererPolicy) {
         self.settled.retain(|scene| ids.contains(scene.scene.as_str()));

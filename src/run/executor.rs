@@ -4,7 +4,9 @@ use super::group::{FinishedStep, StepGroup, run_group};
 use super::job::{StaleStep, StepJob, StepResult};
 use super::order::StepRank;
 use super::resources::ResourceGrant;
-use super::{ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure};
+use super::{
+    ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure, StepOrigin,
+};
 use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
@@ -275,15 +277,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving, is_adopted }) => {
-                if is_adopted {
-                    self.summary.adopted += 1;
-                } else if is_recheck {
-                    self.summary.kept += 1;
-                    self.summary.rechecked += 1;
-                } else {
-                    self.summary.made += 1;
-                }
+            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving, memory, origin }) => {
+                self.count(origin, is_recheck);
                 self.observer.tell(&RunEvent::Made {
                     step,
                     key: &key,
@@ -293,12 +288,25 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
                     warnings: &warnings,
                     remark: remark.as_deref(),
                     saving,
-                    is_adopted,
+                    memory,
+                    origin,
                 });
                 self.done(step, StepProduct { key, outputs, sources });
             }
             Err(StepError::Stage(StageError::Cancelled)) => self.summary.interrupted = true,
             Err(error) => self.fail(step, error),
+        }
+    }
+
+    fn count(&mut self, origin: StepOrigin, is_recheck: bool) {
+        if origin == StepOrigin::Elsewhere {
+            self.summary.adopted += 1;
+        } else if is_recheck {
+            self.summary.kept += 1;
+            self.summary.rechecked += 1;
+        } else {
+            self.summary.made += 1;
+            self.summary.twice += usize::from(origin == StepOrigin::Twice);
         }
     }
 

@@ -1,6 +1,6 @@
 //! The work of one step on its own thread, from its inputs to a record.
 
-use super::{RunEvent, RunObserver, StepError};
+use super::{RunEvent, RunObserver, StepError, StepOrigin};
 use crate::artifact::ArtifactFiles;
 use crate::frames::rendered::{ReaderSeconds, TimeSaved};
 use crate::plan::assess::{SourceFiles, StepReason, read_sources};
@@ -44,8 +44,9 @@ pub(super) struct StepResult {
     pub(super) warnings: Vec<String>,
     pub(super) remark: Option<String>,
     pub(super) saving: Option<TimeSaved>,
-    /// True if another machine made it, and its outputs were copied.
-    pub(super) is_adopted: bool,
+    /// Memory granted, bytes; 0 for outputs that were copied.
+    pub(super) memory: u64,
+    pub(super) origin: StepOrigin,
 }
 
 /// The work of one step on its own thread.
@@ -230,8 +231,12 @@ impl<'a> StepJob<'a> {
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
         self.store.forget_resume(&stale.key)?;
-        self.store.share(&stale.key)?;
-        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving, is_adopted: false })
+        let was_there = self.store.share(&stale.key)?;
+        // A step that is made again for comparison is there by intention.
+        let is_twice = was_there && stale.recheck.is_none();
+        let origin = if is_twice { StepOrigin::Twice } else { StepOrigin::Here };
+        let memory = stale.need.memory;
+        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving, memory, origin })
     }
 
     /// The outputs of another machine.
@@ -244,7 +249,8 @@ impl<'a> StepJob<'a> {
             warnings: record.provenance.warnings,
             remark: Some("from the shared store".to_owned()),
             saving: None,
-            is_adopted: true,
+            memory: 0,
+            origin: StepOrigin::Elsewhere,
         }))
     }
 

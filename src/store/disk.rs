@@ -1,7 +1,7 @@
 //! File operations of the store, with errors that name the file, and with writes that are whole or
 //! absent.
 
-use super::fs::{FileStat, Fs};
+use super::fs::{FileStat, FolderEntry, Fs};
 use super::{Digest, StoreError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -49,6 +49,10 @@ impl StoreDisk {
         retry_interrupted(|| self.fs.stat(path))
     }
 
+    pub(super) fn touch(&self, path: &Path) -> io::Result<()> {
+        retry_interrupted(|| self.fs.touch(path))
+    }
+
     pub(super) fn digest(&self, path: &Path) -> io::Result<Digest> {
         retry_interrupted(|| self.fs.digest(path))
     }
@@ -59,6 +63,14 @@ impl StoreDisk {
 
     pub(super) fn remove(&self, path: &Path) -> Result<(), StoreError> {
         retry_interrupted(|| self.fs.remove(path)).map_err(disk_error("removing", path))
+    }
+
+    /// The entries of a folder, sorted by path; empty if it is absent.
+    pub(super) fn entries(&self, path: &Path) -> Result<Vec<FolderEntry>, StoreError> {
+        match retry_interrupted(|| self.fs.list(path)) {
+            Err(e) if is_absent(&e) => Ok(Vec::new()),
+            entries => entries.map_err(disk_error("listing", path)),
+        }
     }
 
     /// Removes everything in a folder, but keeps the folder.

@@ -49,6 +49,24 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
     },
+    /// This user may not write to the shared folder.
+    #[error("creating a folder in {}: {source}", path.display())]
+    NotPermitted {
+        /// The folder.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The clocks of machines differ too much to tell the age of files.
+    #[error(
+        "the times of files in {} differ by {seconds} s from the clock of this machine", path.display()
+    )]
+    Clocks {
+        /// The shared folder.
+        path: PathBuf,
+        /// Difference.
+        seconds: u64,
+    },
     /// Another machine produced other bytes for a key.
     #[error("nondeterministic step: {0}")]
     SharedMismatch(Box<SharedMismatch>),

@@ -6,6 +6,7 @@
 
 use super::Digest;
 use crate::files;
+use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW};
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -72,6 +73,14 @@ pub trait Fs: fmt::Debug + Send + Sync {
 
     /// The stat fields of a path. Links are followed.
     fn stat(&self, path: &Path) -> io::Result<FileStat>;
+
+    /// Sets the times of a file to now, by the clock of the file system.
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        // The time is left to the file system, since the clocks of machines differ.
+        let now = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
+        let times = Timestamps { last_access: now, last_modification: now };
+        Ok(rustix::fs::utimensat(CWD, path, &times, AtFlags::empty())?)
+    }
 
     /// The entries of a folder, sorted by path.
     fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>>;

@@ -31,8 +31,8 @@ pub struct StoreOptions {
     /// Folder of the database, if it must not lie in the store: for a store on a network file
     /// system.
     pub index: Option<PathBuf>,
-    /// Folder that the stores of several machines share, if there is one. It is written and read, so the
-    /// store must be opened for building.
+    /// Folder that the stores of several machines share, if there is one. A store that is opened for reading
+    /// only reads it.
     pub shared: Option<PathBuf>,
     /// Implementation of file operations.
     pub fs: Arc<dyn Fs>,

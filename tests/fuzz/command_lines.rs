@@ -149,7 +149,7 @@ fn environment(line: &[u8]) -> Environment {
         2 => Some(OsString::from_vec(line[..sum % (line.len() + 1)].to_vec())),
         _ => Some("/nonexistent:.:".into()),
     };
-    Environment { path: value(0), home: value(1), cache: value(2) }
+    Environment { path: value(0), home: value(1), cache: value(2), ..Environment::default() }
 }
 
 /// A sum that mutations change.

@@ -7,6 +7,7 @@ mod behaviour;
 mod between_frames;
 mod checks;
 mod cli;
+mod cluster;
 mod codecs;
 mod command;
 mod completions;

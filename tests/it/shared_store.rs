@@ -1,5 +1,7 @@
 //! Several machines with one shared folder: each is a process here, with a store of its own.
 
+mod faults;
+
 use crate::support::steps::recipe;
 use crate::support::workspace::{Workspace, same_tree};
 use gs2e::store::description::describe_value;
@@ -213,6 +215,7 @@ fn folders_that_cannot_be_shared_are_refused() {
     refused("alone", "is the store of one machine");
     place.write("newer/VERSION", "99\n");
     refused("newer", "has format 99");
+    refused("newer", "use a newer gs2e");
     place.write("file", "text");
     refused("file", "file");
     for shard in ["0/2", "3/2", "x"] {

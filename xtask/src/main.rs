@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | slurm | docs | man | manifest | python | container`.
+//! power | sound | slurm | network | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -14,6 +14,7 @@ mod export_bench;
 mod faults;
 mod folder;
 mod fuzz;
+mod network;
 mod page;
 mod power;
 mod python;
@@ -53,8 +54,10 @@ usage: cargo xtask <task>
                      (`--releases N`, `--program FILE`; `--stated` plants the faults of the stated sizes alone)
   sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
                      `--program FILE`)
-  slurm [ARGS]...    a build by an array job on a private Slurm cluster, with tasks and daemons killed (`--scenes N`, `--tasks N`,
-                     `--program FILE`; needs Debian's slurm-wlm and munge)
+  slurm [ARGS]...    `gs2e submit` on a private Slurm cluster, with tasks, daemons and the submitter killed (`--scenes N`,
+                     `--tasks N`, `--program FILE`; needs Debian's slurm-wlm and munge)
+  network [ARGS]...  eight processes with one shared store on two mounts of a network file system, sshfs (`--scenes N`,
+                     `--program FILE`; needs Debian's sshfs and openssh-sftp-server)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
@@ -87,6 +90,7 @@ fn main() -> ExitCode {
         (Some("report"), args) => report::run(args),
         (Some("power"), args) => power::run(args),
         (Some("slurm"), args) => slurm::run(args),
+        (Some("network"), args) => network::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("man"), [folder]) => man_pages(folder),

@@ -1,16 +1,16 @@
-//! A build by an array job of Slurm, with faults: tasks and daemons are killed, and the release must equal
-//! that of one machine.
+//! A build by `gs2e submit` on Slurm, with faults: tasks, daemons and the submitter are killed, and the
+//! release must equal that of one machine.
 //!
 //! The cluster is private to this task: a controller and four `slurmd` on this host, with their ports,
 //! keys and files in a temporary folder. Debian: `apt install slurm-wlm munge`.
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::folder::Folder;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -47,42 +47,8 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     place.gs2e("release recipes --store alone --to one")?;
     let steps = records(&place.folder.join("alone"));
     say(&format!("one machine: {scenes} scenes, {steps} steps, {:.1} s", started.elapsed().as_secs_f64()));
-
-    let started = Instant::now();
-    let first = cluster.submit(&place)?;
-    let shared = place.folder.join("shared");
-    let reached = |share: f64| {
-        let wanted = steps as f64 * share;
-        cluster.wait(&format!("{share} of the steps"), || records(&shared) as f64 >= wanted)
-    };
-    reached(0.1)?;
-    let task = place.running_task(&first)?;
-    kill(&task)?;
-    say(&format!("killed a task, with {} steps in the shared store", records(&shared)));
-    reached(0.2)?;
-    kill(&cluster.pid("n2.pid")?)?;
-    say(&format!("killed a slurmd, with {} steps in the shared store", records(&shared)));
-    reached(0.35)?;
-    kill(&cluster.pid("controller.pid")?)?;
-    sleep(Duration::from_secs(1));
-    cluster.daemon("slurmctld", &[])?;
-    say(&format!("killed and restarted slurmctld, with {} steps in the shared store", records(&shared)));
-    cluster.daemon("slurmd", &["-N", "n2"])?;
-    // The new controller may have forgotten the end of the first killed task, and run it again.
-    reached(0.7)?;
-    kill(&place.running_task(&first)?)?;
-    say(&format!("killed another task, with {} steps in the shared store", records(&shared)));
-    cluster.finish(&first)?;
-    let after_first = records(&shared);
-    say(&format!("first array: {after_first} of {steps} steps, {:.1} s", started.elapsed().as_secs_f64()));
-    let second = cluster.submit(&place)?;
-    cluster.finish(&second)?;
-    let failed = place.failed_tasks(&second)?;
-    if !failed.is_empty() {
-        return Err(format!("tasks of the second array failed: {}", failed.join(", ")));
-    }
-    let [made, again] = [&first, &second].map(|job| place.states(job).get("made").copied().unwrap_or(0));
-    place.judge(steps, (made, again), after_first)
+    place.faults(&cluster, steps)?;
+    place.judge(&cluster, steps)
 }
 
 /// The daemons, stopped on drop.
@@ -99,7 +65,10 @@ impl Cluster {
         let nodes: String = (1..)
             .zip(NODES)
             .map(|(i, name)| {
-                format!("NodeName={name} NodeHostname={host} Port={} CPUs=2 State=UNKNOWN\n", PORT + i)
+                format!(
+                    "NodeName={name} NodeHostname={host} Port={} CPUs=2 RealMemory=4000 State=UNKNOWN\n",
+                    PORT + i
+                )
             })
             .collect();
         let settings = format!(
@@ -111,7 +80,7 @@ impl Cluster {
              SelectTypeParameters=CR_CPU\nMpiDefault=none\nReturnToService=2\nSlurmdTimeout=10\nKillWait=2\n\
              JobRequeue=1\n{nodes}PartitionName=all Nodes=n[1-4] Default=YES MaxTime=INFINITE State=UP\n"
         );
-        for name in ["state", "spool", "out"] {
+        for name in ["state", "spool"] {
             create(&folder.join(name))?;
         }
         write(&folder.join("slurm.conf"), &settings)?;
@@ -178,23 +147,10 @@ impl Cluster {
         Ok(())
     }
 
-    /// Submits the array, and returns its number.
-    fn submit(&self, place: &Place) -> Outcome<String> {
-        let script = self.folder.join("task.sh");
-        write(&script, &place.script())?;
-        let array = format!("--array=1-{}", place.tasks);
-        let script = script.to_string_lossy().into_owned();
-        let options = ["--parsable", "--requeue", "--output=/dev/null", array.as_str(), script.as_str()];
-        self.slurm("sbatch", &options).map(|job| job.trim().to_owned())
-    }
-
-    /// Waits until no task of a job is queued or running.
-    fn finish(&self, job: &str) -> Outcome {
-        self.wait(&format!("the end of job {job}"), || {
-            sleep(Duration::from_millis(500));
-            // The controller may be starting.
-            self.slurm("squeue", &["-h", "-j", job]).is_ok_and(|tasks| tasks.trim().is_empty())
-        })
+    /// Names of the jobs with tasks that have not ended.
+    fn jobs(&self) -> Outcome<BTreeSet<String>> {
+        let jobs = self.slurm("squeue", &["--noheader", "--array", "--format=%F"])?;
+        Ok(jobs.split_whitespace().map(str::to_owned).collect())
     }
 }
 
@@ -237,85 +193,150 @@ impl Place {
         Ok(())
     }
 
-    /// The script of a task. A task that runs again writes other files.
-    fn script(&self) -> String {
-        format!(
-            "#!/bin/sh\ncd {here:?}\nname=out/$SLURM_ARRAY_JOB_ID.$SLURM_ARRAY_TASK_ID.${{SLURM_RESTART_COUNT:-0}}\n\
-             {gs2e:?} build recipes --json --keep-going -j 1 --shard $SLURM_ARRAY_TASK_ID/{tasks} \
-             --store stores/$SLURM_ARRAY_TASK_ID --shared-store shared >$name.json 2>$name.log &\n\
-             echo $! >$name.pid\nwait $!\necho $? >$name.code\n",
-            here = self.folder,
-            gs2e = self.gs2e,
-            tasks = self.tasks
-        )
-    }
-
     fn gs2e(&self, args: &str) -> Outcome<String> {
-        let output = Command::new(&self.gs2e).args(args.split(' ')).current_dir(&self.folder).output();
+        let output = self.command(args).output();
         let output = output.map_err(|e| format!("{}: {e}", self.gs2e.display()))?;
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         if output.status.success() { Ok(text) } else { Err(format!("gs2e {args} failed:\n{text}")) }
     }
 
-    fn outputs(&self, job: &str, end: &str) -> Vec<PathBuf> {
-        let files = fs::read_dir(self.folder.join("out")).into_iter().flatten().flatten();
-        let named = files.map(|file| file.path()).filter(|path| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            name.starts_with(&format!("{job}.")) && name.ends_with(end)
+    fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(&self.gs2e);
+        command.args(args.split(' ')).current_dir(&self.folder).stdin(Stdio::null());
+        command.env("SLURM_CONF", self.folder.join("slurm.conf"));
+        command
+    }
+
+    /// The command that submits what is not done, and waits.
+    fn submission(&self) -> String {
+        format!(
+            "submit recipes --to slurm --store submitter --shared-store shared --tasks {} --cpus 1 --mem 500MB",
+            self.tasks
+        )
+    }
+
+    /// Starts to submit. Its words go to a file.
+    fn submit(&self, name: &str) -> Outcome<Child> {
+        let log = File::create(self.folder.join(name)).map_err(|e| format!("{name}: {e}"))?;
+        let child = self.command(&self.submission()).stderr(log).spawn();
+        child.map_err(|e| format!("{}: {e}", self.gs2e.display()))
+    }
+
+    /// Builds by an array job, with faults, until a second submitter says that all is done.
+    fn faults(&self, cluster: &Cluster, steps: usize) -> Outcome {
+        let started = Instant::now();
+        let shared = self.folder.join("shared");
+        let reached = |share: f64| {
+            let wanted = steps as f64 * share;
+            cluster.wait(&format!("{share} of the steps"), || records(&shared) as f64 >= wanted)
+        };
+        let there = || format!("with {} of {steps} steps in the shared store", records(&shared));
+        let mut first = self.submit("first.log")?;
+        reached(0.1)?;
+        kill(&self.running_task()?)?;
+        say(&format!("killed a task, {}", there()));
+        reached(0.2)?;
+        kill(&cluster.pid("n2.pid")?)?;
+        say(&format!("killed a slurmd, {}", there()));
+        reached(0.35)?;
+        kill(&cluster.pid("controller.pid")?)?;
+        sleep(Duration::from_secs(1));
+        cluster.daemon("slurmctld", &[])?;
+        say(&format!("killed and restarted slurmctld, {}", there()));
+        cluster.daemon("slurmd", &["-N", "n2"])?;
+        reached(0.5)?;
+        kill(&first.id().to_string())?;
+        first.wait().map_err(|e| e.to_string())?;
+        say(&format!("killed the submitter, {}", there()));
+        cluster.wait("the controller", || cluster.jobs().is_ok())?;
+        let mut second = self.submit("second.log")?;
+        cluster.wait("the second submitter", || {
+            read(&self.folder.join("second.log")).is_ok_and(|text| text.contains("tasks running"))
+        })?;
+        self.nothing_is_submitted_twice()?;
+        // The new controller may have forgotten the end of the first killed task, and run it again.
+        reached(0.7)?;
+        kill(&self.running_task()?)?;
+        say(&format!("killed another task, {}", there()));
+        let status = second.wait().map_err(|e| e.to_string())?;
+        let words = read(&self.folder.join("second.log"))?;
+        if !status.success() {
+            return Err(format!("the second submitter ended with {status}:\n{words}"));
+        }
+        say(&format!(
+            "all scenes are done after {:.1} s; the second submitter said:",
+            started.elapsed().as_secs_f64()
+        ));
+        words.lines().for_each(|line| say(&format!("  {line}")));
+        Ok(())
+    }
+
+    /// The second submitter must submit the scenes of dead tasks, and no others.
+    fn nothing_is_submitted_twice(&self) -> Outcome {
+        let words = read(&self.folder.join("second.log"))?;
+        let number = |before: &str| {
+            let rest = words.split(before).nth(1).unwrap_or_default();
+            rest.split(|c: char| !c.is_ascii_digit()).next().and_then(|n| n.parse::<usize>().ok())
+        };
+        let wanted = number("failed ").unwrap_or(0) + number("open ").unwrap_or(0);
+        let job = words.split("job ").nth(1).and_then(|rest| rest.split(": ").nth(1)).unwrap_or("0");
+        let found = job.split(' ').next().and_then(|n| n.parse::<usize>().ok()).unwrap_or(0);
+        if found != wanted {
+            return Err(format!("{found} scenes were submitted again, wanted {wanted}:\n{words}"));
+        }
+        say(&format!("a second submitter submitted {found} scenes of dead tasks, and waits for the others"));
+        Ok(())
+    }
+
+    /// A process of a task that runs.
+    fn running_task(&self) -> Outcome<String> {
+        let here = self.folder.display().to_string();
+        let found = fs::read_dir("/proc").into_iter().flatten().flatten().find(|entry| {
+            let words = fs::read(entry.path().join("cmdline")).unwrap_or_default();
+            let words = String::from_utf8_lossy(&words).into_owned();
+            words.contains(&here)
+                && words.split('\0').any(|word| word == "--shard-file")
+                && words.split('\0').next().is_some_and(|name| name.ends_with("gs2e"))
         });
-        named.collect()
+        let found = found.ok_or("no task runs")?;
+        Ok(found.file_name().to_string_lossy().into_owned())
     }
 
-    /// The process of a task that has not ended.
-    fn running_task(&self, job: &str) -> Outcome<String> {
-        let running =
-            self.outputs(job, ".pid").into_iter().find(|path| !path.with_extension("code").exists());
-        let running = running.ok_or_else(|| format!("no task of job {job} runs"))?;
-        Ok(read(&running)?.trim().to_owned())
+    /// The keys of the steps that tasks say they made, once for each time.
+    fn made(&self) -> Vec<String> {
+        let plans = fs::read_dir(self.folder.join("shared/plans")).into_iter().flatten().flatten();
+        let results = plans.flat_map(|plan| fs::read_dir(plan.path().join("results")).into_iter().flatten());
+        let files = results
+            .flatten()
+            .map(|file| file.path())
+            .filter(|path| path.extension() == Some("jsonl".as_ref()));
+        let text: String = files.filter_map(|path| read(&path).ok()).collect();
+        let lines = text.lines().filter(|line| line.contains("\"state\":\"made\""));
+        let key = |line: &str| Some(line.split("\"key\":\"").nth(1)?.split('"').next()?.to_owned());
+        lines.filter_map(key).collect()
     }
 
-    fn failed_tasks(&self, job: &str) -> Outcome<Vec<String>> {
-        let codes = self.outputs(job, ".code");
-        if codes.len() < self.tasks {
-            return Err(format!("{} of {} tasks of job {job} ended", codes.len(), self.tasks));
+    fn judge(&self, cluster: &Cluster, steps: usize) -> Outcome {
+        let made = self.made();
+        let once: BTreeSet<&String> = made.iter().collect();
+        say(&format!("tasks made {} of {steps} steps; made twice: {}", once.len(), made.len() - once.len()));
+        if made.len() > once.len() {
+            return Err("a finished step was made again".to_owned());
         }
-        let failed = codes.into_iter().filter(|path| read(path).is_ok_and(|code| code.trim() != "0"));
-        Ok(failed.map(|path| path.display().to_string()).collect())
-    }
-
-    /// Number of steps of a job by their state.
-    fn states(&self, job: &str) -> BTreeMap<String, usize> {
-        let mut states = BTreeMap::new();
-        for text in self.outputs(job, ".json").iter().filter_map(|path| read(path).ok()) {
-            for line in text.lines() {
-                let state = line.split("\"state\":\"").nth(1).and_then(|rest| rest.split('"').next());
-                state.into_iter().for_each(|state| *states.entry(state.to_owned()).or_default() += 1);
-            }
+        let said = self.gs2e(&self.submission())?;
+        if !cluster.jobs()?.is_empty() || said.contains("job ") {
+            return Err(format!("a job was submitted although all scenes are done:\n{said}"));
         }
-        states
-    }
-
-    fn judge(&self, steps: usize, (made, again): (usize, usize), after_first: usize) -> Outcome {
         let ended = self.gs2e("release recipes --store new --shared-store shared --to other")?;
         if !ended.contains("made 0, ") {
             return Err(format!("the release made steps that the shared store lacks:\n{ended}"));
         }
         let trees = ["one", "other"].map(|name| self.folder.join(name));
-        if !program(OsStr::new("diff"), &["-r".as_ref(), trees[0].as_os_str(), trees[1].as_os_str()])
-            .succeeds()
-        {
+        let same = program(OsStr::new("diff"), &["-r".as_ref(), trees[0].as_os_str(), trees[1].as_os_str()]);
+        if !same.succeeds() {
             return Err("the releases differ".to_owned());
         }
-        // What the first array finished must not be made by the second.
-        let missing = steps - after_first;
-        say(&format!(
-            "second array: {again} steps made, {missing} were missing\nsteps made twice: {} of {steps}\n\
-             the release from the shared store equals that of one machine",
-            (made + again).saturating_sub(steps)
-        ));
-        if again > missing {
-            return Err(format!("the second array made {} steps that were there", again - missing));
-        }
+        say("the release from the shared store equals that of one machine");
         Ok(())
     }
 }

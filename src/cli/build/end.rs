@@ -6,7 +6,7 @@ use crate::cli::problem::ExitKind;
 use crate::run::RunSummary;
 
 fn last_line(summary: &RunSummary, seconds: f64) -> String {
-    let RunSummary { made, adopted, kept, failures, unreached, interrupted, .. } = summary;
+    let RunSummary { made, twice, adopted, kept, failures, unreached, interrupted, .. } = summary;
     if *interrupted {
         let finished = made + adopted + kept;
         let all = finished + failures.len() + unreached;
@@ -17,6 +17,9 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
     let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
     if *adopted > 0 {
         text.push_str(&format!(", from the shared store {adopted}"));
+    }
+    if *twice > 0 {
+        text.push_str(&format!(", made by another machine at the same time {twice}"));
     }
     if *unreached > 0 {
         text.push_str(&format!(", not reached {unreached}"));

@@ -40,6 +40,7 @@ const ORDER: &[&str] = &[
     "recipe",
     "plan",
     "run",
+    "cluster",
     "release",
     "export",
     "study",

@@ -1,0 +1,208 @@
+//! Scenes on a shared store, for the verbs that deal with a batch system.
+
+use super::build::{TrustOptions, open_store, store_options};
+use super::console::Console;
+use super::message::{MessageLevel, UserMessage};
+use super::problem::{ExitKind, VerbError};
+use super::{BackendArg, CommonArgs, RecipeTargets, takedown};
+use crate::cluster::ClusterError;
+use crate::cluster::finished::{PlanProgress, scene_progress};
+use crate::cluster::scene_state::{AskedScene, ClusterView, SceneFailure, SceneState};
+use crate::cluster::slurm::Slurm;
+use crate::files::is_there;
+use crate::plan::Plan;
+use crate::plan::survey::plan_all;
+use crate::recipe::Recipe;
+use crate::run::backends::RendererChoice;
+use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
+use std::path::{Path, PathBuf};
+
+/// The scenes that a verb is about, and the store that their tasks share.
+#[derive(Debug, clap::Args)]
+pub(super) struct ClusterTargets {
+    #[command(flatten)]
+    pub(super) targets: RecipeTargets,
+    /// Folder that the tasks share
+    #[arg(long, value_name = "DIR")]
+    pub(super) shared_store: PathBuf,
+}
+
+/// How the stores are opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ClusterAccess {
+    /// Nothing is written, and nothing waits.
+    Look,
+    /// Steps of the own store are offered to the shared one.
+    Offer,
+}
+
+/// Scenes with the state of each.
+pub(super) struct ClusterScenes {
+    pub(super) plan: Plan,
+    pub(super) progress: PlanProgress,
+    pub(super) view: ClusterView,
+    pub(super) states: Vec<SceneState>,
+}
+
+impl ClusterTargets {
+    /// Replaces scene ids by recipes, and makes all paths absolute: tasks and plans do not know the current
+    /// folder.
+    pub(super) fn resolve(&mut self) -> Result<(), VerbError> {
+        self.targets.resolve()?;
+        self.targets.recipes.iter_mut().try_for_each(make_absolute)?;
+        make_absolute(&mut self.shared_store)
+    }
+
+    /// Refuses a folder that is no shared store.
+    pub(super) fn require_store(&self) -> Result<(), VerbError> {
+        if is_there(&self.shared_store.join("VERSION")) {
+            return Ok(());
+        }
+        let what = format!("there is no shared store in {}", self.shared_store.display());
+        Err(VerbError::usage("no-shared-store", what)
+            .help("gs2e submit and gs2e build --shared-store make one"))
+    }
+
+    /// Looks at the recipes, both stores and the batch system.
+    pub(super) fn look(
+        &self,
+        common: &CommonArgs,
+        access: ClusterAccess,
+        slurm: Option<&Slurm>,
+        console: &Console,
+    ) -> Result<ClusterScenes, VerbError> {
+        let chosen = cluster_renderers(common)?;
+        let store = self.open(common, access, console)?;
+        let surveyed = match access {
+            ClusterAccess::Look => plan_all(&self.targets.recipes, &chosen.knowing(&store))?,
+            ClusterAccess::Offer => plan_all(&self.targets.recipes, &chosen.asking(&store))?,
+        };
+        takedown::show_takedown(surveyed.taken_down, &console.for_people());
+        let plan = surveyed.plan;
+        let progress = scene_progress(&plan, &store, access == ClusterAccess::Offer)?;
+        if access == ClusterAccess::Offer {
+            // The digests of sources are kept for the next time.
+            store.flush()?;
+        }
+        let scenes = asked_scenes(&plan, &progress);
+        let view = ClusterView::look(&self.shared_store, slurm, &scenes)?;
+        let is_recorded = |key: &Key| matches!(store.shared_record(key), Ok(Some(_)));
+        let states = scenes.iter().map(|scene| view.state(scene, &is_recorded)).collect();
+        Ok(ClusterScenes { plan, progress, view, states })
+    }
+
+    fn open(
+        &self,
+        common: &CommonArgs,
+        access: ClusterAccess,
+        console: &Console,
+    ) -> Result<Store, VerbError> {
+        let shared = Some(self.shared_store.clone());
+        if access == ClusterAccess::Offer {
+            let care = TrustOptions::sharing(shared);
+            return open_store(common, &care, console);
+        }
+        let opening = StoreOptions { shared, ..store_options(common, StoreAccess::Read) };
+        Ok(Store::open(&common.store, opening, &mut |_| {})?)
+    }
+}
+
+/// The renderers of tasks. The keys must be known where jobs are submitted, so a machine does not choose by
+/// its own GPU.
+fn cluster_renderers(common: &CommonArgs) -> Result<RendererChoice, VerbError> {
+    let backend = if common.backend == BackendArg::Auto { BackendArg::Cpu } else { common.backend };
+    CommonArgs { backend, ..common.clone() }.renderers()
+}
+
+fn asked_scenes(plan: &Plan, progress: &PlanProgress) -> Vec<AskedScene> {
+    let asked = |(recipe, progress): (&Recipe, _)| AskedScene {
+        scene: recipe.scene.clone(),
+        recipe: recipe_digest(recipe),
+        progress,
+    };
+    plan.scenes().iter().zip(progress.scenes.iter().copied()).map(asked).collect()
+}
+
+/// Digest of a recipe with its defaults.
+pub(super) fn recipe_digest(recipe: &Recipe) -> Digest {
+    Digest::of_bytes(recipe.meta.merged.to_string().as_bytes())
+}
+
+fn make_absolute(path: &mut PathBuf) -> Result<(), VerbError> {
+    *path = absolute(path)?;
+    Ok(())
+}
+
+pub(super) fn absolute(path: &Path) -> Result<PathBuf, VerbError> {
+    std::path::absolute(path)
+        .map_err(|e| VerbError::usage("input-missing", format!("failed to find {}: {e}", path.display())))
+}
+
+impl From<ClusterError> for VerbError {
+    fn from(error: ClusterError) -> Self {
+        let what = error.to_string();
+        match error {
+            ClusterError::Absent { .. } => Self::failed("no-slurm", what)
+                .help("run this where jobs are submitted; --dry-run prints the script"),
+            ClusterError::Failed { said, .. } => {
+                let message = UserMessage::new(MessageLevel::Error, "slurm", what);
+                let lines = said.lines().filter(|line| !line.trim().is_empty());
+                let message =
+                    lines.fold(message, |message, line| message.detail(format!("  {}", line.trim())));
+                Self::from_message(ExitKind::Failed, message)
+            }
+            ClusterError::Unread { .. } => Self::failed("slurm", what),
+            ClusterError::Io { .. } => Self::failed("plan-files", what),
+            ClusterError::Plan { .. } => Self::usage("plan-newer", what).help("use the gs2e that wrote it"),
+        }
+    }
+}
+
+/// The message about a scene that is not done.
+pub(super) fn failure_message(scene: &str, failure: &SceneFailure) -> UserMessage {
+    let SceneFailure { task, because, last, .. } = failure;
+    let what = format!("{scene}: task {task} failed: {because}");
+    let message = UserMessage::new(MessageLevel::Error, "task-failed", what).scene(scene);
+    if last.is_empty() {
+        return message;
+    }
+    let message = message.detail("the last lines of its log:");
+    last.iter().fold(message, |message, line| message.detail(format!("  {line}")))
+}
+
+/// Numbers of scenes by their state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct StateCounts {
+    pub(super) done: usize,
+    pub(super) running: usize,
+    pub(super) queued: usize,
+    pub(super) failed: usize,
+    pub(super) open: usize,
+}
+
+impl StateCounts {
+    pub(super) fn of(states: &[SceneState]) -> Self {
+        let mut counts = Self::default();
+        for state in states {
+            *match state {
+                SceneState::Done => &mut counts.done,
+                SceneState::Running { .. } => &mut counts.running,
+                SceneState::Queued { .. } => &mut counts.queued,
+                SceneState::Failed(_) => &mut counts.failed,
+                SceneState::Open => &mut counts.open,
+            } += 1;
+        }
+        counts
+    }
+}
+
+impl std::fmt::Display for StateCounts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { done, running, queued, failed, open } = self;
+        let all = done + running + queued + failed + open;
+        write!(
+            f,
+            "{all} scenes: done {done}, running {running}, queued {queued}, failed {failed}, open {open}"
+        )
+    }
+}

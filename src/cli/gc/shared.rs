@@ -1,0 +1,60 @@
+//! `gs2e gc --shared-store`: deletes what nobody has used for long in a folder that several machines share.
+
+use crate::cli::console::Console;
+use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::problem::{ExitKind, VerbError};
+use crate::files::is_there;
+use crate::store::{SharedSweep, SharedSwept, sweep_shared};
+use serde_json::json;
+use std::path::Path;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+/// Shortest age. No job of a cluster is so short that its files can go earlier.
+const LEAST_AGE: Duration = Duration::from_secs(3600);
+/// Difference of clocks above which the user hears of it, s.
+const TOLD_DIFFERENCE: u64 = 300;
+
+pub(super) fn run(
+    shared: &Path,
+    older_than: Duration,
+    dry_run: bool,
+    console: &Console,
+) -> Result<ExitKind, VerbError> {
+    if !is_there(&shared.join("VERSION")) {
+        let what = format!("there is no shared store in {}", shared.display());
+        return Err(VerbError::usage("no-shared-store", what));
+    }
+    if older_than < LEAST_AGE {
+        let seconds = older_than.as_secs();
+        let what = format!("--older-than is {seconds} s, wanted 1h or more, and more than the longest job");
+        return Err(VerbError::usage("usage", what));
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let now_ns = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX);
+    let swept = sweep_shared(shared, SharedSweep { older_than, now_ns, dry_run })?;
+    tell(&swept, dry_run, console);
+    Ok(ExitKind::Done)
+}
+
+fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
+    let SharedSwept { records, blobs, bytes, kept_records, restored, deleted, deleted_bytes, .. } = *swept;
+    let mb = |bytes: u64| bytes as f64 * 1e-6;
+    let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
+    console.say(&format!("{moved} {records} records and {blobs} blobs, {:.1} MB, to the trash", mb(bytes)));
+    console.say(&format!("{removed} {deleted} files that were in the trash, {:.1} MB", mb(deleted_bytes)));
+    if restored > 0 {
+        console.say(&format!("{restored} files were used meanwhile, and are back"));
+    }
+    console.say(&format!("kept {kept_records} records"));
+    if swept.clock_difference >= TOLD_DIFFERENCE {
+        let seconds = swept.clock_difference;
+        let what =
+            format!("the clocks of machines differ by {seconds} s; files stay two hours longer for that");
+        console.show(&UserMessage::new(MessageLevel::Warning, "clock-skew", what));
+    }
+    if console.json {
+        let mut record = json!(swept);
+        record["dry_run"] = json!(dry_run);
+        console.result(&record);
+    }
+}

@@ -1,0 +1,69 @@
+//! Scenes that the tasks of a batch system build, with a shared store between them.
+//!
+//! ```text
+//! shared store/  plans/<digest>/  plan.json  shard-0001.json …  task.sh  results/<job>_<task>.{jsonl,log,end}
+//! ```
+//! An array job has a folder with its plan: which scenes each task builds. These files never change. A task
+//! reads the file of its own share, and writes three files with its own name. The digest is in the name of
+//! the job, so the queue of the batch system tells which plans are at work, and nothing else has to be kept.
+//!
+//! What is finished is decided by the records of the shared store alone. The files of tasks say why something
+//! is not finished, and are lost without harm.
+
+pub mod finished;
+pub mod queue;
+pub mod report;
+pub mod scene_state;
+pub mod script;
+pub mod slurm;
+pub mod submission;
+
+use crate::programs::EndKind;
+use std::path::PathBuf;
+
+/// Reason why a batch system or a plan cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ClusterError {
+    /// A program of the batch system is not installed.
+    #[error("there is no program `{program}` in PATH")]
+    Absent {
+        /// Its name.
+        program: &'static str,
+    },
+    /// A program of the batch system failed.
+    #[error("`{program}` failed: {how}")]
+    Failed {
+        /// Its name.
+        program: &'static str,
+        /// Kind of failure.
+        how: EndKind,
+        /// What it printed.
+        said: String,
+    },
+    /// A program of the batch system printed something else than expected.
+    #[error("`{program}` printed `{said}`, wanted {wanted}")]
+    Unread {
+        /// Its name.
+        program: &'static str,
+        /// What it printed.
+        said: String,
+        /// What was wanted.
+        wanted: &'static str,
+    },
+    /// A file of a plan cannot be read or written.
+    #[error("failed to use {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// A file of a plan has another form.
+    #[error("{} is not a plan of this gs2e: {because}", path.display())]
+    Plan {
+        /// The file.
+        path: PathBuf,
+        /// The difference.
+        because: String,
+    },
+}

@@ -1,0 +1,282 @@
+//! The garbage collection of a shared folder: files that nobody used for longer than the longest job.
+//!
+//! Nobody can list all recipes of a folder that several people share, so age decides, and not reference. A
+//! record is touched when it is adopted or offered; a blob stays as long as a record names it. A file goes
+//! to `trash/` first, and is deleted by a later collection, after the same time again: a process that reads
+//! it meanwhile reads on.
+//!
+//! There is no lock, so a process may adopt or publish at the same time. A record is touched before it is
+//! read, and looked at again after its move: if it was touched, it returns. A process that publishes a record
+//! looks at its files afterwards, and the collection looks for new records after it moved files: one of the
+//! two sees the other, and the file is there again.
+//!
+//! Times are those of the file system, but some file systems take them from the client. The clocks of two
+//! machines may differ by two hours.
+
+use super::SharedStore;
+use crate::store::disk::{disk_error, is_absent};
+use crate::store::fs::{FileStat, FolderEntry};
+use crate::store::{Digest, Key, StoreError};
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Largest difference between the clocks of two machines. Each age is lengthened by it.
+pub(super) const CLOCK_MARGIN: Duration = Duration::from_secs(2 * 3600);
+
+/// Options of a collection.
+#[derive(Debug, Clone, Copy)]
+pub struct SharedSweep {
+    /// Time without use after which a file goes. It must exceed the longest job.
+    pub older_than: Duration,
+    /// The clock of this machine, ns since the epoch.
+    pub now_ns: i64,
+    /// True if the collection only reports.
+    pub dry_run: bool,
+}
+
+/// The result of a collection, or of its dry run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct SharedSwept {
+    /// Number of records moved to `trash/`.
+    pub records: usize,
+    /// Number of blobs moved to `trash/`.
+    pub blobs: usize,
+    /// Bytes of these blobs.
+    pub bytes: u64,
+    /// Number of records that stay.
+    pub kept_records: usize,
+    /// Number of files that returned from `trash/`, because they were used meanwhile.
+    pub restored: usize,
+    /// Number of files deleted: those moved to `trash/` long ago, and those that killed processes left.
+    pub deleted: usize,
+    /// Bytes of the deleted files.
+    pub deleted_bytes: u64,
+    /// Largest difference that was seen between the clock of this machine and the times of files, s. Files
+    /// of the past have any age, so only a file system that is behind shows, and files of the future.
+    pub clock_difference: u64,
+}
+
+/// A file of `cas/` or `ac/`.
+#[derive(Debug)]
+struct SharedFile {
+    name: Digest,
+    path: PathBuf,
+    stat: FileStat,
+}
+
+/// Collects in a shared folder.
+///
+/// # Errors
+/// The folder cannot be read or written, or the clocks differ by more than two hours. Nothing that
+/// was used lately is lost.
+pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
+    let shared = SharedStore::open(root)?;
+    let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
+    let probed = shared.file_system_time()?;
+    let newest = records.iter().chain(&blobs).map(|file| file.stat.mtime_ns).max();
+    let ahead = newest.unwrap_or(sweep.now_ns).max(probed).saturating_sub(sweep.now_ns);
+    let behind = sweep.now_ns.saturating_sub(probed);
+    let difference = Duration::from_nanos(u64::try_from(ahead.max(behind)).unwrap_or(0));
+    if difference > CLOCK_MARGIN {
+        return Err(StoreError::Clocks { path: root.to_owned(), seconds: difference.as_secs() });
+    }
+    let age = i64::try_from((sweep.older_than + CLOCK_MARGIN).as_nanos()).unwrap_or(i64::MAX);
+    let until_ns = probed.min(sweep.now_ns).saturating_sub(age);
+    let mut collection = Collection { shared: &shared, until_ns, swept: SharedSwept::default() };
+    collection.swept.clock_difference = difference.as_secs();
+    collection.run(records, blobs, sweep.dry_run)?;
+    Ok(collection.swept)
+}
+
+/// A collection that runs.
+struct Collection<'a> {
+    shared: &'a SharedStore,
+    /// Files of this time and before are old.
+    until_ns: i64,
+    swept: SharedSwept,
+}
+
+impl Collection<'_> {
+    fn run(
+        &mut self,
+        records: Vec<SharedFile>,
+        blobs: Vec<SharedFile>,
+        dry_run: bool,
+    ) -> Result<(), StoreError> {
+        let expired = self.expired()?;
+        let is_old = |file: &SharedFile| file.stat.mtime_ns <= self.until_ns;
+        let (old, young): (Vec<_>, Vec<_>) = records.into_iter().partition(is_old);
+        let mut named = NamedFiles::default();
+        if dry_run {
+            named.read(self.shared, &young)?;
+            let gone: Vec<_> = blobs.into_iter().filter(|b| is_old(b) && !named.holds(&b.name)).collect();
+            self.swept.records = old.len();
+            self.swept.kept_records = young.len();
+            self.swept.blobs = gone.len();
+            self.swept.bytes = gone.iter().map(|blob| blob.stat.size).sum();
+            return self.delete(&expired, true);
+        }
+        let trash = self.shared.fresh_trash()?;
+        self.move_records(old, &trash)?;
+        // The records that are there now, also those that returned or came meanwhile.
+        named.read(self.shared, &self.shared.stored("ac", ".json")?)?;
+        let unused = blobs.into_iter().filter(|blob| blob.stat.mtime_ns <= self.until_ns);
+        for blob in unused.filter(|blob| !named.holds(&blob.name)) {
+            if self.shared.move_to(&blob.path, &trash.join(blob.name.to_string()))? {
+                self.swept.blobs += 1;
+                self.swept.bytes += blob.stat.size;
+            }
+        }
+        let records = self.shared.stored("ac", ".json")?;
+        named.read(self.shared, &records)?;
+        self.swept.kept_records = records.len();
+        self.restore(&named)?;
+        self.delete(&expired, false)
+    }
+
+    /// Moves old records away, and those back that were used meanwhile.
+    fn move_records(&mut self, old: Vec<SharedFile>, trash: &Path) -> Result<(), StoreError> {
+        for record in old {
+            let to = trash.join(format!("{}.json", record.name));
+            if !self.shared.move_to(&record.path, &to)? {
+                continue;
+            }
+            let now = self.shared.disk.stat(&to).map_err(disk_error("reading", &to))?;
+            if now.mtime_ns > self.until_ns {
+                self.shared.publish(&to, &record.path)?;
+                self.swept.restored += 1;
+            } else {
+                self.swept.records += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Moves blobs back that a record names: it was published during this collection, or during one that was
+    /// killed.
+    fn restore(&mut self, named: &NamedFiles) -> Result<(), StoreError> {
+        for batch in self.shared.folders("trash")? {
+            for (name, path) in self.shared.disk.files_below(&batch.path)? {
+                let Some(digest) = name.parse().ok().filter(|digest| named.holds(digest)) else { continue };
+                self.shared.publish(&path, &self.shared.blobs.path(&digest))?;
+                self.swept.restored += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Folders of `trash/` and `tmp/` in which nothing was put for long.
+    fn expired(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let mut expired = Vec::new();
+        for name in ["trash", "tmp"] {
+            for folder in self.shared.folders(name)? {
+                // A folder without a time was removed by its process.
+                let stat = self.shared.disk.stat(&folder.path);
+                if stat.is_ok_and(|stat| stat.mtime_ns <= self.until_ns) {
+                    expired.push(folder.path);
+                }
+            }
+        }
+        Ok(expired)
+    }
+
+    fn delete(&mut self, expired: &[PathBuf], dry_run: bool) -> Result<(), StoreError> {
+        for folder in expired {
+            for (_, path) in self.shared.disk.files_below(folder)? {
+                let size = self.shared.disk.stat(&path).map_or(0, |stat| stat.size);
+                self.swept.deleted += 1;
+                self.swept.deleted_bytes += size;
+            }
+            if !dry_run {
+                self.shared.disk.remove(folder)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The files that records name.
+#[derive(Debug, Default)]
+struct NamedFiles {
+    records: BTreeSet<Digest>,
+    files: BTreeSet<Digest>,
+}
+
+impl NamedFiles {
+    /// Adds the files of records that were not read before.
+    fn read(&mut self, shared: &SharedStore, records: &[SharedFile]) -> Result<(), StoreError> {
+        for record in records {
+            if self.records.insert(record.name) {
+                let outputs = shared.record(&Key(record.name))?.map(|record| record.outputs);
+                self.files.extend(outputs.into_iter().flatten().map(|output| output.digest));
+            }
+        }
+        Ok(())
+    }
+
+    fn holds(&self, digest: &Digest) -> bool {
+        self.files.contains(digest)
+    }
+}
+
+impl SharedStore {
+    /// The time of the file system, ns since the epoch.
+    fn file_system_time(&self) -> Result<i64, StoreError> {
+        let probe = self.fresh();
+        self.disk.write(&probe, b"now")?;
+        let stat = self.disk.stat(&probe).map_err(disk_error("reading", &probe))?;
+        self.disk.remove(&probe)?;
+        Ok(stat.mtime_ns)
+    }
+
+    /// A new folder in `trash/`.
+    fn fresh_trash(&self) -> Result<PathBuf, StoreError> {
+        let trash = self.root.join("trash");
+        self.disk.create_dir(&trash)?;
+        let folder = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&trash);
+        Ok(folder.map_err(disk_error("creating a folder in", &trash))?.keep())
+    }
+
+    /// Renames a file. Returns `false` if it is not there any more.
+    fn move_to(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
+        match self.disk.stat(from) {
+            Ok(_) => {}
+            Err(e) if is_absent(&e) => return Ok(false),
+            Err(e) => return Err(disk_error("reading", from)(e)),
+        }
+        match self.disk.rename(from, to) {
+            // Another collection was faster.
+            Err(StoreError::Io { source, .. }) if is_absent(&source) => Ok(false),
+            moved => moved.map(|()| true),
+        }
+    }
+
+    /// The folders directly below a folder; empty if it is absent.
+    fn folders(&self, name: &str) -> Result<Vec<FolderEntry>, StoreError> {
+        let folder = self.root.join(name);
+        let own = self.own.as_ref().map(|own| own.path().to_owned());
+        let entries = self.disk.entries(&folder)?.into_iter();
+        Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != own.as_ref()).collect())
+    }
+
+    /// The files of `cas/` or `ac/` with names that this program gives.
+    fn stored(&self, folder: &str, suffix: &str) -> Result<Vec<SharedFile>, StoreError> {
+        let mut stored = Vec::new();
+        for (name, path) in self.disk.files_below(&self.root.join(folder))? {
+            let file = name.strip_suffix(suffix).and_then(|name| name.split_once('/'));
+            // A file with another name is not from this program, and is not touched.
+            let Some(name) = file.and_then(|(_, name)| name.parse().ok()) else { continue };
+            match self.disk.stat(&path) {
+                Ok(stat) => stored.push(SharedFile { name, path, stat }),
+                Err(e) if is_absent(&e) => {}
+                Err(e) => return Err(disk_error("reading", &path)(e)),
+            }
+        }
+        Ok(stored)
+    }
+}
+
+#[cfg(test)]
+mod tests;
