@@ -148,10 +148,10 @@ mod tests {
         assert_eq!((fx(Some(size), None), fx(None, None)), (None, None));
         let centre = |principal, choice: CameraChoice| {
             let camera = CameraChoice { principal, ..choice }.resolve(Some(&own)).unwrap();
-            [camera.fx, camera.cx, camera.cy]
+            (camera.fx, camera.cx, camera.cy)
         };
-        assert_eq!(centre(PrincipalPoint::CornerHalf, size), [30.0, 16.5, 12.5]);
-        assert_eq!(centre(PrincipalPoint::Middle, whole), [30.0, 16.0, 12.0]);
-        assert_eq!(centre(PrincipalPoint::Given, whole), [30.0, 15.0, 12.0]);
+        assert_eq!(centre(PrincipalPoint::CornerHalf, size), (30.0, 16.5, 12.5));
+        assert_eq!(centre(PrincipalPoint::Middle, whole), (30.0, 16.0, 12.0));
+        assert_eq!(centre(PrincipalPoint::Given, whole), (30.0, 15.0, 12.0));
     }
 }
