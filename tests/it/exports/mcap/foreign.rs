@@ -37,7 +37,8 @@ fn found(exported: &Exported, events: &Path) -> Option<Value> {
 fn numbers(message: &Message, before: impl Fn(&mut Fields<'_>)) -> Value {
     let mut fields = Fields::of(&message.data);
     before(&mut fields);
-    json!([message.log_time, [(); 7].map(|()| fields.f64())])
+    let numbers = [(); 7].map(|()| fields.f64());
+    json!([message.log_time, numbers])
 }
 
 /// Time and sum of the pixels of a picture.
