@@ -7,7 +7,7 @@
 //! reads the file of its own share, and writes three files with its own name. The digest is in the name of
 //! the job, so the queue of the batch system tells which plans are at work, and nothing else has to be kept.
 //!
-//! What is finished is decided by the records of the shared store alone. The files of tasks say why something
+//! The records of the shared store alone decide which work is finished. The files of tasks say why something
 //! is not finished, and are lost without harm.
 
 pub mod finished;
@@ -37,7 +37,7 @@ pub enum ClusterError {
         program: &'static str,
         /// Kind of failure.
         how: EndKind,
-        /// What it printed.
+        /// Its output.
         said: String,
     },
     /// A program of the batch system printed something else than expected.
@@ -45,9 +45,9 @@ pub enum ClusterError {
     Unread {
         /// Its name.
         program: &'static str,
-        /// What it printed.
+        /// Its output.
         said: String,
-        /// What was wanted.
+        /// The output that was wanted.
         wanted: &'static str,
     },
     /// A file of a plan cannot be read or written.

@@ -55,7 +55,7 @@ enum SchedulerArg {
     Slurm,
 }
 
-/// What each task gets.
+/// Resources of each task.
 #[derive(Debug, clap::Args)]
 struct ResourceArgs {
     /// Account of the job, as for sbatch

@@ -77,7 +77,7 @@ pub struct ClusterView {
     ends: BTreeMap<u64, BTreeMap<u32, TaskEnd>>,
 }
 
-/// What a shell adds to the number of the signal that ended a program.
+/// Number that a shell adds to that of the signal that ended a program.
 const SIGNALLED: i32 = 128;
 /// Number of the signal by which the kernel ends a program that exceeds its memory.
 const KILLED: i32 = 9;

@@ -5,7 +5,7 @@ use crate::programs::quoted;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// What the user asks of Slurm.
+/// Requests of the user to Slurm.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct BatchOptions {
     /// Options of `sbatch` with their values, such as `account`.
@@ -23,7 +23,7 @@ pub struct BatchOptions {
 pub struct BatchScript<'a> {
     /// The plan.
     pub submission: &'a Submission,
-    /// What the user asks of Slurm.
+    /// Requests of the user to Slurm.
     pub options: &'a BatchOptions,
     /// The program on the nodes. In a container, it is `gs2e`.
     pub program: &'a Path,

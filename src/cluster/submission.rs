@@ -64,7 +64,7 @@ pub struct Submission {
     pub plan: SubmissionPlan,
 }
 
-/// What each task needs.
+/// Resources of each task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TaskNeed {
     /// Memory, MB.

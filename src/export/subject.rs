@@ -257,7 +257,7 @@ impl ExportSubject {
             .map_err(|e| ExportError::unreadable(&path, e))
     }
 
-    /// What the file of events states.
+    /// Statements of the file of events.
     ///
     /// # Errors
     /// It cannot be read.

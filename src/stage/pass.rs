@@ -22,7 +22,7 @@ pub(super) use readers::PoseReaders;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// What the steps of a pass have in common.
+/// Inputs and settings that the steps of a pass have in common.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SharedPass {
     inputs: Vec<StepId>,

@@ -58,7 +58,7 @@ pub(super) struct FileTaker<K> {
     poses: Vec<usize>,
     want: ChannelSet,
     form: PoseFileForm<K>,
-    /// What waits to be written, with its pose.
+    /// Images that wait to be written, with their pose.
     kept: Vec<(usize, K)>,
     work: RenderWork,
 }
@@ -67,7 +67,7 @@ pub(super) struct FileTaker<K> {
 pub(super) struct PoseFileForm<K> {
     /// The extension of its name.
     pub(super) extension: &'static str,
-    /// What is kept of the images until the file is written.
+    /// The part of the images that is kept until the file is written.
     pub(super) keep: fn(&RenderedImages) -> K,
     /// Writes the file.
     pub(super) write: fn(&K, BufWriter<File>) -> io::Result<()>,

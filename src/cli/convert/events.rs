@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// The names of the event formats, for help texts.
 pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap";
 
-/// Those that are written.
+/// The formats that are written.
 pub(in crate::cli) const WRITTEN: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv";
 
 /// Options of event conversions.

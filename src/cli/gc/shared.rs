@@ -1,4 +1,4 @@
-//! `gs2e gc --shared-store`: deletes what nobody has used for long in a folder that several machines share.
+//! `gs2e gc --shared-store`: deletes files without a recent use from a folder that several machines share.
 
 use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};

@@ -1,6 +1,6 @@
-//! The garbage collection of a shared folder: files that nobody used for longer than the longest job.
+//! The garbage collection of a shared folder: files without a use for longer than the longest job.
 //!
-//! Nobody can list all recipes of a folder that several people share, so age decides, and not reference. A
+//! A folder that several people share has no list of all recipes, so age decides, and not reference. A
 //! record is touched when it is adopted or offered; a blob stays as long as a record names it. A file goes
 //! to `trash/` first, and is deleted by a later collection, after the same time again: a process that reads
 //! it meanwhile reads on.

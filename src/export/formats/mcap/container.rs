@@ -57,7 +57,7 @@ struct Chunk {
     messages: BTreeMap<u16, Vec<[u64; 2]>>,
 }
 
-/// What the summary says of a chunk.
+/// Entry of the summary for a chunk.
 #[derive(Debug)]
 struct ChunkIndex {
     span: [u64; 2],
@@ -70,7 +70,7 @@ struct ChunkIndex {
     uncompressed: u64,
 }
 
-/// What the summary says of a list of names and values.
+/// Entry of the summary for a list of names and values.
 #[derive(Debug)]
 struct MetadataIndex {
     offset: u64,

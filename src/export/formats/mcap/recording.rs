@@ -32,7 +32,7 @@ pub(super) struct Recording<'a> {
     last_info_ns: Option<i64>,
 }
 
-/// What was written.
+/// The topics and the span of a written recording.
 #[derive(Debug)]
 pub(super) struct WrittenRecording {
     pub(super) topics: Vec<WrittenTopic>,

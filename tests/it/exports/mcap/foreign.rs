@@ -16,7 +16,7 @@ fn python(args: &[&str]) -> Option<Output> {
     Command::new("python3").args(args).output().ok()
 }
 
-/// What both libraries found in the recording of an export; `None` if they are absent.
+/// Findings of both libraries in the recording of an export; `None` if they are absent.
 fn found(exported: &Exported, events: &Path) -> Option<Value> {
     let imports = "import numpy, evt3, mcap.reader, mcap_ros2.decoder, rosbags.highlevel";
     if !python(&["-c", imports]).is_some_and(|output| output.status.success()) {
