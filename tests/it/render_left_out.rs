@@ -113,7 +113,7 @@ proptest! {
         let (mut whole, mut both) = (promised(&poses), promised(&poses));
         // A part of the path, views elsewhere, and the part again.
         let part = &poses[poses.len() / 3..];
-        for reader in [part, &others, part] {
+        for reader in [part, &others[..], part] {
             both.keep_also(&camera, reader);
             let mut own = promised(reader);
             let (wanted, alone) = frame(&mut own, camera, reader[0]);
@@ -127,7 +127,7 @@ proptest! {
             prop_assert_eq!(work, alone);
         }
         // A new promise of all frames replaces both.
-        both.keep_to(&camera, &others);
+        both.keep_to(&camera, &others[..]);
         let (_, alone) = frame(&mut promised(&others), camera, others[0]);
         let (_, work) = frame(&mut both, camera, others[0]);
         prop_assert_eq!((work, both.work_within(work)), (alone, alone));
