@@ -146,7 +146,7 @@ fn pictures_are_those_of_the_release() {
     for (number, message) in depths.iter().enumerate() {
         // NumPy's header has 128 bytes; the numbers follow by rows.
         let bytes = std::fs::read(plane.folder(&format!("depth/{:06}.npy", number * 60))).unwrap();
-        assert!(image_data(message, "32FC1", 4) == bytes[bytes.len() - 346 * 260 * 4..], "{number}");
+        assert!(*image_data(message, "32FC1", 4) == bytes[bytes.len() - 346 * 260 * 4..], "{number}");
     }
 }
 

@@ -232,12 +232,12 @@ fn the_principal_point_has_a_name() {
     let own = Camera { size: Size { width: 64, height: 48 }, fx: 50.0, fy: 50.0, cx: 31.0, cy: 25.0 };
     let centre = |camera: &str| {
         let camera = again(&yaml(camera)).camera.unwrap().resolve(Some(&own)).unwrap();
-        [camera.fx, camera.cx, camera.cy]
+        (camera.fx, camera.cx, camera.cy)
     };
-    assert_eq!(centre("principal: given"), [50.0, 31.0, 25.0]);
-    assert_eq!(centre("principal: middle"), [50.0, 32.0, 24.0]);
-    assert_eq!(centre("principal: corner-half"), [50.0, 32.5, 24.5]);
-    assert_eq!(centre("fx: 60, principal: corner-half"), [60.0, 32.5, 24.5]);
+    assert_eq!(centre("principal: given"), (50.0, 31.0, 25.0));
+    assert_eq!(centre("principal: middle"), (50.0, 32.0, 24.0));
+    assert_eq!(centre("principal: corner-half"), (50.0, 32.5, 24.5));
+    assert_eq!(centre("fx: 60, principal: corner-half"), (60.0, 32.5, 24.5));
     let Err(fault) = recipe(&yaml("fx: 60, cx: 30, principal: middle")) else { panic!("both are given") };
     assert!(fault.render_text().contains("both `principal` and `cx` or `cy`"), "{}", fault.render_text());
 }

@@ -105,7 +105,7 @@ pub(super) fn exported() -> &'static Exported {
 fn packet(message: &Message) -> (i64, Vec<u16>) {
     let mut fields = Fields::of(&message.data);
     assert_eq!(fields.header("camera"), message.log_time);
-    assert_eq!([fields.u32(), fields.u32()], [SIDE.into(); 2]);
+    assert_eq!([fields.u32(), fields.u32()], [u32::from(SIDE); 2]);
     assert_eq!([fields.u64(), fields.u64()], [message.sequence.into(), 0]);
     assert_eq!((fields.text().as_str(), fields.u8()), ("evt3", 0));
     let words = fields.list().as_chunks().0.iter().map(|word| u16::from_le_bytes(*word)).collect();
