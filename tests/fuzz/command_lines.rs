@@ -95,7 +95,7 @@ const CLEAN_AFTER: u32 = 2000;
 pub(crate) fn read(line: &[u8]) -> bool {
     let home = home();
     std::env::set_current_dir(&home).unwrap();
-    if RUNS.replace(RUNS.get() + 1) % CLEAN_AFTER == 0 {
+    if RUNS.replace(RUNS.get() + 1).is_multiple_of(CLEAN_AFTER) {
         furnish(&home);
     }
     let mut words = words(line);
@@ -162,7 +162,7 @@ fn words(line: &[u8]) -> Vec<OsString> {
     let mut words: Vec<Vec<u8>> = line.split(|byte| *byte == 0).map(<[u8]>::to_vec).collect();
     // Lines of the corpus stay as they are.
     let sum = sum(line);
-    if sum % 3 == 0 && !SOUND.iter().any(|sound| sound.replace(' ', "\0").as_bytes() == line) {
+    if sum.is_multiple_of(3) && !SOUND.iter().any(|sound| sound.replace(' ', "\0").as_bytes() == line) {
         let at = sum / 3 % words.len();
         words[at] = ODD[sum / 7 % ODD.len()].to_vec();
     }

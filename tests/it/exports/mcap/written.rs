@@ -13,6 +13,7 @@ fn topics_have_the_types_that_viewers_know() {
     let wanted = [
         ("/depth", "sensor_msgs/msg/Image"),
         ("/event_camera/events", "event_camera_msgs/msg/EventPacket"),
+        ("/image/blurred", "sensor_msgs/msg/Image"),
         ("/image/camera_info", "sensor_msgs/msg/CameraInfo"),
         ("/image/image_raw", "sensor_msgs/msg/Image"),
         ("/pose", "geometry_msgs/msg/PoseStamped"),
