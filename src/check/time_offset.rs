@@ -74,9 +74,8 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
         lag.abs(),
         if lag < 0.0 { "earlier" } else { "later" }
     );
-    // The present offset may work against a fault. Beyond that, 1.645 standard deviations are found in 95 % of
-    // trials.
-    let detects = limit.value + lag.abs() + 1.645 * deviation;
+    // 1.645 standard deviations beyond the limit are found in 95 % of trials.
+    let detects = limit.value + 1.645 * deviation;
     subject
         .finding(NAME, "", Judgement::from_value(verdict, lag, limit, "us", because))
         .detecting(detects, "us")
