@@ -36,7 +36,8 @@ impl Timeline {
         let inside = |pose: &usize| (start_us..=end_us).contains(&stamps[*pose]);
         let at_pose =
             |kind| move |pose: usize| DueMessage { t_ns: (stamps[pose] - start_us) * 1000, kind, pose };
-        let mut due: Vec<DueMessage> = (0..stamps.len()).filter(inside).map(at_pose(DueKind::Pose)).collect();
+        let count = stamps.len();
+        let mut due: Vec<DueMessage> = (0..count).filter(inside).map(at_pose(DueKind::Pose)).collect();
         due.extend(plan.frames.iter().copied().map(at_pose(DueKind::Sharp)));
         due.extend(plan.subject.depth.iter().copied().filter(inside).map(at_pose(DueKind::Depth)));
         for exposure in &plan.subject.exposures {
