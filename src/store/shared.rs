@@ -74,7 +74,7 @@ impl SharedStore {
         Ok(Self { root: root.to_owned(), blobs, disk, own: None, next, damaged })
     }
 
-    /// Opens a shared folder, and creates it if there is none.
+    /// Opens a shared folder, and creates it if it is absent.
     pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
         let mut shared = Self::open_for_reading(root)?;
         for folder in ["cas", "ac", "tmp"] {

@@ -18,7 +18,7 @@ const MAX_MESSAGE: usize = 16 << 20;
 /// Bytes of events that are decoded at a time. A word of 2 bytes holds up to 12 events of 16 bytes.
 const BLOCK: usize = 1 << 16;
 
-/// Number of events that a chunk has at least, if so many follow.
+/// Minimum number of events in a chunk, except in the last one.
 const CHUNK: usize = 4096;
 
 /// Bytes before the content of a message: channel, sequence, two times.

@@ -169,7 +169,7 @@ impl Picture {
     }
 }
 
-/// The blurred pictures, of which each N-th is sharp instead, or the sharp frames without blurred ones.
+/// The blurred pictures, with a sharp one in place of every N-th; without blurred ones, the sharp frames.
 fn pictures(plan: &ExportPlan<'_>) -> Vec<Picture> {
     let sharp = |pose: usize| {
         let t_us = plan.stamp_us(pose);

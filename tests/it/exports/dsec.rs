@@ -36,7 +36,7 @@ fn flows_are_the_displacements_of_the_plane() {
     let exported = Exported::of(plane, "dsec", &[]);
     let root = "test/plane-base";
     let names = exported.list(&format!("{root}/flow/forward"));
-    // Depth at every 60th pose, of which the last starts no flow.
+    // Depth at every 60th pose. The last one starts no flow.
     assert_eq!(names.len(), (POSES - 1) / 60);
     let table = exported.text(&format!("{root}/test_forward_flow_timestamps.csv"));
     let (mut furthest, mut longest) = (0.0f64, 0.0f64);

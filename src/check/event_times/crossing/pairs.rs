@@ -76,7 +76,7 @@ impl PairResiduals {
 
     pub(super) fn see(&mut self, crossing: &Crossing) {
         let Crossing { pixel, part, t_us, drift, moves, threshold, .. } = *crossing;
-        // A pair of which either event does not follow the drift has no residual, nor has one of an unknown drift.
+        // A pair has a residual only if both of its events follow the drift, and if the drift is known.
         let drift = if crossing.is_along() { drift } else { f64::NAN };
         // Every event starts a pair, also one that is left out: the next pair is counted from it.
         let from = std::mem::replace(&mut self.last[pixel], PairStart { t_us, drift, moves });
