@@ -16,8 +16,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Cores of a build: at most this number of steps are at work when it is killed.
+/// Cores of a build.
 const CORES: usize = 2;
+
+/// Steps that can be at work when a build is killed: each core makes one step, or the outputs of one
+/// trajectory in one pass of the renderer.
+const MOST_AT_WORK: usize = CORES * scenes::EVENT_OUTPUTS.len();
 
 /// The result of a build that was not killed.
 struct Undisturbed {
@@ -155,7 +159,7 @@ fn after_kill(
     let begun = std::fs::read_dir(place.path(".gs2e/tmp")).into_iter().flatten();
     let at_work = begun.filter(|entry| entry.as_ref().is_ok_and(|entry| entry.path().is_dir())).count();
     tally.count("steps lost", at_work as u64);
-    if at_work > CORES {
+    if at_work > MOST_AT_WORK {
         return Err(format!("{at_work} steps were at work on {CORES} cores"));
     }
     let plan = place.plan()?;

@@ -5,6 +5,9 @@ use crate::place::Place;
 use serde_json::{Value, json};
 use std::io::Write;
 
+/// Outputs of the scenes that render. One pass of the renderer can make both.
+pub(crate) const EVENT_OUTPUTS: [&str; 2] = ["events", "sharp"];
+
 /// The recipe of a scene over the files `sources/<number>.{json,ply}`: six steps, or more with
 /// outputs.
 pub(crate) fn recipe(scene: &str, number: u32, outputs: &[&str]) -> Value {
@@ -32,7 +35,7 @@ pub(crate) fn write(place: &Place, scenes: u32, with_events: u32) {
     for number in 0..scenes {
         sources(place, number);
         let outputs: &[&str] =
-            if number % with_events == with_events - 1 { &["events", "sharp"] } else { &[] };
+            if number % with_events == with_events - 1 { &EVENT_OUTPUTS } else { &[] };
         let recipe = recipe(&format!("s{number}"), number, outputs);
         place.write(&format!("recipes/{number}.yaml"), recipe.to_string());
     }
