@@ -75,15 +75,27 @@ impl FloorRates {
         (!sensor.floor.is_absent()).then(|| Self { hz: std::array::from_fn(rate) })
     }
 
-    /// ON and OFF events per second at a luminance, linear in its logarithm between two greys of the
-    /// table.
+    /// ON and OFF events per second at a luminance, linear between two greys of the table.
     fn at(self, luminance: f64) -> [f64; 2] {
-        let last = (Self::LEN - 1) as f64;
-        let place = libm::log2(255.0 / luminance.max(1e-9)).clamp(0.0, last);
-        let share = place - libm::floor(place);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table")]
-        let [low, high] = [place as usize, (place as usize + 1).min(Self::LEN - 1)];
-        [0, 1].map(|side| self.hz[low][side] * (1.0 - share) + self.hz[high][side] * share)
+        const LAST: usize = FloorRates::LEN - 1;
+        /// Bits of a fraction, and the exponent of 1.
+        const FRACTION: u32 = 52;
+        const BIAS: usize = 1023;
+        let value = luminance / 255.0;
+        // The greys are powers of two, so the exponent of a number is its place in the table, and its
+        // fraction the share of the brighter grey. A logarithm would cost ten times as much.
+        let bits = value.max(0.0).to_bits();
+        #[expect(clippy::cast_possible_truncation, reason = "eleven bits")]
+        let darker = BIAS.saturating_sub((bits >> FRACTION) as usize);
+        if darker == 0 {
+            return self.hz[0];
+        }
+        if darker > LAST {
+            return self.hz[LAST];
+        }
+        let share = f64::from_bits((bits & ((1 << FRACTION) - 1)) | 1.0f64.to_bits()) - 1.0;
+        let [dark, bright] = [self.hz[darker], self.hz[darker - 1]];
+        [0, 1].map(|side| dark[side] * (1.0 - share) + bright[side] * share)
     }
 }
 
@@ -228,12 +240,21 @@ impl DriftLaw {
     /// voltage; 0 for frames that are not rounded.
     #[must_use]
     pub fn rounding_error(&self, luminance: f32) -> f64 {
+        self.rounding_error_at(luminance, self.brightness(luminance))
+    }
+
+    /// [`Self::rounding_error`] of a luminance with this brightness.
+    #[must_use]
+    pub fn rounding_error_at(&self, luminance: f32, brightness: f64) -> f64 {
         let Some(rounding) = self.rounding else { return 0.0 };
         let luminance = f64::from(luminance).max(0.0);
         let error = rounding.error(luminance);
-        let at = self.brightness_of(luminance);
-        let below = at - self.brightness_of((luminance - error).max(0.0));
-        self.k[0] * below.max(self.brightness_of(luminance + error) - at)
+        let below = brightness - self.brightness_of((luminance - error).max(0.0));
+        // Brightness is concave, so that its change is larger below, if black does not end it.
+        if luminance >= error {
+            return self.k[0] * below;
+        }
+        self.k[0] * below.max(self.brightness_of(luminance + error) - brightness)
     }
 
     /// Standard deviation of the drift by what lies between rounded frames; 0 if events were made
@@ -249,7 +270,7 @@ impl DriftLaw {
     #[must_use]
     pub fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
         // Without spread, the multiplication keeps it at exactly 0.
-        3.0 * self.spread * (1.0 + libm::hypot(f64::from(on), f64::from(off)))
+        3.0 * self.spread * (1.0 + length([f64::from(on), f64::from(off)]))
     }
 
     /// Largest probability that the remaining voltage of a pixel exceeds its bound by more than
@@ -263,7 +284,7 @@ impl DriftLaw {
         // Probability of a normal deviate above 3, and the mean of its excess: `Q(3)` and `phi(3) - 3 Q(3)`.
         const ABOVE: f64 = 0.001_35;
         const EXCESS: f64 = 0.000_382;
-        let events = libm::hypot(f64::from(on), f64::from(off));
+        let events = length([f64::from(on), f64::from(off)]);
         ABOVE.min((1.0 + events) * EXCESS * self.spread / self.least_threshold())
     }
 
@@ -464,6 +485,11 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
         delay_us: if delayed { 1e6 * v2e.filter_seconds(MEDIUM) } else { 0.0 },
         ..quiet_law(k, BrightnessScale::LinLog, [v2e.threshold.on, v2e.threshold.off])
     }
+}
+
+/// The length of a vector of event counts, which are too small for an overflow.
+pub(super) fn length([x, y]: [f64; 2]) -> f64 {
+    (x * x + y * y).sqrt()
 }
 
 /// Requires that a sensor's events balance the change of each pixel's brightness. The sensor's

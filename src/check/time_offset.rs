@@ -74,8 +74,9 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
         lag.abs(),
         if lag < 0.0 { "earlier" } else { "later" }
     );
-    // 1.645 standard deviations beyond the limit are found in 95 % of trials.
-    let detects = limit.value + 1.645 * deviation;
+    // A fault may work against the offset that the stream already has. 1.645 standard deviations
+    // beyond that are found in 95 % of trials.
+    let detects = limit.value + lag.abs() + 1.645 * deviation;
     subject
         .finding(NAME, "", Judgement::from_value(verdict, lag, limit, "us", because))
         .detecting(detects, "us")

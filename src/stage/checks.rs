@@ -36,7 +36,7 @@ pub struct ChecksStage {
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 11;
+    const REVISION: u32 = 12;
     type Inputs =
         (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
     type Output = VerdictsRecord;

@@ -34,8 +34,7 @@ pub(crate) fn sources(place: &Place, number: u32) {
 pub(crate) fn write(place: &Place, scenes: u32, with_events: u32) {
     for number in 0..scenes {
         sources(place, number);
-        let outputs: &[&str] =
-            if number % with_events == with_events - 1 { &EVENT_OUTPUTS } else { &[] };
+        let outputs: &[&str] = if number % with_events == with_events - 1 { &EVENT_OUTPUTS } else { &[] };
         let recipe = recipe(&format!("s{number}"), number, outputs);
         place.write(&format!("recipes/{number}.yaml"), recipe.to_string());
     }

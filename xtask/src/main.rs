@@ -16,6 +16,7 @@ mod folder;
 mod fuzz;
 mod network;
 mod page;
+mod pass_bench;
 mod power;
 mod python;
 mod report;
@@ -47,6 +48,9 @@ usage: cargo xtask <task>
   bench export [ARGS]...
                      time and peak memory of every layout of `gs2e export` for a stream of 10^8 events, next to a plain copy of what
                      it wrote (`--events N`, `--only FORMAT,…`, `--program FILE`)
+  bench pass [ARGS]...
+                     CPU time and peak memory of one pass of the renderer for all outputs, next to a step for each output
+                     (`--runs N`, `-j N`, `--program FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
@@ -83,6 +87,7 @@ fn main() -> ExitCode {
         }
         (Some("bench"), [part, args @ ..]) if part == "check" => check_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "export" => export_bench::run(args),
+        (Some("bench"), [part, args @ ..]) if part == "pass" => pass_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()

@@ -14,7 +14,7 @@ pub use floor::SpoiltPixels;
 pub use lag::LagSums;
 pub(super) use unequal::MAX_SPREAD;
 
-use crate::check::drift::DriftLaw;
+use crate::check::drift::{DriftLaw, length};
 use balance::PixelChange;
 use edge::{NearPixel, find_edge, find_unequal_edge};
 use unequal::UnequalLaw;
@@ -157,7 +157,7 @@ impl FitSums {
 
     /// Adds a pixel, and returns its drift minus that of its events, if its drift is known.
     fn add(&mut self, change: PixelChange, counts: [u32; 2]) -> Option<f64> {
-        let PixelChange { dv, s, blur, error, disturbed, floor, .. } = change;
+        let PixelChange { dv, s, blur, error, unequal, disturbed, floor, .. } = change;
         let (law, fit) = (self.law, &mut self.fit);
         if dv.is_nan() {
             fit.unknown += 1;
@@ -182,7 +182,6 @@ impl FitSums {
         let fit = &mut self.fit;
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
         // of the thresholds, beyond its own bound.
-        let unequal = law.spread_error(counts);
         if dv.abs() > 2.0 * threshold + unequal {
             fit.doubled[0] += 1;
             fit.doubled[1] += u64::from(s * dv > 0.0);
@@ -225,7 +224,7 @@ impl FitSums {
         let [way, said, blur_share] = [dv.abs(), s.copysign(s * dv), blur].map(|value| value / threshold);
         // Every event has the deviation of its own threshold.
         let [along, against] = [counts[side], counts[1 - side]].map(f64::from);
-        let spread = law.spread / threshold * libm::hypot(along + 1.0, against) / (said + 1.0).max(1e-9);
+        let spread = law.spread / threshold * length([along + 1.0, against]) / (said + 1.0).max(1e-9);
         let usable = blur < most && spread * threshold <= MAX_OWN_SPREAD * law.spread;
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
         if law.from_zero && usable && way > 0.5 {

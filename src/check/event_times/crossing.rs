@@ -181,8 +181,10 @@ impl CrossingObserver {
     /// lines that are not compared, are left out.
     pub fn see(&mut self, events: &[Event]) {
         let Self { drifts, rows } = self;
-        // Each row looks at all events: that costs far less than what follows for its own.
-        rows.par_iter_mut().for_each(|row| row.see(drifts, events));
+        // Once for all rows: of a long stream, most events are on lines that are not compared.
+        let compared = events.iter().filter_map(|event| Some((drifts.pixel(event)?, event)));
+        let compared: Vec<(usize, &Event)> = compared.collect();
+        rows.par_iter_mut().for_each(|row| row.see(drifts, &compared));
     }
 
     /// The clock over all events.
@@ -233,11 +235,11 @@ enum Residuals {
 }
 
 impl PartRow {
-    /// Sees those of the events that are in the row.
-    fn see(&mut self, drifts: &FrameDrifts, events: &[Event]) {
+    /// Sees those of the events that are in the row. Each comes with the number of its pixel in the picture.
+    fn see(&mut self, drifts: &FrameDrifts, events: &[(usize, &Event)]) {
         let Self { first, pixels, residuals } = self;
-        let within = |event: &Event| drifts.pixel(event)?.checked_sub(*first).filter(|pixel| pixel < pixels);
-        let mut own = events.iter().filter_map(|event| Some((within(event)?, event)));
+        let within = |pixel: usize| pixel.checked_sub(*first).filter(|pixel| pixel < pixels);
+        let mut own = events.iter().filter_map(|(pixel, event)| Some((within(*pixel)?, *event)));
         let mut batch = Vec::with_capacity(AHEAD);
         loop {
             batch.clear();

@@ -10,6 +10,7 @@ use crate::recipe::OutputKind;
 use crate::render::flow::{FlowQuantiles, nearest_ranks};
 use crate::sensor::front_end::FrontEnd;
 use crate::units::Timestamp;
+use rayon::prelude::*;
 
 /// Memory for the frames of one front end, bytes.
 const FRAME_BYTES: usize = 256 << 20;
@@ -23,51 +24,50 @@ const EDGE: f32 = 8.0;
 /// Level of a channel at which a picture is clipped.
 const FULL: f32 = 255.0;
 
-/// The chosen frames, which come in turn.
-#[derive(Debug)]
-pub(super) struct AnchorWatch<'a> {
-    front_ends: &'a [FrontEnd],
-    /// Poses of the chosen frames, ascending.
-    poses: Vec<usize>,
-    anchors: Vec<AnchorFrames>,
+/// Chooses frames and reads them: the same for all front ends, as each shows them. None if there are fewer
+/// than two sharp frames. A pixel with a channel at full scale is NaN.
+///
+/// The walk over all pictures decodes these again. That costs less than to count the events after the walk
+/// instead of at the same time.
+pub(super) fn read_anchors(
+    pictures: &ReleasedPictures<'_>,
+    front_ends: &[FrontEnd],
+    steps_px: Option<FlowQuantiles>,
+) -> Result<Vec<AnchorFrames>, RecheckError> {
+    let there = pictures.kept_poses(OutputKind::Sharp, "png")?;
+    if there.len() < 2 || front_ends.is_empty() {
+        return Ok(Vec::new());
+    }
+    let stamps: Vec<i64> = there.iter().map(|pose| pictures.stamp(*pose)).collect();
+    let frame_px = frame_motion(pictures, &there, steps_px)?;
+    let choice = choose_anchors(&stamps, frame_px, pictures.camera.size.pixels() * front_ends.len());
+    let read = |index: &usize| seen_anchor(pictures, front_ends, there[*index]);
+    let frames: Vec<Vec<DenseFrame>> = choice.frames.par_iter().map(read).collect::<Result<_, _>>()?;
+    let mut anchors = vec![AnchorFrames::without_frames(&choice); front_ends.len()];
+    for seen in frames {
+        for (anchors, frame) in anchors.iter_mut().zip(seen) {
+            anchors.stamps_us.push(frame.t.floor_micros());
+            anchors.images.push(frame.luminance);
+        }
+    }
+    Ok(anchors)
 }
 
-impl<'a> AnchorWatch<'a> {
-    /// Chooses frames for each front end: none if there are fewer than two sharp frames.
-    pub(super) fn choose(
-        pictures: &ReleasedPictures<'_>,
-        front_ends: &'a [FrontEnd],
-        steps_px: Option<FlowQuantiles>,
-    ) -> Result<Self, RecheckError> {
-        let there = pictures.kept_poses(OutputKind::Sharp, "png")?;
-        if there.len() < 2 || front_ends.is_empty() {
-            return Ok(Self { front_ends, poses: Vec::new(), anchors: Vec::new() });
-        }
-        let stamps: Vec<i64> = there.iter().map(|pose| pictures.stamp(*pose)).collect();
-        let frame_px = frame_motion(pictures, &there, steps_px)?;
-        let choice = choose_anchors(&stamps, frame_px, pictures.camera.size.pixels() * front_ends.len());
-        let anchors = vec![AnchorFrames::without_frames(&choice); front_ends.len()];
-        let poses = choice.frames.iter().map(|index| there[*index]).collect();
-        Ok(Self { front_ends, poses, anchors })
-    }
-
-    /// Keeps the frame at a pose if it is one of the chosen. A pixel with a channel at full scale
-    /// is NaN.
-    pub(super) fn see(&mut self, pose: usize, t_us: i64, frame: &GreyImage) {
-        let Ok(index) = self.poses.binary_search(&pose) else { return };
-        let (luminance, colours) = (frame.luminance.clone(), frame.colours.as_ref());
-        let dense = DenseFrame { index, t: Timestamp::from_micros(t_us), luminance, rate: None };
-        for (front_end, anchors) in self.front_ends.iter().zip(&mut self.anchors) {
-            let mut seen = front_end.see(&dense, colours);
-            forget_clipped(&mut seen.luminance, colours, &dense.luminance);
-            anchors.keep(&seen, t_us);
-        }
-    }
-
-    /// The frames, the same for all front ends, as each front end shows them.
-    pub(super) fn finish(self) -> Vec<AnchorFrames> {
-        self.anchors
-    }
+/// The frame at a pose, as each front end shows it.
+fn seen_anchor(
+    pictures: &ReleasedPictures<'_>,
+    front_ends: &[FrontEnd],
+    pose: usize,
+) -> Result<Vec<DenseFrame>, RecheckError> {
+    let GreyImage { luminance, colours } = pictures.frame(pose)?;
+    let t = Timestamp::from_micros(pictures.stamp(pose));
+    let dense = DenseFrame { index: pose, t, luminance, rate: None };
+    let see = |front_end: &FrontEnd| {
+        let mut seen = front_end.see(&dense, colours.as_ref());
+        forget_clipped(&mut seen.luminance, colours.as_ref(), &dense.luminance);
+        seen
+    };
+    Ok(front_ends.iter().map(see).collect())
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded numbers of frames")]

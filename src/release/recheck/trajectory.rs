@@ -1,6 +1,6 @@
 //! The passes over one trajectory of a release.
 
-use super::anchors::AnchorWatch;
+use super::anchors::read_anchors;
 use super::crossings::CrossingWatch;
 use super::image_motion::MeasuredMotion;
 use super::pictures::ReleasedPictures;
@@ -130,7 +130,8 @@ impl ReleasedTrajectory<'_> {
         Ok(findings)
     }
 
-    /// Reads the pictures once and the streams twice: with the frames, and with what these show.
+    /// Reads the pictures in one walk and the streams twice: with the frames, and with what some of these
+    /// show.
     fn measure(
         &self,
         pictures: &ReleasedPictures<'_>,
@@ -147,19 +148,22 @@ impl ReleasedTrajectory<'_> {
         let mut watches: Vec<CrossingWatch> = streams.iter().map(open).collect::<Result<_, _>>()?;
         let models = || self.recipe.sensors_of(&self.part.name).iter().map(|(_, sensor)| sensor.as_model());
         let front_ends = front_end::distinct_front_ends(models());
-        let mut anchors = AnchorWatch::choose(pictures, &front_ends, measured.steps_px)?;
-        let geometry = walk_pictures(pictures, &present, &mut anchors, &mut watches)?;
-        let crossings: Vec<_> = watches.into_iter().map(CrossingWatch::finish).collect();
-        let seen = SeenAnchors { front_ends: &front_ends, anchors: anchors.finish() };
-        let streams: Vec<CountedStream<'_>> = streams
-            .into_par_iter()
-            .zip(crossings)
-            .map(|(stream, crossings)| {
-                let tally = self.count_stream(&stream, (pictures, rate), (&measured, &seen))?;
-                let ReleasedStream { name, sensor, .. } = stream;
-                Ok(CountedStream { name, sensor, tally, crossings })
-            })
-            .collect::<Result<_, RecheckError>>()?;
+        let anchors = read_anchors(pictures, &front_ends, measured.steps_px)?;
+        let seen = SeenAnchors { front_ends: &front_ends, anchors };
+        let count = |stream| self.count_stream(stream, (pictures, rate), (&measured, &seen));
+        let mut tallies = Ok(Vec::new());
+        // The readers of the walk stay on this thread.
+        let geometry = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| tallies = streams.par_iter().map(count).collect());
+            walk_pictures(pictures, &present, &mut watches)
+        })?;
+        let tallies: Vec<StreamTally> = tallies?;
+        let crossings = watches.into_iter().map(CrossingWatch::finish);
+        let counted = streams.into_iter().zip(tallies).zip(crossings).map(|((stream, tally), crossings)| {
+            let ReleasedStream { name, sensor, .. } = stream;
+            CountedStream { name, sensor, tally, crossings }
+        });
+        let streams = counted.collect();
         Ok(MeasuredTrajectory { motion: measured, geometry, streams })
     }
 

@@ -4,7 +4,6 @@
 //! frames, and frames with events.
 
 use super::RecheckError;
-use super::anchors::AnchorWatch;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
 use crate::check::flow_projection::FlowDifference;
@@ -69,7 +68,6 @@ impl PicturesPresent {
 pub(super) fn walk_pictures(
     pictures: &ReleasedPictures<'_>,
     present: &PicturesPresent,
-    anchors: &mut AnchorWatch<'_>,
     streams: &mut [CrossingWatch],
 ) -> Result<GeometryMeasures, RecheckError> {
     let views = pictures.views();
@@ -97,7 +95,7 @@ pub(super) fn walk_pictures(
                 compared.into_iter().for_each(|(pose, smoothed, depth)| geometry.see(pose, smoothed, depth));
             });
             scope.spawn(|_| following = decode(batches.next().unwrap_or_default()));
-            show_frames(pictures, &frames, anchors, streams)
+            show_frames(pictures, &frames, streams)
         })?;
         decoded = following?;
     }
@@ -116,12 +114,8 @@ impl PicturesPresent {
 fn show_frames(
     pictures: &ReleasedPictures<'_>,
     frames: &[(usize, GreyImage)],
-    anchors: &mut AnchorWatch<'_>,
     streams: &mut [CrossingWatch],
 ) -> Result<(), RecheckError> {
-    for (pose, frame) in frames {
-        anchors.see(*pose, pictures.stamp(*pose), frame);
-    }
     streams.iter_mut().try_for_each(|stream| {
         frames.iter().try_for_each(|(pose, frame)| stream.see(pictures.stamp(*pose), frame))
     })

@@ -25,8 +25,12 @@ pub(in crate::check) struct DriftBalance<'a> {
     /// Variance of each pixel's voltage by noise, with the noisier end of each interval for the
     /// whole interval.
     variance: Vec<f64>,
-    /// Expected numbers of events of each pixel's noise floor; empty without one.
+    /// Deviation of each pixel's voltage by noise after 1 us at the brightness of the latest anchor.
+    noise: Vec<f64>,
+    /// Expected numbers of events of each pixel's noise floor, and its rates at the latest anchor, per us;
+    /// empty without one.
     floor: Vec<FloorCounts>,
+    floor_rates: Vec<[f64; 2]>,
     found: FrameComparison,
     intervals: IntervalWatch,
     places: PlaceWatch,
@@ -77,14 +81,18 @@ impl<'a> DriftBalance<'a> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
         let none = || vec![0.0; size.pixels()];
+        let of_first = |value: &dyn Fn(f32) -> f64| first.pixels().iter().map(|l| value(*l)).collect();
+        let with_floor = if law.has_floor() { first.pixels() } else { &[] };
         Some(Self {
             law,
             anchors,
-            first: first.pixels().iter().map(|l| law.brightness(*l)).collect(),
-            first_rounding: first.pixels().iter().map(|l| law.rounding_error(*l)).collect(),
+            first: of_first(&|l| law.brightness(l)),
+            first_rounding: of_first(&|l| law.rounding_error(l)),
             exposure: none(),
             variance: none(),
-            floor: vec![FloorCounts::default(); if law.has_floor() { size.pixels() } else { 0 }],
+            noise: of_first(&|l| law.noise(f64::from(l), 1.0)),
+            floor: vec![FloorCounts::default(); with_floor.len()],
+            floor_rates: with_floor.iter().map(|l| law.floor_rates(f64::from(*l))).collect(),
             found: FrameComparison { residuals: vec![0.0; size.pixels()], ..FrameComparison::default() },
             intervals: IntervalWatch::new(size, law, anchors),
             places: PlaceWatch::new(size, law.thresholds),
@@ -128,8 +136,7 @@ impl<'a> DriftBalance<'a> {
             if placed {
                 self.places.see(i, known, change.s);
             }
-            let unequal = self.law.spread_error([on, off]);
-            let shown = |left| in_thresholds(left, self.law.thresholds, unequal);
+            let shown = |left| in_thresholds(left, self.law.thresholds, change.unequal);
             self.found.residuals[i] = left.map_or(f32::NAN, shown);
         }
         self.intervals.settle(number);
@@ -163,28 +170,33 @@ impl<'a> DriftBalance<'a> {
         let (law, [before, now]) = (&self.law, [view.before[i], view.now[i]]);
         // The trapezoid rule is sufficient: anchors are close together.
         self.exposure[i] += view.step * 0.5 * (f64::from(before.max(0.0)) + f64::from(now.max(0.0)));
-        let noise = [before, now].map(|l| law.noise(f64::from(l), view.step));
-        self.variance[i] += noise[0].max(noise[1]) * noise[0].max(noise[1]);
+        let noise = law.noise(f64::from(now), 1.0);
+        let larger = noise.max(std::mem::replace(&mut self.noise[i], noise));
+        self.variance[i] += larger * larger * view.step;
         let mut floor_since = [0.0; 2];
         if let Some(floor) = self.floor.get_mut(i) {
-            let [from, to] = [before, now].map(|l| law.floor_rates(f64::from(l)));
+            let to = law.floor_rates(f64::from(now));
+            let from = std::mem::replace(&mut self.floor_rates[i], to);
             floor_since = [0, 1].map(|side| 0.5 * view.step * (from[side] + to[side]));
             floor.counts.iter_mut().zip(floor_since).for_each(|(all, since)| *all += since);
         }
-        // Three logarithms a pixel: those of the first frame are computed once.
-        let rounding = self.first_rounding[i] + law.rounding_error(now);
+        // Two logarithms a pixel: those of the first frame are computed once.
+        let brightness = law.brightness(now);
+        let rounding = self.first_rounding[i] + law.rounding_error_at(now, brightness);
+        let unequal = law.spread_error(counts);
         // A uniform error has a standard deviation of its half-width over the root of 3.
         let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
         let [a, b] = law.thresholds;
         // `max` would turn an unknown luminance into black.
         let known = !(view.first[i].is_nan() || before.is_nan() || now.is_nan());
-        let dv = law.drift(law.brightness(now) - self.first[i], view.total, self.exposure[i]);
+        let dv = law.drift(brightness - self.first[i], view.total, self.exposure[i]);
         PixelChange {
             dv: if known && rounding <= MAX_ROUNDING * law.least_threshold() { dv } else { f64::NAN },
             s: a * f64::from(counts[0]) - b * f64::from(counts[1]),
             blur: (self.variance[i] + others).sqrt() + view.leak_error,
             rounding,
-            error: rounding + law.spread_error(counts),
+            error: rounding + unequal,
+            unequal,
             floor: self.floor.get(i).copied().unwrap_or_default(),
             floor_since,
             disturbed: law.disturbances(f64::from(now), view.total),
@@ -220,6 +232,8 @@ pub(super) struct PixelChange {
     pub(super) rounding: f64,
     /// Largest error of `dv - s` by rounded frames and by thresholds that differ.
     pub(super) error: f64,
+    /// The part of that by thresholds that differ.
+    pub(super) unequal: f64,
     /// Events of the noise floor that are expected since the first anchor.
     pub(super) floor: FloorCounts,
     /// Those events since the previous anchor.
