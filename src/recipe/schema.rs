@@ -36,7 +36,7 @@ pub(super) use trajectory::{
 };
 
 use super::field::{Field, NumberLiteral, UnsupportedField};
-use crate::camera::PrincipalPoint;
+use crate::camera::{NamedSize, PrincipalPoint};
 use crate::check::Limits;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
@@ -117,9 +117,11 @@ pub(super) enum PresetKey {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct CameraSection {
-    /// Width of the image. Unit: px. Required.
+    /// Size by name, instead of `width` and `height`. Default: none.
+    pub size: Field<NamedSize>,
+    /// Width of the image. Unit: px. Default: required without `size`.
     pub width: Field<u64>,
-    /// Height of the image. Unit: px. Required.
+    /// Height of the image. Unit: px. Default: required without `size`.
     pub height: Field<u64>,
     /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required
     /// without a capture, or with `fy`, `cx` or `cy`.
