@@ -38,6 +38,7 @@ pub(super) use trajectory::{
 use super::field::{Field, NumberLiteral, UnsupportedField};
 use crate::camera::{NamedSize, PrincipalPoint};
 use crate::check::Limits;
+use crate::image::light::MeanScale;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::exposure::SubframeRule;
@@ -192,7 +193,7 @@ pub(super) struct EverySection {
 }
 
 /// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the
-/// mean of its sub-frames in linear light.
+/// mean of its sub-frames.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct BlurSection {
@@ -200,6 +201,8 @@ pub(super) struct BlurSection {
     pub frames: Field<u64>,
     /// Sub-frames between the dense frames. Default: `auto`.
     pub subframes: Field<SubframeRule>,
+    /// Values that are averaged. Default: `linear`.
+    pub mean: Field<MeanScale>,
 }
 
 /// Facts for catalogues.
