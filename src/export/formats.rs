@@ -48,3 +48,14 @@ pub static FORMATS: [&dyn ExportFormat; 19] = [
 pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
     FORMATS.into_iter().find(|format| format.name() == name)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::EXPORT_FORMATS;
+
+    #[test]
+    fn a_release_may_include_every_format() {
+        assert_eq!(FORMATS.map(ExportFormat::name), EXPORT_FORMATS);
+    }
+}
