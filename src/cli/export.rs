@@ -22,7 +22,7 @@ const MAX_EPOCH_S: f64 = 2_147_483_648.0;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf, evdeblurnerf, \
-    llff, e2nerf, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet, mcap. \
+    llff, e2nerf, e2gs, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet, mcap. \
     DIR is written whole or not at all, and export.json in it lists every loss."
 )]
 pub(super) struct ExportArgs {

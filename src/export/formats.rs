@@ -21,7 +21,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 19] = [
+pub static FORMATS: [&dyn ExportFormat; 20] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -32,6 +32,7 @@ pub static FORMATS: [&dyn ExportFormat; 19] = [
     &evdeblurnerf::EvDeblurNerf,
     &evdeblurnerf::Llff,
     &e2nerf::E2Nerf,
+    &e2nerf::E2gs,
     &inceventgs::IncEventGs,
     &monash_h5::MonashH5,
     &e2vid::TEXT,

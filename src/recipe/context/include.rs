@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Names of the formats of exports, in the order of their documentation.
-pub const EXPORT_FORMATS: [&str; 19] = [
+pub const EXPORT_FORMATS: [&str; 20] = [
     "e-nerf",
     "event-3dgs",
     "colmap",
@@ -22,6 +22,7 @@ pub const EXPORT_FORMATS: [&str; 19] = [
     "evdeblurnerf",
     "llff",
     "e2nerf",
+    "e2gs",
     "inceventgs",
     "monash-h5",
     "e2vid",
