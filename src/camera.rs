@@ -50,6 +50,34 @@ impl Camera {
     }
 }
 
+/// A size of pictures by the name of the camera or of the dataset that has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NamedSize {
+    /// 346x260, the DAVIS346. EventNeRF and E-3DGS have this size in their code.
+    Davis346,
+    /// 640x480, the events of DSEC. E-RAFT has this size in its code.
+    Dsec,
+    /// 800x800, the synthetic scenes of NeRF. E2NeRF has this size in its code.
+    Blender,
+    /// 1280x720, the Prophesee EVK4.
+    Evk4,
+}
+
+impl NamedSize {
+    /// Width and height.
+    #[must_use]
+    pub fn size(self) -> Size {
+        let (width, height) = match self {
+            Self::Davis346 => (346, 260),
+            Self::Dsec => (640, 480),
+            Self::Blender => (800, 800),
+            Self::Evk4 => (1280, 720),
+        };
+        Size { width, height }
+    }
+}
+
 /// Place of the principal point in the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]

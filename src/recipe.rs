@@ -28,8 +28,8 @@ mod tree;
 mod upstream;
 
 pub use context::{
-    RedistributionStatement, ReleaseInfo, SourceTerms, SplitPlan, SplitUnit, TakedownList, TakenDown,
-    read_release, read_sources, read_takedown, takedown_of,
+    EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport, RedistributionStatement, ReleaseInfo, SourceTerms,
+    SplitPlan, SplitUnit, TakedownList, TakenDown, read_release, read_sources, read_takedown, takedown_of,
 };
 pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};

@@ -15,6 +15,7 @@ mod croissant;
 mod datasheet;
 pub mod diff;
 mod facts;
+pub mod include;
 mod index;
 mod layout;
 pub mod left_out;
@@ -38,7 +39,7 @@ mod target;
 mod tree;
 mod work;
 
-use compose::{compose_top, compose_tree, empty_splits, terms_of, transforms_of};
+use compose::{ComposedTree, compose_top, compose_tree, empty_splits, terms_of, transforms_of};
 
 pub use built::GatherError;
 pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
@@ -52,8 +53,9 @@ use crate::check::{Finding, Verdict};
 use crate::plan::Plan;
 use crate::recipe::{self, RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
 use crate::run::RunSummary;
-use crate::store::{Store, StoreError};
+use crate::store::{Key, Store, StoreError};
 use built::BuiltScene;
+use include::ReleaseExports;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -114,6 +116,8 @@ pub struct WrittenRelease {
     pub bytes: u64,
     /// True if the same release was already at the target; then nothing was written.
     pub stood: bool,
+    /// Keys of the records of its exports.
+    pub exports: Vec<Key>,
     /// Warnings about licences and empty splits.
     pub warnings: Vec<String>,
 }
@@ -141,6 +145,9 @@ pub enum ReleaseError {
         /// The reason why it may not be replaced.
         because: String,
     },
+    /// An export of `release.yaml` cannot be made.
+    #[error(transparent)]
+    Include(#[from] include::IncludeRefusal),
     /// The user stopped it.
     #[error("interrupted: nothing was released")]
     Interrupted,
@@ -182,13 +189,15 @@ pub struct BuiltPlan<'a> {
     pub store: &'a Store,
     /// Contents of the files next to its recipes.
     pub context: &'a ReleaseContext,
+    /// Makes the exports that the release includes.
+    pub exporter: &'a dyn include::ReleaseExporter,
 }
 
 /// Writes the release of the built scenes, unless it already stands at the target.
 ///
 /// # Errors
-/// A step is not built, a check failed without a waiver, the target changed since it was claimed,
-/// the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
+/// A step is not built, a check failed without a waiver, an included export cannot be made, the
+/// target changed since it was claimed, the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
 /// rename.
 pub fn write_release(
     target: &mut ReleaseTarget,
@@ -196,7 +205,7 @@ pub fn write_release(
     link: LinkMode,
     cancel: &AtomicBool,
 ) -> Result<WrittenRelease, ReleaseError> {
-    let BuiltPlan { plan, summary, store, context } = built;
+    let BuiltPlan { plan, summary, store, context, exporter } = built;
     let scenes =
         (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &context.terms)));
     let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
@@ -209,11 +218,14 @@ pub fn write_release(
     if scenes.is_empty() {
         return Err(ReleaseError::Nothing);
     }
-    let (tree, scenes) = compose_tree(scenes, store, context)?;
+    let release = [context.info.name.as_str(), &context.info.version];
+    let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
+    let ComposedTree { tree, scenes, exports } = compose_tree(scenes, exports, context)?;
     let tree::TreeOutcome { files, bytes, stood } =
         tree::write_tree(target, &tree, (store, &context.takedown), link, cancel)?;
     let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
     // A set, because all scenes of one source have the same warning.
     let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();
-    Ok(WrittenRelease { scenes: scenes.len(), files, bytes, stood, warnings: warnings.into_iter().collect() })
+    let (scenes, warnings) = (scenes.len(), warnings.into_iter().collect());
+    Ok(WrittenRelease { scenes, files, bytes, stood, exports, warnings })
 }

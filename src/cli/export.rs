@@ -22,7 +22,7 @@ const MAX_EPOCH_S: f64 = 2_147_483_648.0;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Formats: e-nerf, event-3dgs, colmap, eventnerf, e-3dgs, robust-e-nerf, deblur-e-nerf, evdeblurnerf, \
-    llff, e2nerf, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet, mcap. \
+    llff, e2nerf, e2gs, inceventgs, monash-h5, e2vid, e2vid-zip, evreal, dsec, webdataset, parquet, mcap. \
     DIR is written whole or not at all, and export.json in it lists every loss."
 )]
 pub(super) struct ExportArgs {
@@ -124,12 +124,10 @@ impl ExportArgs {
         };
         let mut plan = ExportPlan::new(&subject, &test, self.window)?;
         plan.epoch_us = self.epoch.unwrap_or(plan.epoch_us);
-        // The number of events in an interval is not known before they are read.
-        let bar = if console.is_live() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         let cancel = on_interrupt().map_err(|_| ExportError::Interrupted)?;
-        let progress = BarProgress { bar, cancel };
+        let progress = BarProgress::new(console, cancel);
         let written = write_export(format, &plan, (&self.out, self.lossy), &progress);
-        progress.bar.finish_and_clear();
+        progress.finish();
         written
     }
 
@@ -163,9 +161,22 @@ impl ExportArgs {
 }
 
 /// Shows the number of events, and stops at an interrupt.
-struct BarProgress {
+pub(super) struct BarProgress {
     bar: ProgressBar,
     cancel: Arc<AtomicBool>,
+}
+
+impl BarProgress {
+    pub(super) fn new(console: &Console, cancel: Arc<AtomicBool>) -> Self {
+        // The number of events in an interval is not known before they are read.
+        let bar = if console.is_live() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        Self { bar, cancel }
+    }
+
+    /// Removes the bar from the screen.
+    pub(super) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
 }
 
 impl ExportProgress for BarProgress {

@@ -3,14 +3,17 @@
 
 use super::build::{BuildRequest, TrustOptions, exit_kind, open_store, tell_end};
 use super::console::{Console, path};
+use super::export::BarProgress;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
 use super::verdicts::{findings_of_run, show_findings};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
 use crate::escape;
+use crate::export::{IncludedExporter, SilentProgress};
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, assess_plan};
 use crate::recipe::{self, Recipe, ReconstructMethod};
+use crate::release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
 use crate::release::signature::SigningKey;
 use crate::release::{
     self, BuiltPlan, GatherError, GuardedPath, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
@@ -21,6 +24,7 @@ use crate::store::space::is_full;
 use crate::store::{LockClaim, ReleaseRoot, Store};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
@@ -73,7 +77,10 @@ impl ReleaseArgs {
         let (recipes, taken_down) = context.takedown.keep(recipes);
         context.taken_down = taken_down.scenes;
         super::takedown::show_takedown(taken_down, console);
-        // A wrong key or password is reported before hours of work.
+        // An export that no build can have is refused before hours of work.
+        let exporter = IncludedExporter { progress: &SilentProgress };
+        foresee_exports(&recipes, &context.info.include, &exporter).map_err(include_problem)?;
+        // So is a wrong key or password.
         let key = self.sign.as_deref().map(read_key).transpose()?;
         let started = Instant::now();
         let store = open_store(common, &self.care, console)?;
@@ -100,12 +107,15 @@ impl ReleaseArgs {
             let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context };
+        let progress = BarProgress::new(console, Arc::clone(cancel));
+        let exporter = &IncludedExporter { progress: &progress };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
         let written = release::write_release(&mut target, built, self.linking(), cancel);
+        progress.finish();
         store.flush()?;
         let written = written.map_err(|error| release_problem(error, console))?;
         // From here on, `gc` keeps the steps of this release.
-        store.write_root(&root(&target, &summary))?;
+        store.write_root(&root(&target, &summary, &written))?;
         self.tell(&written, &mut target, console);
         if let Some(key) = key {
             self.sign(&key, console)?;
@@ -236,9 +246,10 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     named
 }
 
-/// The root that keeps the steps of a release from `gc`.
-fn root(target: &ReleaseTarget, summary: &RunSummary) -> ReleaseRoot {
-    let keys = summary.products.values().map(|product| product.key).collect();
+/// The root that keeps the steps and the exports of a release from `gc`.
+fn root(target: &ReleaseTarget, summary: &RunSummary, written: &WrittenRelease) -> ReleaseRoot {
+    let steps = summary.products.values().map(|product| product.key);
+    let keys = steps.chain(written.exports.iter().copied()).collect();
     ReleaseRoot { release: target.path().to_owned(), keys }
 }
 
@@ -266,6 +277,25 @@ fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), VerbError> {
     }
 }
 
+/// An export of `release.yaml` that cannot be made.
+fn include_problem(refusal: IncludeRefusal) -> VerbError {
+    let said = format!("{refusal}; nothing was released");
+    let (exit, code) = match refusal.kind {
+        IncludeFailure::Refused => (ExitKind::Usage, "unmet"),
+        IncludeFailure::Failed => (ExitKind::Failed, "not-written"),
+        IncludeFailure::Interrupted => (ExitKind::Interrupted, "interrupted"),
+    };
+    let message = UserMessage::new(MessageLevel::Error, code, said);
+    let message = refusal.details.into_iter().fold(message, UserMessage::detail);
+    VerbError::from_message(
+        exit,
+        match refusal.kind {
+            IncludeFailure::Refused => message.help("change `include:` in release.yaml, or the recipe"),
+            IncludeFailure::Failed | IncludeFailure::Interrupted => message,
+        },
+    )
+}
+
 fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
     let message = error.to_string();
     match error {
@@ -287,6 +317,7 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
         ReleaseError::Nothing => VerbError::usage("nothing-to-release", message)
             .help("every scene is on the takedown list; an existing release is left unchanged and may still contain them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => VerbError::failed("not-built", message),
+        ReleaseError::Include(refusal) => include_problem(refusal),
         ReleaseError::Interrupted => {
             VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", message))
         }

@@ -149,6 +149,8 @@ mod tests {
             (voltmeter("srgb"), BrightnessFormula::Gamma { offset: own }, [1.002, 0.81, 1.07]),
             (esim("none"), BrightnessFormula::LinLog, [1.002, 1.001, 1.18]),
             (esim("none"), log, [1.0, 1.0, 1.0]),
+            (sensor("{ esim: { preset: trainable } }"), BrightnessFormula::LinLog, [1.002, 1.001, 1.18]),
+            (sensor("{ esim: { preset: trainable } }"), log, [1.0, 1.0, 1.0]),
             (esim("none"), gamma, [2.204, 2.202, 2.22]),
             (esim("srgb"), BrightnessFormula::LinLog, [0.464, 0.44, 1.61]),
             (esim("srgb"), gamma, [1.02, 0.97, 1.92]),

@@ -21,7 +21,7 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 19] = [
+pub static FORMATS: [&dyn ExportFormat; 20] = [
     &e_nerf::ENerf,
     &event_3dgs::Event3dgs,
     &event_3dgs::Colmap,
@@ -32,10 +32,11 @@ pub static FORMATS: [&dyn ExportFormat; 19] = [
     &evdeblurnerf::EvDeblurNerf,
     &evdeblurnerf::Llff,
     &e2nerf::E2Nerf,
+    &e2nerf::E2gs,
     &inceventgs::IncEventGs,
     &monash_h5::MonashH5,
-    &e2vid::E2Vid,
-    &e2vid::E2VidZip,
+    &e2vid::TEXT,
+    &e2vid::ZIP,
     &evreal::Evreal,
     &dsec::Dsec,
     &webdataset::WebDataset,
@@ -47,4 +48,15 @@ pub static FORMATS: [&dyn ExportFormat; 19] = [
 #[must_use]
 pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
     FORMATS.into_iter().find(|format| format.name() == name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::EXPORT_FORMATS;
+
+    #[test]
+    fn a_release_may_include_every_format() {
+        assert_eq!(FORMATS.map(ExportFormat::name), EXPORT_FORMATS);
+    }
 }

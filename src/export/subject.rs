@@ -1,18 +1,22 @@
 //! What an export reads: one trajectory of a release, with one sensor.
 
 use super::ExportError;
+use super::source::SubjectFiles;
 use crate::artifact::EventStream;
 use crate::camera::Camera;
 use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
 use crate::event::{Event, StreamHeader};
 use crate::files;
+use crate::image::light::MeanScale;
 use crate::image::{Image, Size, npy, png};
+use crate::release::include::ComposedScene;
 use crate::release::{SceneRecord, diff, recipe_of_scene};
 use crate::sensor::SensorChoice;
 use crate::trajectory::Trajectory;
 use serde_json::{Value, json};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The names that a person chose. One that is absent may be left out if there is only one.
 #[derive(Debug, Clone, Default)]
@@ -28,7 +32,8 @@ pub struct SubjectChoice {
 /// One trajectory of a release, with one sensor.
 #[derive(Debug)]
 pub struct ExportSubject {
-    /// Name, version and licence of the release, and licence and recipe digest of the scene.
+    /// Name, version and program of the release, licence and recipe digest of the scene, and the
+    /// licence of the whole release unless the export is part of it.
     pub release: Value,
     /// Scene id.
     pub scene: String,
@@ -48,13 +53,17 @@ pub struct ExportSubject {
     pub flow: Vec<usize>,
     /// The blurred pictures, ascending.
     pub exposures: Vec<Exposure>,
+    /// The scale on which the blurred pictures are means.
+    pub blur_mean: MeanScale,
     /// Percentiles 5 and 95 of the depth, if the release states them.
     pub depth_range: Option<[f64; 2]>,
     /// The sensor, if the trajectory has events.
     pub sensor: Option<SensorChoice>,
-    dir: PathBuf,
-    folder: String,
-    events: String,
+    pub(super) files: SubjectFiles,
+    /// Folder of the trajectory, in the release.
+    pub(super) folder: String,
+    /// Path of its events, in the release.
+    pub(super) events: String,
 }
 
 /// A blurred picture.
@@ -97,33 +106,58 @@ impl ExportSubject {
         let ids: Vec<&str> = manifest.scenes.iter().map(|scene| scene.id.as_str()).collect();
         let at = choose(&ids, choice.scene.as_deref(), "scene", "the release")?;
         let record = diff::read_scene(dir, &manifest.scenes[at]).map_err(source)?;
-        let id = ids[at].to_owned();
+        let release = json!({
+            "release": manifest.name, "version": manifest.version, "tool": manifest.tool,
+            "licence": manifest.licence, "scene_licence": record.licence, "recipe_sha256": record.recipe_sha256,
+        });
+        Self::of_record(SubjectFiles::Folder(dir.to_owned()), &record, release, choice)
+    }
+
+    /// Opens a trajectory of a scene that is not released yet.
+    ///
+    /// # Errors
+    /// As [`ExportSubject::open`].
+    pub fn of_scene(scene: &Arc<ComposedScene>, choice: &SubjectChoice) -> Result<Self, ExportError> {
+        let record = &scene.record;
+        // Without the licence of the whole release: the same scene may be released with others.
+        let release = json!({
+            "release": scene.release, "version": scene.version, "tool": scene.tool,
+            "scene_licence": record.licence, "recipe_sha256": record.recipe_sha256,
+        });
+        Self::of_record(SubjectFiles::Composed(Arc::clone(scene)), record, release, choice)
+    }
+
+    fn of_record(
+        files: SubjectFiles,
+        record: &SceneRecord,
+        release: Value,
+        choice: &SubjectChoice,
+    ) -> Result<Self, ExportError> {
+        let id = record.id.clone();
         let names: Vec<&str> = record.trajectories.iter().map(|part| part.name.as_str()).collect();
         let at = choose(&names, choice.trajectory.as_deref(), "trajectory", &id)?;
         let part = &record.trajectories[at];
         // Names of a release that others made may hold anything; each file is opened below its folder.
         let folder = format!("{id}/{}", part.name);
-        let (sensor_name, sensor) = choose_sensor(&record, &part.name, choice.sensor.as_deref())?;
+        let (sensor_name, sensor) = choose_sensor(record, &part.name, choice.sensor.as_deref())?;
         let events = format!("{folder}/{}", EventStream::released_name(sensor_name.as_deref()));
         let depth = part.statistics.depth_unit.map(|q| [f64::from(q.p5), f64::from(q.p95)]);
-        let release = json!({
-            "release": manifest.name, "version": manifest.version, "tool": manifest.tool,
-            "licence": manifest.licence, "scene_licence": record.licence, "recipe_sha256": record.recipe_sha256,
-        });
+        let is_encoded = part.blur.as_ref().is_some_and(|blur| blur["mean"] == json!(MeanScale::Encoded));
         let mut subject = Self {
             release,
             trajectory: part.name.clone(),
+            camera: camera_of(record, &files.shown(&format!("{id}/scene.json")))?,
             scene: id,
             sensor_name,
-            camera: camera_of(&record, dir)?,
             poses: Trajectory { world_from_camera: Vec::new(), stamps_us: Vec::new() },
             sharp: Vec::new(),
             depth: Vec::new(),
             flow: Vec::new(),
             exposures: Vec::new(),
+            blur_mean: if is_encoded { MeanScale::Encoded } else { MeanScale::Linear },
             depth_range: depth,
             sensor,
-            dir: dir.to_owned(),
+            files,
             folder,
             events,
         };
@@ -133,7 +167,7 @@ impl ExportSubject {
         subject.flow = subject.pictures("flow", "npy");
         subject.exposures = subject.read_exposures()?;
         // A release may lack events that its sensor would make.
-        if !files::is_there(&dir.join(&subject.events)) {
+        if !subject.files.has(&subject.events) {
             subject.sensor = None;
         }
         Ok(subject)
@@ -154,7 +188,7 @@ impl ExportSubject {
     /// The blurred pictures that `transforms.json` lists. A trajectory without a folder of them has none.
     fn read_exposures(&self) -> Result<Vec<Exposure>, ExportError> {
         let path = self.path("transforms.json");
-        if !files::is_there(&self.path("blur")) {
+        if !self.files.has(&format!("{}/blur", self.folder)) {
             return Ok(Vec::new());
         }
         let bytes = self.read("transforms.json", files::MAX_DOCUMENT)?;
@@ -173,18 +207,19 @@ impl ExportSubject {
 
     /// The poses with a picture of this kind.
     fn pictures(&self, kind: &str, extension: &str) -> Vec<usize> {
-        let has = |pose: &usize| files::is_there(&self.path(&format!("{kind}/{pose:06}.{extension}")));
+        let has = |pose: &usize| self.files.has(&format!("{}/{kind}/{pose:06}.{extension}", self.folder));
         (0..self.poses.stamps_us.len()).filter(has).collect()
     }
 
-    pub(super) fn path(&self, name: &str) -> PathBuf {
-        self.dir.join(&self.folder).join(name)
+    /// The path of a file of the trajectory, for messages.
+    fn path(&self, name: &str) -> PathBuf {
+        self.files.shown(&format!("{}/{name}", self.folder))
     }
 
     /// Reads a file of the trajectory. Nothing outside the release is opened.
     pub(super) fn read(&self, name: &str, limit: u64) -> Result<Vec<u8>, ExportError> {
-        let below = Path::new(&self.folder).join(name);
-        files::read_below(&self.dir, &below, limit).map_err(|e| ExportError::unreadable(&self.path(name), e))
+        let read = self.files.read(&format!("{}/{name}", self.folder), limit);
+        read.map_err(|e| ExportError::unreadable(&self.path(name), e))
     }
 
     /// The file of the sharp picture of a pose, PNG in sRGB.
@@ -250,11 +285,10 @@ impl ExportSubject {
     /// It cannot be read, or has another size than the camera.
     pub fn depth_picture(&self, pose: usize) -> Result<Image<f32>, ExportError> {
         let name = format!("depth/{pose:06}.npy");
-        // Opened once without following a link, because the reader takes a path.
-        self.read(&name, files::MAX_PICTURE)?;
-        let path = self.path(&name);
-        crate::dataset::depth::read_depth(&path, self.camera.size, None)
-            .map_err(|e| ExportError::unreadable(&path, e))
+        let file = self.files.open(&format!("{}/{name}", self.folder));
+        let file = file.map_err(|e| ExportError::unreadable(&self.path(&name), e))?;
+        crate::dataset::depth::read_depth(&file, self.camera.size, None)
+            .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 
     /// Statements of the file of events.
@@ -266,12 +300,11 @@ impl ExportSubject {
     }
 
     fn open_events(&self) -> Result<OpenEventFile, ExportError> {
-        let path = self.dir.join(&self.events);
+        let path = self.files.shown(&self.events);
         let unreadable = |because: String| ExportError::unreadable(&path, because);
-        // The reader follows links, so the path is checked first.
-        files::open_below(&self.dir, Path::new(&self.events)).map_err(|e| unreadable(e.to_string()))?;
+        let file = self.files.open(&self.events).map_err(|e| unreadable(e.to_string()))?;
         let hints = ReadHints { size: Some(self.camera.size), ..ReadHints::default() };
-        file::open(&path, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))
+        file::open(&file, EventFormat::H5, hints).map_err(|e| unreadable(e.to_string()))
     }
 
     /// Calls `see` with each event from `first_us` to `last_us`, both included, and its time in
@@ -284,7 +317,7 @@ impl ExportSubject {
         [first_us, last_us]: [i64; 2],
         mut see: impl FnMut(&Event, i64) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
-        let path = self.dir.join(&self.events);
+        let path = self.files.shown(&self.events);
         let unreadable = |because: String| ExportError::unreadable(&path, because);
         let size = self.camera.size;
         let mut opened = self.open_events()?;
@@ -310,11 +343,12 @@ impl ExportSubject {
     }
 }
 
-fn camera_of(record: &SceneRecord, dir: &Path) -> Result<Camera, ExportError> {
+/// The camera of a scene, whose description is at `path`.
+fn camera_of(record: &SceneRecord, path: &Path) -> Result<Camera, ExportError> {
     let part = &record.camera;
     let size = Size { width: part.width, height: part.height };
     // The size is a claim of a file, and memory grows with it.
-    size.check_sensor().map_err(|e| ExportError::unreadable(&dir.join(&record.id).join("scene.json"), e))?;
+    size.check_sensor().map_err(|e| ExportError::unreadable(path, e))?;
     Ok(Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy })
 }
 

@@ -1,27 +1,75 @@
-//! The mean of pictures in linear light, as a camera with an open shutter records it.
+//! The mean of pictures: in linear light, as a camera with an open shutter records it, or of encoded
+//! values, as some programs take it.
 
 use super::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Number of pixels that are added at once; a multiple of eight.
 const CHUNK: usize = 4096;
 
-/// A sum of linear light in 64 bits, in the order of the pictures: the same bits with any number of
-/// threads.
+/// The values that a mean of pictures is taken of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MeanScale {
+    /// Linear light, as a camera records it.
+    #[default]
+    Linear,
+    /// Display-encoded values. E2NeRF and its relatives compare a blurred picture with such a mean.
+    Encoded,
+}
+
+impl MeanScale {
+    /// Returns true if this is the default.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        *self == Self::Linear
+    }
+
+    /// The value on this scale of a display-encoded value, 0..1.
+    #[must_use]
+    pub fn decode(self, encoded: f64) -> f64 {
+        match self {
+            Self::Linear => srgb::decode(encoded),
+            Self::Encoded => encoded,
+        }
+    }
+
+    /// The slope of [`MeanScale::decode`].
+    #[must_use]
+    pub fn decode_slope(self, encoded: f64) -> f64 {
+        match self {
+            Self::Linear => srgb::decode_slope(encoded),
+            Self::Encoded => 1.0,
+        }
+    }
+
+    /// The display-encoded value of a value on this scale.
+    #[must_use]
+    pub fn encode(self, value: f64) -> f64 {
+        match self {
+            Self::Linear => srgb::encode(value),
+            Self::Encoded => value,
+        }
+    }
+}
+
+/// A sum of pictures in 64 bits, in their order: the same bits with any number of threads.
 #[derive(Debug, Clone)]
-pub struct LinearLightSum {
+pub struct PictureSum {
     size: Size,
+    scale: MeanScale,
     /// Sums by pixel and channel.
     sums: Vec<f64>,
     pictures: u32,
 }
 
-impl LinearLightSum {
+impl PictureSum {
     /// An empty sum.
     #[must_use]
-    pub fn empty_sum(size: Size) -> Self {
-        Self { size, sums: vec![0.0; 3 * size.pixels()], pictures: 0 }
+    pub fn empty_sum(size: Size, scale: MeanScale) -> Self {
+        Self { size, scale, sums: vec![0.0; 3 * size.pixels()], pictures: 0 }
     }
 
     /// Adds a picture of display-encoded colours, clipped to 0..1.
@@ -33,7 +81,14 @@ impl LinearLightSum {
         let level = Level::new();
         let values = picture.pixels().as_flattened();
         let parts = self.sums.par_chunks_mut(CHUNK).zip(values.par_chunks(CHUNK));
-        parts.for_each(|(sums, values)| dispatch!(level, simd => add_eight(simd, sums, values)));
+        match self.scale {
+            MeanScale::Linear => {
+                parts.for_each(|(sums, values)| dispatch!(level, simd => add_eight(simd, sums, values)));
+            }
+            MeanScale::Encoded => parts.for_each(|(sums, values)| {
+                sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += f64::from(v.clamp(0.0, 1.0)));
+            }),
+        }
         self.pictures += 1;
     }
 
@@ -47,7 +102,7 @@ impl LinearLightSum {
         assert!(self.pictures > 0, "there is a picture to take the mean of");
         let count = f64::from(self.pictures);
         let (pixels, _) = self.sums.as_chunks::<3>();
-        let encode = |sums: &[f64; 3]| sums.map(|sum| srgb::encode(sum / count) as f32);
+        let encode = |sums: &[f64; 3]| sums.map(|sum| self.scale.encode(sum / count) as f32);
         Image::from_vec(self.size, pixels.par_iter().map(encode).collect())
     }
 }
@@ -81,7 +136,11 @@ mod tests {
     const SIZE: Size = Size { width: 7, height: 3 };
 
     fn mean(values: &[[f32; 3]]) -> Vec<[u8; 3]> {
-        let mut light = LinearLightSum::empty_sum(SIZE);
+        mean_on(MeanScale::Linear, values)
+    }
+
+    fn mean_on(scale: MeanScale, values: &[[f32; 3]]) -> Vec<[u8; 3]> {
+        let mut light = PictureSum::empty_sum(SIZE, scale);
         values.iter().for_each(|rgb| light.add(&Image::filled(SIZE, *rgb)));
         png::to_bytes(&light.mean()).pixels().to_vec()
     }
@@ -109,6 +168,15 @@ mod tests {
             let wanted = png::to_bytes(&Image::filled(SIZE, rgb)).pixels().to_vec();
             assert_eq!(mean(&[rgb; 15]), wanted);
         }
+    }
+
+    /// A third of white is 85 of 255, and what leaves the range is clipped before.
+    #[test]
+    fn encoded_values_have_their_own_mean() {
+        let pictures = [[1.0; 3], [0.0; 3], [0.0; 3]];
+        assert_eq!(mean_on(MeanScale::Encoded, &pictures), [[85; 3]; 21]);
+        let pictures = [[7.0, -3.0, 0.5], [0.0, 0.0, 0.5]];
+        assert_eq!(mean_on(MeanScale::Encoded, &pictures), [[128, 0, 128]; 21]);
     }
 
     #[test]

@@ -2,11 +2,13 @@
 //! material may be redistributed, and `takedown.txt` lists scenes that must no longer be
 //! redistributed.
 
+mod include;
 mod release;
 mod sources;
 mod splits;
 mod takedown;
 
+pub use include::{EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport};
 pub use release::ReleaseInfo;
 pub use sources::{RedistributionStatement, SourceTerms};
 pub use splits::{SplitPlan, SplitUnit};

@@ -36,8 +36,9 @@ pub(super) use trajectory::{
 };
 
 use super::field::{Field, NumberLiteral, UnsupportedField};
-use crate::camera::PrincipalPoint;
+use crate::camera::{NamedSize, PrincipalPoint};
 use crate::check::Limits;
+use crate::image::light::MeanScale;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::exposure::SubframeRule;
@@ -117,9 +118,11 @@ pub(super) enum PresetKey {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct CameraSection {
-    /// Width of the image. Unit: px. Required.
+    /// Size by name, instead of `width` and `height`. Default: none.
+    pub size: Field<NamedSize>,
+    /// Width of the image. Unit: px. Default: required without `size`.
     pub width: Field<u64>,
-    /// Height of the image. Unit: px. Required.
+    /// Height of the image. Unit: px. Default: required without `size`.
     pub height: Field<u64>,
     /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required
     /// without a capture, or with `fy`, `cx` or `cy`.
@@ -190,7 +193,7 @@ pub(super) struct EverySection {
 }
 
 /// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the
-/// mean of its sub-frames in linear light.
+/// mean of its sub-frames.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct BlurSection {
@@ -198,6 +201,8 @@ pub(super) struct BlurSection {
     pub frames: Field<u64>,
     /// Sub-frames between the dense frames. Default: `auto`.
     pub subframes: Field<SubframeRule>,
+    /// Values that are averaged. Default: `linear`.
+    pub mean: Field<MeanScale>,
 }
 
 /// Facts for catalogues.

@@ -11,6 +11,7 @@ mod claims;
 mod contents;
 pub(super) mod contradictions;
 mod croissant;
+mod exports;
 mod fault;
 mod index;
 mod names;
@@ -158,6 +159,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     let tree = walk::walk_tree(dir)?;
     let bytes = bytes::hash_files(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
+    let mut has_exports = false;
     let signed_by = read_signature(dir, &mut faults);
     // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
@@ -174,6 +176,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
         if let Some(manifest) = &manifest {
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
+            has_exports = !manifest.include.is_empty();
             faults.extend(audit_scenes(&tree, manifest, takedown));
             let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
@@ -186,7 +189,10 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
-    let covers = COVERS.into_iter().chain(takedown.map(|_| "scenes against the takedown list")).collect();
+    let exports = has_exports
+        .then_some("exports: present, complete, and of the scene and format that manifest.json names");
+    let listed = takedown.map(|_| "scenes against the takedown list");
+    let covers = COVERS.into_iter().chain(exports).chain(listed).collect();
     let size = read.map(|hashes| hashes.size).sum();
     let (made_again, verified) = (0, false);
     let files = bytes.len();
@@ -257,6 +263,7 @@ fn audit_scenes(
     }
     faults.extend(splits::audit_splits(manifest, &scenes));
     faults.extend(names::audit(tree, manifest, &scenes));
+    faults.extend(exports::audit(tree, manifest, &scenes));
     // After the other checks, since it skips every scene that has a fault by now.
     let published = published(tree, manifest, &scenes, &mut faults);
     faults.extend(top(tree, manifest, &scenes));

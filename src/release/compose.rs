@@ -3,6 +3,7 @@
 use super::built::{BuiltScene, BuiltTrajectory};
 use super::croissant::DescribedRelease;
 use super::facts::ReleaseFacts;
+use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
 use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
 use super::scene::SceneRecord;
@@ -16,25 +17,40 @@ use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
 use crate::licence::{ComposedTerms, Redistributability};
 use crate::recipe::ReleaseInfo;
-use crate::store::Store;
 use crate::store::record::StoredOutput;
+use crate::store::{Key, Store};
 use crate::trajectory::transforms;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Composes the tree without the sums. Also returns the scenes as their files describe them.
+/// A tree without the sums.
+#[derive(Debug)]
+pub(super) struct ComposedTree {
+    pub(super) tree: ReleaseTree,
+    /// The scenes as their files describe them.
+    pub(super) scenes: Vec<PublishedScene>,
+    /// Keys of the records of its exports.
+    pub(super) exports: Vec<Key>,
+}
+
+/// Composes the tree without the sums.
 pub(super) fn compose_tree(
     scenes: Vec<BuiltScene<'_>>,
-    store: &Store,
+    exports: ReleaseExports<'_>,
     context: &ReleaseContext,
-) -> Result<(ReleaseTree, Vec<PublishedScene>), ReleaseError> {
+) -> Result<ComposedTree, ReleaseError> {
     let info = &context.info;
     let described = describe_all(&scenes, info)?;
     let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
+    let mut keys = Vec::new();
     for (scene, file) in scenes.into_iter().zip(described) {
-        let files = scene_files(&scene, &file, store);
+        let mut files = scene_files(&scene, &file, exports.store);
+        let own = files.listing();
+        let (exported, made) = exports.of_scene(&file, &files, &own)?;
+        keys.extend(made);
+        files.extend(exported);
         let described = manifest::manifest_scene(&scene, files.listing());
-        published.push(PublishedScene::of(scene, file, described.files.clone()));
+        published.push(PublishedScene::of(scene, file, own));
         listed.push(described);
         tree.extend(files);
     }
@@ -50,13 +66,14 @@ pub(super) fn compose_tree(
         licence: licence.expression,
         taken_down: context.taken_down,
         splits: info.splits.clone(),
+        include: info.include.clone(),
         scenes: listed,
         // The manifest is not among them: it cannot contain its own digest.
         files: top.listing(),
     };
     tree.extend(top);
     tree.add(manifest::NAME.into(), FileContent::json(&manifest));
-    Ok((tree, published))
+    Ok(ComposedTree { tree, scenes: published, exports: keys })
 }
 
 /// The combined terms of all scenes.

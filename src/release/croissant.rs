@@ -78,7 +78,7 @@ pub(super) struct DescribedRelease<'a> {
     /// SPDX expression of the whole release.
     pub(super) licence: &'a str,
     pub(super) scenes: &'a [&'a SceneRecord],
-    /// Paths of the files of all scenes.
+    /// Paths of the files of all scenes but for exports.
     pub(super) paths: Vec<String>,
     /// The bytes of the index.
     pub(super) index: &'a [u8],
@@ -178,10 +178,16 @@ fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
     ];
     for FileSet { id, media, glob, description } in file_sets() {
         if of.paths.iter().any(|path| glob_matches(glob, path)) {
-            nodes.push(json!({
+            let mut set = json!({
                 "@type": "cr:FileSet", "@id": id, "name": id, "description": description, "encodingFormat": media,
                 "containedIn": { "@id": ROOT }, "includes": glob,
-            }));
+            });
+            // Exports have files of the same names in other layouts. The prefix stands because the
+            // context, which is that of `mlcroissant`, lacks the word.
+            if !of.info.include.is_empty() {
+                set["cr:excludes"] = "**/exports/**".into();
+            }
+            nodes.push(set);
         }
     }
     nodes

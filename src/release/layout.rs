@@ -22,6 +22,8 @@ pub(super) const CHECKS: &str = "checks.json";
 pub(super) const HELD_OUT: &str = crate::artifact::HELD_OUT_PICTURE;
 /// The step that makes it.
 const COMPARING: &str = "fidelity";
+/// The folder of exports, in a trajectory's folder: one folder per format.
+pub(super) const EXPORTS: &str = "exports/";
 /// Poses and camera in nerfstudio's form.
 pub(super) const TRANSFORMS: &str = "transforms.json";
 
@@ -98,6 +100,13 @@ pub(super) fn made_of_scene<'o>(
     outputs: impl Fn(&str) -> &'o [StoredOutput],
 ) -> Option<(&'static str, &'o StoredOutput)> {
     outputs(COMPARING).iter().find(|output| output.name == HELD_OUT).map(|output| (HELD_OUT, output))
+}
+
+/// Returns true if a file of the scene `id` belongs to an export.
+pub(super) fn is_export(id: &str, path: &str) -> bool {
+    // After the scene comes the trajectory.
+    let within = path.strip_prefix(id).and_then(|path| path.strip_prefix('/'));
+    within.and_then(|path| path.split_once('/')).is_some_and(|(_, path)| path.starts_with(EXPORTS))
 }
 
 /// Returns true if a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.

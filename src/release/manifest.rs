@@ -4,7 +4,7 @@
 use super::built::{BuiltScene, BuiltStep};
 use super::left_out::OmissionRow;
 use crate::check::{Finding, Verdict};
-use crate::recipe::{ReleaseInfo, SplitPlan};
+use crate::recipe::{IncludedExport, ReleaseInfo, SplitPlan};
 use crate::render::RenderWork;
 use crate::store::description::DescribedValue;
 use crate::store::record::StoredOutput;
@@ -39,6 +39,9 @@ pub struct ReleaseManifest {
     /// Rule that deals scenes into splits, if there are splits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<SplitPlan>,
+    /// Exports of trajectories, in `exports/<format>/` of each; absent if there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub include: Vec<IncludedExport>,
     /// The scenes, sorted by id.
     pub scenes: Vec<ManifestScene>,
     /// Files that belong to no scene, sorted by path; this file and the sums are not listed.
@@ -176,6 +179,11 @@ impl KeyIngredients {
     /// The key of a step of this stage.
     #[must_use]
     pub fn key(&self, stage: &str) -> Digest {
+        Key::of_description(&self.description(stage)).0
+    }
+
+    /// The description whose hash is the key.
+    pub(super) fn description(&self, stage: &str) -> DescribedValue {
         let inputs = self
             .inputs
             .iter()
@@ -191,7 +199,7 @@ impl KeyIngredients {
         if let Some(class) = &self.class {
             fields.insert("class".to_owned(), DescribedValue::Text(class.clone()));
         }
-        Key::of_description(&DescribedValue::Record(fields)).0
+        DescribedValue::Record(fields)
     }
 }
 
@@ -257,6 +265,7 @@ impl ReleaseManifest {
             funding: publisher.funding,
             maintenance: publisher.maintenance,
             splits: self.splits.clone(),
+            include: self.include.clone(),
         })
     }
 }

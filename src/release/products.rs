@@ -7,7 +7,7 @@ mod outputs;
 mod plain;
 
 pub(super) use outputs::{BLUR, EVENTS, PICTURES, SHARP};
-pub(super) use plain::{CHECKS, PATH, SCENE, SCENE_FILES, TOP};
+pub(super) use plain::{CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
 use super::report::{ReportTrajectory, ShownPicture};
@@ -99,6 +99,8 @@ pub(super) enum FilePresence {
     WithSeveralSensors,
     /// A scene has photos of held-out views.
     WithHeldOut,
+    /// The release includes exports.
+    WithExports,
 }
 
 /// Permission to redistribute a file of a scene whose upstream forbids redistribution.

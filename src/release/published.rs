@@ -29,7 +29,7 @@ pub(super) struct PublishedScene {
     pub(super) findings: Option<Vec<Finding>>,
     /// In the order of `scene.json`.
     pub(super) trajectories: Vec<PublishedTrajectory>,
-    /// Its files, sorted by path.
+    /// Its files but for exports, sorted by path.
     pub(super) files: Vec<ManifestFile>,
 }
 
@@ -45,7 +45,7 @@ pub(super) struct PublishedTrajectory {
 }
 
 impl PublishedScene {
-    /// A scene that was just composed, with the listing of its files.
+    /// A scene that was just composed, with the listing of its files but for exports.
     pub(super) fn of(built: BuiltScene<'_>, file: SceneRecord, files: Vec<ManifestFile>) -> Self {
         let trajectories = built.trajectories.into_iter().map(|built| PublishedTrajectory {
             motion: built.motion,

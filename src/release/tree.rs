@@ -63,6 +63,11 @@ impl ReleaseTree {
         self.files.keys().map(String::as_str)
     }
 
+    /// The paths with their contents, sorted.
+    pub(super) fn contents(&self) -> impl Iterator<Item = (&str, &FileContent)> {
+        self.files.iter().map(|(path, content)| (path.as_str(), content))
+    }
+
     /// The blobs that files are made from, one per file.
     fn blobs(&self) -> impl Iterator<Item = &Digest> {
         self.files.values().filter_map(|content| match content {

@@ -1,13 +1,14 @@
 //! Blurred frames: the exposure of each, and its sub-frames.
 //!
-//! An exposure is the mean, in linear light, of `frames` pictures at equal steps of time, those of
-//! the dense frames around a pose. If the image moves by more than a pixel per step, sub-frames are
+//! An exposure is the mean, in linear light unless asked otherwise, of `frames` pictures at equal
+//! steps of time, those of the dense frames around a pose. If the image moves by more than a pixel per step, sub-frames are
 //! added: a mean of frames that are ten pixels apart is a row of ghosts, not blur.
 
 mod exposer;
 
 pub use exposer::{DenseView, ExposeError, ExposedFrame, ExposureCourse, FrameExposer};
 
+use crate::image::light::MeanScale;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of blurred frames.
@@ -18,6 +19,9 @@ pub struct ShutterSettings {
     pub frames: u32,
     /// Number of sub-frames.
     pub subframes: SubframeRule,
+    /// The values that are averaged. The default stays out of keys.
+    #[serde(skip_serializing_if = "MeanScale::is_linear")]
+    pub mean: MeanScale,
 }
 
 /// The number of sub-frames per dense frame.

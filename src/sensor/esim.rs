@@ -24,6 +24,7 @@ mod parameters;
 mod presets;
 
 pub(super) use parameters::FACTS;
+pub use presets::TRAINABLE;
 
 use super::course::BrightnessCourse;
 use super::detector::{DetectorPixel, OwnEventKind};

@@ -35,7 +35,7 @@ fn the_schema_has_the_words_of_the_reference() {
     let schema: Value = serde_json::from_str(&Workspace::new().ok("schema").stdout).unwrap();
     assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     let width = &schema["$defs"]["CameraSection"]["properties"]["width"];
-    assert_eq!(width["description"], "Width of the image. Unit: px.");
-    assert_eq!(schema["$defs"]["CameraSection"]["required"][0], "width");
+    assert_eq!(width["description"], "Width of the image. Unit: px. Default: required without `size`.");
+    assert_eq!(schema["$defs"]["HotPixelsSection"]["required"][0], "share");
     assert_eq!(schema["properties"]["sampling"]["default"], serde_json::json!({}));
 }

@@ -22,6 +22,7 @@ mod event_3dgs;
 mod eventnerf;
 mod huggingface;
 mod inceventgs;
+mod included;
 mod mcap;
 mod networks;
 mod plane;

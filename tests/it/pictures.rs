@@ -161,6 +161,45 @@ fn a_light_that_passes_leaves_a_streak() {
     assert!(even > 0.9 && ghosts < 0.1, "{even}, {ghosts}");
 }
 
+/// The mean of encoded values: the sharp frames have 8 bits, so their mean is known to half a step,
+/// and the blurred picture is rounded by half a step too.
+#[test]
+fn a_blurred_frame_may_be_the_mean_of_encoded_values() {
+    let place = Workspace::new();
+    let recipe = |scene: &str, mean: &str| {
+        let blur =
+            format!("outputs: [events, sharp, blur]\nblur: {{ frames: 3, subframes: literal{mean} }}\n");
+        TINY.replace("scene: tiny", &format!("scene: {scene}")).replace("outputs: [events, sharp]\n", &blur)
+    };
+    place.write("recipes/encoded.yaml", recipe("encoded", ", mean: encoded"));
+    place.write("recipes/light.yaml", recipe("light", ""));
+    place.ok("release -q --copy --to out");
+    let out = place.path("out");
+    let part = |scene: &str| json_of(&out, &format!("{scene}/scene.json"))["trajectories"][0]["blur"].clone();
+    assert_eq!(part("encoded"), json!({ "frames": 3, "stride": 3, "subframes": 1, "mean": "encoded" }));
+    assert_eq!(part("light"), json!({ "frames": 3, "stride": 3, "subframes": 1 }));
+    let picture = |path: &str| png::read_rgb(Cursor::new(fs::read(out.join(path)).unwrap())).unwrap();
+    let values = |path: &str| picture(path).pixels().as_flattened().to_vec();
+    let sharp = [1, 2, 3].map(|pose| values(&format!("encoded/base/sharp/{pose:06}.png")));
+    let blurred = values("encoded/base/blur/000002.png");
+    let worst = (0..blurred.len()).map(|i| {
+        let mean = sharp.iter().map(|frame| f64::from(frame[i])).sum::<f64>() / 3.0;
+        (mean - f64::from(blurred[i])).abs()
+    });
+    assert!(worst.fold(0.0, f64::max) <= 1.0);
+    assert!(blurred != values("light/base/blur/000002.png"));
+    let card = fs::read_to_string(out.join("README.md")).unwrap();
+    assert!(card.contains("are means of encoded values, not of linear light: encoded."), "{card}");
+    let checked = place.gs2e("check --tree out");
+    assert_eq!(checked.code, 0, "{}{}", checked.stdout, checked.stderr);
+    // The loader's mean of five encoded pictures is met.
+    let export = |scene: &str, format: &str| {
+        place.gs2e(&format!("export out --scene {scene} --to {format} --out {scene}-{format}")).stderr
+    };
+    let losses = |scene: &str| export(scene, "e2nerf").contains("blur.light");
+    assert_eq!(["encoded", "light"].map(losses), [false, true]);
+}
+
 /// Camera to world as released: `t_us tx ty tz qx qy qz qw`.
 fn poses(path: &Path) -> Vec<[f64; 8]> {
     let text = fs::read_to_string(path).unwrap();

@@ -22,7 +22,7 @@ licence: { expression: CC0-1.0, holder: a benchmark }
 ";
 
 /// The layouts with events.
-const FORMATS: [&str; 16] = [
+const FORMATS: [&str; 17] = [
     "e-nerf",
     "event-3dgs",
     "eventnerf",
@@ -31,6 +31,7 @@ const FORMATS: [&str; 16] = [
     "deblur-e-nerf",
     "evdeblurnerf",
     "e2nerf",
+    "e2gs",
     "inceventgs",
     "monash-h5",
     "e2vid",

@@ -1,5 +1,5 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | slurm | network | docs | man | manifest | python | container`.
+//! power | sound | slurm | network | consumers | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
@@ -8,6 +8,7 @@ mod bombs;
 mod check_bench;
 mod ci;
 mod command;
+mod consumers;
 mod container;
 mod demo;
 mod export_bench;
@@ -62,6 +63,9 @@ usage: cargo xtask <task>
                      `--tasks N`, `--program FILE`; needs Debian's slurm-wlm and munge)
   network [ARGS]...  eight processes with one shared store on two mounts of a network file system, sshfs (`--scenes N`,
                      `--program FILE`; needs Debian's sshfs and openssh-sftp-server)
+  consumers --with PATH [ARGS]...
+                     reads an export of the demo with the loader of a clone that you have (`--as FORMAT`, `--release DIR` of a
+                     release that is there, `--program FILE`, `--python FILE`)
   docs               rewrites the generated parts of docs/recipe.md and docs/cli.md from the program
   man DIR            writes the manual pages of the program and its commands to DIR
   manifest           builds the demo release and rewrites manifests/demo.json from it
@@ -96,6 +100,7 @@ fn main() -> ExitCode {
         (Some("power"), args) => power::run(args),
         (Some("slurm"), args) => slurm::run(args),
         (Some("network"), args) => network::run(args),
+        (Some("consumers"), args) => consumers::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),
         (Some("man"), [folder]) => man_pages(folder),

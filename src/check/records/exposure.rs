@@ -1,6 +1,7 @@
 //! A blurred frame against the mean of the sharp frames of its exposure.
 
-use crate::image::{Image, srgb};
+use crate::image::Image;
+use crate::image::light::MeanScale;
 
 /// Difference of a blurred frame from the mean of sharp frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,20 +30,23 @@ struct ValueSums {
 pub struct ExposureMean {
     sums: Vec<ValueSums>,
     frames: u32,
+    scale: MeanScale,
     light: Vec<f64>,
     slope: Vec<f64>,
 }
 
 impl ExposureMean {
-    /// A mean of frames with `pixels` pixels.
+    /// A mean of frames with `pixels` pixels, on this scale.
     #[must_use]
-    pub fn new(pixels: usize) -> Self {
-        let table = |of: fn(f64) -> f64| (0..=255u8).map(|v| of(f64::from(v) / 255.0)).collect();
+    pub fn new(pixels: usize, scale: MeanScale) -> Self {
+        let table =
+            |of: fn(MeanScale, f64) -> f64| (0..=255u8).map(|v| of(scale, f64::from(v) / 255.0)).collect();
         Self {
             sums: vec![ValueSums::default(); 3 * pixels],
             frames: 0,
-            light: table(srgb::decode),
-            slope: table(srgb::decode_slope),
+            scale,
+            light: table(MeanScale::decode),
+            slope: table(MeanScale::decode_slope),
         }
     }
 
@@ -86,10 +90,11 @@ impl ExposureMean {
             let between = if is_exact { 0.0 } else { sums.change };
             let (mean, error) = (sums.light / count, (sums.error + between) / count);
             // From light back to steps at both ends of the interval, because the curve is bent.
-            let [low, high] = [mean - error, mean + error].map(|light| 255.0 * srgb::encode(light.max(0.0)));
+            let [low, high] =
+                [mean - error, mean + error].map(|light| 255.0 * self.scale.encode(light.max(0.0)));
             let value = f64::from(*value);
             let away = (low - value).max(value - high).max(0.0);
-            worst = worst.max((255.0 * srgb::encode(mean) - value).abs());
+            worst = worst.max((255.0 * self.scale.encode(mean) - value).abs());
             // Half a step of its own, and the second order of the slopes.
             beyond += u64::from(away > 0.5 + 0.05);
         }
@@ -100,7 +105,7 @@ impl ExposureMean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::light::LinearLightSum;
+    use crate::image::light::PictureSum;
     use crate::image::{Size, png};
 
     const SIZE: Size = Size { width: 16, height: 16 };
@@ -111,26 +116,30 @@ mod tests {
         Image::from_vec(SIZE, (0..=255).map(|i| [grey(i), grey(255 - i), 0.5 * grey(i)]).collect())
     }
 
-    fn mismatch(step: f32, blurred: &Image<[u8; 3]>) -> ExposureMismatch {
-        let mut mean = ExposureMean::new(SIZE.pixels());
+    fn mismatch(scale: MeanScale, step: f32, blurred: &Image<[u8; 3]>) -> ExposureMismatch {
+        let mut mean = ExposureMean::new(SIZE.pixels(), scale);
         (0..5).for_each(|j| mean.add(&png::to_bytes(&frame(j, step))));
         mean.compare(blurred, 1)
     }
 
     #[test]
     fn a_mean_of_its_frames_is_within_rounding_and_another_is_not() {
-        for step in [0.0, 1.3, 9.0] {
-            let mut sum = LinearLightSum::empty_sum(SIZE);
+        let both = [MeanScale::Linear, MeanScale::Encoded];
+        for (scale, step) in both.into_iter().flat_map(|scale| [0.0, 1.3, 9.0].map(|step| (scale, step))) {
+            let mut sum = PictureSum::empty_sum(SIZE, scale);
             (0..5).for_each(|j| sum.add(&frame(j, step)));
             let blurred = png::to_bytes(&sum.mean());
-            assert_eq!(mismatch(step, &blurred).share.to_bits(), 0, "{step}: {:?}", mismatch(step, &blurred));
+            let found = mismatch(scale, step, &blurred);
+            assert_eq!(found.share.to_bits(), 0, "{scale:?}, {step}: {found:?}");
             // A mean of display values, and a single frame.
             let brighter = Image::from_vec(
                 SIZE,
                 blurred.pixels().iter().map(|rgb| rgb.map(|v| v.saturating_add(4))).collect(),
             );
-            assert!(mismatch(step, &brighter).share > 0.9, "{step}: {:?}", mismatch(step, &brighter));
+            let found = mismatch(scale, step, &brighter);
+            assert!(found.share > 0.9, "{scale:?}, {step}: {found:?}");
         }
-        assert!(mismatch(9.0, &png::to_bytes(&frame(0, 9.0))).share > 0.9);
+        let single = png::to_bytes(&frame(0, 9.0));
+        assert!(both.iter().all(|scale| mismatch(*scale, 9.0, &single).share > 0.9));
     }
 }

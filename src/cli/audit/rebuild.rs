@@ -6,6 +6,7 @@ use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use crate::export::{IncludedExporter, SilentProgress};
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
 use crate::release::audit::{AuditFault, rebuilt};
@@ -128,7 +129,8 @@ impl RebuildArgs {
         let cancel = &on_interrupt()?;
         let claim =
             TargetClaim { replace: false, guarded: &[], claim: LockClaim::default(), wait: false, cancel };
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context };
+        let exporter = &IncludedExporter { progress: &SilentProgress };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
         // The store is deleted together with the release, so hard links are safe here and no byte
         // is copied.
         ReleaseTarget::claim(&to, claim, &mut |_| {})

@@ -1,4 +1,5 @@
-//! E2NeRF (Qi et al., ICCV 2023; GitHub iCVTEAM/E2NeRF at 487fec1), its branch for synthetic scenes.
+//! E2NeRF (Qi et al., ICCV 2023; GitHub iCVTEAM/E2NeRF at 487fec1), its branch for synthetic scenes, and E2GS
+//! (Deguchi et al., ICIP 2024; GitHub deguchihiroyuki/E2GS at 2d768e3).
 //!
 //! | file | content |
 //! |---|---|
@@ -8,13 +9,17 @@
 //! | `train/r_0.png`, `r_2.png`, … | blurred pictures |
 //! | `test/r_0.png`, `r_1.png`, … | sharp pictures |
 //!
-//! Its poses are the entries 1, 5, 9, 13 and 17 of a list, from the opening of the shutter to its closing.
+//! E2GS also reads `sparse/0/points3D.bin`, and its test views are two entries per view with lists of 18 poses. The
+//! size, the number of views and the bounds are not in its code.
+//!
+//! The poses are the entries 1, 5, 9, 13 and 17 of a list, from the opening of the shutter to its closing.
 //! Traps: every second entry is read; an entry 0 is skipped; the size, the number of views, near, far and the
 //! thresholds are in its code.
 
 use super::camera_needs::{
     centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames,
 };
+use super::event_3dgs;
 use crate::event::Polarity;
 use crate::export::brightness::BrightnessFactor;
 use crate::export::tensor::TensorWriter;
@@ -33,8 +38,12 @@ use serde_json::{Value, json};
 #[derive(Debug)]
 pub(super) struct E2Nerf;
 
+/// The layout of E2GS.
+#[derive(Debug)]
+pub(super) struct E2gs;
+
 const FORMULA: BrightnessFormula = BrightnessFormula::LinLog;
-/// The size, the number of views, the bounds and the thresholds in the program's code.
+/// The size, the number of views and the bounds in the code of E2NeRF, and the thresholds in that of both.
 const SIZE: Size = Size { width: 800, height: 800 };
 const VIEWS: usize = 100;
 const BOUNDS: [f64; 2] = [2.0, 6.0];
@@ -69,16 +78,7 @@ impl ExportFormat for E2Nerf {
     fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         let mut losses = centred_camera(plan, 0.0, true);
         losses.extend(numbers_in_code(plan));
-        losses.extend(
-            thresholds(plan, FORMULA, true).into_iter().filter(|loss| loss.field != "sensor.threshold"),
-        );
-        losses.push(encoded_mean());
-        losses.push(ExportLoss::lost(
-            "events",
-            "times within a quarter of an exposure; events between exposures",
-        ));
-        losses.push(ExportLoss::derived("poses", "17 poses of each exposure, between those of the release"));
-        losses.push(products(&["depth", "flow", "labels of events"]));
+        losses.extend(losses_of_both(plan));
         losses
     }
 
@@ -88,7 +88,7 @@ impl ExportFormat for E2Nerf {
         let similarity = scale_to_bounds(&seen);
         let events = write_counts(plan, &exposures, out)?;
         write_train(plan, &exposures, similarity, out)?;
-        let test = write_test(plan, &exposures, similarity, out)?;
+        let test = write_test(plan, &exposures, (similarity, TestEntries::One), out)?;
         let fits = seen.depth.map(|depth| depth * similarity.1);
         Ok(json!({
             "events": events, "views": exposures.len(), "test_views": test,
@@ -100,7 +100,63 @@ impl ExportFormat for E2Nerf {
     }
 }
 
-/// Losses by numbers in the program's code.
+impl ExportFormat for E2gs {
+    fn name(&self) -> &'static str {
+        "e2gs"
+    }
+
+    fn consumer(&self) -> &'static str {
+        "github.com/deguchihiroyuki/E2GS at 2d768e3"
+    }
+
+    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
+        let needs = [
+            unmet_events(plan),
+            unmet_exposures(plan, 1),
+            unmet_frames(plan, 2),
+            event_3dgs::unmet_points(plan),
+        ];
+        needs.into_iter().flatten().collect()
+    }
+
+    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+        let mut losses = centred_camera(plan, 0.5, true);
+        losses.extend(losses_of_both(plan));
+        losses.push(ExportLoss::derived("points", "lifted from depth"));
+        losses
+    }
+
+    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+        let exposures = plan.exposures();
+        let events = write_counts(plan, &exposures, out)?;
+        // Nothing in its code bounds the depths, so the points and the poses stay where they are.
+        let similarity = (DVec3::ZERO, 1.0);
+        write_train(plan, &exposures, similarity, out)?;
+        let test = write_test(plan, &exposures, (similarity, TestEntries::TwoLists), out)?;
+        let middles: Vec<usize> = exposures.iter().map(|exposure| exposure.pose).collect();
+        let points = event_3dgs::write_colmap(plan, &middles, out)?;
+        Ok(json!({
+            "events": events, "views": exposures.len(), "test_views": test, "points": points,
+            "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
+            "command": "python train_BlurAndEvent.py -s DIR --eval",
+        }))
+    }
+}
+
+/// Losses of both programs.
+fn losses_of_both(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses: Vec<ExportLoss> = thresholds_in_code(plan).into_iter().collect();
+    losses
+        .extend(thresholds(plan, FORMULA, true).into_iter().filter(|loss| loss.field != "sensor.threshold"));
+    losses.extend(plan.subject.blur_mean.is_linear().then(encoded_mean));
+    losses
+        .push(ExportLoss::lost("events", "times within a quarter of an exposure; events between exposures"));
+    losses.push(ExportLoss::derived("poses", "17 poses of each exposure, between those of the release"));
+    losses.push(products(&["depth", "flow", "labels of events"]));
+    losses
+}
+
+/// Losses by the size, the number of views and the bounds in the code of E2NeRF.
 fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
     let mut losses = Vec::new();
     let size = plan.subject.camera.size;
@@ -123,22 +179,22 @@ fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
         );
         losses.push(ExportLoss::approximate("geometry", far / near / ratio, what));
     }
-    if let Some(sensor) = &plan.subject.sensor {
-        let factor = BrightnessFactor::between(sensor, FORMULA).median;
-        let (on, off) = sensor.as_model().contrast();
-        let own = [on * factor, off * factor];
-        let apart =
-            own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
-        if apart > SAME_THRESHOLD {
-            let [on, off] = THRESHOLDS;
-            let what = format!(
-                "thresholds of {:.3} (ON) and {:.3} (OFF) in its formula: the program has {on} and {off} in its code",
-                own[0], own[1]
-            );
-            losses.push(ExportLoss::approximate("sensor.threshold", apart, what));
-        }
-    }
     losses
+}
+
+/// The loss by the thresholds in the code of both programs.
+fn thresholds_in_code(plan: &ExportPlan<'_>) -> Option<ExportLoss> {
+    let sensor = plan.subject.sensor.as_ref()?;
+    let factor = BrightnessFactor::between(sensor, FORMULA).median;
+    let (on, off) = sensor.as_model().contrast();
+    let own = [on * factor, off * factor];
+    let apart = own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
+    let [on, off] = THRESHOLDS;
+    let what = format!(
+        "thresholds of {:.3} (ON) and {:.3} (OFF) in its formula: the program has {on} and {off} in its code",
+        own[0], own[1]
+    );
+    (apart > SAME_THRESHOLD).then(|| ExportLoss::approximate("sensor.threshold", apart, what))
 }
 
 /// The loss of a mean in linear light: the program takes the mean of encoded pictures.
@@ -148,7 +204,8 @@ fn encoded_mean() -> ExportLoss {
     let most = apart.fold(0.0, f64::max) * WHITE;
     let what = format!(
         "a blurred picture is a mean in linear light, and the program takes the mean of five encoded pictures: up to \
-         {most:.0} greys apart at an edge between black and white, less at lower contrast"
+         {most:.0} greys apart at an edge between black and white, less at lower contrast; blur: {{ mean: encoded }} \
+         is exact"
     );
     ExportLoss::approximate("blur.light", most, what)
 }
@@ -248,11 +305,20 @@ fn write_train(
     write_transforms(plan, "transform_train.json", &entries, out)
 }
 
+/// Entries per test view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TestEntries {
+    /// One, whose second pose is the view.
+    One,
+    /// Two, each with as many poses as a view for training, which are all equal.
+    TwoLists,
+}
+
 /// The sharp frames outside of all exposures, or those of another trajectory; without any, the held-out ones.
 fn write_test(
     plan: &ExportPlan<'_>,
     exposures: &[Exposure],
-    similarity: (DVec3, f64),
+    (similarity, form): ((DVec3, f64), TestEntries),
     out: &mut ExportFolder<'_>,
 ) -> Result<usize, ExportError> {
     let exposed = |frame: &usize| exposures.iter().any(|exposure| exposure.pose == *frame);
@@ -264,8 +330,13 @@ fn write_test(
     let mut entries = Vec::new();
     for (view, frame) in frames.iter().enumerate() {
         let matrix = moved(&subject.poses.world_from_camera[*frame], similarity);
-        entries
-            .push(json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": [matrix, matrix] }));
+        let (copies, poses) = match form {
+            TestEntries::One => (1, 2),
+            TestEntries::TwoLists => (2, STEPS as usize + 2),
+        };
+        let listed = vec![matrix; poses];
+        let entry = json!({ "file_path": format!("./test/r_{view}"), "transform_matrix": listed });
+        entries.extend(vec![entry; copies]);
         out.write_file(&format!("test/r_{view}.png"), &subject.sharp_file(*frame)?)?;
     }
     write_transforms(plan, "transform_test.json", &entries, out)?;

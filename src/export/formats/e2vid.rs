@@ -19,23 +19,45 @@ use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-/// The layout of E2VID as a text.
+/// The layout of E2VID.
 #[derive(Debug)]
-pub(super) struct E2Vid;
+pub(super) struct E2Vid(EventContainer);
 
-/// The layout of E2VID as a zip archive.
-#[derive(Debug)]
-pub(super) struct E2VidZip;
+/// The layout with a text.
+pub(super) static TEXT: E2Vid = E2Vid(EventContainer::Text);
 
-const CONSUMER: &str = "github.com/uzh-rpg/rpg_e2vid at d0a7c00";
+/// The layout with a zip archive.
+pub(super) static ZIP: E2Vid = E2Vid(EventContainer::Zip);
+
+/// The file of the events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum EventContainer {
+    Text,
+    Zip,
+}
+
+impl EventContainer {
+    fn file_name(self) -> &'static str {
+        match self {
+            Self::Text => TEXT_FILE,
+            Self::Zip => "events.zip",
+        }
+    }
+}
+
+/// Name of the text, which an archive has too.
+const TEXT_FILE: &str = "events.txt";
 
 impl ExportFormat for E2Vid {
     fn name(&self) -> &'static str {
-        "e2vid"
+        match self.0 {
+            EventContainer::Text => "e2vid",
+            EventContainer::Zip => "e2vid-zip",
+        }
     }
 
     fn consumer(&self) -> &'static str {
-        CONSUMER
+        "github.com/uzh-rpg/rpg_e2vid at d0a7c00"
     }
 
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
@@ -43,69 +65,49 @@ impl ExportFormat for E2Vid {
     }
 
     fn losses(&self, _: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        losses()
+        vec![
+            products(&["blur", "depth", "flow", "labels of events"]),
+            ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
+        ]
     }
 
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let path = out.file("events.txt")?;
-        let file = File::create_new(&path).map_err(ExportError::unwritten(&path))?;
-        let mut file = BufWriter::new(file);
-        let events = write_lines(plan, (&path, &mut file), out)?;
-        file.flush().map_err(ExportError::unwritten(&path))?;
+        let name = self.0.file_name();
+        let path = out.file(name)?;
+        let events = match self.0 {
+            EventContainer::Text => write_text(plan, &path, out)?,
+            EventContainer::Zip => write_archive(plan, &path, out)?,
+        };
         write_images(plan, out)?;
-        Ok(facts(events, plan, "events.txt"))
+        Ok(json!({
+            "events": events, "frames": plan.frames.len(),
+            "command": format!("python run_reconstruction.py -i {name} --fixed_duration"),
+        }))
     }
 }
 
-impl ExportFormat for E2VidZip {
-    fn name(&self) -> &'static str {
-        "e2vid-zip"
-    }
-
-    fn consumer(&self) -> &'static str {
-        CONSUMER
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        unmet_events(plan).into_iter().collect()
-    }
-
-    fn losses(&self, _: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        losses()
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let path = out.file("events.zip")?;
-        let failed = |e: io::Error| ExportError::unwritten(&path)(e);
-        let mut archive = ZipWriter::new(BufWriter::new(File::create_new(&path).map_err(failed)?));
-        let options = SimpleFileOptions::default()
-            .compression_method(CompressionMethod::Deflated)
-            .last_modified_time(DateTime::DEFAULT)
-            .unix_permissions(0o644)
-            .large_file(true);
-        archive.start_file("events.txt", options).map_err(|e| failed(e.into()))?;
-        // The archive takes long writes only at its full speed.
-        let mut text = BufWriter::with_capacity(1 << 16, archive);
-        let events = write_lines(plan, (&path, &mut text), out)?;
-        let archive = text.into_inner().map_err(|e| failed(e.into_error()))?;
-        archive.finish().map_err(|e| failed(e.into()))?.flush().map_err(failed)?;
-        write_images(plan, out)?;
-        Ok(facts(events, plan, "events.zip"))
-    }
+fn write_text(plan: &ExportPlan<'_>, path: &Path, out: &mut ExportFolder<'_>) -> Result<u64, ExportError> {
+    let mut file = BufWriter::new(File::create_new(path).map_err(ExportError::unwritten(path))?);
+    let events = write_lines(plan, (path, &mut file), out)?;
+    file.flush().map_err(ExportError::unwritten(path))?;
+    Ok(events)
 }
 
-fn losses() -> Vec<ExportLoss> {
-    vec![
-        products(&["blur", "depth", "flow", "labels of events"]),
-        ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
-    ]
-}
-
-fn facts(events: u64, plan: &ExportPlan<'_>, file: &str) -> Value {
-    json!({
-        "events": events, "frames": plan.frames.len(),
-        "command": format!("python run_reconstruction.py -i {file} --fixed_duration"),
-    })
+fn write_archive(plan: &ExportPlan<'_>, path: &Path, out: &mut ExportFolder<'_>) -> Result<u64, ExportError> {
+    let failed = |e: io::Error| ExportError::unwritten(path)(e);
+    let mut archive = ZipWriter::new(BufWriter::new(File::create_new(path).map_err(failed)?));
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(DateTime::DEFAULT)
+        .unix_permissions(0o644)
+        .large_file(true);
+    archive.start_file(TEXT_FILE, options).map_err(|e| failed(e.into()))?;
+    // The archive takes long writes only at its full speed.
+    let mut text = BufWriter::with_capacity(1 << 16, archive);
+    let events = write_lines(plan, (path, &mut text), out)?;
+    let archive = text.into_inner().map_err(|e| failed(e.into_error()))?;
+    archive.finish().map_err(|e| failed(e.into()))?.flush().map_err(failed)?;
+    Ok(events)
 }
 
 /// Writes the size of the sensor and a line per event.

@@ -120,7 +120,7 @@ impl ExportFormat for Colmap {
 }
 
 /// First points are needed, and only depth has them.
-fn unmet_points(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
+pub(super) fn unmet_points(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
     plan.subject.depth.is_empty().then(|| UnmetNeed::new("no depth, wanted first points", "outputs: [depth]"))
 }
 
@@ -130,7 +130,7 @@ fn thinned(frames: &[usize]) -> Vec<usize> {
 }
 
 /// Writes the model, and returns the number of its points.
-fn write_colmap(
+pub(super) fn write_colmap(
     plan: &ExportPlan<'_>,
     frames: &[usize],
     out: &mut ExportFolder<'_>,

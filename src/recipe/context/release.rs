@@ -1,5 +1,6 @@
 //! `release.yaml`: name, creator and citation of the release.
 
+use super::include::{self, IncludedExport};
 use super::splits::{self, SplitPlan};
 use crate::recipe::field::Field;
 use crate::recipe::forms;
@@ -33,6 +34,8 @@ pub struct ReleaseInfo {
     pub maintenance: Option<String>,
     /// Rules that assign scenes to splits, if the release has splits.
     pub splits: Option<SplitPlan>,
+    /// Exports that the release has besides its own files.
+    pub include: Vec<IncludedExport>,
 }
 
 impl Default for ReleaseInfo {
@@ -50,6 +53,7 @@ impl Default for ReleaseInfo {
             funding: None,
             maintenance: None,
             splits: None,
+            include: Vec::new(),
         }
     }
 }
@@ -71,6 +75,8 @@ pub(super) struct RawRelease {
     maintenance: Field<String>,
     /// Rules that assign scenes to splits.
     splits: Field<splits::RawSplits>,
+    /// Exports that the release has besides its own files.
+    include: Field<Vec<Field<include::RawInclude>>>,
 }
 
 /// Returns the content of the file, completed with defaults.
@@ -88,6 +94,7 @@ pub(super) fn release_info(raw: &RawRelease, resolver: &Resolver<'_>) -> Option<
         [&raw.contact, &raw.purpose, &raw.funding, &raw.maintenance]
             .map(|field| optional_text(resolver, field));
     let splits = splits::resolve_splits(&raw.splits, resolver);
+    let include = include::resolve_include(&raw.include, resolver);
     Some(ReleaseInfo {
         name: name?,
         version: version?,
@@ -101,6 +108,7 @@ pub(super) fn release_info(raw: &RawRelease, resolver: &Resolver<'_>) -> Option<
         funding: funding?,
         maintenance: maintenance?,
         splits: splits?,
+        include: include?,
     })
 }
 

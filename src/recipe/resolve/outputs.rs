@@ -2,6 +2,7 @@
 
 use super::Resolver;
 use super::number::WholeRange;
+use crate::image::light::MeanScale;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::{OutputKind, PictureSpacing, schema};
@@ -54,7 +55,8 @@ impl Resolver<'_> {
                     .at(place),
             );
         }
-        let subframes = self.or(&raw.subframes, SubframeRule::Auto)?;
-        Some(ShutterSettings { frames: frames?, subframes })
+        let subframes = self.or(&raw.subframes, SubframeRule::Auto);
+        let mean = self.or(&raw.mean, MeanScale::Linear);
+        Some(ShutterSettings { frames: frames?, subframes: subframes?, mean: mean? })
     }
 }

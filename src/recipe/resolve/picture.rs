@@ -26,11 +26,7 @@ impl Resolver<'_> {
             return self.refuse(FieldProblem::missing_field("camera").help(WHOLE).at(self.root));
         }
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
-        let help = "give width and height together, in pixels";
-        let [width, height] = [(&raw.width, "width"), (&raw.height, "height")].map(|(field, name)| {
-            self.required(field, name, place, help)?;
-            self.small(field, 1, SIDE)
-        });
+        let [width, height] = self.sides(raw, place);
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
         let principal = self.principal(raw, place);
         let size = Size { width: width?, height: height? };
@@ -40,6 +36,24 @@ impl Resolver<'_> {
         }
         let Size { width, height } = size;
         Some(Some(CameraChoice { width, height, intrinsics: intrinsics?, principal: principal? }))
+    }
+
+    /// Resolves the size, by name or by its sides.
+    fn sides(&self, raw: &schema::CameraSection, camera: TextSpan) -> [Option<u32>; 2] {
+        if raw.size.is_absent() {
+            let help = "give width and height together, in pixels, or a size by name";
+            return [(&raw.width, "width"), (&raw.height, "height")].map(|(field, name)| {
+                self.required(field, name, camera, help)?;
+                self.small(field, 1, SIDE)
+            });
+        }
+        if ![&raw.width, &raw.height].iter().all(|field| field.is_absent()) {
+            let problem = FieldProblem::of_field("has both `size` and `width` or `height`");
+            self.report(problem.help("keep one of them").at(camera));
+            return [None; 2];
+        }
+        let size = raw.size.given().map(|(name, _)| name.size());
+        [size.map(|size| size.width), size.map(|size| size.height)]
     }
 
     /// Resolves `principal`, which excludes the numbers of the same point.

@@ -5,7 +5,7 @@ use super::{AuditFault, FaultCode, TrustedTree};
 use crate::artifact::TrajectoryProduct;
 use crate::files::{self, LinkRule};
 use crate::release::facts::ReleaseFacts;
-use crate::release::manifest::{self, ManifestScene, ReleaseManifest};
+use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
 use crate::release::published::{self, PublishedScene, PublishedTrajectory};
 use crate::release::scene::{self, SceneRecord, TrajectoryPart};
 use crate::release::tree::FileContent;
@@ -62,7 +62,8 @@ pub(super) fn read(
     };
     let trajectories = file.trajectories.iter().map(of).collect::<Option<_>>()?;
     let licence = published::terms(&recipe, file.licence.redistribution.as_deref());
-    let files = listed.files.clone();
+    let is_own = |file: &&ManifestFile| !layout::is_export(&listed.id, &file.path);
+    let files = listed.files.iter().filter(is_own).cloned().collect();
     Some(PublishedScene { recipe, licence, file: file.clone(), findings, trajectories, files })
 }
 

@@ -1,7 +1,7 @@
 //! Files that have no place in a release, even if the sums list them: the format names every file
 //! that can exist.
 
-use super::{AuditFault, FaultCode, TrustedTree};
+use super::{AuditFault, FaultCode, TrustedTree, exports};
 use crate::release::layout;
 use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use crate::release::products::PICTURES;
@@ -21,10 +21,20 @@ pub(super) fn audit(
     let owners = FileOwners::new(manifest);
     let allowed: BTreeMap<&str, BTreeSet<String>> =
         scenes.iter().map(|scene| (scene.id.as_str(), of_scene(tree, scene, &owners))).collect();
+    let folders: BTreeMap<&str, Vec<String>> = scenes
+        .iter()
+        .map(|scene| {
+            (scene.id.as_str(), exports::folders(manifest, scene).map(|(folder, ..)| folder).collect())
+        })
+        .collect();
+    let is_exported = |id: &str, path: &str| {
+        folders.get(id).is_some_and(|folders| folders.iter().any(|folder| path.starts_with(folder.as_str())))
+    };
     let mut faults: Vec<AuditFault> = Vec::new();
     for path in tree.intact.keys() {
         match owners.of(path) {
             None if !layout::is_top(path) => faults.push(stray(path, "at the top of a release")),
+            Some(scene) if is_exported(&scene.id, path) => {}
             Some(scene) if allowed.get(scene.id.as_str()).is_some_and(|paths| !paths.contains(*path)) => {
                 faults.push(stray(path, "in this scene").in_scene(&scene.id));
             }

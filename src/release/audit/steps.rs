@@ -82,6 +82,8 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
         let folder = format!("{}/{}/", scene.id, part.name);
         let own =
             files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
+        // Exports have keys of their own, outside of the steps.
+        let own = own.filter(|path| !layout::is_export(&scene.id, path));
         let unmade = own.filter(|path| !known.contains(**path));
         faults.extend(unmade.map(|path| step_disagrees(path, "no step in manifest.json made it")));
     }

@@ -2,6 +2,7 @@
 
 use super::built_trajectories;
 use crate::release::facts::ReleaseFacts;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 const CONVENTIONS: &str = "\
@@ -36,6 +37,17 @@ pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
     let streams = built_trajectories(scenes).flat_map(|(scene, part)| scene.streams(part));
     if streams.into_iter().any(|(_, sensor)| sensor.as_model().labels()) {
         text.push_str(LABELS);
+    }
+    let encoded = built_trajectories(scenes).filter(|(scene, part)| {
+        part.blur.is_some() && !scene.recipe.shutter.mean.is_linear() && !scene.is_withheld()
+    });
+    let encoded: BTreeSet<&str> = encoded.map(|(scene, _)| scene.recipe.scene.as_str()).collect();
+    if !encoded.is_empty() {
+        let names = encoded.into_iter().collect::<Vec<_>>().join(", ");
+        let _ = write!(
+            text,
+            "\nThe blurred pictures of these scenes are means of encoded values, not of linear light: {names}.\n"
+        );
     }
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
     let others: Vec<String> = sensors

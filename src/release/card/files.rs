@@ -22,12 +22,16 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         .chain(&products::PATH)
         .chain(pictures.flat_map(|product| product.files))
         .chain(&products::CHECKS)
+        .chain(&products::EXPORTS)
         .chain(&products::TOP);
     let is_there = |row: &&FileRow| match row.presence {
         FilePresence::Always => true,
         FilePresence::WithStreams => counts.has(&products::EVENTS),
         FilePresence::WithSeveralSensors => several,
         FilePresence::WithHeldOut => held_out,
+        FilePresence::WithExports => {
+            !facts.info.include.is_empty() && facts.scenes.iter().any(|scene| !scene.is_withheld())
+        }
     };
     let mut text = String::from("## Files\n\n| file | content |\n|---|---|\n");
     for FileRow { name, content, .. } in rows.filter(is_there) {

@@ -96,6 +96,15 @@ pub(in crate::release) static CHECKS: [FileRow; 2] = [
     },
 ];
 
+/// Exports of a trajectory.
+pub(in crate::release) static EXPORTS: [FileRow; 1] = [FileRow {
+    name: "exports/*/",
+    content: "the trajectory in the layouts of other programs; `export.json` in each lists what the layout lacks",
+    set: None,
+    presence: FilePresence::WithExports,
+    class: LicenceClass::Material,
+}];
+
 /// Files of the release as a whole.
 pub(in crate::release) static TOP: [FileRow; 7] = [
     top("report.html", "the release for people, in one file: pictures, curves, verdicts"),

@@ -237,9 +237,8 @@ impl ReleasedTrajectory<'_> {
         let centres = exposure::exposure_centres(pictures.motion.trajectory.world_from_camera.len(), frames);
         let step = centres.len().div_ceil(EXPOSURES).max(1);
         let poses: Vec<usize> = centres.into_iter().step_by(step).collect();
-        let compare = |pose: &usize| {
-            Ok(exposed(pictures, *pose, (frames, subframes))?.map(|mismatch| (*pose, mismatch)))
-        };
+        let compare =
+            |pose: &usize| Ok(exposed(pictures, *pose, subframes)?.map(|mismatch| (*pose, mismatch)));
         let compared: Vec<Option<_>> = poses.par_iter().map(compare).collect::<Result<_, RecheckError>>()?;
         let compared: Vec<_> = compared.into_iter().flatten().collect();
         Ok(records::judge_blur(self.name, &compared))
@@ -250,11 +249,12 @@ impl ReleasedTrajectory<'_> {
 fn exposed(
     pictures: &ReleasedPictures<'_>,
     pose: usize,
-    (frames, subframes): (u32, u32),
+    subframes: u32,
 ) -> Result<Option<ExposureMismatch>, RecheckError> {
     let Some(blurred) = pictures.colours("blur", pose)? else { return Ok(None) };
-    let half = frames as usize / 2;
-    let mut mean = ExposureMean::new(pictures.camera.size.pixels());
+    let shutter = pictures.recipe.shutter;
+    let half = shutter.frames as usize / 2;
+    let mut mean = ExposureMean::new(pictures.camera.size.pixels(), shutter.mean);
     for frame in pose - half..=pose + half {
         let Some(sharp) = pictures.colours("sharp", frame)? else { return Ok(None) };
         mean.add(&sharp);

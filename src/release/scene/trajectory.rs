@@ -46,10 +46,15 @@ pub(super) fn kind_name(kind: CourseKind) -> &'static str {
     }
 }
 
-/// Numbers of dense frames of an exposure and from one exposure to the next, and the largest number
-/// of sub-frames of a dense frame.
+/// Numbers of dense frames of an exposure and from one exposure to the next, the largest number of
+/// sub-frames of a dense frame, and the scale of the mean if it is not linear light.
 pub(super) fn blur_value(recipe: &Recipe, most: &Value) -> Value {
-    json!({ "frames": recipe.shutter.frames, "stride": recipe.shutter.frames, "subframes": most })
+    let shutter = recipe.shutter;
+    let mut value = json!({ "frames": shutter.frames, "stride": shutter.frames, "subframes": most });
+    if !shutter.mean.is_linear() {
+        value["mean"] = json!(shutter.mean);
+    }
+    value
 }
 
 fn most_subframes(blurred: &BlurredFrames) -> Option<u32> {

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::image::light::LinearLightSum;
+use crate::image::light::PictureSum;
 use crate::render::flow::flow_rates;
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
@@ -75,7 +75,7 @@ pub struct FrameExposer {
     /// The centres of the exposures that are not finished, the next one last.
     centres: Vec<usize>,
     /// The light of the exposure that is open.
-    light: Option<LinearLightSum>,
+    light: Option<PictureSum>,
     /// Its largest flow, px/s.
     fastest: f32,
     /// The work of the renderer so far.
@@ -103,7 +103,7 @@ impl FrameExposer {
     pub fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
         let Some((centre, k)) = self.place(pose) else { return ChannelSet::NONE };
         if k == 0 {
-            self.light = Some(LinearLightSum::empty_sum(self.course.camera.size));
+            self.light = Some(PictureSum::empty_sum(self.course.camera.size, self.shutter.mean));
             self.fastest = 0.0;
             let dense = (0..self.shutter.frames).map(|k| self.at(self.moment(centre, k, 1)).0);
             renderer.keep_also(&self.course.camera, &dense.collect::<Vec<Se3>>());
@@ -270,6 +270,7 @@ fn subframe_count(moved_px: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::light::MeanScale;
     use crate::image::{Size, srgb};
     use crate::sampling::exposure::ghost_warning;
     use glam::{DQuat, DVec3};
@@ -356,7 +357,8 @@ mod tests {
         Ok(frames)
     }
 
-    const SEVEN: ShutterSettings = ShutterSettings { frames: 7, subframes: SubframeRule::Auto };
+    const SEVEN: ShutterSettings =
+        ShutterSettings { frames: 7, subframes: SubframeRule::Auto, mean: MeanScale::Linear };
 
     /// Light that grows evenly has its mean at the middle of the exposure, for any number of
     /// sub-frames; 1e-7 is the rounding of the colours.

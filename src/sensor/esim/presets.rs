@@ -1,4 +1,35 @@
-//! The preset of ESIM, which has ranges instead of numbers.
+//! The presets of ESIM: an ideal sensor, and ranges instead of numbers.
+
+use super::{EsimModel, IntensityScale};
+use crate::sensor::front_end::FrontEnd;
+use crate::sensor::noise::{HotPixelNoise, RedrawRule, RefractoryPeriod, ThresholdMismatch};
+
+/// Name of [`EsimModel::trainable`].
+pub const TRAINABLE: &str = "trainable";
+
+impl EsimModel {
+    /// The preset `trainable`: every event is a change of `ln(0.001 + L/255)` by 0.2, on any pixel
+    /// and at any time. Robust e-NeRF assumes this formula, and the others of `gs2e export` but
+    /// EventNeRF and E-3DGS assume it in all but dark pixels. These are the numbers of the defaults;
+    /// the name keeps them.
+    #[must_use]
+    pub fn trainable() -> Self {
+        Self {
+            threshold: ThresholdMismatch { on: 0.2, off: 0.2, spread: 0.0 },
+            mismatch: RedrawRule::PerSensor,
+            intensity: IntensityScale::Log,
+            eps: 1e-3,
+            refractory: RefractoryPeriod::default(),
+            hot_pixels: HotPixelNoise::default(),
+            max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+            front_end: FrontEnd::default(),
+            labels: false,
+            latency: None,
+            readout: None,
+        }
+    }
+}
 
 /// Ranges of the preset `randomised`: those of V2V (NeurIPS 2025, arXiv 2505.16797; repository
 /// HYLZ-2019/V2V, commit 62ce9c8, `config/train_v2v_e2vid_10k.yaml` and `data/v2v_datasets.py`).

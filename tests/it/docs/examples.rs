@@ -8,7 +8,7 @@ use gs2e::recipe;
 use serde_json::{Value, json};
 
 /// Keys of `release.yaml` that no recipe has.
-const OF_A_RELEASE: [&str; 2] = ["splits", "creator"];
+const OF_A_RELEASE: [&str; 3] = ["splits", "creator", "include"];
 /// Kinds of source, the keys of `sources.yaml`.
 const SOURCES: [&str; 5] = ["colmap", "mvimgnet", "dl3dv", "nerfstudio", "model"];
 

@@ -115,6 +115,37 @@ fn its_rays_meet_the_pixel_centres_with_the_half_pixel_met() {
     assert!(blurred.iter().all(|name| name[2..name.len() - 4].parse::<usize>().unwrap() % 2 == 0));
 }
 
+/// E2GS takes the same five poses, unscaled, and reads test views like those for training.
+#[test]
+fn e2gs_has_the_same_counts_and_lists_of_poses_for_all_views() {
+    let plane: &Plane = plane::centred();
+    let exported = Exported::of(plane, "e2gs", &["--lossy"]);
+    let wanted = ["sensor.threshold", "sensor.brightness", "blur.light"];
+    assert_eq!(exported.losses("approximate"), wanted);
+    let (lists, _) = transforms(&exported, "transform_train.json");
+    let exposures = blur::exposures(plane);
+    assert_eq!(lists.len(), 2 * exposures.len());
+    for (view, (_, [start, end])) in exposures.iter().enumerate() {
+        assert!(lists[2 * view].len() == 18 && lists[2 * view] == lists[2 * view + 1]);
+        for k in [1usize, 5, 9, 13, 17] {
+            let t = *start as f64 + (end - start) as f64 * (k - 1) as f64 / 16.0;
+            let (centre, truth) = (camera(&lists[2 * view][k]).0, plane::pose(t * 1e-6));
+            // A straight line between poses at 2,400 Hz departs by 4.3e-6, as above.
+            assert!((centre - truth.translation).length() < 1e-5, "view {view}, pose {k}");
+        }
+    }
+    // Two entries per test view, each a list of one pose.
+    let (lists, _) = transforms(&exported, "transform_test.json");
+    assert_eq!(lists.len(), 2 * exported.list("test").len());
+    for pair in lists.chunks(2) {
+        assert!(pair[0] == pair[1] && pair[0].len() == 18 && pair[0].iter().all(|pose| *pose == pair[0][0]));
+    }
+    let description = exported.json("export.json");
+    assert!(description["facts"]["points"].as_u64().unwrap() > 1000, "{description}");
+    assert_eq!(exported.list("sparse/0"), ["cameras.bin", "images.bin", "points3D.bin"]);
+    assert!(counts(&exported) == counts(&Exported::of(plane, "e2nerf", &["--lossy"])));
+}
+
 #[test]
 fn depths_lie_within_the_bounds_of_its_code() {
     let exported = Exported::of(plane::half_pixel(), "e2nerf", &["--lossy"]);

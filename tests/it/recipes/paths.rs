@@ -242,6 +242,35 @@ fn the_principal_point_has_a_name() {
     assert!(fault.render_text().contains("both `principal` and `cx` or `cy`"), "{}", fault.render_text());
 }
 
+/// Sizes that methods have in their code.
+#[test]
+fn a_size_has_a_name() {
+    let yaml = |camera: &str| {
+        format!(
+            "version: 1\nscene: a\nsource: {{ procedural: {{}} }}\ncamera: {{ {camera} }}\n\
+             trajectories: [{{ name: b, refine: {{}} }}]\n"
+        )
+    };
+    for (name, width, height) in
+        [("davis346", 346, 260), ("dsec", 640, 480), ("blender", 800, 800), ("evk4", 1280, 720)]
+    {
+        let camera = again(&yaml(&format!("size: {name}, principal: middle"))).camera;
+        assert_eq!(
+            camera,
+            again(&yaml(&format!("width: {width}, height: {height}, principal: middle"))).camera
+        );
+        assert_eq!(camera.map(|camera| (camera.width, camera.height)), Some((width, height)));
+    }
+    for (camera, words) in [
+        ("size: dsec, width: 640", "both `size` and `width` or `height`"),
+        ("size: vga", "unknown choice \"vga\""),
+        ("width: 640", "missing field \"camera.height\""),
+    ] {
+        let Err(fault) = recipe(&yaml(camera)) else { panic!("{camera}") };
+        assert!(fault.render_text().contains(words), "{}", fault.render_text());
+    }
+}
+
 #[test]
 fn a_scene_without_a_capture_writes_its_camera() {
     let t = |camera: &str, intrinsics: [f64; 4]| {

@@ -63,6 +63,7 @@ fn families() -> [Family; 3] {
             ],
             special: &[
                 ("src/source/dl3dv.rs", "folders of the dataset have the names of two kinds"),
+                ("src/recipe/context/include.rs", "`colmap` is also a format of exports"),
                 ("src/release", "`model` is also the model of a sensor"),
             ],
         },

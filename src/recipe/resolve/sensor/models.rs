@@ -7,7 +7,7 @@ use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
 use crate::recipe::text::TextSpan;
-use crate::sensor::esim::EsimModel;
+use crate::sensor::esim::{EsimModel, TRAINABLE};
 use crate::sensor::latency::{self, PixelLatency};
 use crate::sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
 use crate::sensor::readout::{ArbiterOrder, ReadoutBus};
@@ -30,13 +30,16 @@ pub(super) fn follows_light(latency: Option<Option<PixelLatency>>) -> bool {
 
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::EsimSection) -> Option<EsimModel> {
-        let usual = EsimModel::default();
-        let preset: Option<()> = match raw.preset.given() {
+        let preset = match raw.preset.given() {
+            Some((name, _)) if name == TRAINABLE => Some(EsimModel::trainable()),
             Some((name, place)) => {
-                self.refuse(FieldProblem::unknown_name("preset", name, &[RANDOMISED]).at(place))
+                // The preset of ranges was replaced by them before.
+                let names = [TRAINABLE, RANDOMISED];
+                self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place))
             }
-            None => raw.preset.is_absent().then_some(()),
+            None => raw.preset.is_absent().then(EsimModel::default),
         };
+        let usual = preset.clone().unwrap_or_default();
         let threshold = self.threshold_of(&raw.threshold, usual.threshold);
         let mismatch = self.or(&raw.mismatch, usual.mismatch);
         let intensity = self.or(&raw.intensity, usual.intensity);

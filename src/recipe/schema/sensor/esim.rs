@@ -12,7 +12,8 @@ use serde::Deserialize;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct EsimSection {
-    /// Named set of ranges: `randomised`, from which numbers are drawn. Default: none.
+    /// Named set of the keys below: `trainable`, without noise and dead time, for methods that learn from
+    /// events; or `randomised`, which has ranges from which numbers are drawn. Default: none.
     pub preset: Field<String>,
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,

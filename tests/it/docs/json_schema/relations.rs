@@ -25,6 +25,11 @@ pub(super) fn of(name: &str, members: &[Member]) -> Vec<Value> {
         "LuminanceSection" => {
             vec![json!({ "properties": { "weights": { "items": { "minimum": 0, "maximum": 1 } } } })]
         }
+        "CameraSection" => vec![
+            exclude("size", "width"),
+            exclude("size", "height"),
+            json!({ "anyOf": [{ "required": ["size"] }, { "required": ["width", "height"] }] }),
+        ],
         "BlurSection" => vec![json!({ "properties": { "frames": { "not": { "multipleOf": 2 } } } })],
         "OrbitSection" => vec![json!({ "properties": { "up": { "not": { "const": [0, 0, 0] } } } })],
         "RenderSection" => vec![if_then(

@@ -1,0 +1,264 @@
+//! Exports in a release: `<scene>/<trajectory>/exports/<format>/`.
+//!
+//! The formats are in the room of exports, which comes after this one, so a release is given a
+//! [`ReleaseExporter`]. An export is stored like the outputs of a step: its key holds the export's
+//! options and the digests of the scene's files. A release with the same key takes the stored files,
+//! and every other change of the scene makes the export anew.
+
+use super::manifest::{KeyIngredients, ManifestFile};
+use super::scene::SceneRecord;
+use super::tree::{FileContent, ReleaseTree};
+use super::{ReleaseError, checksum, layout};
+use crate::recipe::{IncludedExport, Recipe};
+use crate::store::description::describe_value;
+use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
+use crate::store::{BlobState, Digest, Key, Store};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Name of the stage in the records of exports.
+const STAGE: &str = "export";
+/// Name of the export's folder in a workspace.
+const MADE: &str = "made";
+
+/// Makes the exports of a release.
+pub trait ReleaseExporter: std::fmt::Debug + Sync {
+    /// Everything that decides the bytes of an export of this format, except for its options and
+    /// the release: the revision of the formats, and the program whose loader was read.
+    fn identity(&self, format: &str) -> (u32, &'static str);
+
+    /// Refuses an export that no build of the recipe can have.
+    ///
+    /// # Errors
+    /// The trajectory lacks a product that the format needs, or the camera has another size.
+    fn foresee(
+        &self,
+        recipe: &Recipe,
+        trajectory: &str,
+        include: &IncludedExport,
+    ) -> Result<(), IncludeRefusal>;
+
+    /// Writes the export of a trajectory to the new folder `to`.
+    ///
+    /// # Errors
+    /// A need is unmet, a loss is not accepted, reading or writing fails, or the user stopped it.
+    fn write(
+        &self,
+        scene: &Arc<ComposedScene>,
+        trajectory: &str,
+        include: &IncludedExport,
+        to: &Path,
+    ) -> Result<(), IncludeRefusal>;
+}
+
+/// The reason why an export of a release cannot be made.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{export}: {because}")]
+pub struct IncludeRefusal {
+    /// Scene, trajectory and format.
+    pub export: String,
+    /// The reason.
+    pub because: String,
+    /// One line per unmet need, with its remedy, or per loss.
+    pub details: Vec<String>,
+    /// The kind of the failure.
+    pub kind: IncludeFailure,
+}
+
+/// Kind of a failure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum IncludeFailure {
+    /// The recipes or `release.yaml` have to change.
+    Refused,
+    /// Reading or writing failed.
+    Failed,
+    /// The user stopped it.
+    Interrupted,
+}
+
+/// The name of an export in messages.
+#[must_use]
+pub fn export_name(scene: &str, trajectory: &str, format: &str) -> String {
+    format!("{scene}/{trajectory}/{}{format}", layout::EXPORTS)
+}
+
+/// Refuses exports that no build of these recipes can have.
+///
+/// # Errors
+/// A format has an unmet need, or an entry names a trajectory that no recipe has.
+pub fn foresee_exports(
+    recipes: &[Recipe],
+    include: &[IncludedExport],
+    exporter: &dyn ReleaseExporter,
+) -> Result<(), IncludeRefusal> {
+    let refused = |export: String, because: String| IncludeRefusal {
+        export,
+        because,
+        details: Vec::new(),
+        kind: IncludeFailure::Refused,
+    };
+    for entry in include {
+        let mut covered = 0;
+        for recipe in recipes {
+            // `croissant.json` excludes exports by the name of their folder.
+            let names = recipe.trajectories.iter().map(|path| path.name.as_str());
+            if recipe.scene.split('/').chain(names).any(|part| format!("{part}/") == layout::EXPORTS) {
+                let because = "found a scene id or a trajectory with the name `exports`, wanted another name: exports have this folder";
+                return Err(refused(recipe.scene.clone(), because.to_owned()));
+            }
+            for trajectory in recipe.trajectories.iter().filter(|path| entry.covers(&path.name)) {
+                covered += 1;
+                exporter.foresee(recipe, &trajectory.name, entry)?;
+            }
+        }
+        if covered == 0 && !recipes.is_empty() {
+            let named = entry.trajectory.as_deref().unwrap_or("no other than test_from");
+            let names = recipes.iter().flat_map(|recipe| &recipe.trajectories).map(|path| path.name.as_str());
+            let names: std::collections::BTreeSet<&str> = names.collect();
+            let names: Vec<&str> = names.into_iter().take(12).collect();
+            let because = format!("found the trajectory `{named}`, wanted one of: {}", names.join(", "));
+            return Err(refused(format!("include of {}", entry.format), because));
+        }
+    }
+    Ok(())
+}
+
+/// A scene of a release that is not written yet.
+#[derive(Debug)]
+pub struct ComposedScene {
+    /// Name of the release.
+    pub release: String,
+    /// Version of the release.
+    pub version: String,
+    /// The program.
+    pub tool: &'static str,
+    /// Content of `scene.json`.
+    pub record: SceneRecord,
+    files: BTreeMap<String, ComposedFile>,
+}
+
+/// A file of a composed scene.
+#[derive(Debug)]
+pub enum ComposedFile {
+    /// Bytes made for the release.
+    Bytes(Vec<u8>),
+    /// The path of a stored file.
+    Stored(PathBuf),
+}
+
+impl ComposedScene {
+    /// The file at a path of the release.
+    #[must_use]
+    pub fn file(&self, path: &str) -> Option<&ComposedFile> {
+        self.files.get(path)
+    }
+
+    /// Returns true if a file lies in this folder of the release.
+    #[must_use]
+    pub fn has_folder(&self, folder: &str) -> bool {
+        let prefix = format!("{folder}/");
+        self.files.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
+    }
+}
+
+/// The parameters in the key of an export.
+#[derive(Serialize)]
+struct ExportParameters<'a> {
+    trajectory: &'a str,
+    include: &'a IncludedExport,
+    consumer: &'a str,
+    // `export.json` states them.
+    release: &'a str,
+    version: &'a str,
+    tool: &'a str,
+}
+
+/// Makes the exports of a release, or takes stored ones.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ReleaseExports<'a> {
+    pub(super) include: &'a [IncludedExport],
+    pub(super) exporter: &'a dyn ReleaseExporter,
+    pub(super) store: &'a Store,
+    /// Name and version of the release.
+    pub(super) release: [&'a str; 2],
+}
+
+impl ReleaseExports<'_> {
+    /// The files of a scene's exports, with the keys of their records. `files` are the scene's own
+    /// files, whose list is `listing`.
+    pub(super) fn of_scene(
+        &self,
+        record: &SceneRecord,
+        files: &ReleaseTree,
+        listing: &[ManifestFile],
+    ) -> Result<(ReleaseTree, Vec<Key>), ReleaseError> {
+        let (mut tree, mut keys) = (ReleaseTree::default(), Vec::new());
+        // Upstream forbids passing on anything that shows the scene.
+        if self.include.is_empty() || record.licence.withheld {
+            return Ok((tree, keys));
+        }
+        let sums = listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string()));
+        let inputs = Digest::of_bytes(checksum::sums_text(sums).as_bytes());
+        let [release, version] = self.release.map(str::to_owned);
+        let composed = |(path, content): (&str, &FileContent)| {
+            let file = match content {
+                FileContent::Bytes(bytes) => ComposedFile::Bytes(bytes.clone()),
+                FileContent::Blob { path, .. } => ComposedFile::Stored(path.clone()),
+            };
+            (path.to_owned(), file)
+        };
+        let files = files.contents().map(composed).collect();
+        let scene =
+            Arc::new(ComposedScene { release, version, tool: super::TOOL, record: record.clone(), files });
+        for part in &record.trajectories {
+            for entry in self.include.iter().filter(|entry| entry.covers(&part.name)) {
+                let (key, outputs) = self.outputs(&scene, &part.name, entry, inputs)?;
+                keys.push(key);
+                for output in &outputs {
+                    let name = output.name.strip_prefix(MADE).unwrap_or(&output.name);
+                    let at = export_name(&record.id, &part.name, &entry.format);
+                    let StoredOutput { digest, size, .. } = *output;
+                    let content = FileContent::Blob { path: self.store.path_of(&digest), digest, size };
+                    tree.add(format!("{at}{name}"), content);
+                }
+            }
+        }
+        Ok((tree, keys))
+    }
+
+    /// The stored files of an export. They are made if they are not stored.
+    fn outputs(
+        &self,
+        scene: &Arc<ComposedScene>,
+        trajectory: &str,
+        include: &IncludedExport,
+        inputs: Digest,
+    ) -> Result<(Key, Vec<StoredOutput>), ReleaseError> {
+        let (revision, consumer) = self.exporter.identity(&include.format);
+        let [release, version] = self.release;
+        let parameters =
+            ExportParameters { trajectory, include, consumer, release, version, tool: scene.tool };
+        let made_of = KeyIngredients {
+            revision,
+            class: None,
+            params: describe_value(&parameters),
+            inputs: BTreeMap::from([("files of the scene".to_owned(), inputs)]),
+        };
+        let description = made_of.description(STAGE);
+        let key = Key::of_description(&description);
+        if let Some(record) = self.store.record(&key)? {
+            let sound = |output| self.store.examine(output).map(|state| state == BlobState::Sound);
+            if record.outputs.iter().map(sound).collect::<Result<Vec<_>, _>>()?.into_iter().all(|is| is) {
+                return Ok((key, record.outputs));
+            }
+        }
+        let workspace = self.store.workspace()?;
+        self.exporter.write(scene, trajectory, include, &workspace.path().join(MADE))?;
+        let provenance =
+            StepProvenance { tool: scene.tool.to_owned(), threads: 1, ..StepProvenance::default() };
+        let record = StepRecord::new(key, STAGE, description.lines(), provenance);
+        Ok((key, self.store.publish(&workspace, record)?))
+    }
+}
