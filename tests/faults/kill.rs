@@ -34,7 +34,7 @@ struct Undisturbed {
 pub(crate) fn run(size: Size) -> Tally {
     // No kill comes later than this share of an undisturbed build: late enough to get past reading
     // a store that grows, early enough for several kills per build.
-    let (kills, count, part) = size.of((200, 200, 0.2), (1000, 2000, 0.2));
+    let (kills, count, part) = size.of((120, 200, 0.2), (1000, 2000, 0.2));
     let undisturbed = undisturbed(count, part);
     let mut random = Random::new(size.seed, 0);
     let mut tally = Tally::default();
