@@ -83,9 +83,8 @@ impl FloorRates {
         const BIAS: usize = 1023;
         let value = luminance / 255.0;
         // The greys are powers of two, so the exponent of a number is its place in the table, and its
-        // fraction the share of the brighter grey. A logarithm would cost ten times as much.
+        // fraction the share of the brighter grey.
         let bits = value.max(0.0).to_bits();
-        #[expect(clippy::cast_possible_truncation, reason = "eleven bits")]
         let darker = BIAS.saturating_sub((bits >> FRACTION) as usize);
         if darker == 0 {
             return self.hz[0];
