@@ -1,5 +1,7 @@
 //! The drift of a pixel's voltage between two frames, by the sensor's law.
 
+mod floor_rates;
+
 use crate::image::srgb;
 use crate::sensor::SensorChoice;
 use crate::sensor::esim::{EsimModel, IntensityScale};
@@ -7,6 +9,7 @@ use crate::sensor::front_end::{ChannelDecode, FrontEnd};
 use crate::sensor::statistics::RenewalProcess;
 use crate::sensor::v2e::{V2eModel, lin_log};
 use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
+use floor_rates::FloorRates;
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -54,48 +57,6 @@ enum BrightnessScale {
 struct ShotNoise {
     dark_hz: f64,
     leak_hz: f64,
-}
-
-/// Rates of a noise floor at greys a factor of two apart.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct FloorRates {
-    /// ON and OFF events per second at grey `255 / 2^i`.
-    hz: [[f64; 2]; Self::LEN],
-}
-
-impl FloorRates {
-    const LEN: usize = 16;
-
-    fn new(sensor: &VoltmeterModel) -> Option<Self> {
-        let white_lux = sensor.front_end.white_lux();
-        let rate = |i: usize| {
-            let grey = 255.0 * libm::exp2(-(i as f64));
-            sensor.floor.rates_at_grey(grey, white_lux)
-        };
-        (!sensor.floor.is_absent()).then(|| Self { hz: std::array::from_fn(rate) })
-    }
-
-    /// ON and OFF events per second at a luminance, linear between two greys of the table.
-    fn at(self, luminance: f64) -> [f64; 2] {
-        const LAST: usize = FloorRates::LEN - 1;
-        /// Bits of a fraction, and the exponent of 1.
-        const FRACTION: u32 = 52;
-        const BIAS: usize = 1023;
-        let value = luminance / 255.0;
-        // The greys are powers of two, so the exponent of a number is its place in the table, and its
-        // fraction the share of the brighter grey.
-        let bits = value.max(0.0).to_bits();
-        let darker = BIAS.saturating_sub((bits >> FRACTION) as usize);
-        if darker == 0 {
-            return self.hz[0];
-        }
-        if darker > LAST {
-            return self.hz[LAST];
-        }
-        let share = f64::from_bits((bits & ((1 << FRACTION) - 1)) | 1.0f64.to_bits()) - 1.0;
-        let [dark, bright] = [self.hz[darker], self.hz[darker - 1]];
-        [0, 1].map(|side| dark[side] * (1.0 - share) + bright[side] * share)
-    }
 }
 
 /// Pictures of 8 bits per channel, as a sensor sees them: each channel is known to half of a step.

@@ -96,20 +96,7 @@ impl Default for EsimModel {
     /// Thresholds of 0.2, the logarithm with an eps of 0.001, equal pixels, no refractory period, a
     /// cap of 1000.
     fn default() -> Self {
-        Self {
-            threshold: ThresholdMismatch { on: 0.2, off: 0.2, spread: 0.0 },
-            mismatch: RedrawRule::PerSensor,
-            intensity: IntensityScale::Log,
-            eps: 1e-3,
-            refractory: RefractoryPeriod::default(),
-            hot_pixels: HotPixelNoise::default(),
-            max_events_per_pixel_frame: 1000,
-            allow_cap: false,
-            front_end: FrontEnd::default(),
-            labels: false,
-            latency: None,
-            readout: None,
-        }
+        Self::trainable()
     }
 }
 

@@ -10,7 +10,7 @@ pub const TRAINABLE: &str = "trainable";
 impl EsimModel {
     /// The preset `trainable`: every event is a change of `ln(0.001 + L/255)` by 0.2, on any pixel
     /// and at any time. Robust e-NeRF assumes this formula, and the others of `gs2e export` but
-    /// EventNeRF and E-3DGS assume it in all but dark pixels. These are the numbers of the defaults;
+    /// EventNeRF and E-3DGS assume it in all but dark pixels. The defaults are these numbers today;
     /// the name keeps them.
     #[must_use]
     pub fn trainable() -> Self {
