@@ -11,6 +11,7 @@
 //! is not finished, and are lost without harm.
 
 pub mod finished;
+pub mod page;
 pub mod queue;
 pub mod report;
 pub mod scene_state;

@@ -91,6 +91,7 @@ pub mod export;
 pub mod files;
 pub mod foreign;
 pub mod frames;
+pub(crate) mod html;
 pub mod image;
 pub mod licence;
 pub mod plan;

@@ -1,10 +1,16 @@
 //! The time of day, for people. Nothing read here enters a key or a release.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Now, as `YYYY-MM-DDThh:mm:ssZ`.
 pub(super) fn utc_now() -> String {
-    format_utc(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs())
+    utc_before(Duration::ZERO)
+}
+
+/// The moment this long before now, as [`utc_now`]. Such texts are in the order of their moments.
+pub(super) fn utc_before(age: Duration) -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    format_utc(now.saturating_sub(age).as_secs())
 }
 
 /// Seconds since 1970, as `YYYY-MM-DDThh:mm:ssZ`.

@@ -3,6 +3,7 @@
 mod bars;
 mod pace;
 
+use super::clock;
 use super::console::Console;
 use super::environment::Environment;
 use super::failure::{self, StepPlace};
@@ -199,7 +200,7 @@ impl<'a> Progress<'a> {
             "scene": self.place(*step).0, "step": self.name(*step), "state": state,
             "key": key.map(Key::to_string), "outputs": plan::output_files(self.store, outputs),
             "seconds": seconds, "cores": used.map(|(cores, _)| cores), "memory": used.map(|(_, memory)| memory),
-            "bytes": bytes, "host": self.host.0, "job": self.host.1,
+            "bytes": bytes, "host": self.host.0, "job": self.host.1, "ended": clock::utc_now(),
         });
         if *is_twice {
             record["twice"] = json!(true);

@@ -1,12 +1,20 @@
 //! `gs2e status`: the state of each scene that tasks of a batch system build.
 
-use super::CommonArgs;
-use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, StateCounts, failure_message};
+use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, failure_message};
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
-use crate::cluster::scene_state::{SceneFailure, SceneState};
+use super::{CommonArgs, clock};
+use crate::cluster::page::{ShownScene, StatusPage};
+use crate::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
 use crate::cluster::slurm::Slurm;
+use crate::files::write_by_rename;
 use serde_json::{Value, json};
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+const HOUR: Duration = Duration::from_secs(3600);
 
 /// Arguments of `status`.
 #[derive(Debug, clap::Args)]
@@ -16,6 +24,9 @@ use serde_json::{Value, json};
 pub(super) struct StatusArgs {
     #[command(flatten)]
     targets: ClusterTargets,
+    /// Also write one HTML page: states, time left, machines, slowest steps, failures by kind
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
 }
 
 impl StatusArgs {
@@ -38,7 +49,7 @@ impl StatusArgs {
                 console.result(&line);
             } else {
                 let steps = format!("{}/{} steps", progress.finished, progress.steps);
-                console.print(&format!("{}  {}  {steps}", state_words(state), recipe.scene));
+                console.print(&format!("{}  {}  {steps}", state, recipe.scene));
             }
         }
         if !console.json {
@@ -49,19 +60,32 @@ impl StatusArgs {
             failures.for_each(|message| console.show(&message));
         }
         console.say(&StateCounts::of(states).to_string());
+        if let Some(file) = &self.html {
+            let page = compose_page(&found, &self.targets.shared_store);
+            write_by_rename(file, |part| File::create_new(part)?.write_all(page.as_bytes()))
+                .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", file.display())))?;
+            console.say(&format!("wrote {}", file.display()));
+        }
         Ok(ExitKind::Done)
     }
 }
 
-/// The state in one column.
-fn state_words(state: &SceneState) -> String {
-    match state {
-        SceneState::Done => "done".to_owned(),
-        SceneState::Running { task, node } => format!("running {task} on {node}"),
-        SceneState::Queued { task, reason } => format!("queued {task} ({reason})"),
-        SceneState::Failed(failure) => format!("failed {}", failure.task),
-        SceneState::Open => "open".to_owned(),
+fn compose_page(found: &ClusterScenes, shared: &Path) -> String {
+    let ClusterScenes { plan, progress, view, states } = found;
+    let shown = plan.scenes().iter().zip(&progress.scenes).zip(states);
+    let scenes: Vec<ShownScene<'_>> = shown
+        .map(|((recipe, progress), state)| ShownScene { scene: &recipe.scene, progress: *progress, state })
+        .collect();
+    StatusPage {
+        shared: &shared.to_string_lossy(),
+        now: &clock::utc_now(),
+        hour_ago: &clock::utc_before(HOUR),
+        scenes: &scenes,
+        core_seconds: progress.core_seconds,
+        cores: view.cores_at_work(),
+        made: &view.steps_made(),
     }
+    .compose()
 }
 
 fn to_json(state: &SceneState) -> Value {

@@ -3,11 +3,11 @@
 mod arrays;
 mod watch;
 
-use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, StateCounts, absolute, failure_message};
+use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, absolute, failure_message};
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, machine, on_interrupt};
-use crate::cluster::scene_state::SceneState;
+use crate::cluster::scene_state::{SceneState, StateCounts};
 use crate::cluster::script::BatchOptions;
 use crate::cluster::slurm::Slurm;
 use serde_json::json;
@@ -81,6 +81,7 @@ struct ResourceArgs {
 impl SubmitArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.targets.resolve()?;
+        self.targets.require_folder()?;
         let SchedulerArg::Slurm = self.to;
         let slurm = Slurm::new(common.programs());
         let has_slurm = slurm.require();

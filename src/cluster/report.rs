@@ -24,12 +24,49 @@ pub struct TaskReport {
 const MAX_STEPS: u64 = 1 << 28;
 
 /// The steps of a task, as far as they are reported.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct ReportedSteps {
     /// The last error of each scene.
     pub failures: BTreeMap<String, String>,
     /// Keys of the finished steps, by scene.
     pub finished: BTreeMap<String, BTreeSet<Key>>,
+    /// The steps that it made itself, in their order.
+    pub made: Vec<MadeStep>,
+}
+
+/// A step that a task made.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MadeStep {
+    /// Its name, with the scene.
+    pub step: String,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Cores.
+    pub cores: f64,
+    /// Granted memory, bytes.
+    pub memory: u64,
+    /// Size of its outputs, bytes.
+    pub bytes: u64,
+    /// The machine.
+    pub host: String,
+    /// The task of the batch system.
+    pub job: String,
+    /// The time of its end, as `YYYY-MM-DDThh:mm:ssZ`.
+    pub ended: String,
+}
+
+impl MadeStep {
+    /// Core-seconds, s.
+    #[must_use]
+    pub fn core_seconds(&self) -> f64 {
+        self.seconds * self.cores
+    }
+
+    /// The last part of its name, such as `events`.
+    #[must_use]
+    pub fn kind(&self) -> &str {
+        self.step.rsplit('/').next().unwrap_or_default()
+    }
 }
 
 /// A line of the file of steps. Other fields are for people and other programs.
@@ -40,6 +77,14 @@ struct ReportLine {
     key: Option<String>,
     level: Option<String>,
     message: Option<String>,
+    step: Option<String>,
+    seconds: Option<f64>,
+    cores: Option<f64>,
+    memory: Option<u64>,
+    bytes: Option<u64>,
+    host: Option<String>,
+    job: Option<String>,
+    ended: Option<String>,
 }
 
 impl TaskReport {
@@ -90,6 +135,18 @@ fn read_steps(text: &str) -> ReportedSteps {
         if line.level.as_deref() == Some("error") {
             steps.failures.insert(scene, line.message.unwrap_or_default());
         } else if matches!(line.state.as_deref(), Some("made" | "kept" | "adopted")) {
+            if line.state.as_deref() == Some("made") {
+                steps.made.push(MadeStep {
+                    step: line.step.unwrap_or_default(),
+                    seconds: line.seconds.unwrap_or_default(),
+                    cores: line.cores.unwrap_or_default(),
+                    memory: line.memory.unwrap_or_default(),
+                    bytes: line.bytes.unwrap_or_default(),
+                    host: line.host.unwrap_or_default(),
+                    job: line.job.unwrap_or_default(),
+                    ended: line.ended.unwrap_or_default(),
+                });
+            }
             let key = line.key.and_then(|key| key.parse().ok()).map(Key);
             steps.finished.entry(scene).or_default().extend(key);
         }
@@ -105,14 +162,27 @@ mod tests {
     #[test]
     fn lines_are_read_up_to_a_cut() {
         let key = Digest::of_bytes(b"key");
-        let made =
-            format!(r#"{{"scene":"a","step":"a/capture","state":"made","key":"{key}","seconds":1.0}}"#);
+        let made = format!(
+            r#"{{"scene":"a","step":"a/capture","state":"made","key":"{key}","seconds":1.5,"cores":2,"memory":3,"bytes":4,"host":"n1","job":null,"ended":"2026-01-02T03:04:05Z"}}"#
+        );
         let error =
             r#"{"level":"error","code":"step-failed","message":"a/base: no","scene":"a","step":"base"}"#;
         let text = format!("{made}\n{error}\n{}", &made[..40]);
         let steps = read_steps(&text);
         assert_eq!(steps.failures, BTreeMap::from([("a".to_owned(), "a/base: no".to_owned())]));
         assert_eq!(steps.finished, BTreeMap::from([("a".to_owned(), BTreeSet::from([Key(key)]))]));
+        let step = MadeStep {
+            step: "a/capture".to_owned(),
+            seconds: 1.5,
+            cores: 2.0,
+            memory: 3,
+            bytes: 4,
+            host: "n1".to_owned(),
+            job: String::new(),
+            ended: "2026-01-02T03:04:05Z".to_owned(),
+        };
+        assert_eq!((step.kind(), step.core_seconds()), ("capture", 3.0));
+        assert_eq!(steps.made, [step]);
         assert_eq!(read_steps("\0\0\0"), ReportedSteps::default());
     }
 }

@@ -3,11 +3,12 @@
 use super::ClusterError;
 use super::finished::SceneProgress;
 use super::queue::{LiveTask, TaskEnd, TaskId};
-use super::report::{ReportedSteps, TaskReport};
+use super::report::{MadeStep, ReportedSteps, TaskReport};
 use super::slurm::Slurm;
 use super::submission::Submission;
 use crate::store::{Digest, Key};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::path::Path;
 
 /// A scene whose state is asked.
@@ -44,6 +45,61 @@ pub enum SceneState {
     Failed(SceneFailure),
     /// No task has tried to build it.
     Open,
+}
+
+impl fmt::Display for SceneState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Done => f.write_str("done"),
+            Self::Running { task, node } => write!(f, "running {task} on {node}"),
+            Self::Queued { task, reason } => write!(f, "queued {task} ({reason})"),
+            Self::Failed(failure) => write!(f, "failed {}", failure.task),
+            Self::Open => f.write_str("open"),
+        }
+    }
+}
+
+/// Numbers of scenes by their state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StateCounts {
+    /// Number of done scenes.
+    pub done: usize,
+    /// Number of running scenes.
+    pub running: usize,
+    /// Number of queued scenes.
+    pub queued: usize,
+    /// Number of failed scenes.
+    pub failed: usize,
+    /// Number of open scenes.
+    pub open: usize,
+}
+
+impl StateCounts {
+    /// Counts the states.
+    pub fn of<'a>(states: impl IntoIterator<Item = &'a SceneState>) -> Self {
+        let mut counts = Self::default();
+        for state in states {
+            *match state {
+                SceneState::Done => &mut counts.done,
+                SceneState::Running { .. } => &mut counts.running,
+                SceneState::Queued { .. } => &mut counts.queued,
+                SceneState::Failed(_) => &mut counts.failed,
+                SceneState::Open => &mut counts.open,
+            } += 1;
+        }
+        counts
+    }
+}
+
+impl fmt::Display for StateCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { done, running, queued, failed, open } = self;
+        let all = done + running + queued + failed + open;
+        write!(
+            f,
+            "{all} scenes: done {done}, running {running}, queued {queued}, failed {failed}, open {open}"
+        )
+    }
 }
 
 /// Why a scene is not done.
@@ -121,6 +177,20 @@ impl ClusterView {
     pub fn live(&self) -> impl Iterator<Item = (&LiveTask, &Submission)> {
         let plan = |task: &LiveTask| self.plans.iter().find(|plan| plan.submission.name == task.name);
         self.live.iter().filter_map(move |task| Some((task, &plan(task)?.submission)))
+    }
+
+    /// Cores of the tasks that run.
+    #[must_use]
+    pub fn cores_at_work(&self) -> u64 {
+        let running = self.live().filter(|(task, _)| task.node.is_some());
+        running.map(|(_, submission)| u64::from(submission.plan.cores)).sum()
+    }
+
+    /// The steps that the tasks made, in the order of plans and tasks.
+    #[must_use]
+    pub fn steps_made(&self) -> Vec<MadeStep> {
+        let reports = self.plans.iter().flat_map(|plan| &plan.reports);
+        reports.flat_map(|report| report.steps().made).collect()
     }
 
     /// The state of a scene. `is_recorded` returns true for the key of a record in the shared store.

@@ -12,7 +12,6 @@ mod detail;
 mod embed;
 mod findings;
 mod gallery;
-mod html;
 mod maps;
 mod overview;
 mod path_views;
@@ -27,19 +26,15 @@ pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
 use super::facts::ReleaseFacts;
 use super::published::StoredPlaces;
 use crate::check::Finding;
+use crate::html::{HtmlFragment, write_page_head};
 use crate::licence::ComposedTerms;
 use crate::recipe::ReleaseInfo;
 use detail::DetailLevel;
-use html::HtmlFragment;
 use rayon::prelude::*;
 use section::{SceneEntry, SceneSection};
-use sha2::{Digest as _, Sha256};
 
 /// Name of the file.
 pub(super) const NAME: &str = "report.html";
-
-/// The style sheet.
-const STYLE: &str = include_str!("report/style.css");
 
 /// The page while it is written.
 struct ReportPage<'a> {
@@ -80,7 +75,7 @@ pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: S
     let parts: Vec<SceneSection> =
         page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
     HtmlFragment::whole_page(|html| {
-        html.within("head", &[], |html| write_head_of(html, &format!("{} {}", info.name, info.version)));
+        html.within("head", &[], |html| write_page_head(html, &format!("{} {}", info.name, info.version)));
         html.within("body", &[], |html| {
             overview::write_head(html, &page);
             html.within("main", &[], |html| {
@@ -108,26 +103,4 @@ fn write_each(html: &mut HtmlFragment, parts: &[SceneSection]) {
         html.leaf("h2", &[], "Pictures of each scene");
         parts.iter().for_each(|part| html.append(&part.section));
     });
-}
-
-/// Writes the content of a page's head.
-fn write_head_of(html: &mut HtmlFragment, title: &str) {
-    html.empty("meta", &[("charset", "utf-8")]);
-    // Before everything that it governs: a policy in a page holds for what follows it.
-    html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
-    html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
-    html.empty("meta", &[("name", "color-scheme"), ("content", "light dark")]);
-    html.empty("meta", &[("name", "referrer"), ("content", "no-referrer")]);
-    html.leaf("title", &[], title);
-    html.style(STYLE);
-}
-
-/// The page's policy: a browser may show its pictures and apply its one style sheet.
-fn content_policy() -> String {
-    // By its hash, so that no other style has an effect. `base-uri` and `form-action` do not follow
-    // `default-src`.
-    let style = embed::encode_base64(&Sha256::digest(STYLE.as_bytes()));
-    format!(
-        "default-src 'none'; style-src 'sha256-{style}'; img-src data:; base-uri 'none'; form-action 'none'"
-    )
 }

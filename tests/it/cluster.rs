@@ -73,6 +73,7 @@ fn lines_of_tasks_say_where_and_how_each_step_was_made() {
                     assert!(line["step"].as_str().unwrap().starts_with(&format!("{scene}/")), "{line}");
                     assert!(!line["host"].as_str().unwrap().is_empty(), "{line}");
                     assert_eq!(line["cores"], 1, "{line}");
+                    assert!(line["ended"].as_str().is_some_and(|time| time.ends_with('Z')), "{line}");
                     for number in ["seconds", "memory", "bytes"] {
                         assert!(line[number].as_f64().unwrap() >= 0.0, "{number} {line}");
                     }
@@ -83,6 +84,17 @@ fn lines_of_tasks_say_where_and_how_each_step_was_made() {
     let found: u64 = fake.status("").iter().map(|line| line["finished"].as_u64().unwrap()).sum();
     assert_eq!(found, steps);
     assert_eq!(jobs, BTreeSet::from(["101_1", "101_2", "101_3"].map(str::to_owned)));
+    // The page has the same numbers.
+    fake.ends(0, "status --shared-store shared --html status.html");
+    let page = fs::read_to_string(fake.place.path("status.html")).unwrap();
+    for wanted in [
+        "<strong>4 of 4</strong> scenes done".to_owned(),
+        format!("<strong>{steps} of {steps}</strong> steps finished"),
+        format!("<strong>{steps}</strong> steps made in the last hour"),
+        "<td>s0</td><td>done</td>".to_owned(),
+    ] {
+        assert!(page.contains(&wanted), "{wanted}\n{page}");
+    }
 }
 
 #[test]

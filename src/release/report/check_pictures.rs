@@ -4,10 +4,10 @@
 use super::ReportPage;
 use super::detail::DetailLevel;
 use super::findings::{is_fault, verdict_rank, worst_verdict, write_badge};
-use super::html::HtmlFragment;
 use super::section::{ReportTrajectory, write_image};
 use super::seen::tree_picture;
 use crate::check::{Finding, Verdict};
+use crate::html::HtmlFragment;
 
 /// Number of pictures that fit next to each other on a wide screen.
 const COLUMNS: usize = 4;

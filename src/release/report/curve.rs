@@ -1,6 +1,6 @@
 //! Plots of event rates and speeds over time, and the data of strokes.
 
-use super::html::HtmlFragment;
+use crate::html::HtmlFragment;
 use crate::trajectory::picture::{round_down, short_number};
 use std::fmt::Write as _;
 

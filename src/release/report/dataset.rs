@@ -3,9 +3,9 @@
 use super::curve::{PlotAxes, ReportCurve, draw_curves, stroke_path};
 use super::embed::EmbeddedPicture;
 use super::findings::{VerdictCount, write_table};
-use super::html::HtmlFragment;
 use crate::check::Finding;
 use crate::dataset::{AlignmentCurve, DatasetReport};
+use crate::html::{HtmlFragment, write_page_head};
 use crate::image::Image;
 use crate::trajectory::picture::short_number;
 
@@ -27,7 +27,7 @@ pub struct CaptionedPicture {
 #[must_use]
 pub fn compose_dataset_page(name: &str, report: &DatasetReport, pictures: &[CaptionedPicture]) -> String {
     HtmlFragment::whole_page(|html| {
-        html.within("head", &[], |html| super::write_head_of(html, name));
+        html.within("head", &[], |html| write_page_head(html, name));
         html.within("body", &[], |html| {
             html.within("header", &[], |html| {
                 html.leaf("h1", &[], name);

@@ -1,5 +1,6 @@
 //! Pictures inside the page: made small on the CPU, and written as `data:` addresses.
 
+use crate::html::encode_base64;
 use crate::image::{Image, jpeg, png, shrink};
 use std::io::Cursor;
 
@@ -42,43 +43,10 @@ impl EmbeddedPicture {
     }
 }
 
-/// Base 64 with padding (RFC 4648, section 4).
-pub(super) fn encode_base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for group in bytes.chunks(3) {
-        // A short last group fills the upper part of its 24 bits.
-        let word =
-            group.iter().fold(0u32, |word, byte| word << 8 | u32::from(*byte)) << (8 * (3 - group.len()));
-        for place in 0..4 {
-            let digit = DIGITS[(word >> (18 - 6 * place) & 63) as usize];
-            out.push(if place <= group.len() { char::from(digit) } else { '=' });
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::image::Size;
-
-    #[test]
-    fn base64_is_that_of_the_standard() {
-        // RFC 4648, section 10.
-        for (bytes, wanted) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(encode_base64(bytes.as_bytes()), wanted);
-        }
-        assert_eq!(encode_base64(&[0xfb, 0xff, 0xfe]), "+//+");
-    }
 
     #[test]
     fn drawings_stay_exact_and_views_become_small() {

@@ -1,7 +1,7 @@
 //! Findings of checks: counts of verdicts, and tables of statements with faults first.
 
-use super::html::HtmlFragment;
 use crate::check::{Finding, Verdict};
+use crate::html::HtmlFragment;
 use crate::trajectory::picture::short_number;
 
 /// The verdicts, the worst first.

@@ -6,10 +6,10 @@
 
 use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
-use super::html::HtmlFragment;
 use super::path_views::{self, VIEW};
 use super::section::{ReportTrajectory, write_image};
 use super::seen::{self, ShownPicture, ShownStream};
+use crate::html::HtmlFragment;
 use crate::release::products;
 use crate::release::published::PublishedTrajectory;
 use crate::release::scene::{QuantityExtent, TrajectoryStatistics};

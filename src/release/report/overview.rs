@@ -10,9 +10,9 @@ pub(super) use verdicts::{not_run, write_checks};
 
 use super::ReportPage;
 use super::findings::{VerdictCount, write_heads};
-use super::html::HtmlFragment;
 use super::section::{self, SceneSection, counted_noun, file_link, number_span, on_share, thousands_number};
 use crate::check::Verdict;
+use crate::html::HtmlFragment;
 use crate::release::TOOL;
 use crate::release::products::{self, ReleaseProduct};
 use std::collections::BTreeSet;

@@ -1,7 +1,7 @@
 //! The path of a trajectory as seen from above and from the side.
 
 use super::curve::stroke_path;
-use super::html::HtmlFragment;
+use crate::html::HtmlFragment;
 use crate::trajectory::picture::PathSketch;
 
 /// Size of a view of the path, px.

@@ -3,10 +3,10 @@
 use super::ReportPage;
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
-use super::html::{HtmlFragment, link_address};
 use super::seen::tree_picture;
 use super::trajectory;
 use crate::check::{Finding, Verdict};
+use crate::html::{HtmlFragment, link_address};
 use crate::release::layout;
 use crate::release::products::{self, ReleaseProduct};
 use crate::release::published::{PublishedScene, PublishedTrajectory};

@@ -3,8 +3,8 @@
 use super::ReportPage;
 use super::check_pictures::write_check_pictures;
 use super::gallery::write_gallery;
-use super::html::HtmlFragment;
 use super::section::{self, ReportTrajectory, file_link, on_share, thousands_number};
+use crate::html::HtmlFragment;
 use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
 use crate::trajectory::picture::short_number;
 use std::fmt::Write as _;

@@ -1,9 +1,9 @@
 //! The outputs that are absent, and the work that was skipped.
 
+use crate::html::HtmlFragment;
 use crate::release::left_out::OmissionRow;
 use crate::release::report::ReportPage;
 use crate::release::report::findings::write_heads;
-use crate::release::report::html::HtmlFragment;
 use crate::release::report::section::{self, counted_noun, thousands_number};
 use std::collections::BTreeMap;
 

@@ -1,9 +1,9 @@
 //! The table of checks, the faults, and the statements that did not run.
 
 use crate::check::{self, Finding, FindingSubject, Verdict};
+use crate::html::HtmlFragment;
 use crate::release::report::ReportPage;
 use crate::release::report::findings::{self, VerdictCount, write_badge, write_heads};
-use crate::release::report::html::HtmlFragment;
 use crate::release::report::section::{counted_noun, section_link, thousands_number};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -3,18 +3,23 @@
 //! strict reader can judge it.
 
 use crate::escape::{is_hidden, is_noncharacter};
+use ct_codecs::{Base64, Encoder as _};
+use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
+
+/// The style sheet of all pages.
+const STYLE: &str = include_str!("html/style.css");
 
 /// Names and values of attributes. Names are written in this program; values may have any source.
 type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// A piece of a page under construction.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub(super) struct HtmlFragment(String);
+pub(crate) struct HtmlFragment(String);
 
 impl HtmlFragment {
     /// A whole page.
-    pub(super) fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
+    pub(crate) fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
         let mut page = Self("<!DOCTYPE html>\n".to_owned());
         page.within("html", &[("lang", "en")], inside);
         page.0.push('\n');
@@ -22,7 +27,7 @@ impl HtmlFragment {
     }
 
     /// An element and its content.
-    pub(super) fn within(
+    pub(crate) fn within(
         &mut self,
         tag: &'static str,
         attributes: Attributes<'_>,
@@ -39,22 +44,22 @@ impl HtmlFragment {
     }
 
     /// An element with nothing but text in it.
-    pub(super) fn leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+    pub(crate) fn leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
         self.within(tag, attributes, |html| html.text(words));
     }
 
     /// An element that has no content: `img`, `meta`, and the shapes of a picture.
-    pub(super) fn empty(&mut self, tag: &'static str, attributes: Attributes<'_>) {
+    pub(crate) fn empty(&mut self, tag: &'static str, attributes: Attributes<'_>) {
         self.open(tag, attributes, "/>");
     }
 
     /// Text.
-    pub(super) fn text(&mut self, words: &str) {
+    pub(crate) fn text(&mut self, words: &str) {
         escape_text(words, &mut self.0);
     }
 
     /// Text in which a pair of backticks encloses code. A backtick without a partner stays as it is.
-    pub(super) fn prose(&mut self, words: &str) {
+    pub(crate) fn prose(&mut self, words: &str) {
         let mut pieces = words.split('`').peekable();
         let mut is_code = false;
         while let Some(piece) = pieces.next() {
@@ -68,23 +73,23 @@ impl HtmlFragment {
     }
 
     /// An element with nothing but prose in it.
-    pub(super) fn prose_leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+    pub(crate) fn prose_leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
         self.within(tag, attributes, |html| html.prose(words));
     }
 
     /// A table, in a box of its own that scrolls where the table is wider than the screen.
-    pub(super) fn table(&mut self, class: &'static str, inside: impl FnOnce(&mut Self)) {
+    pub(crate) fn table(&mut self, class: &'static str, inside: impl FnOnce(&mut Self)) {
         self.within("div", &[("class", "scroll")], |html| html.within("table", &[("class", class)], inside));
     }
 
     /// The style sheet, which is part of this program and holds nothing that would need an escape.
-    pub(super) fn style(&mut self, sheet: &'static str) {
+    pub(crate) fn style(&mut self, sheet: &'static str) {
         assert!(!sheet.contains(['<', '&']), "a style sheet cannot be escaped");
         self.within("style", &[], |html| html.0.push_str(sheet));
     }
 
     /// Appends another piece.
-    pub(super) fn append(&mut self, piece: &Self) {
+    pub(crate) fn append(&mut self, piece: &Self) {
         self.0.push_str(&piece.0);
     }
 
@@ -101,6 +106,34 @@ impl HtmlFragment {
         }
         self.0.push_str(end);
     }
+}
+
+/// Writes the head of a page: its title, the style sheet, and a policy that forbids the browser
+/// everything else.
+pub(crate) fn write_page_head(html: &mut HtmlFragment, title: &str) {
+    html.empty("meta", &[("charset", "utf-8")]);
+    // Before everything that it governs: a policy in a page holds for what follows it.
+    html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
+    html.empty("meta", &[("name", "viewport"), ("content", "width=device-width, initial-scale=1")]);
+    html.empty("meta", &[("name", "color-scheme"), ("content", "light dark")]);
+    html.empty("meta", &[("name", "referrer"), ("content", "no-referrer")]);
+    html.leaf("title", &[], title);
+    html.style(STYLE);
+}
+
+/// The page's policy: a browser may show its pictures and apply its one style sheet.
+fn content_policy() -> String {
+    // By its hash, so that no other style has an effect. `base-uri` and `form-action` do not follow
+    // `default-src`.
+    let style = encode_base64(&Sha256::digest(STYLE.as_bytes()));
+    format!(
+        "default-src 'none'; style-src 'sha256-{style}'; img-src data:; base-uri 'none'; form-action 'none'"
+    )
+}
+
+/// Base 64 with padding (RFC 4648, section 4).
+pub(crate) fn encode_base64(bytes: &[u8]) -> String {
+    Base64::encode_to_string(bytes).expect("the text fits into memory")
 }
 
 /// Elements after which a line ends, for readers of the source.
@@ -138,7 +171,7 @@ fn escape_text(words: &str, out: &mut String) {
 
 /// A path below the page's folder as an address. Every byte that could mean anything there is
 /// percent-encoded.
-pub(super) fn link_address(path: &str) -> String {
+pub(crate) fn link_address(path: &str) -> String {
     path.bytes().fold(String::with_capacity(path.len()), |mut out, byte| {
         match byte {
             // Without the colon, since `javascript:x` would be an address of its own.
