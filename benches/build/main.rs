@@ -107,6 +107,7 @@ fn measure(options: &Options) -> Outcome<Vec<String>> {
         let [series] = interleave(runs, &[Contender::still(|| ours.gs2e(args))])?;
         println!("{label:8} gs2e   {}", series.line());
     }
+    shared_store(&ours, runs)?;
     growth(root, &ours, options)?;
     with_events(root, options)?;
     dataset::measure(root, scenes)?;
@@ -156,6 +157,23 @@ fn compare(
     let peak = own.peak_mb();
     let large = (!change && peak > MEMORY_LIMIT_MB).then(|| format!("{label}: a peak of {peak:.0} MB"));
     Ok(slow.into_iter().chain(large).collect())
+}
+
+/// Measures a build that gives all of its steps to a shared store, a no-op with and without that store, and a
+/// build with an empty store of its own.
+fn shared_store(ours: &Ours, runs: usize) -> Outcome {
+    let sharing = ["build", "-q", "--shared-store", "shared"];
+    let steps = 4 * ours.scenes;
+    println!("shared   gs2e   gives  {}", series::timed(ours.gs2e(&sharing))?.each(steps));
+    let contenders =
+        [Contender::still(|| ours.gs2e(&["build", "-q"])), Contender::still(|| ours.gs2e(&sharing))];
+    let [alone, shared] = interleave(runs, &contenders)?;
+    println!("shared   gs2e   no-op  {}", shared.line());
+    let [best, median] = [shared.min() / alone.min(), shared.median() / alone.median()];
+    println!("shared   ratio  to a no-op without it: of minima {best:.2}, of medians {median:.2}");
+    let takes = ["build", "-q", "--shared-store", "shared", "--store", "empty"];
+    println!("shared   gs2e   takes  {}", series::timed(ours.gs2e(&takes))?.each(steps));
+    Ok(())
 }
 
 /// Measures the work of a changed recipe's steps, to be subtracted from the time of a changed

@@ -67,7 +67,7 @@ pub(super) struct TrustOptions {
     /// Sync of files to disk: in batches, or each before the next
     #[arg(long, value_enum, default_value_t = SyncArg::Batch)]
     sync: SyncArg,
-    /// Copy steps from and to this folder, which the builds of several machines share
+    /// Copy steps from and to this folder, or s3://BUCKET/PREFIX, which the builds of several machines share
     #[arg(long, value_name = "DIR")]
     pub(super) shared_store: Option<PathBuf>,
     /// Treat a warning of a check as a fault: exit 3, and release nothing

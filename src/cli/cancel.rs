@@ -23,6 +23,7 @@ pub(super) struct CancelArgs {
 impl CancelArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.targets.resolve()?;
+        self.targets.require_folder()?;
         self.targets.require_store()?;
         let slurm = Slurm::new(common.programs());
         slurm.require()?;

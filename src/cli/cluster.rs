@@ -14,7 +14,7 @@ use crate::plan::Plan;
 use crate::plan::survey::plan_all;
 use crate::recipe::Recipe;
 use crate::run::backends::RendererChoice;
-use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
+use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions, is_bucket};
 use std::path::{Path, PathBuf};
 
 /// The scenes that a verb is about, and the store that their tasks share.
@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ClusterTargets {
     #[command(flatten)]
     pub(super) targets: RecipeTargets,
-    /// Folder that the tasks share
+    /// Folder that the tasks share; `status` also takes a bucket, s3://BUCKET/PREFIX
     #[arg(long, value_name = "DIR")]
     pub(super) shared_store: PathBuf,
 }
@@ -50,17 +50,28 @@ impl ClusterTargets {
     pub(super) fn resolve(&mut self) -> Result<(), VerbError> {
         self.targets.resolve()?;
         self.targets.recipes.iter_mut().try_for_each(make_absolute)?;
-        make_absolute(&mut self.shared_store)
+        if is_bucket(&self.shared_store) { Ok(()) } else { make_absolute(&mut self.shared_store) }
     }
 
     /// Refuses a folder that is no shared store.
     pub(super) fn require_store(&self) -> Result<(), VerbError> {
-        if is_there(&self.shared_store.join("VERSION")) {
+        // A bucket answers when the store is opened.
+        if is_bucket(&self.shared_store) || is_there(&self.shared_store.join("VERSION")) {
             return Ok(());
         }
         let what = format!("there is no shared store in {}", self.shared_store.display());
         Err(VerbError::usage("no-shared-store", what)
             .help("gs2e submit and gs2e build --shared-store make one"))
+    }
+
+    /// Refuses a bucket: plans and results of tasks are files in a folder.
+    pub(super) fn require_folder(&self) -> Result<(), VerbError> {
+        if !is_bucket(&self.shared_store) {
+            return Ok(());
+        }
+        let what = format!("{} is not a folder", self.shared_store.display());
+        Err(VerbError::usage("not-shared", what)
+            .help("in a bucket, start gs2e build --shard I/N --shared-store s3://… once per task"))
     }
 
     /// Looks at the recipes, both stores and the batch system.
@@ -168,41 +179,4 @@ pub(super) fn failure_message(scene: &str, failure: &SceneFailure) -> UserMessag
     }
     let message = message.detail("the last lines of its log:");
     last.iter().fold(message, |message, line| message.detail(format!("  {line}")))
-}
-
-/// Numbers of scenes by their state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct StateCounts {
-    pub(super) done: usize,
-    pub(super) running: usize,
-    pub(super) queued: usize,
-    pub(super) failed: usize,
-    pub(super) open: usize,
-}
-
-impl StateCounts {
-    pub(super) fn of(states: &[SceneState]) -> Self {
-        let mut counts = Self::default();
-        for state in states {
-            *match state {
-                SceneState::Done => &mut counts.done,
-                SceneState::Running { .. } => &mut counts.running,
-                SceneState::Queued { .. } => &mut counts.queued,
-                SceneState::Failed(_) => &mut counts.failed,
-                SceneState::Open => &mut counts.open,
-            } += 1;
-        }
-        counts
-    }
-}
-
-impl std::fmt::Display for StateCounts {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { done, running, queued, failed, open } = self;
-        let all = done + running + queued + failed + open;
-        write!(
-            f,
-            "{all} scenes: done {done}, running {running}, queued {queued}, failed {failed}, open {open}"
-        )
-    }
 }

@@ -171,6 +171,8 @@ impl From<StoreError> for VerbError {
             StoreError::Nondeterministic(_) | StoreError::SharedMismatch(_) => {
                 Self::failed("nondeterministic", message)
             }
+            StoreError::Unshareable { help, .. } => Self::usage("not-shared", message).help(help),
+            StoreError::Bucket { .. } => Self::failed("shared-store", format!("failed {message}")),
             StoreError::Io { .. } | StoreError::State { .. } => {
                 Self::failed("store", format!("failed {message}"))
             }

@@ -25,14 +25,19 @@ pub(super) struct FinishedBlob {
     path: PathBuf,
 }
 
+/// The name of a blob below a store.
+pub(super) fn blob_name(digest: &Digest) -> String {
+    let name = digest.to_string();
+    format!("cas/{}/{name}", &name[..2])
+}
+
 impl BlobFolders {
     pub(super) fn new(root: &Path, disk: StoreDisk) -> Self {
         Self { root: root.to_owned(), disk, next: AtomicU64::new(0), replacing: Mutex::new(()) }
     }
 
     pub(super) fn path(&self, digest: &Digest) -> PathBuf {
-        let name = digest.to_string();
-        self.root.join("cas").join(&name[..2]).join(&name)
+        self.root.join(blob_name(digest))
     }
 
     /// A name in `tmp/` or `trash/` that is not in use.

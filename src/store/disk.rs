@@ -153,6 +153,8 @@ impl StoreDisk {
         match retry_interrupted(|| self.fs.link(from, to)) {
             Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(disk_error("syncing", to)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
+            // A network file system may report another error for a name that is taken: SFTP has none for it.
+            Err(_) if self.stat(to).is_ok() => Ok(false),
             Err(e) => Err(disk_error("publishing", to)(e)),
         }
     }

@@ -57,6 +57,26 @@ pub enum StoreError {
         /// Cause.
         source: std::io::Error,
     },
+    /// A request to a bucket failed.
+    #[error("{doing} {place}: {because}")]
+    Bucket {
+        /// The operation.
+        doing: &'static str,
+        /// The object, or the bucket.
+        place: String,
+        /// Cause.
+        because: String,
+    },
+    /// A bucket cannot be used as a shared store.
+    #[error("{place} cannot be a shared store: {because}")]
+    Unshareable {
+        /// The bucket.
+        place: String,
+        /// Cause.
+        because: String,
+        /// What to do.
+        help: &'static str,
+    },
     /// The clocks of machines differ too much to tell the age of files.
     #[error(
         "the times of files in {} differ by {seconds} s from the clock of this machine", path.display()

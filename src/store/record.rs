@@ -113,8 +113,13 @@ impl StepRecord {
     }
 
     pub(super) fn record_path(root: &Path, key: &Key) -> PathBuf {
+        root.join(Self::record_name(key))
+    }
+
+    /// The name of the file below a store.
+    pub(super) fn record_name(key: &Key) -> String {
         let name = key.to_string();
-        root.join("ac").join(&name[..2]).join(format!("{name}.json"))
+        format!("ac/{}/{name}.json", &name[..2])
     }
 
     /// The part of the record for the index.
@@ -148,9 +153,13 @@ impl StepRecord {
     /// The record of a key; `None` if it is absent. A torn or altered record, and one of another
     /// format, counts as absent.
     pub(super) fn read(root: &Path, disk: &StoreDisk, key: &Key) -> Result<Option<Self>, StoreError> {
-        let Some(bytes) = disk.read_optional(&Self::record_path(root, key))? else { return Ok(None) };
-        // A sound record under the name of another key counts as absent.
-        Ok(Self::parse(&bytes).filter(|record| record.key == *key))
+        let bytes = disk.read_optional(&Self::record_path(root, key))?;
+        Ok(bytes.and_then(|bytes| Self::parse_of(&bytes, key)))
+    }
+
+    /// The record in the file of a key. A sound record of another key counts as absent.
+    pub(super) fn parse_of(bytes: &[u8], key: &Key) -> Option<Self> {
+        Self::parse(bytes).filter(|record| record.key == *key)
     }
 
     fn parse(bytes: &[u8]) -> Option<Self> {

@@ -1,46 +1,42 @@
-//! A folder that the stores of several machines share: `VERSION`, `cas/` and `ac/` as in a store, and
-//! `tmp/`.
+//! A folder or a bucket that the stores of several machines share: `VERSION`, `cas/` and `ac/` as in a
+//! store.
 //!
-//! Files appear whole, by a link to a finished one, and never change: the first writer wins. There is no
-//! lock, no counter and no database, because those fail on network file systems. A folder that is seen
-//! late by a cache of the file system costs a copy, and nothing else. Nobody trusts the bytes: whoever
-//! takes a file compares it with its name.
+//! Files appear whole and never change: the first writer wins. There is no lock, no counter and no database,
+//! because those fail on network file systems. A file that is seen late by a cache of the file system costs a
+//! copy, and nothing else. Nobody trusts the bytes: whoever takes a file compares it with its name.
 
+#[cfg(feature = "s3")]
+mod bucket;
+mod folder;
 mod gc;
+mod medium;
+mod place;
 
 pub use gc::{SharedSweep, SharedSwept, sweep_shared};
+pub use place::is_bucket;
 
-use super::blob::BlobFolders;
-use super::disk::{StoreDisk, disk_error, is_absent};
-use super::fs::SystemFs;
+use super::blob::blob_name;
 use super::record::{RecordSummary, StepRecord, StoredOutput};
-use super::{Digest, FORMAT, Key, Store, StoreError};
+use super::{Digest, Key, Store, StoreError};
+use medium::{SharedBytes, SharedMedium, read_record};
 use std::collections::BTreeSet;
 use std::fmt;
-use std::path::{Component, Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
-use tempfile::TempDir;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
-/// A shared folder, open for reading and writing.
+/// A shared store, open for reading and writing.
 #[derive(Debug)]
 pub(super) struct SharedStore {
-    root: PathBuf,
-    disk: StoreDisk,
-    blobs: BlobFolders,
-    /// A folder below `tmp/` that no other process has: machines may have equal process ids. `None` for a
-    /// reader.
-    own: Option<TempDir>,
-    next: AtomicU64,
+    medium: Box<dyn SharedMedium>,
     /// Files that are lost, or have other bytes than their name says. Sound ones take their place.
     damaged: Mutex<BTreeSet<Digest>>,
 }
 
-/// Different outputs of one key, in the shared folder and on this machine.
+/// Different outputs of one key, in the shared store and on this machine.
 #[derive(Debug)]
 pub struct SharedMismatch {
-    /// The shared folder.
-    pub shared: PathBuf,
+    /// The shared store.
+    pub shared: String,
     /// The record that was there first.
     pub first: StepRecord,
     /// The record of this machine.
@@ -54,48 +50,20 @@ impl fmt::Display for SharedMismatch {
         write!(
             f,
             "{} has other outputs of key {} than this machine: {file} differs",
-            self.shared.display(),
-            self.own.key
+            self.shared, self.own.key
         )
     }
 }
 
 impl SharedStore {
-    /// Opens a shared folder for reading.
+    /// Opens a shared store for reading.
     pub(super) fn open_for_reading(root: &Path) -> Result<Self, StoreError> {
-        // Each file is synced before others can see it, whatever the own store does.
-        let disk = StoreDisk::new(Arc::new(SystemFs), true);
-        disk.check_format(root, FORMAT, false)?;
-        if crate::files::is_there(&root.join("lock")) {
-            return Err(StoreError::NotShared { path: root.to_owned() });
-        }
-        let (next, damaged) = (AtomicU64::new(0), Mutex::default());
-        let blobs = BlobFolders::new(root, disk.clone());
-        Ok(Self { root: root.to_owned(), blobs, disk, own: None, next, damaged })
+        Ok(Self { medium: place::open_for_reading(root)?, damaged: Mutex::default() })
     }
 
-    /// Opens a shared folder, and creates it if it is absent.
+    /// Opens a shared store, and creates it if it is absent.
     pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
-        let mut shared = Self::open_for_reading(root)?;
-        for folder in ["cas", "ac", "tmp"] {
-            shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
-        }
-        let tmp = root.join("tmp");
-        let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
-        shared.own = Some(own.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
-        let version = root.join("VERSION");
-        if !crate::files::is_there(&version) {
-            // Another process may do the same at this moment.
-            let own = shared.fresh();
-            shared.disk.write(&own, format!("{FORMAT}\n").as_bytes())?;
-            shared.publish(&own, &version)?;
-        }
-        Ok(shared)
-    }
-
-    fn fresh(&self) -> PathBuf {
-        let own = self.own.as_ref().expect("a reader writes nothing");
-        own.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
+        Ok(Self { medium: place::open(root)?, damaged: Mutex::default() })
     }
 
     fn damaged(&self) -> std::sync::MutexGuard<'_, BTreeSet<Digest>> {
@@ -103,24 +71,13 @@ impl SharedStore {
     }
 
     fn record(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
-        let record = StepRecord::read(&self.root, &self.disk, key)?;
-        // A name that leads out of a folder was not written by this program.
-        Ok(record.filter(|record| record.outputs.iter().all(|output| stays_inside(&output.name))))
-    }
-
-    /// Copies an output to a new file. Returns `false` if it is not there.
-    fn take(&self, output: &StoredOutput, to: &Path) -> Result<bool, StoreError> {
-        let from = self.blobs.path(&output.digest);
-        match self.disk.stat(&from) {
-            Ok(_) => self.disk.copy(&from, to).map(|()| true),
-            Err(e) if is_absent(&e) => Ok(false),
-            Err(e) => Err(disk_error("reading", &from)(e)),
-        }
+        read_record(self.medium.as_ref(), key)
     }
 
     /// Publishes a record and its outputs, whose files are at `path_of`.
     fn offer(&self, record: &StepRecord, path_of: &dyn Fn(&Digest) -> PathBuf) -> Result<Offer, StoreError> {
-        self.mark_used(&record.key)?;
+        let name = StepRecord::record_name(&record.key);
+        self.medium.mark_used(&name)?;
         if let Some(first) = self.record(&record.key)? {
             let is_damaged = |output: &&StoredOutput| self.damaged().contains(&output.digest);
             let damaged: Vec<&StoredOutput> = record.outputs.iter().filter(is_damaged).collect();
@@ -130,70 +87,43 @@ impl SharedStore {
         }
         record.outputs.iter().try_for_each(|output| self.put(output, &path_of(&output.digest)))?;
         // After the files, so that no record names bytes that are not there.
-        let (from, to) = (self.fresh(), StepRecord::record_path(&self.root, &record.key));
-        self.disk.write(&from, &record.to_bytes())?;
-        if !self.publish(&from, &to)? {
-            // Another machine was faster, or a damaged record has the name.
-            if let Some(first) = self.record(&record.key)? {
-                return Ok(Offer::Known(first));
+        let bytes = record.to_bytes();
+        if !self.medium.publish(SharedBytes::Memory(&bytes), &name)? {
+            match self.record(&record.key)? {
+                // The answer to an earlier attempt of this machine was lost.
+                Some(first) if first.to_bytes() == bytes => {}
+                // Another machine was faster.
+                Some(first) => return Ok(Offer::Known(first)),
+                // A damaged record has the name.
+                None => self.medium.replace(SharedBytes::Memory(&bytes), &name)?,
             }
-            self.disk.write(&from, &record.to_bytes())?;
-            self.disk.rename(&from, &to)?;
         }
         // A file that was there before may have been unused for long, and a collection that did not see the
         // record may have moved it away.
         for output in &record.outputs {
-            let stored = self.blobs.path(&output.digest);
-            if self.disk.stat(&stored).is_err_and(|e| is_absent(&e)) {
+            if self.medium.is_gone(&blob_name(&output.digest)) {
                 self.put(output, &path_of(&output.digest))?;
             }
         }
         Ok(Offer::New)
     }
 
-    /// Sets the time of the last use of a record, by the clock of the file system. A collection keeps what
-    /// was used lately.
-    fn mark_used(&self, key: &Key) -> Result<(), StoreError> {
-        let path = StepRecord::record_path(&self.root, key);
-        match self.disk.touch(&path) {
-            // A user outside the group may read only. The record then looks unused, which costs work if it is
-            // collected, and nothing else.
-            Err(e) if is_absent(&e) || is_refused(&e) => Ok(()),
-            done => done.map_err(disk_error("touching", &path)),
-        }
-    }
-
     fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
-        let to = self.blobs.path(&output.digest);
-        // Bytes without a record are rare, and may be those of a machine that lost its power.
-        let is_sound = || self.disk.digest(&to).is_ok_and(|found| found == output.digest);
-        let from = self.fresh();
-        if !is_sound() {
-            self.disk.copy(own, &from)?;
-            if !self.publish(&from, &to)? && !is_sound() {
-                self.disk.copy(own, &from)?;
-                self.disk.rename(&from, &to)?;
-            }
+        let StoredOutput { digest, size, .. } = output;
+        let name = blob_name(digest);
+        let is_sound = || !self.damaged().contains(digest) && self.medium.is_sound(&name, digest, *size);
+        if !is_sound() && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound() {
+            self.medium.replace(SharedBytes::File(own), &name)?;
         }
-        self.damaged().remove(&output.digest);
+        self.damaged().remove(digest);
         Ok(())
-    }
-
-    /// Gives a finished file its name, if nobody else has. Returns `false` if the name is taken.
-    fn publish(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
-        if let Some(folder) = to.parent() {
-            self.disk.create_dir(folder)?;
-        }
-        let is_ours = self.disk.link_new(from, to)?;
-        self.disk.remove(from)?;
-        Ok(is_ours)
     }
 }
 
-/// Result of an offer to the shared folder.
+/// Result of an offer to the shared store.
 #[derive(Debug)]
 enum Offer {
-    /// The folder had no record of this key.
+    /// It had no record of this key.
     New,
     /// It had a record whose files were damaged, and has sound files now.
     Repaired(StepRecord),
@@ -201,29 +131,8 @@ enum Offer {
     Known(StepRecord),
 }
 
-/// Names the error of a user who may not write.
-fn not_permitted(error: StoreError) -> StoreError {
-    match error {
-        StoreError::Io { path, source, .. } if is_refused(&source) => {
-            StoreError::NotPermitted { path, source }
-        }
-        other => other,
-    }
-}
-
-/// Returns true if the system refused an operation.
-fn is_refused(error: &std::io::Error) -> bool {
-    use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
-    matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
-}
-
-/// Returns true for a name of a file below a folder.
-fn stays_inside(name: &str) -> bool {
-    !name.is_empty() && Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
-}
-
 impl Store {
-    /// Takes the outputs of a key from the shared folder. `None` if there is no such folder, or it lacks
+    /// Takes the outputs of a key from the shared store. `None` if there is no such store, or it lacks
     /// them, or they are damaged there.
     ///
     /// # Errors
@@ -231,7 +140,7 @@ impl Store {
     pub fn adopt(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
         let Some(shared) = &self.shared else { return Ok(None) };
         // Before it is read: a collection that moves it away sees this, and puts it back.
-        shared.mark_used(key)?;
+        shared.medium.mark_used(&StepRecord::record_name(key))?;
         let Some(record) = shared.record(key)? else { return Ok(None) };
         let workspace = self.workspace()?;
         let mut wrong = Vec::new();
@@ -240,7 +149,7 @@ impl Store {
             if let Some(folder) = to.parent() {
                 self.disk.create_dir(folder)?;
             }
-            if !shared.take(output, &to)? {
+            if !shared.medium.take(&blob_name(&output.digest), output.size, &to)? {
                 wrong.push(output.digest);
             }
         }
@@ -255,7 +164,7 @@ impl Store {
         Ok(Some(record))
     }
 
-    /// Offers the outputs of a key to the shared folder, if there is one and it lacks them. Returns true if
+    /// Offers the outputs of a key to the shared store, if there is one and it lacks them. Returns true if
     /// it had them.
     ///
     /// # Errors
@@ -265,14 +174,14 @@ impl Store {
         let Some(own) = self.full_record(key)? else { return Ok(false) };
         match shared.offer(&own, &|digest| self.path_of(digest))? {
             Offer::Known(first) | Offer::Repaired(first) if first.outputs != own.outputs => {
-                let shared = shared.root.clone();
+                let shared = shared.medium.place();
                 Err(StoreError::SharedMismatch(Box::new(SharedMismatch { shared, first, own })))
             }
             offer => Ok(matches!(offer, Offer::Known(_))),
         }
     }
 
-    /// The record of a key in the shared folder. Its files may be lost or damaged there: only
+    /// The record of a key in the shared store. Its files may be lost or damaged there: only
     /// [`Store::adopt`] reads them.
     ///
     /// # Errors

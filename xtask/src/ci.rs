@@ -12,9 +12,11 @@ type Step = (&'static str, fn() -> Outcome);
 const STEPS: [Step; 11] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
-        // `--all-targets` does not include targets that plain `cargo test` leaves out.
+        // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature is
+        // compiled here alone.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
-        cargo(&["clippy", "--quiet", "--all-targets"]).args(PACKAGES).args(by_name).run()
+        let all = ["clippy", "--quiet", "--all-targets", "--features", "gs2e/s3"];
+        cargo(&all).args(PACKAGES).args(by_name).run()
     }),
     ("tests", || suite::run(&[])),
     ("faults", faults::short),

@@ -1,10 +1,11 @@
 //! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
-//! power | sound | slurm | network | consumers | docs | man | manifest | python | container`.
+//! power | sound | slurm | network | bucket | consumers | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
 
 mod bombs;
+mod bucket;
 mod check_bench;
 mod ci;
 mod command;
@@ -21,6 +22,7 @@ mod pass_bench;
 mod power;
 mod python;
 mod report;
+mod shards;
 mod slurm;
 mod sound;
 mod suite;
@@ -63,6 +65,8 @@ usage: cargo xtask <task>
                      `--tasks N`, `--program FILE`; needs Debian's slurm-wlm and munge)
   network [ARGS]...  eight processes with one shared store on two mounts of a network file system, sshfs (`--scenes N`,
                      `--program FILE`; needs Debian's sshfs and openssh-sftp-server)
+  bucket [ARGS]...   eight processes with one shared store in a bucket, moto, whose requests fail in many ways (`--scenes N`,
+                     `--program FILE` with the feature s3, `--python FILE` with `moto[server]`)
   consumers --with PATH [ARGS]...
                      reads an export of the demo with the loader of a clone that you have (`--as FORMAT`, `--release DIR` of a
                      release that is there, `--program FILE`, `--python FILE`)
@@ -100,6 +104,7 @@ fn main() -> ExitCode {
         (Some("power"), args) => power::run(args),
         (Some("slurm"), args) => slurm::run(args),
         (Some("network"), args) => network::run(args),
+        (Some("bucket"), args) => bucket::run(args),
         (Some("consumers"), args) => consumers::run(args),
         (Some("sound"), args) => sound::run(args),
         (Some("docs"), []) => suite::rewrite_docs(),

@@ -4,37 +4,25 @@
 //! It needs no daemon: the server of SFTP runs on this machine, for each mount. Debian: `apt install sshfs
 //! openssh-sftp-server`.
 
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, say};
 use crate::folder::Folder;
+use crate::shards::{PROCESSES, ShardPlace};
 use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 
-const PROCESSES: usize = 8;
 const SERVER: &str = "/usr/lib/openssh/sftp-server";
 
 /// Runs it: `--scenes N` (80), `--program FILE` (built in release mode).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let scenes = value("--scenes").map_or(Ok(80), |text| text.parse());
-    let scenes: usize = scenes.map_err(|_| "--scenes takes a number")?;
     if !Path::new(SERVER).exists() || !program(OsStr::new("which"), &["sshfs"]).succeeds() {
         return Err(
             "sshfs is not installed, and nothing ran: apt install sshfs openssh-sftp-server".to_owned()
         );
     }
-    let gs2e = match value("--program") {
-        Some(path) => std::path::absolute(path).map_err(|e| format!("{path}: {e}"))?,
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
     let folder = Folder::new("network")?;
-    let place = Place { folder: folder.path().to_owned(), gs2e };
-    place.write_recipes(scenes)?;
-    let _mounts = [Mount::new(&place.folder, "a")?, Mount::new(&place.folder, "b")?];
+    let place = ShardPlace::new(folder.path(), args)?;
+    let _mounts = [Mount::new(folder.path(), "a")?, Mount::new(folder.path(), "b")?];
     place.ok("release recipes --store alone --to one")?;
     // Each its share, half of them on each mount.
     let first = place
@@ -47,22 +35,11 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if second.made > 0 {
         return Err("a mount did not show what the other one had".to_owned());
     }
-    place.release("b/shared", "other")
-}
-
-/// Numbers of steps of all processes together.
-#[derive(Default)]
-struct Steps {
-    made: usize,
-    twice: usize,
-    adopted: usize,
-}
-
-impl std::fmt::Display for Steps {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { made, twice, adopted } = self;
-        write!(f, "made {made}, of these at the same time as another {twice}, adopted {adopted}")
-    }
+    place.release("b/shared", "other")?;
+    // All of them the same scenes at the same time, in a new shared store.
+    let third = place.all("third", |i| (["a/race", "b/race"][i % 2], String::new()))?;
+    say(&format!("all scenes by each of them at the same time: {third}"));
+    place.release("a/race", "raced")
 }
 
 /// A mount of the folder `server`, unmounted on drop.
@@ -89,85 +66,5 @@ impl Drop for Mount {
         if let Err(why) = program(OsStr::new("fusermount"), &[OsStr::new("-u"), self.0.as_os_str()]).run() {
             say(&why);
         }
-    }
-}
-
-struct Place {
-    folder: PathBuf,
-    gs2e: PathBuf,
-}
-
-impl Place {
-    fn write_recipes(&self, scenes: usize) -> Outcome {
-        fs::create_dir_all(self.folder.join("recipes")).map_err(|e| e.to_string())?;
-        for i in 0..scenes {
-            let recipe = format!(
-                "version: 1\nscene: s{i:04}\nseed: 7\n\
-                 source: {{ procedural: {{ gaussians: 300, views: 6, arc: 0.5, seed: {i} }} }}\n\
-                 camera: {{ width: 48, height: 32 }}\ntrajectories: [{{ name: base, refine: {{ factor: 2 }} }}]\n\
-                 sensor: {{ voltmeter: {{ preset: dvs346-paper }} }}\n\
-                 licence: {{ expression: CC0-1.0, holder: a test }}\n"
-            );
-            fs::write(self.folder.join(format!("recipes/s{i:04}.yaml")), recipe)
-                .map_err(|e| e.to_string())?;
-        }
-        Ok(())
-    }
-
-    fn command(&self, args: &str) -> Command {
-        let mut command = Command::new(&self.gs2e);
-        command.args(args.split_whitespace()).current_dir(&self.folder).stdin(Stdio::null());
-        command
-    }
-
-    fn ok(&self, args: &str) -> Outcome<String> {
-        let output = self.command(args).output().map_err(|e| format!("{}: {e}", self.gs2e.display()))?;
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        if output.status.success() { Ok(text) } else { Err(format!("gs2e {args} failed:\n{text}")) }
-    }
-
-    /// Runs all processes at once, each with a new store. `of` gives the shared store and further options.
-    fn all(&self, round: &str, of: impl Fn(usize) -> (&'static str, String)) -> Outcome<Steps> {
-        let start = |i: usize| -> Outcome<Child> {
-            let (shared, options) = of(i);
-            let args = format!(
-                "build recipes --json --quiet -j 1 --store stores/{round}{i} --shared-store {shared} {options}"
-            );
-            let child = self.command(&args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
-            child.map_err(|e| format!("{}: {e}", self.gs2e.display()))
-        };
-        let children: Vec<Child> = (0..PROCESSES).map(start).collect::<Outcome<_>>()?;
-        // Their pipes are read at the same time, since a full one would stop its process.
-        let waiting: Vec<_> =
-            children.into_iter().map(|child| std::thread::spawn(|| child.wait_with_output())).collect();
-        let mut steps = Steps::default();
-        for thread in waiting {
-            let output = thread.join().expect("waiting does not panic").map_err(|e| e.to_string())?;
-            if !output.status.success() {
-                return Err(format!("a process failed:\n{}", String::from_utf8_lossy(&output.stderr)));
-            }
-            let text = String::from_utf8_lossy(&output.stdout).into_owned();
-            let count = |word: &str| text.lines().filter(|line| line.contains(word)).count();
-            steps.made += count("\"state\":\"made\"");
-            steps.twice += count("\"twice\":true");
-            steps.adopted += count("\"state\":\"adopted\"");
-        }
-        Ok(steps)
-    }
-
-    /// Releases from the shared store, and compares with the release of one machine.
-    fn release(&self, shared: &str, name: &str) -> Outcome {
-        let args = format!("release recipes --store new-{name} --shared-store {shared} --to {name}");
-        let ended = self.ok(&args)?;
-        if !ended.contains("made 0, ") {
-            return Err(format!("the release made steps that the shared store lacks:\n{ended}"));
-        }
-        let trees = ["one", name].map(|tree| self.folder.join(tree));
-        let same = program(OsStr::new("diff"), &["-r".as_ref(), trees[0].as_os_str(), trees[1].as_os_str()]);
-        if !same.succeeds() {
-            return Err("the releases differ".to_owned());
-        }
-        say("the release from the shared store equals that of one machine");
-        Ok(())
     }
 }

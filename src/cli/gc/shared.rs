@@ -4,7 +4,7 @@ use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::files::is_there;
-use crate::store::{SharedSweep, SharedSwept, sweep_shared};
+use crate::store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -20,6 +20,12 @@ pub(super) fn run(
     dry_run: bool,
     console: &Console,
 ) -> Result<ExitKind, VerbError> {
+    if is_bucket(shared) {
+        let what = format!("{} is not a folder", shared.display());
+        return Err(VerbError::usage("not-shared", what).help(
+            "in a bucket, a lifecycle rule deletes old objects; a step whose objects are gone is made again",
+        ));
+    }
     if !is_there(&shared.join("VERSION")) {
         let what = format!("there is no shared store in {}", shared.display());
         return Err(VerbError::usage("no-shared-store", what));
@@ -41,7 +47,10 @@ fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
     let mb = |bytes: u64| bytes as f64 * 1e-6;
     let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
     console.say(&format!("{moved} {records} records and {blobs} blobs, {:.1} MB, to the trash", mb(bytes)));
-    console.say(&format!("{removed} {deleted} files that were in the trash, {:.1} MB", mb(deleted_bytes)));
+    console.say(&format!(
+        "{removed} {deleted} files of the trash, of old plans and of killed processes, {:.1} MB",
+        mb(deleted_bytes)
+    ));
     if restored > 0 {
         console.say(&format!("{restored} files were used meanwhile, and are back"));
     }

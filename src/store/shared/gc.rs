@@ -13,7 +13,9 @@
 //! Times are those of the file system, but some file systems take them from the client. The clocks of two
 //! machines may differ by two hours.
 
-use super::SharedStore;
+use super::folder::SharedFolder;
+use super::medium::read_record;
+use crate::store::blob::blob_name;
 use crate::store::disk::{disk_error, is_absent};
 use crate::store::fs::{FileStat, FolderEntry};
 use crate::store::{Digest, Key, StoreError};
@@ -49,7 +51,8 @@ pub struct SharedSwept {
     pub kept_records: usize,
     /// Number of files that returned from `trash/`, because they were used meanwhile.
     pub restored: usize,
-    /// Number of files deleted: those moved to `trash/` long ago, and those that killed processes left.
+    /// Number of files deleted: those moved to `trash/` long ago, those that killed processes left, and those
+    /// of plans without a recent task.
     pub deleted: usize,
     /// Bytes of the deleted files.
     pub deleted_bytes: u64,
@@ -72,7 +75,7 @@ struct SharedFile {
 /// The folder cannot be read or written, or the clocks differ by more than two hours. Nothing that
 /// was used lately is lost.
 pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
-    let shared = SharedStore::open(root)?;
+    let shared = SharedFolder::open(root)?;
     let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
     let probed = shared.file_system_time()?;
     let newest = records.iter().chain(&blobs).map(|file| file.stat.mtime_ns).max();
@@ -92,7 +95,7 @@ pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, Stor
 
 /// A collection that runs.
 struct Collection<'a> {
-    shared: &'a SharedStore,
+    shared: &'a SharedFolder,
     /// Files of this time and before are old.
     until_ns: i64,
     swept: SharedSwept,
@@ -145,7 +148,7 @@ impl Collection<'_> {
             }
             let now = self.shared.disk.stat(&to).map_err(disk_error("reading", &to))?;
             if now.mtime_ns > self.until_ns {
-                self.shared.publish(&to, &record.path)?;
+                self.shared.link(&to, &record.path)?;
                 self.swept.restored += 1;
             } else {
                 self.swept.records += 1;
@@ -160,16 +163,24 @@ impl Collection<'_> {
         for batch in self.shared.folders("trash")? {
             for (name, path) in self.shared.disk.files_below(&batch.path)? {
                 let Some(digest) = name.parse().ok().filter(|digest| named.holds(digest)) else { continue };
-                self.shared.publish(&path, &self.shared.blobs.path(&digest))?;
+                self.shared.link(&path, &self.shared.root.join(blob_name(&digest)))?;
                 self.swept.restored += 1;
             }
         }
         Ok(())
     }
 
-    /// Folders of `trash/` and `tmp/` in which nothing was put for long.
+    /// Folders of `trash/` and `tmp/` in which nothing was put for long, and of `plans/` in which no task wrote
+    /// for long.
     fn expired(&self) -> Result<Vec<PathBuf>, StoreError> {
         let mut expired = Vec::new();
+        for plan in self.shared.folders("plans")? {
+            let files = self.shared.disk.files_below(&plan.path)?;
+            let is_old = |path: &Path| self.shared.disk.stat(path).is_ok_and(|s| s.mtime_ns <= self.until_ns);
+            if is_old(&plan.path) && files.iter().all(|(_, path)| is_old(path)) {
+                expired.push(plan.path);
+            }
+        }
         for name in ["trash", "tmp"] {
             for folder in self.shared.folders(name)? {
                 // A folder without a time was removed by its process.
@@ -206,10 +217,10 @@ struct NamedFiles {
 
 impl NamedFiles {
     /// Adds the files of records that were not read before.
-    fn read(&mut self, shared: &SharedStore, records: &[SharedFile]) -> Result<(), StoreError> {
+    fn read(&mut self, shared: &SharedFolder, records: &[SharedFile]) -> Result<(), StoreError> {
         for record in records {
             if self.records.insert(record.name) {
-                let outputs = shared.record(&Key(record.name))?.map(|record| record.outputs);
+                let outputs = read_record(shared, &Key(record.name))?.map(|record| record.outputs);
                 self.files.extend(outputs.into_iter().flatten().map(|output| output.digest));
             }
         }
@@ -221,7 +232,7 @@ impl NamedFiles {
     }
 }
 
-impl SharedStore {
+impl SharedFolder {
     /// The time of the file system, ns since the epoch.
     fn file_system_time(&self) -> Result<i64, StoreError> {
         let probe = self.fresh();

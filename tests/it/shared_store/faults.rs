@@ -5,6 +5,7 @@ use crate::support::absent::not_run;
 use crate::support::workspace::Workspace;
 use std::fs::{self, File, Permissions};
 use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
@@ -59,16 +60,21 @@ fn a_full_disk_on_one_machine_costs_the_others_nothing() {
     releases_equal(&place);
 }
 
-/// Sets the time of every record of the shared folder.
+/// Sets the time of everything in a folder, and of the folder.
+fn set_times_below(folder: &Path, to: SystemTime) {
+    for entry in walkdir::WalkDir::new(folder).contents_first(true) {
+        let path = entry.unwrap().into_path();
+        if path.is_file() {
+            fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
+        }
+        File::open(&path).unwrap().set_modified(to).unwrap();
+    }
+}
+
+/// Sets the time of every file of the shared folder.
 fn set_times(place: &Workspace, to: SystemTime) {
     for folder in ["ac", "cas"] {
-        for entry in walkdir::WalkDir::new(place.path("shared").join(folder)) {
-            let path = entry.unwrap().into_path();
-            if path.is_file() {
-                fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
-                File::open(&path).unwrap().set_modified(to).unwrap();
-            }
-        }
+        set_times_below(&place.path("shared").join(folder), to);
     }
 }
 
@@ -100,6 +106,26 @@ fn a_shared_folder_is_cleaned_by_age() {
     // The other scenes were collected too.
     states(start(&place, "n-all", ""));
     releases_equal(&place);
+}
+
+#[test]
+fn plans_go_when_no_task_has_written_for_long() {
+    const DAY: Duration = Duration::from_secs(86_400);
+    let place = place();
+    states(start(&place, "m1", ""));
+    for plan in ["idle", "at-work"] {
+        place.write(&format!("shared/plans/{plan}/plan.json"), "{}");
+        place.write(&format!("shared/plans/{plan}/results/7_1.jsonl"), "{}");
+        set_times_below(&place.path(&format!("shared/plans/{plan}")), SystemTime::now() - 2 * DAY);
+    }
+    // A task of an old plan wrote a line today.
+    File::open(place.path("shared/plans/at-work/results/7_1.jsonl"))
+        .unwrap()
+        .set_modified(SystemTime::now())
+        .unwrap();
+    let swept = place.ok("gc --shared-store shared --older-than 1d").stderr;
+    assert!(swept.contains("deleted 2 files of the trash, of old plans"), "{swept}");
+    assert!(!place.path("shared/plans/idle").exists() && place.path("shared/plans/at-work").exists());
 }
 
 #[test]

@@ -1,0 +1,137 @@
+//! A shared store in a folder.
+
+use super::medium::{SharedBytes, SharedMedium};
+use crate::store::disk::{StoreDisk, disk_error, is_absent};
+use crate::store::fs::SystemFs;
+use crate::store::{Digest, FORMAT, StoreError};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use tempfile::TempDir;
+
+/// A folder: `VERSION`, `cas/` and `ac/` as in a store, and `tmp/`.
+#[derive(Debug)]
+pub(super) struct SharedFolder {
+    pub(super) root: PathBuf,
+    pub(super) disk: StoreDisk,
+    /// A folder below `tmp/` that no other process has: machines may have equal process ids. `None` for a
+    /// reader.
+    pub(super) own: Option<TempDir>,
+    next: AtomicU64,
+}
+
+impl SharedFolder {
+    /// Opens a shared folder for reading.
+    pub(super) fn open_for_reading(root: &Path) -> Result<Self, StoreError> {
+        // Each file is synced before others can see it, whatever the own store does.
+        let disk = StoreDisk::new(Arc::new(SystemFs), true);
+        disk.check_format(root, FORMAT, false)?;
+        if crate::files::is_there(&root.join("lock")) {
+            return Err(StoreError::NotShared { path: root.to_owned() });
+        }
+        Ok(Self { root: root.to_owned(), disk, own: None, next: AtomicU64::new(0) })
+    }
+
+    /// Opens a shared folder, and creates it if it is absent.
+    pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
+        let mut shared = Self::open_for_reading(root)?;
+        for folder in ["cas", "ac", "tmp"] {
+            shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
+        }
+        let tmp = root.join("tmp");
+        let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
+        shared.own = Some(own.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
+        if !crate::files::is_there(&root.join("VERSION")) {
+            // Another process may do the same at this moment.
+            shared.publish(SharedBytes::Memory(format!("{FORMAT}\n").as_bytes()), "VERSION")?;
+        }
+        Ok(shared)
+    }
+
+    /// A file of this process, with the bytes.
+    fn lay(&self, bytes: SharedBytes<'_>) -> Result<PathBuf, StoreError> {
+        let fresh = self.fresh();
+        match bytes {
+            SharedBytes::File(from) => self.disk.copy(from, &fresh)?,
+            SharedBytes::Memory(bytes) => self.disk.write(&fresh, bytes)?,
+        }
+        Ok(fresh)
+    }
+
+    pub(super) fn fresh(&self) -> PathBuf {
+        let own = self.own.as_ref().expect("a reader writes nothing");
+        own.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
+    }
+
+    /// Gives a finished file its name, if nobody else has. Returns `false` if the name is taken.
+    pub(super) fn link(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
+        if let Some(folder) = to.parent() {
+            self.disk.create_dir(folder)?;
+        }
+        let is_ours = self.disk.link_new(from, to)?;
+        self.disk.remove(from)?;
+        Ok(is_ours)
+    }
+}
+
+impl SharedMedium for SharedFolder {
+    fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
+        self.disk.read_optional(&self.root.join(name))
+    }
+
+    fn take(&self, name: &str, _: u64, to: &Path) -> Result<bool, StoreError> {
+        let from = self.root.join(name);
+        match self.disk.stat(&from) {
+            Ok(_) => self.disk.copy(&from, to).map(|()| true),
+            Err(e) if is_absent(&e) => Ok(false),
+            Err(e) => Err(disk_error("reading", &from)(e)),
+        }
+    }
+
+    fn publish(&self, bytes: SharedBytes<'_>, name: &str) -> Result<bool, StoreError> {
+        self.link(&self.lay(bytes)?, &self.root.join(name))
+    }
+
+    fn replace(&self, bytes: SharedBytes<'_>, name: &str) -> Result<(), StoreError> {
+        self.disk.rename(&self.lay(bytes)?, &self.root.join(name))
+    }
+
+    fn is_sound(&self, name: &str, digest: &Digest, _: u64) -> bool {
+        // Bytes without a record are rare, and may be those of a machine that lost its power.
+        self.disk.digest(&self.root.join(name)).is_ok_and(|found| found == *digest)
+    }
+
+    fn is_gone(&self, name: &str) -> bool {
+        self.disk.stat(&self.root.join(name)).is_err_and(|e| is_absent(&e))
+    }
+
+    fn mark_used(&self, name: &str) -> Result<(), StoreError> {
+        let path = self.root.join(name);
+        match self.disk.touch(&path) {
+            // A user outside the group may read only. The record then looks unused, which costs work if it is
+            // collected, and nothing else.
+            Err(e) if is_absent(&e) || is_refused(&e) => Ok(()),
+            done => done.map_err(disk_error("touching", &path)),
+        }
+    }
+
+    fn place(&self) -> String {
+        self.root.display().to_string()
+    }
+}
+
+/// Names the error of a user who may not write.
+fn not_permitted(error: StoreError) -> StoreError {
+    match error {
+        StoreError::Io { path, source, .. } if is_refused(&source) => {
+            StoreError::NotPermitted { path, source }
+        }
+        other => other,
+    }
+}
+
+/// Returns true if the system refused an operation.
+fn is_refused(error: &std::io::Error) -> bool {
+    use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
+    matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
+}
