@@ -1,5 +1,6 @@
 //! `gs2e audit`: reads every byte of a release tree, offline.
 
+mod parts;
 mod rebuild;
 
 use super::console::Console;
@@ -31,6 +32,8 @@ pub(super) struct AuditArgs {
     #[arg(long)]
     full: bool,
     #[command(flatten)]
+    parts: parts::PartArgs,
+    #[command(flatten)]
     again: rebuild::RebuildArgs,
 }
 
@@ -44,7 +47,15 @@ impl AuditArgs {
             self.takedown.as_ref().map(|file| TakedownList::read(std::slice::from_ref(file))).transpose()?;
         let key = self.public_key.as_deref().map(PublisherKey::read).transpose();
         let key = key.map_err(|e| VerbError::usage("public-key", e.to_string()))?;
-        let mut report = audit::audit_against(&self.dir, takedown.as_ref())
+        if self.parts.write(&self.dir, console)? {
+            return Ok(ExitKind::Done);
+        }
+        let audited = match self.parts.read()? {
+            None => audit::audit_against(&self.dir, takedown.as_ref()),
+            Some(parts) => audit::audit_parts(&self.dir, takedown.as_ref(), parts)
+                .map_err(|e| self.parts.refused(&self.dir, &e))?,
+        };
+        let mut report = audited
             .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
         if let Some(key) = &key {
             report.verify(&self.dir, key);

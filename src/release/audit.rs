@@ -15,6 +15,7 @@ mod exports;
 mod fault;
 mod index;
 mod names;
+mod parts;
 pub mod rebuilt;
 mod splits;
 mod steps;
@@ -25,6 +26,7 @@ mod trusted;
 mod walk;
 
 pub use fault::{AuditFault, FaultCode};
+pub use parts::{AuditPart, PartsError};
 
 use super::layout;
 use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
@@ -32,6 +34,7 @@ use super::published::PublishedScene;
 use super::scene::SceneRecord;
 use super::signature::{self, PublisherKey, ReleaseSignature};
 use crate::recipe::TakedownList;
+use parts::PartsFound;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -156,8 +159,24 @@ pub fn audit_release(dir: &Path) -> io::Result<AuditReport> {
 /// # Errors
 /// As [`audit_release`].
 pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<AuditReport> {
+    audit_with(dir, takedown, PartsFound::default())
+}
+
+/// The verdict on the release in `dir`, whose files were hashed and opened in parts. What is left is read.
+///
+/// # Errors
+/// As [`audit_release`], or the parts are not all parts of this tree.
+pub fn audit_parts(
+    dir: &Path,
+    takedown: Option<&TakedownList>,
+    parts: Vec<AuditPart>,
+) -> Result<io::Result<AuditReport>, PartsError> {
+    Ok(audit_with(dir, takedown, PartsFound::join(dir, parts)?))
+}
+
+fn audit_with(dir: &Path, takedown: Option<&TakedownList>, mut parts: PartsFound) -> io::Result<AuditReport> {
     let tree = walk::walk_tree(dir)?;
-    let bytes = bytes::hash_files(dir, &tree.files);
+    let bytes = parts.bytes(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
     let mut has_exports = false;
     let signed_by = read_signature(dir, &mut faults);
@@ -177,7 +196,7 @@ pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
             has_exports = !manifest.include.is_empty();
-            faults.extend(audit_scenes(&tree, manifest, takedown));
+            faults.extend(audit_scenes(&tree, manifest, takedown, &parts));
             let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
         } else if !tree.has(super::manifest::NAME) {
@@ -238,6 +257,7 @@ fn audit_scenes(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
     takedown: Option<&TakedownList>,
+    parts: &PartsFound,
 ) -> Vec<AuditFault> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     let owners = &FileOwners::new(manifest);
@@ -254,7 +274,10 @@ fn audit_scenes(
         } else if let Some(scene) = claims::parse_claims::<SceneRecord>(tree, &path, &mut faults) {
             faults.extend(claims::audit_scene(manifest, listed, &scene));
             faults.extend(terms::scene_terms(&scene, tree, owners));
-            faults.extend(contents::audit_scene(tree, &scene));
+            match parts.contents(&scene.id) {
+                Some(found) => faults.extend_from_slice(found),
+                None => faults.extend(contents::audit_scene(tree, &scene)),
+            }
             faults.extend(steps::audit(manifest, listed, &scene));
             scenes.push(scene);
         }

@@ -4,6 +4,7 @@
 
 use crate::files;
 use crate::store::Digest;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Read};
@@ -34,7 +35,7 @@ pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
 }
 
 /// Both hashes of a file, and its size.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct FileHashes {
     pub(super) sha256: String,
     pub(super) blake3: Digest,

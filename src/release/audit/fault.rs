@@ -1,11 +1,11 @@
 //! The faults that an audit finds.
 
 use crate::release::manifest::FileOwners;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Kind of a fault. Codes are stable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultCode {
     /// A listed file is not there.
@@ -109,7 +109,7 @@ impl FaultCode {
         }
     }
 
-    fn help(self) -> &'static str {
+    pub(super) fn help(self) -> &'static str {
         match self {
             Self::Unlisted | Self::Stray => "remove it, or keep it outside the release",
             Self::LicenceMissing | Self::LicenceInvalid | Self::LicenceForbidden => {
