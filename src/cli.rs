@@ -17,6 +17,7 @@ mod completions;
 mod console;
 mod convert;
 mod diff;
+mod doctor;
 mod environment;
 mod export;
 mod failure;
@@ -125,6 +126,8 @@ enum VerbCommand {
     Train(train::TrainArgs),
     /// Compute the poses of one trajectory of a recipe on your own capture
     Trajectory(trajectory::TrajectoryArgs),
+    /// Show this machine as the program sees it, and compare its GPUs with the CPU
+    Doctor(doctor::DoctorArgs),
     /// Print the JSON Schema of recipes, for editors
     Schema,
     /// Print the completions of a shell
@@ -215,6 +218,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Study(verb) => verb.run(common, console),
         VerbCommand::Train(verb) => verb.run(common, console),
         VerbCommand::Trajectory(verb) => verb.run(common, console),
+        VerbCommand::Doctor(verb) => verb.run(common, console),
         VerbCommand::Schema => {
             console.text(recipe::JSON_SCHEMA);
             Ok(ExitKind::Done)

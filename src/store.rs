@@ -44,7 +44,7 @@ use crate::files::is_no_file;
 use blob::BlobFolders;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
-pub use shared::{SharedMismatch, SharedSweep, SharedSwept, sweep_shared};
+pub use shared::{SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
 pub use unlike::OutputMismatch;
 
 use disk::StoreDisk;

@@ -21,7 +21,7 @@ mod scene;
 mod shader;
 
 pub use clock::TimedStage;
-pub use device::{DeviceChoice, GpuDevice, GpuError};
+pub use device::{DeviceChoice, GpuDevice, GpuError, ListedGpu, list_gpus};
 pub use gradients::GpuGradientRenderer;
 
 use super::shared::TILE;

@@ -23,6 +23,7 @@ mod determinism;
 mod diff;
 mod disk_space;
 mod docs;
+mod doctor;
 mod event_pictures;
 mod event_statistics;
 mod exports;

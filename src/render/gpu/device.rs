@@ -16,7 +16,7 @@ pub enum DeviceChoice {
     Hardware,
     /// The GPU at this index in the list of all, from 0.
     Index(usize),
-    /// The first GPU with this text in its name, ignoring case.
+    /// The GPU with this text in its name, ignoring case.
     Name(String),
 }
 
@@ -40,6 +40,16 @@ pub enum GpuError {
         /// The choice.
         wanted: String,
         /// The GPUs of the machine.
+        found: String,
+    },
+    /// Several GPUs match the choice.
+    #[error("{count} GPUs are called `{wanted}`; there is {found}")]
+    Several {
+        /// Number of GPUs that match.
+        count: usize,
+        /// The choice.
+        wanted: String,
+        /// The GPUs of the machine, with their numbers.
         found: String,
     },
     /// The GPU lacks a feature that the renderer needs.
@@ -110,21 +120,8 @@ impl GpuDevice {
             return Err(GpuError::None("this system has no device node of a GPU".to_owned()));
         }
         let mut adapters = list_adapters()?;
-        let found = adapters.iter().map(|a| adapter_name(&a.get_info())).collect::<Vec<_>>().join(", ");
-        let fits = |a: &Adapter, i: usize| match choice {
-            DeviceChoice::Any => true,
-            DeviceChoice::Hardware => a.get_info().device_type != DeviceType::Cpu,
-            DeviceChoice::Index(wanted) => i == *wanted,
-            DeviceChoice::Name(part) => a.get_info().name.to_lowercase().contains(&part.to_lowercase()),
-        };
-        let Some(at) = (0..adapters.len()).find(|&i| fits(&adapters[i], i)) else {
-            let wanted = match choice {
-                DeviceChoice::Any | DeviceChoice::Hardware => "a hardware device".to_owned(),
-                DeviceChoice::Index(i) => format!("number {i}"),
-                DeviceChoice::Name(part) => format!("called `{part}`"),
-            };
-            return Err(GpuError::Other { wanted, found });
-        };
+        let infos: Vec<AdapterInfo> = adapters.iter().map(Adapter::get_info).collect();
+        let at = choose_adapter(&infos, choice)?;
         Self::from_adapter(&adapters.swap_remove(at))
     }
 
@@ -232,6 +229,82 @@ impl GpuDevice {
     }
 }
 
+/// The index of the adapter that the choice means.
+fn choose_adapter(infos: &[AdapterInfo], choice: &DeviceChoice) -> Result<usize, GpuError> {
+    let fits = |info: &AdapterInfo, i: usize| match choice {
+        DeviceChoice::Any => true,
+        DeviceChoice::Hardware => info.device_type != DeviceType::Cpu,
+        DeviceChoice::Index(wanted) => i == *wanted,
+        DeviceChoice::Name(part) => info.name.to_lowercase().contains(&part.to_lowercase()),
+    };
+    let mut matching = infos.iter().enumerate().filter(|(i, info)| fits(info, *i));
+    let Some((at, chosen)) = matching.next() else {
+        let found = infos.iter().map(adapter_name).collect::<Vec<_>>().join(", ");
+        let wanted = match choice {
+            DeviceChoice::Any | DeviceChoice::Hardware => "a hardware device".to_owned(),
+            DeviceChoice::Index(i) => format!("number {i}"),
+            DeviceChoice::Name(part) => format!("called `{part}`"),
+        };
+        return Err(GpuError::Other { wanted, found });
+    };
+    // One GPU that two interfaces offer is no second one.
+    let others = matching.filter(|(_, info)| info.backend == chosen.backend).count();
+    match choice {
+        DeviceChoice::Name(wanted) if others > 0 => {
+            let numbered = infos.iter().enumerate().map(|(i, info)| format!("{i}: {}", adapter_name(info)));
+            let found = numbered.collect::<Vec<_>>().join(", ");
+            Err(GpuError::Several { count: others + 1, wanted: wanted.clone(), found })
+        }
+        _ => Ok(at),
+    }
+}
+
+/// A GPU of this machine.
+#[derive(Debug)]
+pub struct ListedGpu {
+    /// Name and interface.
+    pub name: String,
+    /// The kind: `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// Name and version of the driver.
+    pub driver: String,
+    /// Largest binding of a shader, bytes.
+    pub binding: u64,
+    /// Largest buffer, bytes.
+    pub buffer: u64,
+    /// True if the device has a clock for the passes of a frame.
+    pub has_clock: bool,
+    /// The open device, or the reason why it cannot be used.
+    pub opened: Result<GpuDevice, GpuError>,
+}
+
+/// All GPUs of this machine, in the order of [`DeviceChoice::Index`].
+///
+/// # Errors
+/// There is none.
+pub fn list_gpus() -> Result<Vec<ListedGpu>, GpuError> {
+    let listed = |adapter: Adapter| {
+        let (info, limits) = (adapter.get_info(), adapter.limits());
+        let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ").trim().to_owned();
+        ListedGpu {
+            name: adapter_name(&info),
+            kind: match info.device_type {
+                DeviceType::DiscreteGpu => "discrete",
+                DeviceType::IntegratedGpu => "integrated",
+                DeviceType::VirtualGpu => "virtual",
+                DeviceType::Cpu => "software",
+                DeviceType::Other => "other",
+            },
+            driver,
+            binding: limits.max_storage_buffer_binding_size,
+            buffer: limits.max_buffer_size,
+            has_clock: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+            opened: GpuDevice::from_adapter(&adapter),
+        }
+    };
+    Ok(list_adapters()?.into_iter().map(listed).collect())
+}
+
 /// Returns true if a hardware GPU may be present. No driver is loaded for the answer: a software
 /// implementation alone is a library of 60 MB.
 fn may_have_hardware() -> bool {
@@ -300,6 +373,30 @@ mod tests {
     fn a_gpu_is_chosen_by_place_or_by_name() {
         assert_eq!("1".parse(), Ok(DeviceChoice::Index(1)));
         assert_eq!("RTX 4090".parse(), Ok(DeviceChoice::Name("RTX 4090".to_owned())));
+    }
+
+    #[test]
+    fn a_name_of_two_gpus_is_refused_and_that_of_two_interfaces_is_not() {
+        let info = |name: &str, device_type, backend| AdapterInfo {
+            name: name.to_owned(),
+            ..AdapterInfo::new(device_type, backend)
+        };
+        let (gpu, vulkan, metal) = (DeviceType::DiscreteGpu, wgpu::Backend::Vulkan, wgpu::Backend::Metal);
+        let infos = [
+            info("RTX A", gpu, vulkan),
+            info("RTX B", gpu, vulkan),
+            info("llvmpipe", DeviceType::Cpu, vulkan),
+        ];
+        let choose = |text: &str| choose_adapter(&infos, &text.parse().unwrap());
+        assert_eq!((choose("1"), choose("rtx b"), choose("pipe")), (Ok(1), Ok(1), Ok(2)));
+        let error = choose("rtx").unwrap_err().to_string();
+        let wanted =
+            "2 GPUs are called `rtx`; there is 0: RTX A (vulkan), 1: RTX B (vulkan), 2: llvmpipe (vulkan)";
+        assert_eq!(error, wanted);
+        assert!(choose("3").is_err() && choose("radeon").is_err());
+        let twice =
+            [info("M1", DeviceType::IntegratedGpu, metal), info("M1", DeviceType::IntegratedGpu, vulkan)];
+        assert_eq!(choose_adapter(&twice, &"m1".parse().unwrap()), Ok(0));
     }
 
     #[test]

@@ -1,0 +1,216 @@
+//! `gs2e doctor`: the machine as the program sees it, for a report of an error.
+
+mod trial;
+
+use super::console::Console;
+use super::machine;
+use super::problem::{ExitKind, VerbError};
+use super::{BackendArg, CommonArgs};
+use crate::programs::ProgramFinder;
+use crate::render::backend::Backend;
+use crate::render::gpu::{self, ListedGpu};
+use crate::store::space::DiskSpace;
+use crate::store::{FORMAT, Store, StoreAccess, StoreOptions};
+use crate::units::format_amount;
+use fearless_simd::Level;
+use serde_json::{Value, json};
+use std::path::Path;
+use trial::{TrialPicture, TrialScene};
+
+/// Arguments of `doctor`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Add its output to a report of an error. The trial renders the embedded scene for about a second on the CPU and \
+    on each GPU. Nothing is written."
+)]
+pub(super) struct DoctorArgs {
+    /// Leave out the trial
+    #[arg(long)]
+    no_trial: bool,
+}
+
+/// Other programs, their arguments for a version, and their purpose.
+const PROGRAMS: [(&str, &[&str], &str); 6] = [
+    ("colmap", &["help"], "poses of photos and videos"),
+    ("ffmpeg", &["-version"], "frames of videos"),
+    (
+        "python3",
+        &[
+            "-c",
+            "import sys, h5py, numpy; print('Python', sys.version.split()[0], 'h5py', h5py.__version__, 'numpy', numpy.__version__)",
+        ],
+        "the loader of a release",
+    ),
+    ("sbatch", &["--version"], "gs2e submit"),
+    ("apptainer", &["--version"], "gs2e submit --container"),
+    ("minisign", &["-v"], "keys of signatures"),
+];
+
+/// The lines for people, and the values for programs.
+#[derive(Default)]
+struct DoctorPage {
+    rows: Vec<(String, String)>,
+    value: serde_json::Map<String, Value>,
+}
+
+impl DoctorPage {
+    fn row(&mut self, label: &str, text: impl Into<String>) {
+        self.rows.push((label.to_owned(), text.into()));
+    }
+
+    fn set(&mut self, name: &str, value: Value) {
+        self.value.insert(name.to_owned(), value);
+    }
+}
+
+impl DoctorArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        let mut page = DoctorPage::default();
+        own_program(&mut page);
+        processor(common, &mut page);
+        store(&common.store, &mut page);
+        self.renderers(common, &mut page)?;
+        other_programs(&common.programs(), &mut page);
+        if console.json {
+            console.result(&Value::Object(page.value));
+        } else {
+            let width = page.rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);
+            page.rows.iter().for_each(|(label, text)| console.print(&format!("{label:width$}  {text}")));
+        }
+        Ok(ExitKind::Done)
+    }
+
+    fn renderers(&self, common: &CommonArgs, page: &mut DoctorPage) -> Result<(), VerbError> {
+        let scene = (!self.no_trial).then(TrialScene::new);
+        let on_cpu = scene.as_ref().map(|scene| scene.render(&Backend::Cpu));
+        let rate = on_cpu.as_ref().map(|done| done.as_ref().map_or_else(Clone::clone, TrialPicture::rate));
+        page.row("CPU renderer", rate.clone().unwrap_or_else(|| "not tried".to_owned()));
+        let listed = gpu::list_gpus();
+        let mut values = Vec::new();
+        match &listed {
+            Err(because) => page.row("GPU", because.to_string()),
+            Ok(listed) => {
+                for (index, gpu) in listed.iter().enumerate() {
+                    let tried = scene
+                        .as_ref()
+                        .zip(on_cpu.as_ref())
+                        .map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
+                    let label = format!("GPU {index}");
+                    let ListedGpu { name, kind, driver, binding, buffer, has_clock, opened } = gpu;
+                    let clock = if *has_clock { "a clock" } else { "no clock" };
+                    let sizes = [binding, buffer].map(|bytes| format_amount(*bytes, "B"));
+                    page.row(&label, format!("{name}, {kind}, driver {driver}"));
+                    page.row("", format!("bindings to {}, buffers to {}, {clock}", sizes[0], sizes[1]));
+                    let because = opened.as_ref().err().map(ToString::to_string);
+                    page.row("", because.clone().or(tried.clone()).unwrap_or_else(|| "not tried".to_owned()));
+                    values.push(json!({
+                        "index": index, "name": name, "kind": kind, "driver": driver, "binding": binding,
+                        "buffer": buffer, "clock": has_clock, "because": because, "trial": tried,
+                    }));
+                }
+            }
+        }
+        let used = used_renderer(common)?;
+        page.row("used by default", used.clone());
+        page.set("cpu_trial", json!(rate));
+        page.set("gpus", json!(values));
+        page.set("gpu_error", json!(listed.err().map(|because| because.to_string())));
+        page.set("used", json!(used));
+        Ok(())
+    }
+}
+
+fn own_program(page: &mut DoctorPage) {
+    let system = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
+    let s3 = cfg!(feature = "s3");
+    let buckets = if s3 { "with S3" } else { "without S3" };
+    let version = env!("CARGO_PKG_VERSION");
+    page.row("gs2e", format!("{version}, {system}, {buckets}"));
+    page.set("version", json!(version));
+    page.set("system", json!(system));
+    page.set("s3", json!(s3));
+}
+
+fn processor(common: &CommonArgs, page: &mut DoctorPage) {
+    let name = machine::processor_name();
+    let cores = machine::available_cores();
+    // The variant without the value that proves it.
+    let level = format!("{:?}", Level::new());
+    let level = level.split('(').next().unwrap_or_default().to_owned();
+    let memory = machine::free_memory();
+    let named = name.as_deref().unwrap_or("unknown processor");
+    page.row("processor", format!("{named}, {cores} cores, vectors {level}"));
+    let free = if memory == u64::MAX { "unknown".to_owned() } else { format_amount(memory, "B") };
+    page.row("memory", format!("{free} for steps (80 % of what is free)"));
+    page.row("cores in use", common.cores().to_string());
+    page.set("processor", json!(name));
+    page.set("cores", json!(cores));
+    page.set("vectors", json!(level));
+    page.set("memory", json!((memory != u64::MAX).then_some(memory)));
+}
+
+/// The store, and the file system on which it is or would be.
+fn store(path: &Path, page: &mut DoctorPage) {
+    let opened = Store::open(path, StoreOptions::from(StoreAccess::Read), &mut |_| {});
+    let text = match &opened {
+        Err(because) => because.to_string(),
+        Ok(_) if !path.exists() => format!("{}, not there yet", path.display()),
+        Ok(_) => format!("{}, format {FORMAT}", path.display()),
+    };
+    page.row("store", text.clone());
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let there = absolute.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("/"));
+    let disk = DiskSpace::holding_path(there);
+    let words = match &disk {
+        Err(because) => because.to_string(),
+        Ok(disk) => {
+            let remote = if disk.is_remote() { "; it is remote: use --shared-store for it" } else { "" };
+            let (free, mount) = (format_amount(disk.free, "B"), disk.mount.display());
+            format!("{free} free, {} on {mount}{remote}", disk.kind)
+        }
+    };
+    page.row("disk", words);
+    page.set("store", json!(text));
+    page.set("disk_free", json!(disk.as_ref().ok().map(|disk| disk.free)));
+    page.set("file_system", json!(disk.as_ref().ok().map(|disk| disk.kind.clone())));
+}
+
+/// The trial of a GPU, compared with the picture of the CPU.
+fn try_gpu(scene: &TrialScene, on_cpu: &Result<TrialPicture, String>, gpu: &ListedGpu) -> String {
+    let Ok(device) = &gpu.opened else { return "not tried".to_owned() };
+    match (scene.render(&Backend::Gpu(device.clone())), on_cpu) {
+        (Err(because), _) => because,
+        (Ok(picture), Ok(on_cpu)) => format!("{}, {}", picture.rate(), picture.likeness(on_cpu)),
+        (Ok(picture), Err(_)) => picture.rate(),
+    }
+}
+
+/// The renderer that `--backend auto` takes, and why.
+fn used_renderer(common: &CommonArgs) -> Result<String, VerbError> {
+    if common.backend != BackendArg::Auto {
+        return Ok(common.backend()?.class());
+    }
+    let choice = common.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware);
+    Ok(match gpu::GpuDevice::open(&choice) {
+        Ok(device) => device.name().to_owned(),
+        Err(because) => format!("the CPU, because {because}"),
+    })
+}
+
+fn other_programs(programs: &ProgramFinder, page: &mut DoctorPage) {
+    let mut values = serde_json::Map::new();
+    for (name, arguments, purpose) in PROGRAMS {
+        let said = programs.ask(name, arguments);
+        let version = said.as_deref().ok().and_then(|text| text.lines().find(|line| !line.trim().is_empty()));
+        let version = version.map(|line| line.trim().to_owned());
+        // Without its packages, Python says so in the last line.
+        let version = match (name, said.as_deref()) {
+            ("python3", Ok(text)) => text.lines().last().map(|line| line.trim().to_owned()),
+            _ => version,
+        };
+        let text = version.clone().unwrap_or_else(|| format!("not found; it is for {purpose}"));
+        page.row(name, text);
+        values.insert(name.to_owned(), json!(version));
+    }
+    page.set("programs", Value::Object(values));
+}
