@@ -312,9 +312,12 @@ fn write_rows(
         html.within("tbody", &[], |html| {
             for row in rows {
                 html.within("tr", &[], |html| {
-                    row.iter()
-                        .enumerate()
-                        .for_each(|(i, cell)| html.leaf("td", &[("class", class(i))], cell));
+                    for (i, cell) in row.iter().enumerate() {
+                        // A number and its unit stay on one line.
+                        let cell =
+                            if numeric.contains(&i) { cell.replace(' ', "\u{a0}") } else { cell.clone() };
+                        html.leaf("td", &[("class", class(i))], &cell);
+                    }
                 });
             }
         });
@@ -423,8 +426,8 @@ mod tests {
             "<span class=\"badge fail\">2 failed</span>",
             "<td class=\"n\">2</td><td>no &lt;space&gt;</td><td>c</td>",
             "<pre>last line</pre>",
-            "<td>b</td><td>7_1</td><td>n1</td><td class=\"n\">2 of 4</td>",
-            "<td>events</td><td class=\"n\">1</td><td class=\"n\">3 min 20 s</td><td class=\"n\">1 min 40 s</td>",
+            "<td>b</td><td>7_1</td><td>n1</td><td class=\"n\">2\u{a0}of\u{a0}4</td>",
+            "<td>events</td><td class=\"n\">1</td><td class=\"n\">3\u{a0}min\u{a0}20\u{a0}s</td><td class=\"n\">1\u{a0}min\u{a0}40\u{a0}s</td>",
             "<td>a</td><td>done</td>",
         ] {
             assert!(text.contains(wanted), "{wanted}\n{text}");

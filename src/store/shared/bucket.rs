@@ -19,15 +19,14 @@ use object_store::{Error, ObjectStore as _, ObjectStoreExt as _, PutMode, PutPay
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio::runtime::{Builder, Runtime};
 
 /// Size of a range or part, bytes. Parts of S3 have 5 MiB at least, and a file 10,000 of them at most.
 const PART: u64 = 16 << 20;
 /// Longest time of a request with its repetitions.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// Attempts to create an object over connections that break, and the pause between them.
-const ATTEMPTS: u32 = 8;
+/// Pause after a connection that broke.
 const PAUSE: Duration = Duration::from_millis(300);
 
 /// A bucket with a prefix.
@@ -98,6 +97,12 @@ impl SharedBucket {
         Ok(())
     }
 
+    /// Returns true if there is an object of this size.
+    fn has(&self, name: &str, size: u64) -> bool {
+        let at = self.at(name);
+        self.send(|| self.bucket.head(&at)).is_ok_and(|meta| meta.size == size)
+    }
+
     fn at(&self, name: &str) -> ObjectPath {
         name.split('/').fold(self.prefix.clone(), |path, part| path.join(part))
     }
@@ -113,22 +118,27 @@ impl SharedBucket {
         StoreError::Bucket { doing, place: format!("{}/{name}", self.place), because }
     }
 
+    /// Sends a request, again where a connection broke in a way that the library does not repeat: within the
+    /// answer, or where it cannot know that a second attempt does no harm.
+    fn send<T, R: Future<Output = Result<T, Error>>>(&self, request: impl Fn() -> R) -> Result<T, Error> {
+        let start = Instant::now();
+        loop {
+            match self.runtime.block_on(request()) {
+                Err(Error::Generic { .. }) if start.elapsed() < PATIENCE => std::thread::sleep(PAUSE),
+                done => return done,
+            }
+        }
+    }
+
     /// Creates a small object. Returns `false` if there is one of that name, which may be this one: the answer
     /// to an earlier attempt may have been lost.
     fn create(&self, bytes: &[u8], name: &str) -> Result<bool, StoreError> {
         let at = self.at(name);
-        let mut attempts = ATTEMPTS;
-        loop {
-            let payload = PutPayload::from(bytes.to_vec());
-            attempts -= 1;
-            match self.runtime.block_on(self.bucket.put_opts(&at, payload, PutMode::Create.into())) {
-                Ok(_) => return Ok(true),
-                Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => return Ok(false),
-                // The library does not repeat it after a broken connection, because it cannot know that a second
-                // attempt does no harm.
-                Err(Error::Generic { .. }) if attempts > 0 => std::thread::sleep(PAUSE),
-                Err(e) => return Err(self.error("writing", name, &e)),
-            }
+        let payload = PutPayload::from(bytes.to_vec());
+        match self.send(|| self.bucket.put_opts(&at, payload.clone(), PutMode::Create.into())) {
+            Ok(_) => Ok(true),
+            Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => Ok(false),
+            Err(e) => Err(self.error("writing", name, &e)),
         }
     }
 
@@ -139,12 +149,12 @@ impl SharedBucket {
             return self.write_parts(path, name);
         }
         let bytes = std::fs::read(path).map_err(disk_error("reading", path))?;
-        self.overwrite(bytes, name)
+        self.overwrite(bytes.into(), name)
     }
 
-    fn overwrite(&self, bytes: Vec<u8>, name: &str) -> Result<(), StoreError> {
+    fn overwrite(&self, bytes: PutPayload, name: &str) -> Result<(), StoreError> {
         let at = self.at(name);
-        let put = self.runtime.block_on(self.bucket.put(&at, bytes.into()));
+        let put = self.send(|| self.bucket.put(&at, bytes.clone()));
         put.map(drop).map_err(|e| self.error("writing", name, &e))
     }
 
@@ -176,7 +186,7 @@ impl SharedBucket {
 impl SharedMedium for SharedBucket {
     fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
         let at = self.at(name);
-        let got = self.runtime.block_on(async { self.bucket.get(&at).await?.bytes().await });
+        let got = self.send(async || self.bucket.get(&at).await?.bytes().await);
         match got {
             Ok(bytes) => Ok(Some(bytes.to_vec())),
             Err(e) if is_absent(&e) => Ok(None),
@@ -185,17 +195,20 @@ impl SharedMedium for SharedBucket {
     }
 
     fn take(&self, name: &str, size: u64, to: &Path) -> Result<bool, StoreError> {
-        let at = self.at(name);
-        match self.runtime.block_on(self.bucket.head(&at)) {
-            Ok(meta) if meta.size == size => {}
-            Ok(_) => return Ok(false),
-            Err(e) if is_absent(&e) => return Ok(false),
-            Err(e) => return Err(self.error("reading", name, &e)),
+        if size <= PART {
+            let Some(bytes) = self.read(name)?.filter(|bytes| bytes.len() as u64 == size) else {
+                return Ok(false);
+            };
+            return std::fs::write(to, bytes).map(|()| true).map_err(disk_error("writing", to));
         }
+        if !self.has(name, size) {
+            return Ok(false);
+        }
+        let at = self.at(name);
         let mut file = File::create_new(to).map_err(disk_error("writing", to))?;
         for from in (0..size).step_by(PART as usize) {
             let range = from..size.min(from + PART);
-            let got = self.runtime.block_on(self.bucket.get_range(&at, range));
+            let got = self.send(|| self.bucket.get_range(&at, range.clone()));
             let bytes = got.map_err(|e| self.error("reading", name, &e))?;
             file.write_all(&bytes).map_err(disk_error("writing", to))?;
         }
@@ -212,15 +225,14 @@ impl SharedMedium for SharedBucket {
 
     fn replace(&self, bytes: SharedBytes<'_>, name: &str) -> Result<(), StoreError> {
         match bytes {
-            SharedBytes::Memory(bytes) => self.overwrite(bytes.to_vec(), name),
+            SharedBytes::Memory(bytes) => self.overwrite(bytes.to_vec().into(), name),
             SharedBytes::File(path) => self.write(path, name),
         }
     }
 
     fn is_sound(&self, name: &str, _: &Digest, size: u64) -> bool {
         // Objects are never there in part, and the service compared the bytes with their checksum.
-        let at = self.at(name);
-        self.runtime.block_on(self.bucket.head(&at)).is_ok_and(|meta| meta.size == size)
+        self.has(name, size)
     }
 
     fn is_gone(&self, _: &str) -> bool {
