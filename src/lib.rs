@@ -25,7 +25,7 @@
 //! A module knows only the modules before it in this list; `tests/it/tidy/imports.rs` checks the
 //! code.
 //!
-//! - [`units`], [`escape`], [`files`], [`programs`], [`budget`], [`stats`], `elementary`, [`seed`],
+//! - [`units`], [`escape`], `html`, [`files`], [`programs`], [`budget`], [`stats`], `elementary`, [`seed`],
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
 //! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],

@@ -33,7 +33,7 @@ pub mod stat_cache;
 mod state;
 mod unlike;
 
-pub use options::{StoreAccess, StoreOptions};
+pub use options::{BucketEnvironment, StoreAccess, StoreOptions};
 
 pub use error::StoreError;
 
@@ -105,7 +105,7 @@ impl Store {
         opening: impl Into<StoreOptions>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let StoreOptions { access, claim, verify, sync_each, index, shared, fs } = opening.into();
+        let StoreOptions { access, claim, verify, sync_each, index, shared, bucket, fs } = opening.into();
         let disk = StoreDisk::new(fs, sync_each);
         let lock = match access {
             StoreAccess::Read => None,
@@ -125,8 +125,10 @@ impl Store {
             disk.empty_dir(&root.join("tmp"))?;
         }
         let shared = match lock {
-            Some(_) => shared.as_deref().map(SharedStore::open).transpose()?,
-            None => shared.as_deref().map(SharedStore::open_for_reading).transpose()?,
+            Some(_) => shared.as_deref().map(|place| SharedStore::open(place, &bucket)).transpose()?,
+            None => {
+                shared.as_deref().map(|place| SharedStore::open_for_reading(place, &bucket)).transpose()?
+            }
         };
         let state = StateDb::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
         Ok(Self {

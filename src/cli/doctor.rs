@@ -6,6 +6,7 @@ use super::console::Console;
 use super::machine;
 use super::problem::{ExitKind, VerbError};
 use super::{BackendArg, CommonArgs};
+use crate::files::is_there;
 use crate::programs::ProgramFinder;
 use crate::render::backend::Backend;
 use crate::render::gpu::{self, ListedGpu};
@@ -154,12 +155,12 @@ fn store(path: &Path, page: &mut DoctorPage) {
     let opened = Store::open(path, StoreOptions::from(StoreAccess::Read), &mut |_| {});
     let text = match &opened {
         Err(because) => because.to_string(),
-        Ok(_) if !path.exists() => format!("{}, not there yet", path.display()),
+        Ok(_) if !is_there(path) => format!("{}, not there yet", path.display()),
         Ok(_) => format!("{}, format {FORMAT}", path.display()),
     };
     page.row("store", text.clone());
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    let there = absolute.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("/"));
+    let there = absolute.ancestors().find(|folder| is_there(folder)).unwrap_or(Path::new("/"));
     let disk = DiskSpace::holding_path(there);
     let words = match &disk {
         Err(because) => because.to_string(),

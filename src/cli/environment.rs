@@ -1,6 +1,7 @@
 //! The variables of the environment that the program itself reads. Libraries read others, such as
 //! `NO_COLOR`.
 
+use crate::store::BucketEnvironment;
 use rustix::system::uname;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -19,6 +20,8 @@ pub struct Environment {
     pub job: Option<String>,
     /// `SLURMD_NODENAME`: the node of a task of Slurm. Several nodes may have one host name.
     pub node: Option<String>,
+    /// `AWS_ACCESS_KEY_ID` and the others that begin so: keys and places of buckets.
+    pub bucket: BucketEnvironment,
 }
 
 impl Environment {
@@ -27,7 +30,12 @@ impl Environment {
     pub fn of_process() -> Self {
         let [path, home, cache] = ["PATH", "HOME", "XDG_CACHE_HOME"].map(std::env::var_os);
         let text = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-        Self { path, home, cache, job: job_of(&text), node: text("SLURMD_NODENAME") }
+        // A variable that is no text is none of those that matter.
+        let pairs = std::env::vars_os()
+            .filter_map(|(name, value)| name.into_string().ok().zip(value.into_string().ok()));
+        let variables = pairs.filter(|(name, _)| name.starts_with("AWS_")).collect();
+        let bucket = BucketEnvironment { variables, home: home.as_ref().map(PathBuf::from) };
+        Self { path, home, cache, job: job_of(&text), node: text("SLURMD_NODENAME"), bucket }
     }
 
     /// Name of this machine.

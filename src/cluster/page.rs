@@ -337,6 +337,7 @@ fn duration(seconds: f64) -> String {
     if seconds < 10.0 {
         return format!("{seconds:.2} s");
     }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive and rounded")]
     let whole = seconds.round() as u64;
     match whole {
         DAY.. => format!("{} d {} h", whole / DAY, whole % DAY / HOUR),

@@ -3,6 +3,8 @@
 use super::fs;
 use super::fs::Fs;
 use super::lock::LockClaim;
+use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -15,6 +17,21 @@ pub enum StoreAccess {
     Write,
     /// Building: takes the lock, or fails at once.
     WriteNow,
+}
+
+/// What the environment says about buckets. Its text for messages has no values, because some are secret.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct BucketEnvironment {
+    /// The variables whose names begin with `AWS_`.
+    pub variables: BTreeMap<String, String>,
+    /// The user's folder, which may have profiles in `.aws`.
+    pub home: Option<PathBuf>,
+}
+
+impl fmt::Debug for BucketEnvironment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.variables.keys()).finish()
+    }
 }
 
 /// Options for opening a store.
@@ -34,6 +51,8 @@ pub struct StoreOptions {
     /// Folder that the stores of several machines share, if there is one. A store that is opened for reading
     /// only reads it.
     pub shared: Option<PathBuf>,
+    /// The environment's settings for a shared store in a bucket.
+    pub bucket: BucketEnvironment,
     /// Implementation of file operations.
     pub fs: Arc<dyn Fs>,
 }
@@ -47,6 +66,7 @@ impl From<StoreAccess> for StoreOptions {
             sync_each: false,
             index: None,
             shared: None,
+            bucket: BucketEnvironment::default(),
             fs: Arc::new(fs::SystemFs),
         }
     }

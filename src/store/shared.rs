@@ -17,7 +17,7 @@ pub use place::is_bucket;
 
 use super::blob::blob_name;
 use super::record::{RecordSummary, StepRecord, StoredOutput};
-use super::{Digest, Key, Store, StoreError};
+use super::{BucketEnvironment, Digest, Key, Store, StoreError};
 use medium::{SharedBytes, SharedMedium, read_record};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -57,13 +57,13 @@ impl fmt::Display for SharedMismatch {
 
 impl SharedStore {
     /// Opens a shared store for reading.
-    pub(super) fn open_for_reading(root: &Path) -> Result<Self, StoreError> {
-        Ok(Self { medium: place::open_for_reading(root)?, damaged: Mutex::default() })
+    pub(super) fn open_for_reading(root: &Path, bucket: &BucketEnvironment) -> Result<Self, StoreError> {
+        Ok(Self { medium: place::open_for_reading(root, bucket)?, damaged: Mutex::default() })
     }
 
     /// Opens a shared store, and creates it if it is absent.
-    pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
-        Ok(Self { medium: place::open(root)?, damaged: Mutex::default() })
+    pub(super) fn open(root: &Path, bucket: &BucketEnvironment) -> Result<Self, StoreError> {
+        Ok(Self { medium: place::open(root, bucket)?, damaged: Mutex::default() })
     }
 
     fn damaged(&self) -> std::sync::MutexGuard<'_, BTreeSet<Digest>> {

@@ -44,7 +44,9 @@ pub(in crate::cli) fn open_store(
 
 /// The options with which this user opens the store.
 pub(in crate::cli) fn store_options(common: &CommonArgs, access: StoreAccess) -> StoreOptions {
-    StoreOptions { index: index_of(&common.store, &common.environment), ..access.into() }
+    let CommonArgs { store, environment, .. } = common;
+    let bucket = environment.bucket.clone();
+    StoreOptions { index: index_of(store, environment), bucket, ..access.into() }
 }
 
 /// The folder for the database of a store on a remote disk: in the user's cache, named after the

@@ -3,7 +3,7 @@
 //! An object appears whole once its upload ends. Records are created by conditional puts (`If-None-Match: *`), so
 //! the first writer wins. Blobs have the names of their bytes, so it does not matter who wrote them.
 //!
-//! Failed requests are sent again, for a minute at most, with growing pauses: the service may be throttling, and
+//! Failed requests are sent again, for two minutes at most, with growing pauses: the service may be throttling, and
 //! connections break. A large file is read in ranges and written in parts, so a broken connection costs one of
 //! them.
 
@@ -11,7 +11,7 @@ mod credentials;
 
 use super::medium::{SharedBytes, SharedMedium};
 use crate::store::disk::disk_error;
-use crate::store::{Digest, FORMAT, StoreError};
+use crate::store::{BucketEnvironment, Digest, FORMAT, StoreError};
 use credentials::SharedProfile;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
 use object_store::path::Path as ObjectPath;
@@ -19,14 +19,15 @@ use object_store::{Error, ObjectStore as _, ObjectStoreExt as _, PutMode, PutPay
 use std::fs::File;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 
 /// Size of a range or part, bytes. Parts of S3 have 5 MiB at least, and a file 10,000 of them at most.
 const PART: u64 = 16 << 20;
-/// Longest time of a request with its repetitions.
-const PATIENCE: Duration = Duration::from_secs(60);
-/// Pause after a connection that broke.
+/// Longest time for which the library repeats a request.
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Number of further requests after connections that broke, and the pause before each.
+const REPETITIONS: u32 = 5;
 const PAUSE: Duration = Duration::from_millis(300);
 
 /// A bucket with a prefix.
@@ -41,13 +42,18 @@ pub(super) struct SharedBucket {
 
 impl SharedBucket {
     /// Opens a shared store. With `write`, the bucket must support conditional puts.
-    pub(super) fn open(bucket: &str, prefix: &str, write: bool) -> Result<Self, StoreError> {
+    pub(super) fn open(
+        bucket: &str,
+        prefix: &str,
+        environment: &BucketEnvironment,
+        write: bool,
+    ) -> Result<Self, StoreError> {
         let place =
             if prefix.is_empty() { format!("s3://{bucket}") } else { format!("s3://{bucket}/{prefix}") };
         let refused = |because: String, help| StoreError::Unshareable { place: place.clone(), because, help };
         let named = "name it as s3://BUCKET/PREFIX";
         let prefix = ObjectPath::parse(prefix).map_err(|e| refused(e.to_string(), named))?;
-        let built = builder()?.with_bucket_name(bucket).build();
+        let built = builder(environment)?.with_bucket_name(bucket).build();
         let bucket = built.map_err(|e| refused(last_words(&e), named))?;
         let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build();
         let runtime = runtime.map_err(disk_error("starting requests to", Path::new(&place)))?;
@@ -82,8 +88,11 @@ impl SharedBucket {
 
     /// Refuses a service that ignores the condition of a put: the last writer would win.
     fn check_conditions(&self) -> Result<(), StoreError> {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let name = format!("tmp/probe-{}-{now}", std::process::id());
+        // Another process may try at the same time.
+        let drawn = tempfile::Builder::new().prefix("probe-").rand_bytes(16).make(|_| Ok(()));
+        let drawn = drawn.map_err(disk_error("naming an object in", Path::new(&self.place)))?;
+        let name = drawn.path().file_name().unwrap_or_default().to_string_lossy();
+        let name = format!("tmp/{name}");
         self.publish(SharedBytes::Memory(b"1"), &name)?;
         // A repeated request may be answered with "taken", too, so only a second success says something.
         let ignored = self.publish(SharedBytes::Memory(b"2"), &name)?;
@@ -121,12 +130,13 @@ impl SharedBucket {
     /// Sends a request, again where a connection broke in a way that the library does not repeat: within the
     /// answer, or where it cannot know that a second attempt does no harm.
     fn send<T, R: Future<Output = Result<T, Error>>>(&self, request: impl Fn() -> R) -> Result<T, Error> {
-        let start = Instant::now();
+        let mut repetitions = REPETITIONS;
         loop {
             match self.runtime.block_on(request()) {
-                Err(Error::Generic { .. }) if start.elapsed() < PATIENCE => std::thread::sleep(PAUSE),
+                Err(Error::Generic { .. }) if repetitions > 0 => repetitions -= 1,
                 done => return done,
             }
+            std::thread::sleep(PAUSE);
         }
     }
 
@@ -149,10 +159,10 @@ impl SharedBucket {
             return self.write_parts(path, name);
         }
         let bytes = std::fs::read(path).map_err(disk_error("reading", path))?;
-        self.overwrite(bytes.into(), name)
+        self.overwrite(&bytes.into(), name)
     }
 
-    fn overwrite(&self, bytes: PutPayload, name: &str) -> Result<(), StoreError> {
+    fn overwrite(&self, bytes: &PutPayload, name: &str) -> Result<(), StoreError> {
         let at = self.at(name);
         let put = self.send(|| self.bucket.put(&at, bytes.clone()));
         put.map(drop).map_err(|e| self.error("writing", name, &e))
@@ -206,8 +216,10 @@ impl SharedMedium for SharedBucket {
         }
         let at = self.at(name);
         let mut file = File::create_new(to).map_err(disk_error("writing", to))?;
-        for from in (0..size).step_by(PART as usize) {
+        let mut from = 0;
+        while from < size {
             let range = from..size.min(from + PART);
+            from = range.end;
             let got = self.send(|| self.bucket.get_range(&at, range.clone()));
             let bytes = got.map_err(|e| self.error("reading", name, &e))?;
             file.write_all(&bytes).map_err(disk_error("writing", to))?;
@@ -225,7 +237,7 @@ impl SharedMedium for SharedBucket {
 
     fn replace(&self, bytes: SharedBytes<'_>, name: &str) -> Result<(), StoreError> {
         match bytes {
-            SharedBytes::Memory(bytes) => self.overwrite(bytes.to_vec().into(), name),
+            SharedBytes::Memory(bytes) => self.overwrite(&bytes.to_vec().into(), name),
             SharedBytes::File(path) => self.write(path, name),
         }
     }
@@ -251,11 +263,17 @@ impl SharedMedium for SharedBucket {
 
 /// The settings of the environment, and of the profile where the environment has none. Without keys in either,
 /// those of the machine's or container's role are asked for.
-fn builder() -> Result<AmazonS3Builder, StoreError> {
-    let profile = SharedProfile::read()?;
-    let mut builder = AmazonS3Builder::from_env()
+fn builder(environment: &BucketEnvironment) -> Result<AmazonS3Builder, StoreError> {
+    let profile = SharedProfile::read(environment)?;
+    let mut builder = AmazonS3Builder::new()
         .with_checksum_algorithm(Checksum::SHA256)
         .with_retry(RetryConfig { retry_timeout: PATIENCE, ..RetryConfig::default() });
+    for (name, value) in &environment.variables {
+        // Other variables are for other tools.
+        if let Ok(key) = name.to_ascii_lowercase().parse() {
+            builder = builder.with_config(key, value);
+        }
+    }
     let is_set = |builder: &AmazonS3Builder, key| builder.get_config_value(&key).is_some();
     if !is_set(&builder, AmazonS3ConfigKey::AccessKeyId) {
         for (key, value) in profile.keys {

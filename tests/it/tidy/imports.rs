@@ -8,6 +8,7 @@ const ORDER: &[&str] = &[
     // foundation: pure values
     "units",
     "escape",
+    "html",
     "files",
     "programs",
     "budget",

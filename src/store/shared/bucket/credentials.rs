@@ -1,10 +1,9 @@
 //! Keys and region of a profile, from the files that every tool for S3 reads.
 
 use crate::files;
-use crate::store::StoreError;
 use crate::store::disk::disk_error;
+use crate::store::{BucketEnvironment, StoreError};
 use object_store::aws::AmazonS3ConfigKey;
-use std::env;
 use std::io;
 use std::path::PathBuf;
 
@@ -28,11 +27,12 @@ const PLACES: [(&str, AmazonS3ConfigKey); 2] =
 
 impl SharedProfile {
     /// The profile that `AWS_PROFILE` names, or `default`. Empty without files.
-    pub(super) fn read() -> Result<Self, StoreError> {
-        let name = env::var("AWS_PROFILE").unwrap_or_else(|_| "default".to_owned());
-        let text = |variable: &str, file: &str| -> Result<String, StoreError> {
-            let home = || Some(PathBuf::from(env::var_os("HOME")?).join(".aws").join(file));
-            let Some(path) = env::var_os(variable).map(PathBuf::from).or_else(home) else {
+    pub(super) fn read(environment: &BucketEnvironment) -> Result<Self, StoreError> {
+        let variable = |name: &str| environment.variables.get(name);
+        let name = variable("AWS_PROFILE").map_or("default", String::as_str);
+        let text = |named: &str, file: &str| -> Result<String, StoreError> {
+            let home = || Some(environment.home.as_ref()?.join(".aws").join(file));
+            let Some(path) = variable(named).map(PathBuf::from).or_else(home) else {
                 return Ok(String::new());
             };
             match files::read_text(&path, files::MAX_TEXT) {
@@ -42,7 +42,7 @@ impl SharedProfile {
         };
         let credentials = text("AWS_SHARED_CREDENTIALS_FILE", "credentials")?;
         let config = text("AWS_CONFIG_FILE", "config")?;
-        Ok(Self::of_texts(&credentials, &config, &name))
+        Ok(Self::of_texts(&credentials, &config, name))
     }
 
     fn of_texts(credentials: &str, config: &str, name: &str) -> Self {
