@@ -33,15 +33,12 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     let mut place = ShardPlace::new(folder.path(), args)?;
     let service = Service::start(python)?;
     let proxy = FaultyProxy::start(service.port)?;
-    let environment = |port: u16| {
-        vec![
-            ("AWS_ACCESS_KEY_ID", "key".to_owned()),
-            ("AWS_SECRET_ACCESS_KEY", "secret".to_owned()),
-            ("AWS_REGION", "us-east-1".to_owned()),
-            ("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{port}")),
-        ]
-    };
-    place.env = environment(proxy.port);
+    place.env = vec![
+        ("AWS_ACCESS_KEY_ID", "key".to_owned()),
+        ("AWS_SECRET_ACCESS_KEY", "secret".to_owned()),
+        ("AWS_REGION", "us-east-1".to_owned()),
+        ("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{}", proxy.port)),
+    ];
     refusals(&place, &proxy)?;
     service.create_bucket()?;
     proxy.set(ProxyMode::NoConditions);
