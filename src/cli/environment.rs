@@ -30,7 +30,7 @@ impl Environment {
     pub fn of_process() -> Self {
         let [path, home, cache] = ["PATH", "HOME", "XDG_CACHE_HOME"].map(std::env::var_os);
         let text = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
-        // A variable that is no text is none of those that matter.
+        // Keys and places are text; other variables are skipped.
         let pairs = std::env::vars_os()
             .filter_map(|(name, value)| name.into_string().ok().zip(value.into_string().ok()));
         let variables = pairs.filter(|(name, _)| name.starts_with("AWS_")).collect();

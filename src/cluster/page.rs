@@ -12,7 +12,7 @@ const SLOWEST: usize = 20;
 /// Size of the bar, px.
 const BAR: [f64; 2] = [1000.0, 10.0];
 
-/// What the page shows.
+/// The content of the page.
 #[derive(Debug)]
 pub struct StatusPage<'a> {
     /// The shared store.

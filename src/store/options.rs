@@ -19,7 +19,7 @@ pub enum StoreAccess {
     WriteNow,
 }
 
-/// What the environment says about buckets. Its text for messages has no values, because some are secret.
+/// The settings of the environment for buckets. Its debug form has no values, because some are secret.
 #[derive(Clone, Default, PartialEq, Eq)]
 pub struct BucketEnvironment {
     /// The variables whose names begin with `AWS_`.

@@ -25,7 +25,7 @@ pub(super) struct TrialScene {
     views: Vec<CameraView>,
 }
 
-/// What a renderer did in its trial.
+/// The result of a trial.
 pub(super) struct TrialPicture {
     /// The first view.
     picture: Image<[f32; 3]>,

@@ -23,7 +23,7 @@ use std::path::Path;
 /// Format of a part. One of another format is refused.
 const FORMAT: u32 = 1;
 
-/// What one process found in its share of a tree.
+/// The result of one process, for its share of a tree.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct AuditPart {
     format: u32,
