@@ -3,7 +3,7 @@
 //!
 //! Files appear whole and never change: the first writer wins. There is no lock, no counter and no database,
 //! because those fail on network file systems. A file that is seen late by a cache of the file system costs a
-//! copy, and nothing else. Nobody trusts the bytes: whoever takes a file compares it with its name.
+//! copy, and nothing else. The bytes are not trusted: every file that is taken is compared with its name.
 
 #[cfg(feature = "s3")]
 mod bucket;

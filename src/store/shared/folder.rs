@@ -63,7 +63,7 @@ impl SharedFolder {
         own.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
     }
 
-    /// Gives a finished file its name, if nobody else has. Returns `false` if the name is taken.
+    /// Gives a finished file its name. Returns `false` if the name is taken.
     pub(super) fn link(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
         if let Some(folder) = to.parent() {
             self.disk.create_dir(folder)?;
