@@ -74,7 +74,7 @@ pub enum StoreError {
         place: String,
         /// Cause.
         because: String,
-        /// What to do.
+        /// The remedy.
         help: &'static str,
     },
     /// The clocks of machines differ too much to tell the age of files.

@@ -281,7 +281,7 @@ pub struct ListedGpu {
 /// All GPUs of this machine, in the order of [`DeviceChoice::Index`].
 ///
 /// # Errors
-/// There is none.
+/// The machine has no GPU.
 pub fn list_gpus() -> Result<Vec<ListedGpu>, GpuError> {
     let listed = |adapter: Adapter| {
         let (info, limits) = (adapter.get_info(), adapter.limits());

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-/// What happens to requests.
+/// The treatment of requests.
 #[derive(Clone, Copy)]
 pub(crate) enum ProxyMode {
     /// Nothing.
