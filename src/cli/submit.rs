@@ -38,6 +38,9 @@ pub(super) struct SubmitArgs {
     /// Folder for the stores of tasks, which then outlive them [default: deleted, in TMPDIR of the node]
     #[arg(long, value_name = "DIR")]
     task_store: Option<PathBuf>,
+    /// Size of the store of a task, as for build
+    #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes)]
+    cache_size: Option<u64>,
     /// Number of times that failed scenes are submitted again
     #[arg(long, value_name = "K", default_value_t = 2)]
     retries: u32,

@@ -3,6 +3,7 @@
 
 use super::fs::{FileStat, FolderEntry, Fs};
 use super::{Digest, StoreError};
+use rustix::io::Errno;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -153,8 +154,10 @@ impl StoreDisk {
         match retry_interrupted(|| self.fs.link(from, to)) {
             Ok(()) => self.sync_folder_of(to).map(|()| true).map_err(disk_error("syncing", to)),
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => Ok(false),
-            // A network file system may report another error for a name that is taken: SFTP has none for it.
-            Err(_) if self.stat(to).is_ok() => Ok(false),
+            // SFTP has no error for a name that is taken, and reports this one.
+            Err(e) if e.raw_os_error() == Some(Errno::PERM.raw_os_error()) && self.stat(to).is_ok() => {
+                Ok(false)
+            }
             Err(e) => Err(disk_error("publishing", to)(e)),
         }
     }

@@ -51,6 +51,8 @@ pub struct StoreOptions {
     /// Folder that the stores of several machines share, if there is one. A store that is opened for reading
     /// only reads it.
     pub shared: Option<PathBuf>,
+    /// Bytes that the files of a store in front of a shared one may take, if they are bounded.
+    pub cache_size: Option<u64>,
     /// The environment's settings for a shared store in a bucket.
     pub bucket: BucketEnvironment,
     /// Implementation of file operations.
@@ -66,6 +68,7 @@ impl From<StoreAccess> for StoreOptions {
             sync_each: false,
             index: None,
             shared: None,
+            cache_size: None,
             bucket: BucketEnvironment::default(),
             fs: Arc::new(fs::SystemFs),
         }

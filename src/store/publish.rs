@@ -40,6 +40,8 @@ impl Store {
         mut record: StepRecord,
     ) -> Result<Vec<StoredOutput>, StoreError> {
         record.outputs = files.iter().map(|file| file.output.clone()).collect();
+        // Before the files, which may be there and make room for others at this moment.
+        self.hold(&record.key, &record.outputs);
         let before = self.full_record(&record.key)?.filter(|before| before.outputs != record.outputs);
         if let Some(before) = &before
             && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))

@@ -17,7 +17,7 @@ pub use place::is_bucket;
 
 use super::blob::blob_name;
 use super::record::{RecordSummary, StepRecord, StoredOutput};
-use super::{BucketEnvironment, Digest, Key, Store, StoreError};
+use super::{Digest, Key, Store, StoreError, StoreOptions};
 use medium::{SharedBytes, SharedMedium, read_record};
 use std::collections::BTreeSet;
 use std::fmt;
@@ -56,14 +56,9 @@ impl fmt::Display for SharedMismatch {
 }
 
 impl SharedStore {
-    /// Opens a shared store for reading.
-    pub(super) fn open_for_reading(root: &Path, bucket: &BucketEnvironment) -> Result<Self, StoreError> {
-        Ok(Self { medium: place::open_for_reading(root, bucket)?, damaged: Mutex::default() })
-    }
-
-    /// Opens a shared store, and creates it if it is absent.
-    pub(super) fn open(root: &Path, bucket: &BucketEnvironment) -> Result<Self, StoreError> {
-        Ok(Self { medium: place::open(root, bucket)?, damaged: Mutex::default() })
+    /// Opens a shared store. One that is opened for writing is created if it is absent.
+    pub(super) fn open(place: &Path, opening: &StoreOptions) -> Result<Self, StoreError> {
+        Ok(Self { medium: place::open(place, opening)?, damaged: Mutex::default() })
     }
 
     fn damaged(&self) -> std::sync::MutexGuard<'_, BTreeSet<Digest>> {
@@ -72,6 +67,11 @@ impl SharedStore {
 
     fn record(&self, key: &Key) -> Result<Option<StepRecord>, StoreError> {
         read_record(self.medium.as_ref(), key)
+    }
+
+    /// The outputs of a key; `None` if there is no record of it.
+    pub(super) fn outputs(&self, key: &Key) -> Result<Option<Vec<StoredOutput>>, StoreError> {
+        Ok(self.record(key)?.map(|record| record.outputs))
     }
 
     /// Publishes a record and its outputs, whose files are at `path_of`.
@@ -101,7 +101,7 @@ impl SharedStore {
         // A file that was there before may have been unused for long, and a collection that did not see the
         // record may have moved it away.
         for output in &record.outputs {
-            if self.medium.is_gone(&blob_name(&output.digest)) {
+            if self.medium.is_gone(&blob_name(&output.digest))? {
                 self.put(output, &path_of(&output.digest))?;
             }
         }
@@ -111,8 +111,8 @@ impl SharedStore {
     fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
         let StoredOutput { digest, size, .. } = output;
         let name = blob_name(digest);
-        let is_sound = || !self.damaged().contains(digest) && self.medium.is_sound(&name, digest, *size);
-        if !is_sound() && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound() {
+        let is_sound = || Ok(!self.damaged().contains(digest) && self.medium.is_sound(&name, digest, *size)?);
+        if !is_sound()? && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound()? {
             self.medium.replace(SharedBytes::File(own), &name)?;
         }
         self.damaged().remove(digest);

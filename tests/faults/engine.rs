@@ -46,16 +46,19 @@ pub(crate) struct Engine {
     pub(crate) recipes: Vec<PathBuf>,
     pub(crate) fs: Arc<dyn Fs>,
     pub(crate) verify: bool,
+    /// The shared store, if there is one.
+    pub(crate) shared: Option<PathBuf>,
 }
 
 impl Engine {
     /// An engine over all recipes of a place.
     pub(crate) fn new(place: &Place, fs: Arc<dyn Fs>) -> Self {
-        Self { recipes: vec![place.path("recipes")], fs, verify: false }
+        Self { recipes: vec![place.path("recipes")], fs, verify: false, shared: None }
     }
 
     fn store(&self, place: &Place, access: StoreAccess) -> Result<Store, String> {
-        let opening = StoreOptions { verify: self.verify, fs: self.fs.clone(), ..access.into() };
+        let Self { fs, verify, shared, .. } = self.clone();
+        let opening = StoreOptions { verify, fs, shared, ..access.into() };
         Store::open(&place.store(), opening, &mut |_| {}).map_err(|e| e.to_string())
     }
 
@@ -92,6 +95,7 @@ impl Engine {
             keep_going: false,
             recheck: None,
             allow_commands: false,
+            kept_frames: None,
             programs: ProgramFinder::default(),
         };
         let summary =

@@ -11,10 +11,12 @@ use std::sync::Mutex;
 pub(crate) enum Kind {
     Folder,
     Write,
+    Copy,
     Read,
     Stat,
     List,
     Protect,
+    Touch,
     Link,
     Rename,
     Remove,
@@ -41,9 +43,12 @@ impl How {
         match self {
             Self::Io | Self::Interrupted => true,
             Self::NoSpace => {
-                matches!(kind, Kind::Folder | Kind::Write | Kind::Link | Kind::Rename | Kind::Sync)
+                matches!(
+                    kind,
+                    Kind::Folder | Kind::Write | Kind::Copy | Kind::Link | Kind::Rename | Kind::Sync
+                )
             }
-            Self::Short => kind == Kind::Write,
+            Self::Short => matches!(kind, Kind::Write | Kind::Copy),
             Self::Denied => matches!(kind, Kind::Folder | Kind::Link | Kind::Rename),
         }
     }
@@ -139,6 +144,22 @@ impl Fs for Failing {
             }
             Some(how) => Err(how.error()),
         }
+    }
+
+    fn copy(&self, from: &Path, to: &Path) -> io::Result<()> {
+        match self.meets(Kind::Copy, to) {
+            None => SystemFs.copy(from, to),
+            Some(How::Short) => {
+                let bytes = SystemFs.read(from)?;
+                SystemFs.write(to, &bytes[..bytes.len() / 2])?;
+                Err(How::Short.error())
+            }
+            Some(how) => Err(how.error()),
+        }
+    }
+
+    fn touch(&self, path: &Path) -> io::Result<()> {
+        self.pass(Kind::Touch, path, || SystemFs.touch(path))
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {

@@ -74,17 +74,17 @@ fn quiet(command: &mut Command) -> bool {
 }
 
 /// A small file system, unmounted when the value is dropped.
-struct Disk {
+pub(crate) struct Disk {
     at: PathBuf,
 }
 
 impl Disk {
-    fn mount(at: &Path, kib: usize) -> Result<Self, String> {
+    pub(crate) fn mount(at: &Path, kib: usize) -> Result<Self, String> {
         mount(["-t", "tmpfs", "-o", &format!("size={kib}k"), "tmpfs"].map(OsStr::new), at)?;
         Ok(Self { at: at.to_owned() })
     }
 
-    fn grow(&self, kib: usize) -> Result<(), String> {
+    pub(crate) fn grow(&self, kib: usize) -> Result<(), String> {
         mount(["-o", &format!("remount,size={kib}k")].map(OsStr::new), &self.at)
     }
 }

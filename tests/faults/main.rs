@@ -22,6 +22,7 @@ mod program;
 mod random;
 mod repeat;
 mod scenes;
+mod shared;
 mod state;
 mod tally;
 mod together;
@@ -61,7 +62,7 @@ struct Test {
     run: fn(Size) -> Tally,
 }
 
-const TESTS: [Test; 9] = [
+const TESTS: [Test; 10] = [
     Test { name: "kill", what: "kill -9 of the process group at random instants", run: kill::run },
     Test { name: "operations", what: "every file operation fails, in every way", run: operations::run },
     Test { name: "power", what: "unsynced writes dropped, torn or out of order", run: power::run },
@@ -69,6 +70,7 @@ const TESTS: [Test; 9] = [
     Test { name: "flips", what: "single bits of release files and blobs flipped", run: flips::run },
     Test { name: "full", what: "a disk that fills and is freed", run: full::run },
     Test { name: "together", what: "two coordinators on a store, eight writers to one", run: together::run },
+    Test { name: "shared", what: "a shared store: kills, lost stores, flips, a full disk", run: shared::run },
     Test { name: "repeat", what: "threads, order, folder and clock", run: repeat::run },
     Test { name: "edits", what: "random edit sequences against clean builds", run: edits::run },
 ];
@@ -82,7 +84,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    if arguments.has("full") {
+    if arguments.has("full") || arguments.has("shared") {
         full::enter_name_space();
     }
     let chosen = TESTS.iter().filter(|test| arguments.has(test.name));

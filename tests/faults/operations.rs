@@ -30,6 +30,16 @@ enum Scenario {
     Idle,
     /// Nothing, and every byte is read.
     Verifying,
+    /// Everything, in a new store and a new shared one.
+    Sharing,
+    /// Everything is copied from a shared store into a new one.
+    Adopting,
+}
+
+impl Scenario {
+    fn is_shared(self) -> bool {
+        matches!(self, Self::Sharing | Self::Adopting)
+    }
 }
 
 struct Fixture {
@@ -51,21 +61,26 @@ impl Fixture {
     }
 
     fn engine(&self, fs: Arc<dyn Fs>, scenario: Scenario) -> Engine {
-        Engine { recipes: self.recipes.clone(), fs, verify: matches!(scenario, Scenario::Verifying) }
+        let shared = scenario.is_shared().then(|| self.place.path("shared"));
+        Engine { recipes: self.recipes.clone(), fs, verify: matches!(scenario, Scenario::Verifying), shared }
     }
 
     /// Puts the store into the state in which the build begins.
     fn prepare(&self, scenario: Scenario) {
         let _ = fs::remove_dir_all(self.place.store());
+        let _ = fs::remove_dir_all(self.place.path("shared"));
         let all = self.recipes.len();
         let known = match scenario {
-            Scenario::Cold => return,
+            Scenario::Cold | Scenario::Sharing => return,
             Scenario::Mending => all - 1,
-            Scenario::Idle | Scenario::Verifying => all,
+            Scenario::Idle | Scenario::Verifying | Scenario::Adopting => all,
         };
-        let engine =
-            Engine { recipes: self.recipes[..known].to_vec(), fs: Arc::new(SystemFs), verify: false };
+        let recipes = self.recipes[..known].to_vec();
+        let engine = Engine { recipes, verify: false, ..self.engine(Arc::new(SystemFs), scenario) };
         let Built::Done { outputs, .. } = engine.build(&self.place) else { panic!("a sound build failed") };
+        if let Scenario::Adopting = scenario {
+            fs::remove_dir_all(self.place.store()).unwrap();
+        }
         if let Scenario::Mending = scenario {
             let path = |step: usize| {
                 let digest = outputs[step].1[0].digest.to_string();
@@ -112,7 +127,14 @@ pub(crate) fn run(size: Size) -> Tally {
 fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> {
     let fixture = Fixture::new(scenes);
     let mut all = Vec::new();
-    for scenario in [Scenario::Cold, Scenario::Mending, Scenario::Idle, Scenario::Verifying] {
+    for scenario in [
+        Scenario::Cold,
+        Scenario::Mending,
+        Scenario::Idle,
+        Scenario::Verifying,
+        Scenario::Sharing,
+        Scenario::Adopting,
+    ] {
         fixture.prepare(scenario);
         let counting = Arc::new(Failing::never());
         let built = fixture.engine(counting.clone(), scenario).build(&fixture.place);
@@ -135,10 +157,10 @@ fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(
     let Built::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
     let scenes = fixture.recipes.len();
     let wanted = match scenario {
-        Scenario::Cold => (6 * scenes, 0),
+        Scenario::Cold | Scenario::Sharing => (6 * scenes, 0),
         Scenario::Mending => (2 + 6, scenes - 2),
         Scenario::Idle => (0, scenes),
-        Scenario::Verifying => (0, 0),
+        Scenario::Verifying | Scenario::Adopting => (0, 0),
     };
     if (made, settled) == wanted {
         return Ok(());
@@ -169,18 +191,28 @@ fn trial(
         Built::Failed(why) if is_retried => Err(format!("an interruption is tried again, not text: {why}")),
         Built::Done { .. } | Built::Failed(_) => Ok(()),
     };
-    let state = after(fixture, &built).inspect_err(|_| tally.count("wrong states", 1));
+    let state = after(fixture, &built, scenario).inspect_err(|_| tally.count("wrong states", 1));
     verdict.and(state)
 }
 
 /// Checks that steps that count as up to date are, and that the next build finishes.
-fn after(fixture: &Fixture, built: &Built) -> Result<(), String> {
+fn after(fixture: &Fixture, built: &Built, scenario: Scenario) -> Result<(), String> {
     let Fixture { place, truth, .. } = fixture;
     if let Built::Done { .. } = built {
         same(&built.products(place)?, truth)?;
     }
-    let sound = fixture.engine(Arc::new(SystemFs), Scenario::Idle);
+    let meets = if scenario.is_shared() { scenario } else { Scenario::Idle };
+    let sound = fixture.engine(Arc::new(SystemFs), meets);
     within(&sound.look(place)?, truth)?;
     let next = sound.build(place).products(place).and_then(|products| same(&products, truth));
-    next.map_err(|why| format!("the next build: {why}"))
+    next.map_err(|why| format!("the next build: {why}"))?;
+    if !scenario.is_shared() {
+        return Ok(());
+    }
+    // Another machine, which has only the shared store.
+    fs::remove_dir_all(place.store()).unwrap();
+    match sound.build(place) {
+        Built::Done { made, .. } if made > 0 => Err(format!("{made} steps are not in the shared store")),
+        other => other.products(place).and_then(|products| same(&products, truth)),
+    }
 }

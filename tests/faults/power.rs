@@ -10,7 +10,7 @@ mod disk;
 mod recorder;
 
 use crate::Size;
-use crate::engine::Engine;
+use crate::engine::{Built, Engine};
 use crate::frozen::Frozen;
 use crate::place::{Place, Products, same, within};
 use crate::random::Random;
@@ -18,9 +18,10 @@ use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
 use disk::{Disk, Loss};
-use gs2e::store::fs::SystemFs;
+use gs2e::store::fs::{Fs, SystemFs};
 use recorder::Recorder;
 use std::fs;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,13 +30,16 @@ struct Recording {
     place: Place,
     truth: Products,
     recorder: Arc<Recorder>,
+    /// The shared store, if there is one. It lies in the store's folder, so that both lose data at once.
+    shared: Option<PathBuf>,
 }
 
 impl Recording {
     /// Three builds, each of more scenes than the one before, so that rows of the database refer to
     /// files of several batches.
-    fn new(scenes: u32) -> Self {
+    fn new(scenes: u32, is_shared: bool) -> Self {
         let place = Place::in_memory();
+        let shared = is_shared.then(|| place.store().join("shared"));
         let recorder = Arc::new(Recorder::new(place.store()));
         let mut truth = Products::new();
         for part in 1..=3 {
@@ -44,27 +48,41 @@ impl Recording {
                 // Old enough that the last build leaves memos.
                 std::thread::sleep(Duration::from_millis(2100));
             }
-            truth = Engine::new(&place, recorder.clone()).build(&place).products(&place).unwrap();
+            let engine = Engine { shared: shared.clone(), ..Engine::new(&place, recorder.clone()) };
+            truth = engine.build(&place).products(&place).unwrap();
         }
-        Self { place, truth, recorder }
+        Self { place, truth, recorder, shared }
+    }
+
+    fn engine(&self, fs: Arc<dyn Fs>) -> Engine {
+        Engine { shared: self.shared.clone(), ..Engine::new(&self.place, fs) }
     }
 }
 
 pub(crate) fn run(size: Size) -> Tally {
+    // Each half of the time.
+    let half = Size { seconds: size.seconds.map(|seconds| seconds.div_ceil(2)), ..size };
+    let mut tally = trials(half, false);
+    tally.merge(trials(half, true));
+    tally
+}
+
+fn trials(size: Size, is_shared: bool) -> Tally {
     let (scenes, reorderings) = size.of((3, 2), (50, 3));
     let mut losses = vec![Loss::Dropped, Loss::Torn];
     losses.extend(vec![Loss::Reordered; reorderings]);
-    let prefixes = Recording::new(scenes).recorder.len() + 1;
+    let prefixes = Recording::new(scenes, is_shared).recorder.len() + 1;
     let mut tally = spread(
         size,
         prefixes * losses.len(),
-        || Recording::new(scenes),
+        || Recording::new(scenes, is_shared),
         |recording, number, tally| {
             let (prefix, loss) = (number / losses.len(), losses[number % losses.len()]);
             let mut random = Random::new(size.seed, number as u64);
             let ended = trial(recording, prefix, loss, &mut random);
             tally.count("records of absent or wrong bytes", u64::from(ended.is_err()));
-            ended.map_err(|why| format!("after operation {prefix}, {loss:?}: {why}"))
+            let of = if is_shared { "with a shared store, after" } else { "after" };
+            ended.map_err(|why| format!("{of} operation {prefix}, {loss:?}: {why}"))
         },
     );
     tally.count("operations recorded", prefixes as u64 - 1);
@@ -72,14 +90,28 @@ pub(crate) fn run(size: Size) -> Tally {
 }
 
 fn trial(recording: &Recording, prefix: usize, loss: Loss, random: &mut Random) -> Result<(), String> {
-    let Recording { place, truth, recorder } = recording;
+    let Recording { place, truth, recorder, shared } = recording;
     let _ = fs::remove_dir_all(place.store());
     let ops = recorder.ops();
     Disk::after(&ops[..prefix.min(ops.len())], loss, random).write(&place.store());
-    let frozen = Engine::new(place, Arc::new(Frozen::new(recorder.stats())));
+    let frozen = recording.engine(Arc::new(Frozen::new(recorder.stats())));
     within(&frozen.look(place)?, truth).map_err(|why| format!("looking: {why}"))?;
     let next = frozen.build(place).products(place).and_then(|products| same(&products, truth));
     next.map_err(|why| format!("the next build: {why}"))?;
     // A later look must not be deceived either.
-    same(&Engine::new(place, Arc::new(SystemFs)).look(place)?, truth)
+    same(&recording.engine(Arc::new(SystemFs)).look(place)?, truth)?;
+    let Some(shared) = shared else { return Ok(()) };
+    // Nor may another machine, which has only the shared store.
+    for entry in fs::read_dir(place.store()).unwrap().map(|entry| entry.unwrap().path()) {
+        if entry.is_dir() && entry != *shared {
+            fs::remove_dir_all(entry).unwrap();
+        } else if entry.is_file() {
+            fs::remove_file(entry).unwrap();
+        }
+    }
+    let other = recording.engine(Arc::new(SystemFs)).build(place);
+    match other {
+        Built::Done { made, .. } if made > 0 => Err(format!("{made} steps are not in the shared store")),
+        other => other.products(place).and_then(|products| same(&products, truth)),
+    }
 }

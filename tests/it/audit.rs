@@ -3,10 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod croissant;
+mod parts;
 mod rebuild;
 
-use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum, said};
-use gs2e::release::audit::{AuditFault, AuditPart, PartsError, audit_parts, audit_release};
+use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
+use gs2e::release::audit::{AuditFault, AuditPart, audit_parts, audit_release};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
@@ -59,56 +60,6 @@ fn a_sound_release_has_no_faults() {
     assert_eq!(report.files, read(release()).len());
     check(|_| (), &[]);
     check_resealed(|_| (), &[]);
-}
-
-#[test]
-fn a_verdict_needs_all_parts_of_one_release() {
-    let folder = copy();
-    let dir = folder.path();
-    let parts = parts_of(dir, 3);
-    let (files, bytes) = parts.iter().map(AuditPart::size).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-    let whole = audit_release(dir).unwrap();
-    assert_eq!((files, bytes), (whole.files, whole.bytes));
-    let refused = |parts: Vec<AuditPart>| audit_parts(dir, None, parts).unwrap_err();
-    assert_eq!(refused(Vec::new()), PartsError::Empty);
-    assert_eq!(refused(vec![parts[0].clone(), parts[2].clone()]), PartsError::Missing { number: 2, of: 3 });
-    let because = |because, number| PartsError::Unlike { number, because };
-    assert_eq!(refused(vec![parts[0].clone(), parts[0].clone()]), because("there twice", 1));
-    let others = [parts[0].clone(), parts_of(dir, 2).remove(1)].to_vec();
-    assert_eq!(refused(others), because("of another number of parts than the others", 2));
-    // A file that comes later is read for the verdict.
-    fs::write(dir.join("small/more.txt"), "").unwrap();
-    let faults = audit_parts(dir, None, parts.clone()).unwrap().unwrap().faults;
-    assert_eq!(faults[0].code.name(), "unlisted", "{faults:?}");
-    fs::write(dir.join("SHA256SUMS"), "").unwrap();
-    assert_eq!(refused(parts), because("of another release, or of an earlier state of this one", 1));
-}
-
-#[test]
-fn parts_are_files_and_the_verdict_has_the_exit_code() {
-    let folder = copy();
-    let dir = folder.path().to_str().unwrap();
-    let parts = tempfile::tempdir().unwrap();
-    let to = parts.path().to_str().unwrap();
-    let run = |options: &[&str], code: i32| {
-        let ended = gs2e(parts.path(), &[&["audit", dir, "--parts", to], options].concat());
-        assert_eq!(ended.status.code(), Some(code), "{options:?}: {}", said(&ended));
-        said(&ended)
-    };
-    assert!(run(&[], 2).contains("there is no part of an audit"));
-    run(&["--shard", "1/2"], 0);
-    let missing = run(&[], 2);
-    assert!(
-        missing.contains("part 2 of 2 is missing") && missing.contains("--shard 2/2 --parts"),
-        "{missing}"
-    );
-    run(&["--shard", "2/2"], 0);
-    assert!(run(&[], 0).contains("0 faults in "));
-    // A part says what was true when it was written.
-    fs::write(folder.path().join(BASE).join("speed.json"), "{}").unwrap();
-    run(&["--shard", "1/2"], 0);
-    run(&["--shard", "2/2"], 0);
-    assert!(run(&[], 3).contains("speed.json: its SHA-256 is "));
 }
 
 #[test]

@@ -230,9 +230,10 @@ fn the_script_is_printed_without_slurm() {
     assert!(!fake.place.path("shared").exists() && !fake.place.path(".gs2e").exists());
     // After a build, its costs are known: these steps need little.
     fake.place.ok("build recipes/s0.yaml");
-    let text = fake.ends(0, "submit --to slurm --shared-store shared --dry-run").stdout;
+    let text = fake.ends(0, "submit --to slurm --shared-store shared --dry-run --cache-size 2GB").stdout;
     let memory = text.split("--mem=").nth(1).unwrap().split('M').next().unwrap().parse::<u64>().unwrap();
     assert!((1000..8000).contains(&memory) && text.contains("--cpus-per-task=1\n"), "{text}");
+    assert!(text.contains(" --cache-size=2000000000 "), "{text}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Several machines with one shared folder: each is a process here, with a store of its own.
 
+mod bounded;
 mod faults;
 
 use crate::support::steps::recipe;

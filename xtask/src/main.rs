@@ -63,8 +63,8 @@ usage: cargo xtask <task>
                      `--program FILE`)
   slurm [ARGS]...    `gs2e submit` on a private Slurm cluster, with tasks, daemons and the submitter killed (`--scenes N`,
                      `--tasks N`, `--program FILE`; needs Debian's slurm-wlm and munge)
-  network [ARGS]...  eight processes with one shared store on two mounts of a network file system, sshfs (`--scenes N`,
-                     `--program FILE`; needs Debian's sshfs and openssh-sftp-server)
+  network [ARGS]...  eight processes with one shared store on two mounts of a network file system (`--scenes N`,
+                     `--program FILE`, `--mounts A,B`; without mounts it needs Debian's sshfs and openssh-sftp-server)
   bucket [ARGS]...   eight processes with one shared store in a bucket, moto, whose requests fail in many ways (`--scenes N`,
                      `--program FILE` with the feature s3, `--python FILE` with `moto[server]`)
   consumers --with PATH [ARGS]...

@@ -2,6 +2,7 @@
 
 use crate::command::{Outcome, cargo, program, root, say};
 use std::ffi::OsStr;
+use std::fmt::Display;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -81,7 +82,7 @@ impl ShardPlace {
     }
 
     /// Runs all processes at once, each with a new store. `of` gives the shared store and further options.
-    pub(crate) fn all(&self, round: &str, of: impl Fn(usize) -> (&'static str, String)) -> Outcome<Steps> {
+    pub(crate) fn all<S: Display>(&self, round: &str, of: impl Fn(usize) -> (S, String)) -> Outcome<Steps> {
         let start = |i: usize| -> Outcome<Child> {
             let (shared, options) = of(i);
             let args = format!(

@@ -4,6 +4,7 @@ use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::ExitKind;
 use crate::run::RunSummary;
+use crate::store::EvictedFiles;
 
 fn last_line(summary: &RunSummary, seconds: f64) -> String {
     let RunSummary { made, twice, adopted, kept, failures, unreached, interrupted, .. } = summary;
@@ -25,6 +26,15 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
         text.push_str(&format!(", not reached {unreached}"));
     }
     format!("{text}; {seconds:.2} s")
+}
+
+/// Says how many files made room, if the size of the store has a bound.
+pub(super) fn tell_evicted(evicted: EvictedFiles, console: &Console) {
+    let EvictedFiles { files, bytes } = evicted;
+    if files > 0 {
+        let size = bytes as f64 * 1e-6;
+        console.say(&format!("{files} files ({size:.1} MB) made room: the shared store has them"));
+    }
 }
 
 /// Prints the last line, and for programs the interruption of a run.

@@ -27,13 +27,24 @@ pub(in crate::cli) fn open_store(
     care: &TrustOptions,
     console: &Console,
 ) -> Result<Store, VerbError> {
+    open_cache(common, care, None, console)
+}
+
+/// Opens the store as [`open_store`], with a bound on its size in bytes.
+pub(super) fn open_cache(
+    common: &CommonArgs,
+    care: &TrustOptions,
+    cache_size: Option<u64>,
+    console: &Console,
+) -> Result<Store, VerbError> {
     let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
     let claim =
         LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
     let sync_each = care.sync == SyncArg::Always;
     let shared = care.shared_store.clone();
+    let verify = care.verify;
     let opening =
-        StoreOptions { verify: care.verify, sync_each, claim, shared, ..store_options(common, access) };
+        StoreOptions { verify, sync_each, claim, shared, cache_size, ..store_options(common, access) };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
         console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));

@@ -77,10 +77,25 @@ impl SubmitArgs {
             program: &program,
             shared,
             folder: &folder,
-            words: &build_words(common, options.gpu),
+            words: &self.build_words(common, options.gpu),
         };
         let script = script.text();
         Ok(ArrayJob { submission, tasks, script })
+    }
+
+    /// The options of this command that its tasks need too.
+    fn build_words(&self, common: &CommonArgs, gpu: bool) -> Vec<String> {
+        let backend = match common.backend {
+            BackendArg::Reference => "reference",
+            BackendArg::Gpu => "gpu",
+            BackendArg::Auto if gpu => "gpu",
+            BackendArg::Auto | BackendArg::Cpu => "cpu",
+        };
+        let mut words = vec!["--backend".to_owned(), backend.to_owned()];
+        words.extend(common.no_omit.then(|| "--no-omit".to_owned()));
+        words.extend(common.allow_commands.then(|| "--allow-commands".to_owned()));
+        words.extend(self.cache_size.map(|bytes| format!("--cache-size={bytes}")));
+        words
     }
 
     /// Memory of a task, MB.
@@ -109,18 +124,4 @@ fn usual_cores(found: &ClusterScenes, tasks: usize) -> u16 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive, and below 2^53")]
 fn whole(number: f64) -> u64 {
     number.ceil() as u64
-}
-
-/// The options of this command that its tasks need too.
-fn build_words(common: &CommonArgs, gpu: bool) -> Vec<String> {
-    let backend = match common.backend {
-        BackendArg::Reference => "reference",
-        BackendArg::Gpu => "gpu",
-        BackendArg::Auto if gpu => "gpu",
-        BackendArg::Auto | BackendArg::Cpu => "cpu",
-    };
-    let mut words = vec!["--backend".to_owned(), backend.to_owned()];
-    words.extend(common.no_omit.then(|| "--no-omit".to_owned()));
-    words.extend(common.allow_commands.then(|| "--allow-commands".to_owned()));
-    words
 }

@@ -107,9 +107,13 @@ impl SharedBucket {
     }
 
     /// Returns true if there is an object of this size.
-    fn has(&self, name: &str, size: u64) -> bool {
+    fn has(&self, name: &str, size: u64) -> Result<bool, StoreError> {
         let at = self.at(name);
-        self.send(|| self.bucket.head(&at)).is_ok_and(|meta| meta.size == size)
+        match self.send(|| self.bucket.head(&at)) {
+            Ok(meta) => Ok(meta.size == size),
+            Err(e) if is_absent(&e) => Ok(false),
+            Err(e) => Err(self.error("reading", name, &e)),
+        }
     }
 
     fn at(&self, name: &str) -> ObjectPath {
@@ -186,7 +190,7 @@ impl SharedBucket {
         };
         let sent = send();
         // The answer to the last request may have been lost: a repetition then finds no upload to end.
-        if sent.is_err() && self.has(name, size) {
+        if sent.is_err() && self.has(name, size)? {
             return Ok(());
         }
         if sent.is_err() {
@@ -215,7 +219,7 @@ impl SharedMedium for SharedBucket {
             };
             return std::fs::write(to, bytes).map(|()| true).map_err(disk_error("writing", to));
         }
-        if !self.has(name, size) {
+        if !self.has(name, size)? {
             return Ok(false);
         }
         let at = self.at(name);
@@ -246,14 +250,14 @@ impl SharedMedium for SharedBucket {
         }
     }
 
-    fn is_sound(&self, name: &str, _: &Digest, size: u64) -> bool {
+    fn is_sound(&self, name: &str, _: &Digest, size: u64) -> Result<bool, StoreError> {
         // Objects are never there in part, and the service compared the bytes with their checksum.
         self.has(name, size)
     }
 
-    fn is_gone(&self, _: &str) -> bool {
+    fn is_gone(&self, _: &str) -> Result<bool, StoreError> {
         // Only rules of the bucket remove objects, by their age, and this one is new.
-        false
+        Ok(false)
     }
 
     fn mark_used(&self, _: &str) -> Result<(), StoreError> {

@@ -2,7 +2,7 @@
 
 use super::medium::{SharedBytes, SharedMedium};
 use crate::store::disk::{StoreDisk, disk_error, is_absent};
-use crate::store::fs::SystemFs;
+use crate::store::fs::Fs;
 use crate::store::{Digest, FORMAT, StoreError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,9 +22,9 @@ pub(super) struct SharedFolder {
 
 impl SharedFolder {
     /// Opens a shared folder for reading.
-    pub(super) fn open_for_reading(root: &Path) -> Result<Self, StoreError> {
+    pub(super) fn open_for_reading(root: &Path, fs: Arc<dyn Fs>) -> Result<Self, StoreError> {
         // Each file is synced before others can see it, whatever the own store does.
-        let disk = StoreDisk::new(Arc::new(SystemFs), true);
+        let disk = StoreDisk::new(fs, true);
         disk.check_format(root, FORMAT, false)?;
         if crate::files::is_there(&root.join("lock")) {
             return Err(StoreError::NotShared { path: root.to_owned() });
@@ -33,8 +33,8 @@ impl SharedFolder {
     }
 
     /// Opens a shared folder, and creates it if it is absent.
-    pub(super) fn open(root: &Path) -> Result<Self, StoreError> {
-        let mut shared = Self::open_for_reading(root)?;
+    pub(super) fn open(root: &Path, fs: Arc<dyn Fs>) -> Result<Self, StoreError> {
+        let mut shared = Self::open_for_reading(root, fs)?;
         for folder in ["cas", "ac", "tmp"] {
             shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
         }
@@ -96,13 +96,23 @@ impl SharedMedium for SharedFolder {
         self.disk.rename(&self.lay(bytes)?, &self.root.join(name))
     }
 
-    fn is_sound(&self, name: &str, digest: &Digest, _: u64) -> bool {
+    fn is_sound(&self, name: &str, digest: &Digest, _: u64) -> Result<bool, StoreError> {
         // Bytes without a record are rare, and may be those of a machine that lost its power.
-        self.disk.digest(&self.root.join(name)).is_ok_and(|found| found == *digest)
+        let path = self.root.join(name);
+        match self.disk.digest(&path) {
+            Ok(found) => Ok(found == *digest),
+            Err(e) if is_absent(&e) => Ok(false),
+            Err(e) => Err(disk_error("reading", &path)(e)),
+        }
     }
 
-    fn is_gone(&self, name: &str) -> bool {
-        self.disk.stat(&self.root.join(name)).is_err_and(|e| is_absent(&e))
+    fn is_gone(&self, name: &str) -> Result<bool, StoreError> {
+        let path = self.root.join(name);
+        match self.disk.stat(&path) {
+            Ok(_) => Ok(false),
+            Err(e) if is_absent(&e) => Ok(true),
+            Err(e) => Err(disk_error("reading", &path)(e)),
+        }
     }
 
     fn mark_used(&self, name: &str) -> Result<(), StoreError> {

@@ -17,11 +17,12 @@ use super::folder::SharedFolder;
 use super::medium::read_record;
 use crate::store::blob::blob_name;
 use crate::store::disk::{disk_error, is_absent};
-use crate::store::fs::{FileStat, FolderEntry};
+use crate::store::fs::{FileStat, FolderEntry, SystemFs};
 use crate::store::{Digest, Key, StoreError};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Largest difference between the clocks of two machines. Each age is lengthened by it.
@@ -75,7 +76,7 @@ struct SharedFile {
 /// The folder cannot be read or written, or the clocks differ by more than two hours. Nothing that
 /// was used lately is lost.
 pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
-    let shared = SharedFolder::open(root)?;
+    let shared = SharedFolder::open(root, Arc::new(SystemFs))?;
     let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
     let probed = shared.file_system_time()?;
     let newest = records.iter().chain(&blobs).map(|file| file.stat.mtime_ns).max();

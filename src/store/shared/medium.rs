@@ -30,10 +30,10 @@ pub(super) trait SharedMedium: fmt::Debug + Send + Sync {
     fn replace(&self, bytes: SharedBytes<'_>, name: &str) -> Result<(), StoreError>;
 
     /// Returns true if the file is there, as far as can be known without a copy of it.
-    fn is_sound(&self, name: &str, digest: &Digest, size: u64) -> bool;
+    fn is_sound(&self, name: &str, digest: &Digest, size: u64) -> Result<bool, StoreError>;
 
     /// Returns true if a collection has removed the file since it was seen.
-    fn is_gone(&self, name: &str) -> bool;
+    fn is_gone(&self, name: &str) -> Result<bool, StoreError>;
 
     /// Notes that a record is in use, for a collection by age.
     fn mark_used(&self, name: &str) -> Result<(), StoreError>;

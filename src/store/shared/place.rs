@@ -2,7 +2,7 @@
 
 use super::folder::SharedFolder;
 use super::medium::SharedMedium;
-use crate::store::{BucketEnvironment, StoreError};
+use crate::store::{BucketEnvironment, StoreAccess, StoreError, StoreOptions};
 use std::path::Path;
 
 /// How names of buckets begin.
@@ -14,24 +14,17 @@ pub fn is_bucket(place: &Path) -> bool {
     place.to_str().is_some_and(|place| place.starts_with(SCHEME))
 }
 
-pub(super) fn open_for_reading(
-    place: &Path,
-    environment: &BucketEnvironment,
-) -> Result<Box<dyn SharedMedium>, StoreError> {
+/// Opens the place. One that is opened for writing is created if it is absent.
+pub(super) fn open(place: &Path, opening: &StoreOptions) -> Result<Box<dyn SharedMedium>, StoreError> {
+    let write = opening.access != StoreAccess::Read;
     if is_bucket(place) {
-        return open_bucket(place, environment, false);
+        return open_bucket(place, &opening.bucket, write);
     }
-    Ok(Box::new(SharedFolder::open_for_reading(place)?))
-}
-
-pub(super) fn open(
-    place: &Path,
-    environment: &BucketEnvironment,
-) -> Result<Box<dyn SharedMedium>, StoreError> {
-    if is_bucket(place) {
-        return open_bucket(place, environment, true);
-    }
-    Ok(Box::new(SharedFolder::open(place)?))
+    let fs = opening.fs.clone();
+    Ok(Box::new(match write {
+        true => SharedFolder::open(place, fs)?,
+        false => SharedFolder::open_for_reading(place, fs)?,
+    }))
 }
 
 #[cfg(feature = "s3")]

@@ -74,6 +74,11 @@ impl Fs for Recorder {
         SystemFs.write(path, bytes)
     }
 
+    fn copy(&self, from: &Path, to: &Path) -> io::Result<()> {
+        self.note(Op::Write(self.below(to), fs::read(from)?));
+        SystemFs.copy(from, to)
+    }
+
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         SystemFs.read(path)
     }
