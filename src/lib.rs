@@ -29,7 +29,7 @@
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
 //! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],
-//!   [`event`], [`sensor`], [`sampling`], [`reconstruct`], [`training`], [`foreign`], [`check`],
+//!   [`event`], [`sensor`], [`sampling`], [`imu`], [`reconstruct`], [`training`], [`foreign`], [`check`],
 //!   [`dataset`], [`licence`]: the domain. Values and models, with readers and writers of their own
 //!   formats. No store, and no threads except rayon's.
 //! - [`store`]: blobs, records, descriptions, stat fields, memos. It knows no other room except
@@ -93,6 +93,7 @@ pub mod foreign;
 pub mod frames;
 pub(crate) mod html;
 pub mod image;
+pub mod imu;
 pub mod licence;
 pub mod plan;
 pub mod programs;

@@ -45,6 +45,7 @@ pub use upstream::UpstreamOrigin;
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
+use crate::imu::ImuModel;
 use crate::licence::UpstreamGrant;
 use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
@@ -104,6 +105,8 @@ pub struct Recipe {
     pub every: PictureSpacing,
     /// Exposure of the blurred frames.
     pub shutter: ShutterSettings,
+    /// Inertial sensor, if the recipe asks for its data.
+    pub imu: Option<ImuModel>,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.

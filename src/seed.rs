@@ -24,6 +24,8 @@ pub enum StreamPurpose {
     Curve,
     /// Noise of the sensor.
     Sensor,
+    /// Noise of the inertial sensor.
+    Imu,
 }
 
 impl StreamPurpose {
@@ -34,6 +36,7 @@ impl StreamPurpose {
             Self::Keyframes => "keyframes",
             Self::Curve => "curve",
             Self::Sensor => "sensor",
+            Self::Imu => "imu",
         }
     }
 }

@@ -173,6 +173,14 @@ impl Capture {
         Some((first.camera, other))
     }
 
+    /// The mean of the up directions of the views, in world axes; `None` if there is no view, or if they cancel.
+    #[must_use]
+    pub fn up(&self) -> Option<DVec3> {
+        // Cameras have OpenCV axes: up in the image is `-y`.
+        let ups = self.views.iter().map(|view| view.world_from_camera.rotation * DVec3::NEG_Y);
+        ups.sum::<DVec3>().try_normalize()
+    }
+
     /// Returns a warning if the lenses distort the photos, because trajectories render without
     /// distortion. A scene that was trained on the photos as taken contains the same distortion. A
     /// scene that was trained on undistorted photos is correct.

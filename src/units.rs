@@ -79,9 +79,22 @@ impl Hertz {
     /// The stamp exceeds 64 bits (index and rate are bounded where recipes are read).
     #[must_use]
     pub fn stamp_us(self, index: u64) -> i64 {
+        self.stamp(index, 1_000_000)
+    }
+
+    /// As [`Hertz::stamp_us`], in nanoseconds.
+    ///
+    /// # Panics
+    /// The stamp exceeds 64 bits.
+    #[must_use]
+    pub fn stamp_ns(self, index: u64) -> i64 {
+        self.stamp(index, 1_000_000_000)
+    }
+
+    fn stamp(self, index: u64, a_second: u128) -> i64 {
         let (p, q) = (u128::from(self.0.numerator), u128::from(self.0.denominator));
         // Rounded half up in integers: `floor((2 n + d) / (2 d))` for the fraction `n / d`.
-        let stamp = (2_000_000 * u128::from(index) * q + p) / (2 * p);
+        let stamp = (2 * a_second * u128::from(index) * q + p) / (2 * p);
         i64::try_from(stamp).expect("indices and rates are bounded where they are read")
     }
 }

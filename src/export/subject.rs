@@ -9,10 +9,12 @@ use crate::event::{Event, StreamHeader};
 use crate::files;
 use crate::image::light::MeanScale;
 use crate::image::{Image, Size, npy, png};
+use crate::imu;
 use crate::release::include::ComposedScene;
 use crate::release::{SceneRecord, diff, recipe_of_scene};
 use crate::sensor::SensorChoice;
 use crate::trajectory::Trajectory;
+use glam::DVec3;
 use serde_json::{Value, json};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -289,6 +291,24 @@ impl ExportSubject {
         let file = file.map_err(|e| ExportError::unreadable(&self.path(&name), e))?;
         crate::dataset::depth::read_depth(&file, self.camera.size, None)
             .map_err(|e| ExportError::unreadable(&self.path(&name), e))
+    }
+
+    /// The inertial measurements: times from the first pose, ns, with body rates and specific forces; empty if the
+    /// release has none.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn inertial(&self) -> Result<Vec<(i64, [DVec3; 2])>, ExportError> {
+        let name = format!("imu/{}", imu::files::SAMPLES);
+        let path = format!("{}/{name}", self.folder);
+        if !self.files.has(&path) {
+            return Ok(Vec::new());
+        }
+        let unreadable = |because: String| ExportError::unreadable(&self.path(&name), because);
+        let bytes = self.files.read(&path, files::MAX_DOCUMENT).map_err(|e| unreadable(e.to_string()))?;
+        let lines = imu::files::read_lines(&bytes, imu::files::SAMPLES_HEAD).map_err(unreadable)?;
+        let vectors = |v: Vec<f64>| [DVec3::new(v[0], v[1], v[2]), DVec3::new(v[3], v[4], v[5])];
+        Ok(lines.into_iter().map(|(stamp, values)| (stamp, vectors(values))).collect())
     }
 
     /// Statements of the file of events.

@@ -21,6 +21,7 @@ use crate::stage::fidelity::FidelityStage;
 use crate::stage::foreign::ExternalToolsStage;
 use crate::stage::frames::FramesStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, GeometryStage};
+use crate::stage::imu::ImuStage;
 use crate::stage::poses::PosesStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::scene_checks::CheckingScene;
@@ -209,8 +210,16 @@ fn wire_output(
     let backend = || backend.clone();
     let shot = || ShotParameters { camera: recipe.camera, render: recipe.render, omit, backend: backend() };
     let name = format!("{trajectory}/{}", output.name());
-    let inputs = (capture, gaussians.expect(RENDERED), motion);
     let every = recipe.every.poses(output);
+    if output == OutputKind::Imu {
+        let Some(model) = recipe.imu.clone() else { return };
+        let seed = Seed::for_stream(recipe.seed, &recipe.scene, trajectory, StreamPurpose::Imu);
+        // Without a direction of its own, the sensor needs the views.
+        let views = model.up.is_none().then_some(capture);
+        wiring.add(name, ImuStage { model, seed }, (motion, views));
+        return;
+    }
+    let inputs = (capture, gaussians.expect(RENDERED), motion);
     match output {
         OutputKind::Events => {
             // From names alone: a trajectory that is added changes no other one.
@@ -237,5 +246,6 @@ fn wire_output(
         OutputKind::Flow => {
             wiring.add(name, GeometryStage::<FlowQuantity>::new(shot(), every), inputs);
         }
+        OutputKind::Imu => unreachable!("it was wired above"),
     }
 }

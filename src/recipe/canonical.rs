@@ -63,6 +63,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
             add(output.name(), settings);
         }
     }
+    if let Some(imu) = &recipe.imu {
+        add("scale", json!({ "metres_per_unit": imu.metres_per_unit }));
+    }
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));
     }
@@ -152,7 +155,7 @@ fn add_constants(raw: Option<&schema::VoltmeterSection>, out: &mut Value) {
 }
 
 /// Shows an integer as a number and any other ratio as `n/d`, which recipes may contain.
-fn ratio_value(ratio: Ratio) -> Value {
+pub(super) fn ratio_value(ratio: Ratio) -> Value {
     if ratio.denominator() == 1 { json!(ratio.numerator()) } else { json!(ratio.to_string()) }
 }
 

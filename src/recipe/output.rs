@@ -2,8 +2,10 @@
 //! them: the steps are made in `plan::wire`, and the files described in `release::products`.
 
 use super::Recipe;
+use super::canonical::ratio_value;
 use super::field::Field;
 use super::schema::{EverySection, RecipeSchema};
+use crate::imu::{ImuModel, ImuPreset};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -22,11 +24,13 @@ pub enum OutputKind {
     Depth,
     /// Optical flow images, float32 `.npy`.
     Flow,
+    /// Inertial data, CSV in the form of EuRoC.
+    Imu,
 }
 
 impl OutputKind {
     /// All outputs, in the order of their steps.
-    pub const ALL: [Self; 5] = [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow];
+    pub const ALL: [Self; 6] = [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Imu];
 
     /// Outputs of a recipe that names none.
     pub(super) const DEFAULT: [Self; 2] = [Self::Events, Self::Sharp];
@@ -41,7 +45,14 @@ impl OutputKind {
             Self::Blur => "blur",
             Self::Depth => "depth",
             Self::Flow => "flow",
+            Self::Imu => "imu",
         }
+    }
+
+    /// Returns true if it is measured on the path, without a rendering.
+    #[must_use]
+    pub fn is_measured(self) -> bool {
+        self == Self::Imu
     }
 
     /// The settings of this output in a recipe's full form, under the key of its name. A recipe
@@ -51,12 +62,29 @@ impl OutputKind {
         match self {
             Self::Events => None,
             Self::Blur => asked.then(|| json!(recipe.shutter)),
+            Self::Imu => recipe.imu.as_ref().map(imu_value),
             Self::Sharp | Self::Depth | Self::Flow => {
                 let shown = asked || self == Self::Sharp;
                 shown.then(|| json!({ "every": recipe.every.poses(self) }))
             }
         }
     }
+}
+
+/// The settings of an inertial sensor, without the size of the scene, which has a section of its own.
+fn imu_value(imu: &ImuModel) -> Value {
+    let ImuModel { rate, gyroscope, accelerometer, gravity, up, .. } = imu;
+    let mut value = json!({
+        "preset": ImuPreset::Ideal,
+        "rate": ratio_value(rate.0),
+        "gravity": gravity,
+        "gyroscope": gyroscope,
+        "accelerometer": accelerometer,
+    });
+    if let Some(up) = up {
+        value["up"] = json!(up);
+    }
+    value
 }
 
 /// Number of poses per picture, for each kind of picture with a spacing. Sharp frames in the middle

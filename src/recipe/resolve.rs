@@ -1,5 +1,6 @@
 //! Resolution of a written recipe: required fields, ranges, defaults, presets, and paths.
 
+mod imu;
 mod licence;
 mod number;
 mod outputs;
@@ -59,16 +60,20 @@ impl Resolver<'_> {
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
         // A speed in pixels needs the scene even if there are no outputs.
-        let renders = outputs.as_ref().is_some_and(|outputs| !outputs.is_empty())
-            || trajectories
-                .iter()
-                .flatten()
-                .any(|t: &TrajectoryRecipe| matches!(t.speed, SpeedChoice::Flow(_)));
+        let renders =
+            outputs.as_ref().is_some_and(|outputs| outputs.iter().any(|output| !output.is_measured()))
+                || trajectories
+                    .iter()
+                    .flatten()
+                    .any(|t: &TrajectoryRecipe| matches!(t.speed, SpeedChoice::Flow(_)));
         let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let every = self.spacing(raw);
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
+        let measures =
+            outputs.as_ref().is_some_and(|outputs| outputs.iter().any(|output| output.is_measured()));
+        let imu = self.imu(raw, source.as_ref(), measures);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -89,6 +94,7 @@ impl Resolver<'_> {
             outputs: outputs?,
             every: every?,
             shutter: shutter?,
+            imu: imu?,
             scale: scale?,
             checks: checks?,
             licence: licence?,

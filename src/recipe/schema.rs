@@ -39,6 +39,7 @@ use super::field::{Field, NumberLiteral, UnsupportedField};
 use crate::camera::{NamedSize, PrincipalPoint};
 use crate::check::Limits;
 use crate::image::light::MeanScale;
+use crate::imu::ImuPreset;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::exposure::SubframeRule;
@@ -94,6 +95,10 @@ pub(super) struct RecipeSchema {
     pub depth: Field<EverySection>,
     /// Spacing of the optical flow images. Default: `{}`.
     pub flow: Field<EverySection>,
+    /// Inertial sensor of the output `imu`. Default: `{}`.
+    pub imu: Field<ImuSection>,
+    /// Size of the scene's unit, which inertial data need. Default: none.
+    pub scale: Field<ScaleSection>,
     /// Limits that differ from the defaults, requests for optional checks, and waivers. Default:
     /// `{}`.
     pub checks: Field<Limits>,
@@ -203,6 +208,47 @@ pub(super) struct BlurSection {
     pub subframes: Field<SubframeRule>,
     /// Values that are averaged. Default: `linear`.
     pub mean: Field<MeanScale>,
+}
+
+/// [imu.md](imu.md) describes the measurements.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ImuSection {
+    /// Sensor by name, which the other keys override. Default: `bmi088`.
+    pub preset: Field<ImuPreset>,
+    /// Samples per second. Unit: Hz. Default: `1000`.
+    pub rate: Field<NumberLiteral>,
+    /// Direction against gravity, in the scene's axes and of any length. Default: the mean of the up directions of
+    /// the captured views; required where `source` is `none`.
+    pub up: Field<[Field<f64>; 3]>,
+    /// Strength of gravity. Unit: m/s². Default: `9.80665`.
+    pub gravity: Field<f64>,
+    /// Errors of the gyroscope, whose unit u is rad/s. Default: those of the preset.
+    pub gyroscope: Field<ImuAxisSection>,
+    /// Errors of the accelerometer, whose unit u is m/s². Default: those of the preset.
+    pub accelerometer: Field<ImuAxisSection>,
+}
+
+/// Errors of each axis of a sensor in its unit u.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ImuAxisSection {
+    /// Density of the white noise. Unit: u/√Hz. Default: that of the preset.
+    pub noise: Field<f64>,
+    /// Density of the random walk of the bias. Unit: u/s/√Hz. Default: that of the preset.
+    pub walk: Field<f64>,
+    /// Standard deviation of the bias at the start, drawn for each axis. Unit: u. Default: that of the preset.
+    pub bias: Field<f64>,
+    /// Largest value that the sensor shows. Unit: u. Default: that of the preset.
+    pub range: Field<f64>,
+}
+
+/// Size of the scene's unit.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ScaleSection {
+    /// Metres per unit of the scene. Unit: m. Required.
+    pub metres_per_unit: Field<f64>,
 }
 
 /// Facts for catalogues.

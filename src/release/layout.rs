@@ -1,7 +1,7 @@
 //! The files of a release, and the step's output that each of them is. A file of any other name has
 //! no place in the tree.
 
-use super::products::{self, PICTURES};
+use super::products::{self, FOLDERS};
 use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse, signature};
 use crate::artifact::EventStream;
 use crate::check;
@@ -84,10 +84,9 @@ pub(super) fn made<'o>(
             outputs(products::EVENTS.name()).iter().filter(|o| o.name == EventStream::stored_name(*name));
         files.extend(stored.map(|o| (EventStream::released_name(*name), o)));
     }
-    for product in PICTURES {
-        let end = product.form.extension();
-        let pictures = outputs(product.name()).iter().filter(|o| o.name.ends_with(end));
-        files.extend(pictures.map(|o| (format!("{}/{}", product.name(), o.name), o)));
+    for product in FOLDERS {
+        let own = outputs(product.name()).iter().filter(|o| product.form.holds(&o.name));
+        files.extend(own.map(|o| (format!("{}/{}", product.name(), o.name), o)));
     }
     let seen = outputs("checks").iter().filter(|o| is_picture_of_check(&o.name, streams));
     files.extend(seen.map(|o| (format!("checks/{}", o.name), o)));

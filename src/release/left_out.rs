@@ -36,7 +36,7 @@ pub struct OmissionRow {
 /// Returns true if a stage renders frames, and can therefore leave work out: the stage of an output.
 #[must_use]
 pub fn is_rendering(stage: &str) -> bool {
-    OutputKind::ALL.iter().any(|output| output.name() == stage)
+    OutputKind::ALL.iter().any(|output| !output.is_measured() && output.name() == stage)
 }
 
 /// Proof of a row whose work does not change the output.
@@ -147,13 +147,20 @@ mod tests {
     use super::*;
     use crate::stage::blur::BlurStage;
     use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+    use crate::stage::imu::ImuStage;
     use crate::stage::sharp::SharpStage;
 
     #[test]
     fn the_stage_of_an_output_has_its_name() {
-        let stages =
-            [EventsStage::NAME, SharpStage::NAME, BlurStage::NAME, DepthQuantity::NAME, FlowQuantity::NAME];
+        let stages = [
+            EventsStage::NAME,
+            SharpStage::NAME,
+            BlurStage::NAME,
+            DepthQuantity::NAME,
+            FlowQuantity::NAME,
+            ImuStage::NAME,
+        ];
         assert_eq!(OutputKind::ALL.map(OutputKind::name), stages);
-        assert!(!is_rendering("trajectory") && is_rendering("flow"));
+        assert!(!is_rendering("trajectory") && is_rendering("flow") && !is_rendering("imu"));
     }
 }

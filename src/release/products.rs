@@ -6,11 +6,12 @@
 mod outputs;
 mod plain;
 
-pub(super) use outputs::{BLUR, EVENTS, PICTURES, SHARP};
+pub(super) use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
 use super::report::{ReportTrajectory, ShownPicture};
+use crate::imu;
 use crate::recipe::OutputKind;
 use crate::sampling::exposure;
 
@@ -51,6 +52,8 @@ pub(super) enum ProductForm {
     /// Arrays of float32, `.npy`, one file per pose of the row: numbers per pixel, and true if they
     /// are positive. NaN marks a pixel without a value.
     Numbers { channels: u64, positive: bool, poses: PictureNumbers },
+    /// Inertial data, with the names of [`imu::files`].
+    Samples,
 }
 
 /// The poses that have a picture.
@@ -114,9 +117,9 @@ pub(super) enum LicenceClass {
     Release,
 }
 
-/// All products: the event streams, then the pictures.
+/// All products: the event streams, then those with a folder.
 pub(super) fn products() -> impl Iterator<Item = &'static ReleaseProduct> {
-    [&EVENTS].into_iter().chain(PICTURES)
+    [&EVENTS].into_iter().chain(FOLDERS)
 }
 
 /// Returns true if a file of a scene's folder shows nothing of the scene.
@@ -135,15 +138,18 @@ impl ReleaseProduct {
 
     /// Returns true if a file of a scene, by its path, is in the folder of this product.
     pub(super) fn owns(&self, path: &str) -> bool {
-        path.ends_with(self.form.extension()) && path.rsplit('/').nth(1) == Some(self.name())
+        self.form.holds(path) && path.rsplit('/').nth(1) == Some(self.name())
     }
 
-    /// Names of its pictures of a trajectory with this number of poses. `every` is their spacing,
-    /// and `exposed` the number of frames per exposure, if there are exposures. A product without
-    /// pictures has none.
-    pub(super) fn picture_names(&self, poses: usize, every: u32, exposed: Option<u32>) -> Vec<String> {
+    /// Names of its files of a trajectory with this number of poses, but for event streams. `every` is the
+    /// spacing of pictures, and `exposed` the number of frames per exposure, if there are exposures.
+    pub(super) fn file_names(&self, poses: usize, every: u32, exposed: Option<u32>) -> Vec<String> {
         let numbers = match self.form {
             ProductForm::Streams => return Vec::new(),
+            ProductForm::Samples => {
+                let names = [imu::files::SAMPLES, imu::files::STATES, imu::files::SENSOR];
+                return names.map(|name| format!("{}/{name}", self.name())).to_vec();
+            }
             ProductForm::Colours(numbers) | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
@@ -153,19 +159,25 @@ impl ReleaseProduct {
             PictureNumbers::Spaced => exposure::kept_poses(poses, every, None),
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
-        let (folder, end) = (self.name(), self.form.extension());
+        let (folder, end) = (self.name(), self.form.extensions()[0]);
         kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).collect()
     }
 }
 
 impl ProductForm {
-    /// End of the names of its files.
-    pub(super) fn extension(self) -> &'static str {
+    /// Ends of the names of its files.
+    pub(super) fn extensions(self) -> &'static [&'static str] {
         match self {
-            Self::Streams => ".h5",
-            Self::Colours(_) => ".png",
-            Self::Numbers { .. } => ".npy",
+            Self::Streams => &[".h5"],
+            Self::Colours(_) => &[".png"],
+            Self::Numbers { .. } => &[".npy"],
+            Self::Samples => &[".csv", ".yaml"],
         }
+    }
+
+    /// Returns true if a file of this name can be one of its files.
+    pub(super) fn holds(self, name: &str) -> bool {
+        self.extensions().iter().any(|end| name.ends_with(end))
     }
 }
 
@@ -181,7 +193,7 @@ mod tests {
             for row in product.files {
                 assert_eq!(row.class, LicenceClass::Material, "{}", row.name);
                 assert!(row.name.contains(product.name()), "{}", row.name);
-                assert!(row.name.ends_with(product.form.extension()), "{}", row.name);
+                assert!(row.name.split(", ").all(|name| product.form.holds(name)), "{}", row.name);
             }
         }
     }

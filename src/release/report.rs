@@ -12,6 +12,7 @@ mod detail;
 mod embed;
 mod findings;
 mod gallery;
+mod inertia;
 mod maps;
 mod overview;
 mod path_views;
@@ -19,6 +20,7 @@ mod section;
 mod seen;
 mod trajectory;
 
+pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, flow_picture};
 pub(super) use section::ReportTrajectory;
 pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};

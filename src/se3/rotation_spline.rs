@@ -68,12 +68,36 @@ impl RotationSpline {
     /// # Panics
     /// There are fewer than two rotations, or their number is not one more than that of steps.
     pub fn new(steps: &[f64], rotations: &[DQuat]) -> Result<Self, SplineDiverged> {
+        Self::with_ends(steps, rotations, None)
+    }
+
+    /// As [`RotationSpline::new`], with these body rates at the first and at the last rotation. The mean turn of an
+    /// interval misses the rate at its end by half of the interval's acceleration.
+    ///
+    /// # Errors
+    /// As [`RotationSpline::new`].
+    ///
+    /// # Panics
+    /// As [`RotationSpline::new`].
+    pub fn with_end_rates(
+        steps: &[f64],
+        rotations: &[DQuat],
+        ends: [DVec3; 2],
+    ) -> Result<Self, SplineDiverged> {
+        Self::with_ends(steps, rotations, Some(ends))
+    }
+
+    fn with_ends(
+        steps: &[f64],
+        rotations: &[DQuat],
+        ends: Option<[DVec3; 2]>,
+    ) -> Result<Self, SplineDiverged> {
         assert!(
             rotations.len() >= 2 && steps.len() + 1 == rotations.len(),
             "a spline needs a step between any two rotations"
         );
         let vectors: Vec<DVec3> = rotations.windows(2).map(|r| turn_between(r[0], r[1]).0).collect();
-        let rates = RateEquations::new(steps, &vectors).solve()?;
+        let rates = RateEquations::new(steps, &vectors, ends).solve()?;
         // The rate at the end of a segment is turned into the slope of its rotation vector there.
         let turns = (0..steps.len())
             .map(|i| {
@@ -120,11 +144,13 @@ struct RateEquations<'a> {
     turns: &'a [DVec3],
     /// `J^-1(r_k)` for every segment.
     slope_from_rate: Vec<DMat3>,
+    /// Rates at both ends; without them, the mean turns of the first and of the last segment.
+    ends: Option<[DVec3; 2]>,
 }
 
 impl<'a> RateEquations<'a> {
-    fn new(steps: &'a [f64], turns: &'a [DVec3]) -> Self {
-        Self { steps, turns, slope_from_rate: turns.iter().map(|r| slope_from_rate(*r)).collect() }
+    fn new(steps: &'a [f64], turns: &'a [DVec3], ends: Option<[DVec3; 2]>) -> Self {
+        Self { steps, turns, slope_from_rate: turns.iter().map(|r| slope_from_rate(*r)).collect(), ends }
     }
 
     /// Rates at all knots. Those at the ends are fixed; those at the inner knots start from the
@@ -136,6 +162,9 @@ impl<'a> RateEquations<'a> {
         for (rounds, damping) in ROUNDS {
             // Each attempt starts from the mean turns: rates that have diverged are no start.
             let mut rates: Vec<DVec3> = std::iter::once(mean[0]).chain(mean.iter().copied()).collect();
+            if let Some([first, last]) = self.ends {
+                (rates[0], rates[mean.len()]) = (first, last);
+            }
             for _ in 0..rounds {
                 change = self.improve(&mut rates, damping);
                 if change < SETTLED {

@@ -27,6 +27,16 @@ pub fn pose_twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
     (0..poses.len()).map(|at| pose_twist(poses, seconds, at)).collect()
 }
 
+/// The first and the last of [`pose_twists`].
+///
+/// # Panics
+/// There is no pose, or not one time a pose.
+#[must_use]
+pub fn end_twists(poses: &[Se3], seconds: &[f64]) -> [Twist; 2] {
+    assert_eq!(poses.len(), seconds.len(), "one time a pose");
+    [0, poses.len() - 1].map(|at| pose_twist(poses, seconds, at))
+}
+
 fn pose_twist(poses: &[Se3], seconds: &[f64], at: usize) -> Twist {
     // At the ends the window moves inwards instead of shrinking, which keeps the order of the
     // error.

@@ -89,6 +89,15 @@ fn one_of_several_sensors_is_asked_for_by_name() {
     place.ok("audit tree");
 }
 
+#[test]
+fn inertial_data_are_the_columns_of_their_file() {
+    let place = Workspace::new();
+    let outputs = "outputs: [events, imu]\nscale: { metres_per_unit: 0.2 }\n";
+    place.write("tiny.yaml", TINY.replace("outputs: [events, sharp]\n", outputs));
+    place.ok("release --to tree tiny.yaml");
+    ask(&place.path("tree"), &["inertial", place.path("tree/tiny/base").to_str().unwrap()]);
+}
+
 /// Two scenes that the salt deals to different splits.
 #[test]
 fn a_dataset_has_the_scenes_of_a_split() {

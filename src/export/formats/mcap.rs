@@ -7,6 +7,7 @@
 //! | `/image/blurred` | `sensor_msgs/msg/Image` | blurred frames, `rgb8`, at the middle of the exposure |
 //! | `/image/camera_info` | `sensor_msgs/msg/CameraInfo` | with each of both |
 //! | `/depth` | `sensor_msgs/msg/Image` | `32FC1`, units of the poses |
+//! | `/imu/data_raw` | `sensor_msgs/msg/Imu` | inertial measurements, in the axes of the camera |
 //! | `/pose`, `/tf` | `geometry_msgs/msg/PoseStamped`, `tf2_msgs/msg/TFMessage` | every pose |
 //!
 //! Traps of its readers: pixel centres of `CameraInfo` are at integers, so half a pixel is subtracted from
@@ -90,8 +91,9 @@ impl ExportFormat for Mcap {
 
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
         let name = format!("{}.mcap", file_name(plan));
-        let mut timeline = Timeline::new(plan);
-        let mut recording = Recording::create(out.file(&name)?, plan, &timeline)?;
+        let inertial = plan.subject.inertial()?;
+        let mut timeline = Timeline::new(plan, &inertial);
+        let mut recording = Recording::create(out.file(&name)?, plan, inertial, &timeline)?;
         let mut packets = EventPackets::new();
         plan.for_each_event(|event, t_us| {
             out.count_event()?;

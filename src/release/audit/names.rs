@@ -4,7 +4,7 @@
 use super::{AuditFault, FaultCode, TrustedTree, exports};
 use crate::release::layout;
 use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
-use crate::release::products::PICTURES;
+use crate::release::products::FOLDERS;
 use crate::release::published::stream_names;
 use crate::release::scene::{SceneRecord, TrajectoryPart};
 use crate::release::{checksum, path_picture};
@@ -80,7 +80,7 @@ fn of_trajectory(
     let pictures = super::contents::pictures_wanted(tree, scene, part);
     let composed = [layout::CHECKS, layout::TRANSFORMS, path_picture::NAME].into_iter().chain(layout::MOTION);
     let is_counted =
-        |name: &String| PICTURES.iter().any(|product| name.starts_with(&format!("{}/", product.name())));
+        |name: &String| FOLDERS.iter().any(|product| name.starts_with(&format!("{}/", product.name())));
     // Poses and recipe give the number of pictures. Without poses every output of a step is
     // accepted.
     let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));

@@ -2,7 +2,7 @@
 
 use crate::release::facts::ReleaseFacts;
 use crate::release::layout;
-use crate::release::products::{self, FilePresence, FileRow, PICTURES, products};
+use crate::release::products::{self, FOLDERS, FilePresence, FileRow, products};
 use std::fmt::Write as _;
 
 /// Table of the files that the release has.
@@ -15,7 +15,7 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         .iter()
         .flat_map(|scene| &scene.files)
         .any(|file| file.path.strip_suffix(layout::HELD_OUT).is_some_and(|folder| folder.ends_with('/')));
-    let pictures = PICTURES.into_iter().filter(|product| counts.has(product));
+    let pictures = FOLDERS.into_iter().filter(|product| counts.has(product));
     let rows = products::SCENE
         .iter()
         .chain(products::EVENTS.files)

@@ -2,7 +2,7 @@
 
 use super::ReleaseFacts;
 use crate::recipe::OutputKind;
-use crate::release::products::{self, PICTURES, ReleaseProduct};
+use crate::release::products::{self, FOLDERS, ReleaseProduct};
 use crate::release::published::PublishedScene;
 use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
 use std::collections::BTreeMap;
@@ -52,7 +52,7 @@ impl ReleaseFacts<'_> {
             shown().map(of).sum()
         };
         let mut files: BTreeMap<OutputKind, usize> =
-            PICTURES.iter().map(|product| (product.output, pictures(product))).collect();
+            FOLDERS.iter().map(|product| (product.output, pictures(product))).collect();
         files.insert(products::EVENTS.output, streams().count());
         FileCounts {
             scenes: self.scenes.len(),
@@ -69,7 +69,7 @@ impl ReleaseFacts<'_> {
         let counts = self.counts();
         let counted = |product: &ReleaseProduct| format!("{} {}", counts.files(product), product.noun);
         let streams = [&products::EVENTS].into_iter().filter(|product| counts.has(product));
-        let pictures = PICTURES.into_iter().filter(|product| counts.has(product));
+        let pictures = FOLDERS.into_iter().filter(|product| counts.has(product));
         let mut words = vec![format!("{} poses", counts.poses)];
         words.extend(streams.map(|product| format!("{} events in {}", counts.events, counted(product))));
         words.extend(pictures.map(counted));

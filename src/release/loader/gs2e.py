@@ -404,6 +404,15 @@ class Scene(EventFile):
             )
         return found
 
+    def imu(self):
+        """Inertial measurements: int64 [N] times in ns since the first pose, on the clock of the events; float64 [N, 3]
+        body rates, rad/s; float64 [N, 3] specific forces, m/s^2. Both in the axes of the camera (x right, y down, z
+        forward). `imu/state.csv` has the truth, and `imu/sensor.yaml` noise and gravity."""
+        path = os.path.join(self.folder, "imu", "imu.csv")
+        values = np.loadtxt(path, delimiter=",", ndmin=2)
+        times = np.loadtxt(path, delimiter=",", ndmin=1, usecols=0, dtype=np.int64)
+        return times, values[:, 1:4], values[:, 4:7]
+
     def depth(self, index):
         """float32 [H, W]: depth at the pose of this number, along the optical axis, in scene units; NaN: undefined."""
         return np.load(os.path.join(self.folder, "depth", f"{index:06d}.npy"))

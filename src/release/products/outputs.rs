@@ -2,7 +2,7 @@
 
 use super::{FilePresence, FileRow, FileSet, LicenceClass, PictureNumbers, ProductForm, ReleaseProduct};
 use crate::recipe::OutputKind;
-use crate::release::report::{blurred_picture, depth_picture, flow_picture, sharp_picture};
+use crate::release::report::{blurred_picture, depth_picture, flow_picture, inertial_picture, sharp_picture};
 
 const HDF5: &str = "application/x-hdf5";
 const PNG: &str = "image/png";
@@ -139,8 +139,31 @@ static FLOW: ReleaseProduct = ReleaseProduct {
     picture: Some(flow_picture),
 };
 
-/// The products of numbered pictures, in the order of every listing.
-pub(in crate::release) static PICTURES: [&ReleaseProduct; 4] = [&SHARP, &BLUR, &DEPTH, &FLOW];
+static IMU: ReleaseProduct = ReleaseProduct {
+    output: OutputKind::Imu,
+    form: ProductForm::Samples,
+    files: &[material(
+        "imu/imu.csv, imu/state.csv, imu/sensor.yaml",
+        "inertial data in EuRoC's form, on the clock of the events: measurements, true state and biases in metres, and \
+         the sensor with its noise and gravity",
+        FilePresence::Always,
+        FileSet {
+            id: "imu-files",
+            media: "text/csv",
+            glob: "**/imu/*.csv",
+            description: "inertial measurements and true states, in EuRoC's form",
+        },
+    )],
+    noun: "files of inertial data",
+    instance: "inertial data",
+    content: "inertial measurements with their true states and biases",
+    loading: &["imu = scene.imu()  # t_ns, gyroscope [N, 3], accelerometer [N, 3]"],
+    data_type: None,
+    picture: Some(inertial_picture),
+};
+
+/// The products that have a folder of files, in the order of every listing.
+pub(in crate::release) static FOLDERS: [&ReleaseProduct; 5] = [&SHARP, &BLUR, &DEPTH, &FLOW, &IMU];
 
 /// A row of files that show the scene.
 const fn material(

@@ -39,7 +39,7 @@ impl<'a> ReportTrajectory<'a> {
         &self,
         product: &ReleaseProduct,
     ) -> impl Iterator<Item = (usize, &'a str)> + use<'a> {
-        let (folder, end) = (product.name(), product.form.extension());
+        let (folder, end) = (product.name(), product.form.extensions()[0]);
         let number = move |path: &str| path.rsplit('/').next()?.strip_suffix(end)?.parse().ok();
         let paths = self.entry.below(&format!("{}/{folder}/", self.part.name));
         paths.filter_map(move |path| Some((number(path)?, path)))

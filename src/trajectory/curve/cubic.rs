@@ -27,11 +27,30 @@ impl CubicPair {
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
     pub fn through_knots(steps: Vec<f64>, knots: &[Se3]) -> Result<Self, SplineDiverged> {
+        Self::with(steps, knots, RotationSpline::new)
+    }
+
+    /// As [`CubicPair::through_knots`], with these body rates at the first and at the last knot.
+    ///
+    /// # Errors
+    /// The rotation spline does not converge.
+    ///
+    /// # Panics
+    /// As [`CubicPair::through_knots`].
+    pub fn with_end_rates(steps: Vec<f64>, knots: &[Se3], ends: [DVec3; 2]) -> Result<Self, SplineDiverged> {
+        Self::with(steps, knots, |steps, rotations| RotationSpline::with_end_rates(steps, rotations, ends))
+    }
+
+    fn with(
+        steps: Vec<f64>,
+        knots: &[Se3],
+        turning: impl FnOnce(&[f64], &[DQuat]) -> Result<RotationSpline, SplineDiverged>,
+    ) -> Result<Self, SplineDiverged> {
         let centres: Vec<DVec3> = knots.iter().map(|k| k.translation).collect();
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
         Ok(Self {
             centres: CubicSpline::not_a_knot(&steps, &centres),
-            rotations: RotationSpline::new(&steps, &rotations)?,
+            rotations: turning(&steps, &rotations)?,
             steps,
         })
     }

@@ -190,6 +190,39 @@ fn blurred_frames_stand_at_the_middle_of_their_exposure() {
     assert!(file.messages("/image/camera_info").iter().map(|m| m.log_time).eq(times));
 }
 
+/// Inertial measurements have the times and values of their file.
+#[test]
+fn inertial_measurements_are_those_of_the_release() {
+    let place = crate::support::workspace::Workspace::new();
+    let mut recipe = crate::support::steps::recipe("tiny");
+    recipe["outputs"] = serde_json::json!(["events", "imu"]);
+    recipe["scale"] = serde_json::json!({ "metres_per_unit": 2 });
+    place.write("tiny.yaml", recipe.to_string());
+    place.ok("release --to out tiny.yaml");
+    let folder = tempfile::tempdir().unwrap();
+    let options = ["--trajectory", "base"];
+    let output = export(&place.path("out"), &folder.path().join("out"), "mcap", &options);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let file = McapFile::read(&recorded(&Exported { folder }));
+    let text = std::fs::read_to_string(place.path("out/tiny/base/imu/imu.csv")).unwrap();
+    let lines = text.lines().skip(1);
+    let messages = file.messages("/imu/data_raw");
+    assert!(messages.len() >= 5);
+    assert_eq!(messages.len(), lines.clone().count());
+    for (message, line) in messages.iter().zip(lines) {
+        let wanted: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+        assert_eq!((message.log_time - EPOCH_NS) as f64, wanted[0]);
+        let mut fields = Fields::of(&message.data);
+        let stamp = (i64::from(fields.u32()) * 1_000_000_000) + i64::from(fields.u32());
+        assert_eq!((stamp, fields.text()), (message.log_time, "camera".to_owned()));
+        let numbers: Vec<f64> = (0..37).map(|_| fields.f64()).collect();
+        assert!(fields.is_at_end());
+        assert_eq!(numbers[4], -1.0);
+        assert_eq!(numbers[13..16], wanted[1..4]);
+        assert_eq!(numbers[25..28], wanted[4..7]);
+    }
+}
+
 /// Two exports are equal bytes, and a damaged claim of the command line is refused.
 #[test]
 fn bytes_are_the_same_and_the_epoch_is_a_choice() {

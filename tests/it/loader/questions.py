@@ -439,5 +439,13 @@ def sensors(folder):
     refused(lambda: gs2e.Scene(folder, "slow", "fine"), "trajectories base")
 
 
+def inertial(folder):
+    times, rates, forces = gs2e.Scene(folder).imu()
+    assert times.dtype == np.int64 and list(times[:3]) == [0, 1_000_000, 2_000_000]
+    with open(f"{folder}/imu/imu.csv", encoding="utf-8") as file:
+        rows = [[float(value) for value in line.split(",")] for line in list(file)[1:]]
+    assert np.array_equal(np.column_stack([times, rates, forces]), np.array(rows))
+
+
 if __name__ == "__main__":
     globals()[sys.argv[1]](*sys.argv[2:])

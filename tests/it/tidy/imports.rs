@@ -28,6 +28,7 @@ const ORDER: &[&str] = &[
     "event",
     "sensor",
     "sampling",
+    "imu",
     "reconstruct",
     "training",
     "foreign",

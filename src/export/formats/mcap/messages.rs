@@ -5,6 +5,7 @@ use super::packets::EventPacket;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::Se3;
+use glam::DVec3;
 
 /// The frame of the poses.
 const WORLD: &str = "world";
@@ -63,6 +64,19 @@ pub(super) fn colour(t_ns: i64, picture: &Image<[u8; 3]>) -> Vec<u8> {
 pub(super) fn depth(t_ns: i64, picture: &Image<f32>) -> Vec<u8> {
     let data: Vec<u8> = picture.pixels().iter().flat_map(|z| z.to_le_bytes()).collect();
     image(t_ns, picture.size(), ("32FC1", 4), &data)
+}
+
+/// `sensor_msgs/msg/Imu` of a body rate and a specific force, in the axes of the camera.
+pub(super) fn imu(t_ns: i64, [rate, force]: &[DVec3; 2]) -> Vec<u8> {
+    let mut message = stamped(t_ns, CAMERA);
+    message.f64s(&[0.0, 0.0, 0.0, 1.0]);
+    // A first covariance of -1 says that there is no orientation; covariances of 0 are unknown ones.
+    message.f64s(&[-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    for vector in [rate, force] {
+        message.f64s(&vector.to_array());
+        message.f64s(&[0.0; 9]);
+    }
+    message.finish()
 }
 
 /// `sensor_msgs/msg/CameraInfo`. Its pixel centres are at integers.

@@ -6,6 +6,7 @@ use super::packets::EventPacket;
 use super::schemas::{ENCODING, MessageType};
 use super::timeline::{DueKind, DueMessage, Timeline};
 use crate::export::{ExportError, ExportPlan};
+use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io;
@@ -16,6 +17,7 @@ const SHARP: &str = "/image/image_raw";
 const BLURRED: &str = "/image/blurred";
 const CAMERA_INFO: &str = "/image/camera_info";
 const DEPTH: &str = "/depth";
+const INERTIAL: &str = "/imu/data_raw";
 const POSE: &str = "/pose";
 const TRANSFORMS: &str = "/tf";
 
@@ -23,6 +25,7 @@ const TRANSFORMS: &str = "/tf";
 #[derive(Debug)]
 pub(super) struct Recording<'a> {
     plan: &'a ExportPlan<'a>,
+    inertial: Vec<(i64, [DVec3; 2])>,
     path: PathBuf,
     file: McapWriter,
     /// Number of each topic.
@@ -53,23 +56,26 @@ impl<'a> Recording<'a> {
     pub(super) fn create(
         path: PathBuf,
         plan: &'a ExportPlan<'a>,
+        inertial: Vec<(i64, [DVec3; 2])>,
         timeline: &Timeline,
     ) -> Result<Self, ExportError> {
         let library = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
         let file = McapWriter::create(&path, "ros2", library).map_err(ExportError::unwritten(&path))?;
         let channels = BTreeMap::new();
-        let mut recording = Self { plan, path, file, channels, packets: 0, last_info_ns: None };
+        let mut recording = Self { plan, inertial, path, file, channels, packets: 0, last_info_ns: None };
         let about = about(plan)?;
         let added = recording.file.add_metadata("gs2e", &about);
         recording.written(added)?;
-        let [sharp, blurred, depth] =
-            [DueKind::Sharp, DueKind::Blurred, DueKind::Depth].map(|kind| timeline.has(kind));
+        let [sharp, blurred, depth, inertial] =
+            [DueKind::Sharp, DueKind::Blurred, DueKind::Depth, DueKind::Inertial]
+                .map(|kind| timeline.has(kind));
         for (topic, kind, is_used) in [
             (EVENTS, MessageType::EventPacket, true),
             (SHARP, MessageType::Image, sharp),
             (BLURRED, MessageType::Image, blurred),
             (CAMERA_INFO, MessageType::CameraInfo, sharp || blurred),
             (DEPTH, MessageType::Image, depth),
+            (INERTIAL, MessageType::Imu, inertial),
             (POSE, MessageType::PoseStamped, true),
             (TRANSFORMS, MessageType::Transforms, true),
         ] {
@@ -93,12 +99,16 @@ impl<'a> Recording<'a> {
     /// Writes a message that is due.
     pub(super) fn due(&mut self, message: DueMessage) -> Result<(), ExportError> {
         let subject = self.plan.subject;
-        let (t_ns, pose) = (self.stamp_ns(message.t_ns), message.pose);
+        let (t_ns, pose) = (self.stamp_ns(message.t_ns), message.number);
         match message.kind {
             DueKind::Pose => {
                 let world_from_camera = &subject.poses.world_from_camera[pose];
                 self.send(POSE, t_ns, &messages::pose(t_ns, world_from_camera))?;
                 self.send(TRANSFORMS, t_ns, &messages::transform(t_ns, world_from_camera))
+            }
+            DueKind::Inertial => {
+                let measured = messages::imu(t_ns, &self.inertial[message.number].1);
+                self.send(INERTIAL, t_ns, &measured)
             }
             DueKind::Sharp => {
                 self.camera_info(t_ns)?;

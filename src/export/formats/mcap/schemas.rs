@@ -11,6 +11,7 @@ pub(super) enum MessageType {
     EventPacket,
     Image,
     CameraInfo,
+    Imu,
     PoseStamped,
     Transforms,
 }
@@ -63,6 +64,16 @@ const REGION: (&str, &str) = (
     "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n",
 );
 
+const IMU_FIELDS: &str = "\
+std_msgs/Header header
+geometry_msgs/Quaternion orientation
+float64[9] orientation_covariance
+geometry_msgs/Vector3 angular_velocity
+float64[9] angular_velocity_covariance
+geometry_msgs/Vector3 linear_acceleration
+float64[9] linear_acceleration_covariance
+";
+
 const POSE_FIELDS: &str = "std_msgs/Header header\ngeometry_msgs/Pose pose\n";
 const POSE: (&str, &str) =
     ("geometry_msgs/Pose", "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n");
@@ -85,6 +96,7 @@ impl MessageType {
             Self::EventPacket => EVENT_PACKET,
             Self::Image => "sensor_msgs/msg/Image",
             Self::CameraInfo => "sensor_msgs/msg/CameraInfo",
+            Self::Imu => "sensor_msgs/msg/Imu",
             Self::PoseStamped => "geometry_msgs/msg/PoseStamped",
             Self::Transforms => "tf2_msgs/msg/TFMessage",
         }
@@ -96,6 +108,7 @@ impl MessageType {
             Self::EventPacket => (PACKET_FIELDS, &[]),
             Self::Image => (IMAGE_FIELDS, &[]),
             Self::CameraInfo => (CAMERA_INFO_FIELDS, &[REGION]),
+            Self::Imu => (IMU_FIELDS, &[QUATERNION, VECTOR]),
             Self::PoseStamped => (POSE_FIELDS, &[POSE, POINT, QUATERNION]),
             Self::Transforms => (TRANSFORMS_FIELDS, &[TRANSFORM_STAMPED, TRANSFORM, VECTOR, QUATERNION]),
         };

@@ -2,6 +2,7 @@
 
 use super::recording::Recording;
 use crate::export::{ExportError, ExportFolder, ExportPlan};
+use glam::DVec3;
 use std::collections::VecDeque;
 
 /// A message that is due.
@@ -10,13 +11,15 @@ pub(super) struct DueMessage {
     /// Time from the start of the interval, ns.
     pub(super) t_ns: i64,
     pub(super) kind: DueKind,
-    pub(super) pose: usize,
+    /// Number of the pose, or of the inertial sample.
+    pub(super) number: usize,
 }
 
 /// The kinds of messages. Those of one time are written in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum DueKind {
     Pose,
+    Inertial,
     Sharp,
     Blurred,
     Depth,
@@ -29,13 +32,13 @@ pub(super) struct Timeline {
 }
 
 impl Timeline {
-    /// The messages of a plan.
-    pub(super) fn new(plan: &ExportPlan<'_>) -> Self {
+    /// The messages of a plan, whose trajectory has these inertial samples.
+    pub(super) fn new(plan: &ExportPlan<'_>, inertial: &[(i64, [DVec3; 2])]) -> Self {
         let [start_us, end_us] = plan.window_us();
         let stamps = &plan.subject.poses.stamps_us;
         let inside = |pose: &usize| (start_us..=end_us).contains(&stamps[*pose]);
         let at_pose =
-            |kind| move |pose: usize| DueMessage { t_ns: (stamps[pose] - start_us) * 1000, kind, pose };
+            |kind| move |number: usize| DueMessage { t_ns: (stamps[number] - start_us) * 1000, kind, number };
         let count = stamps.len();
         let mut due: Vec<DueMessage> = (0..count).filter(inside).map(at_pose(DueKind::Pose)).collect();
         due.extend(plan.frames.iter().copied().map(at_pose(DueKind::Sharp)));
@@ -45,7 +48,13 @@ impl Timeline {
             if open >= start_us && close <= end_us {
                 // The middle of two whole microseconds may be half a one.
                 let t_ns = (open - start_us) * 1000 + (close - open) * 500;
-                due.push(DueMessage { t_ns, kind: DueKind::Blurred, pose: exposure.pose });
+                due.push(DueMessage { t_ns, kind: DueKind::Blurred, number: exposure.pose });
+            }
+        }
+        for (number, (stamp_ns, _)) in inertial.iter().enumerate() {
+            let t_ns = stamp_ns - start_us * 1000;
+            if (0..=(end_us - start_us) * 1000).contains(&t_ns) {
+                due.push(DueMessage { t_ns, kind: DueKind::Inertial, number });
             }
         }
         due.sort_unstable();
@@ -69,7 +78,7 @@ impl Timeline {
     ) -> Result<(), ExportError> {
         while let Some(message) = self.due.pop_front_if(|message| message.t_ns <= t_us * 1000) {
             recording.due(message)?;
-            if message.kind != DueKind::Pose {
+            if !matches!(message.kind, DueKind::Pose | DueKind::Inertial) {
                 out.report()?;
             }
         }

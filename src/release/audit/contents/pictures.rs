@@ -1,10 +1,11 @@
-//! Sharp and blurred frames, depth and flow. Those that the recipe asks for are named. Every
+//! Sharp and blurred frames, depth, flow and inertial data. Those that the recipe asks for are named. Every
 //! picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::files::{self, LinkRule};
 use crate::image::{Image, Size, npy, png};
-use crate::release::products::{BLUR, PICTURES, ProductForm, ReleaseProduct};
+use crate::imu::files::{SENSOR, rewritten};
+use crate::release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use crate::sampling::exposure;
 use rayon::prelude::*;
 use serde_json::Value;
@@ -23,16 +24,17 @@ pub(super) fn wanted_names(
     };
     let exposed = asked(&BLUR).then(|| number(&format!("/{}/frames", BLUR.name()), exposure::FRAMES));
     let every = |product: &ReleaseProduct| number(&format!("/{}/every", product.name()), 1);
-    let asked = PICTURES.into_iter().filter(|product| asked(product));
-    asked.flat_map(|product| product.picture_names(poses, every(product), exposed)).collect()
+    let asked = FOLDERS.into_iter().filter(|product| asked(product));
+    asked.flat_map(|product| product.file_names(poses, every(product), exposed)).collect()
 }
 
 pub(super) fn audit_pictures(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
-    let products = PICTURES.map(|product| (product.name(), product.form.extension(), Some(product)));
+    let products = FOLDERS.map(|product| (product.name(), product.form.extensions(), Some(product)));
     let mut found = Vec::new();
-    for (kind, end, product) in products.into_iter().chain([("checks", ".png", None)]) {
+    for (kind, ends, product) in products.into_iter().chain([("checks", &[".png"][..], None)]) {
         let prefix = folder.path_of(&format!("{kind}/"));
-        let open = |path: &&str| path.ends_with(end) && !folder.tree.composed.contains(*path);
+        let has_end = |path: &str| ends.iter().any(|end| path.ends_with(end));
+        let open = |path: &&str| has_end(path) && !folder.tree.composed.contains(*path);
         let paths = folder.tree.below(&prefix).filter(open);
         found.extend(paths.map(|path| (product, path[folder.path.len() + 1..].to_owned())));
     }
@@ -54,6 +56,9 @@ fn picture_fault(
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             check_numbers(kind, (size, channels), positive, &bytes)
         }
+        // Nothing but its sum speaks of the text on the sensor.
+        Some((_, ProductForm::Samples)) if name.ends_with(SENSOR) => Ok(bytes.clone()),
+        Some((_, ProductForm::Samples)) => rewritten(&bytes),
         Some(_) => {
             png::read_sized(Cursor::new(&bytes), size).map(|image| written(&image)).map_err(|e| e.to_string())
         }

@@ -1,0 +1,131 @@
+//! Files of inertial data, in the form of the EuRoC MAV dataset (Burri et al. 2016): `imu.csv` is its
+//! `imu0/data.csv`, `state.csv` its `state_groundtruth_estimate0/data.csv`, and `sensor.yaml` its
+//! `imu0/sensor.yaml`.
+
+use super::{ImuModel, ImuSample, ImuState};
+use glam::DVec3;
+use std::io::{self, Write};
+
+/// The names of the files.
+pub const SAMPLES: &str = "imu.csv";
+/// The truth at each sample.
+pub const STATES: &str = "state.csv";
+/// The sensor.
+pub const SENSOR: &str = "sensor.yaml";
+
+/// The first line of the samples.
+pub const SAMPLES_HEAD: &str = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
+                                a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]";
+/// The first line of the states.
+pub const STATES_HEAD: &str = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z [],\
+     v_RS_R_x [m s^-1],v_RS_R_y [m s^-1],v_RS_R_z [m s^-1],b_w_RS_S_x [rad s^-1],b_w_RS_S_y [rad s^-1],\
+     b_w_RS_S_z [rad s^-1],b_a_RS_S_x [m s^-2],b_a_RS_S_y [m s^-2],b_a_RS_S_z [m s^-2]";
+
+/// Writes one line of the samples.
+///
+/// # Errors
+/// `out` takes no more.
+pub fn write_sample(sample: &ImuSample, out: &mut dyn Write) -> io::Result<()> {
+    write!(out, "{}", sample.t_ns)?;
+    write_vector(sample.gyroscope, out)?;
+    write_vector(sample.accelerometer, out)?;
+    writeln!(out)
+}
+
+/// Writes one line of the states.
+///
+/// # Errors
+/// `out` takes no more.
+pub fn write_state(sample: &ImuSample, out: &mut dyn Write) -> io::Result<()> {
+    let ImuState { world_from_body, velocity, gyroscope_bias, accelerometer_bias } = sample.state;
+    write!(out, "{}", sample.t_ns)?;
+    write_vector(world_from_body.translation, out)?;
+    let q = world_from_body.rotation;
+    write!(out, ",{}", q.w)?;
+    write_vector(DVec3::new(q.x, q.y, q.z), out)?;
+    for vector in [velocity, gyroscope_bias, accelerometer_bias] {
+        write_vector(vector, out)?;
+    }
+    writeln!(out)
+}
+
+/// Reads a file of samples or states: the stamp of each line, ns, and its values.
+///
+/// # Errors
+/// A line is missing or has other columns, a value is not a finite number, or stamps do not increase.
+pub fn read_lines(bytes: &[u8], head: &str) -> Result<Vec<(i64, Vec<f64>)>, String> {
+    let text = std::str::from_utf8(bytes).map_err(|e| e.to_string())?;
+    let mut lines = text.lines();
+    let first = lines.next().unwrap_or_default();
+    if first != head {
+        return Err(format!("its first line is `{first}`"));
+    }
+    let (columns, mut found) = (head.split(',').count(), Vec::<(i64, Vec<f64>)>::new());
+    for (number, line) in (2..).zip(lines) {
+        let fault = |what: &str| format!("line {number}: {what}");
+        let (stamp, values) = line.split_once(',').ok_or_else(|| fault("it has one column"))?;
+        let stamp: i64 = stamp.parse().map_err(|_| fault("its stamp is no whole number"))?;
+        if found.last().is_some_and(|(before, _)| stamp <= *before) {
+            return Err(fault("its stamp is not above the one before"));
+        }
+        let values: Vec<f64> = values
+            .split(',')
+            .map(|value| value.parse().ok().filter(|value: &f64| value.is_finite()))
+            .collect::<Option<_>>()
+            .ok_or_else(|| fault("a value is not a finite number"))?;
+        if values.len() + 1 != columns {
+            return Err(fault("it has another number of columns"));
+        }
+        found.push((stamp, values));
+    }
+    Ok(found)
+}
+
+/// Reads a file of samples or states, and returns it as this program writes it.
+///
+/// # Errors
+/// As [`read_lines`].
+pub fn rewritten(bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let is_states = bytes.starts_with(STATES_HEAD.as_bytes());
+    let head = if is_states { STATES_HEAD } else { SAMPLES_HEAD };
+    let mut out = format!("{head}\n");
+    for (stamp, values) in read_lines(bytes, head)? {
+        out.push_str(&stamp.to_string());
+        values.iter().for_each(|value| out.push_str(&format!(",{value}")));
+        out.push('\n');
+    }
+    Ok(out.into_bytes())
+}
+
+/// Each number in the fewest digits that give it back.
+fn write_vector(v: DVec3, out: &mut dyn Write) -> io::Result<()> {
+    write!(out, ",{},{},{}", v.x, v.y, v.z)
+}
+
+/// The sensor in YAML, with the gravity that it feels, m/s^2 in world axes.
+#[must_use]
+pub fn sensor_text(model: &ImuModel, gravity: DVec3) -> String {
+    let ImuModel { rate, gyroscope, accelerometer, metres_per_unit, .. } = model;
+    format!(
+        "# In the form of EuRoC. S: sensor, which is the camera with OpenCV axes. R: world axes of the scene, in metres.\n\
+         sensor_type: imu\n\
+         T_BS:\n  cols: 4\n  rows: 4\n  data: [1.0, 0.0, 0.0, 0.0,\n         0.0, 1.0, 0.0, 0.0,\n         \
+         0.0, 0.0, 1.0, 0.0,\n         0.0, 0.0, 0.0, 1.0]\n\
+         rate_hz: {}\n\
+         gyroscope_noise_density: {}      # rad/s/sqrt(Hz)\n\
+         gyroscope_random_walk: {}        # rad/s^2/sqrt(Hz)\n\
+         accelerometer_noise_density: {}  # m/s^2/sqrt(Hz)\n\
+         accelerometer_random_walk: {}    # m/s^3/sqrt(Hz)\n\
+         gravity: [{}, {}, {}]            # m/s^2, in R\n\
+         metres_per_unit: {}              # of the scene; the poses of the release are in its units\n",
+        rate.to_f64(),
+        gyroscope.noise,
+        gyroscope.walk,
+        accelerometer.noise,
+        accelerometer.walk,
+        gravity.x,
+        gravity.y,
+        gravity.z,
+        metres_per_unit,
+    )
+}

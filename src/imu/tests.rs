@@ -1,0 +1,121 @@
+use super::files::{SAMPLES_HEAD, rewritten, write_sample};
+use super::*;
+use crate::se3::rotation::exp_vector;
+use crate::units::Ratio;
+use glam::DQuat;
+
+fn model(rate: u64, axes: AxisModel) -> ImuModel {
+    ImuModel {
+        rate: Hertz(Ratio::new(rate, 1).unwrap()),
+        gyroscope: axes,
+        accelerometer: axes,
+        gravity: GRAVITY,
+        up: None,
+        metres_per_unit: 0.5,
+    }
+}
+
+/// A path of poses at 1000 Hz.
+fn path(pose: impl Fn(f64) -> Se3, seconds: f64) -> SampledPath {
+    let count = (1000.0 * seconds).round() as u32;
+    let times: Vec<f64> = (0..=count).map(|j| f64::from(j) * 1e-3).collect();
+    let poses: Vec<Se3> = times.iter().map(|t| pose(*t)).collect();
+    SampledPath::with_end_rates(&poses, times).unwrap()
+}
+
+#[test]
+fn a_still_body_shows_gravity_and_no_rate() {
+    let tilt = exp_vector(DVec3::new(0.3, -0.4, 0.2));
+    let still = path(|_| Se3 { rotation: tilt, translation: DVec3::new(1.0, 2.0, 3.0) }, 0.1);
+    let model = model(200, AxisModel::IDEAL);
+    let samples: Vec<ImuSample> =
+        ImuSampler::new(&model, &still, DVec3::new(0.0, 0.0, 3.0), Seed(1)).collect();
+    assert_eq!(samples.len(), 21);
+    for sample in samples {
+        let wanted = tilt.conjugate() * DVec3::new(0.0, 0.0, GRAVITY);
+        assert!((sample.accelerometer - wanted).length() < 1e-12, "{sample:?}");
+        assert!(sample.gyroscope.length() < 1e-12, "{sample:?}");
+        assert_eq!(sample.state.world_from_body.translation, DVec3::new(0.5, 1.0, 1.5));
+    }
+}
+
+#[test]
+fn a_body_on_a_circle_shows_its_turn_and_its_centripetal_force() {
+    // A radius of 4 units, which are 2 m, at 3 rad/s about z; the body keeps its axes to the circle.
+    let (radius, rate) = (4.0, 3.0);
+    let circle = path(
+        |t| {
+            let turn = DQuat::from_rotation_z(rate * t);
+            Se3 { rotation: turn, translation: turn * DVec3::new(radius, 0.0, 0.0) }
+        },
+        0.5,
+    );
+    let model = model(400, AxisModel::IDEAL);
+    for sample in ImuSampler::new(&model, &circle, DVec3::Z, Seed(1)).skip(4).take(190) {
+        // The spline through poses 1 ms apart misses a second derivative by h^2/12 of the fourth: 3^4 * 2 m.
+        let bound = 1e-6 / 12.0 * 162.0 + 1e-9;
+        let wanted = DVec3::new(-rate * rate * 2.0, 0.0, GRAVITY);
+        assert!((sample.accelerometer - wanted).length() < bound, "{sample:?}");
+        assert!((sample.gyroscope - DVec3::new(0.0, 0.0, rate)).length() < 1e-9, "{sample:?}");
+        assert!((sample.state.velocity.length() - 6.0).abs() < 1e-8, "{sample:?}");
+    }
+}
+
+#[test]
+fn what_exceeds_the_range_is_bounded_and_counted() {
+    let spin = path(|t| Se3 { rotation: DQuat::from_rotation_x(5.0 * t), translation: DVec3::ZERO }, 0.1);
+    let model = model(100, AxisModel { range: Some(4.0), ..AxisModel::IDEAL });
+    let mut sampler = ImuSampler::new(&model, &spin, DVec3::X, Seed(1));
+    let samples: Vec<ImuSample> = (&mut sampler).collect();
+    assert_eq!(sampler.saturated, samples.len() as u64);
+    assert!(samples.iter().all(|s| s.gyroscope.x == 4.0 && s.accelerometer.x == 4.0));
+}
+
+#[test]
+fn errors_are_a_function_of_seed_and_index() {
+    let axes = AxisModel { noise: 0.1, walk: 0.2, bias: 0.3, range: None };
+    let draw = |seed: u64| {
+        let mut errors = AxisErrors::new(axes, 100.0, 0, Seed(seed));
+        (0..5).map(|_| errors.show(DVec3::ZERO).0).collect::<Vec<_>>()
+    };
+    assert_eq!(draw(1), draw(1));
+    assert_ne!(draw(1), draw(2));
+    // A part that is off leaves the draws of the others as they are.
+    let mut still = AxisErrors::new(AxisModel { walk: 0.0, ..axes }, 100.0, 0, Seed(1));
+    assert_eq!(still.show(DVec3::ZERO).0, draw(1)[0]);
+    // The gyroscope and the accelerometer share the seed, and no draw.
+    let mut other = AxisErrors::new(axes, 100.0, 3, Seed(1));
+    assert_ne!(other.show(DVec3::ZERO).0, draw(1)[0]);
+}
+
+#[test]
+fn files_are_read_as_they_are_written_and_no_others() {
+    let sample = ImuSample {
+        t_ns: 5,
+        gyroscope: DVec3::new(0.1, -2e-7, 3.0),
+        accelerometer: DVec3::new(1e22, 0.0, -0.0),
+        state: ImuState {
+            world_from_body: Se3::IDENTITY,
+            velocity: DVec3::ZERO,
+            gyroscope_bias: DVec3::ZERO,
+            accelerometer_bias: DVec3::ZERO,
+        },
+    };
+    let mut file = format!("{SAMPLES_HEAD}\n").into_bytes();
+    write_sample(&sample, &mut file).unwrap();
+    assert_eq!(rewritten(&file).unwrap(), file);
+    let refused = |lines: &str, because: &str| {
+        let error = rewritten(format!("{SAMPLES_HEAD}\n{lines}").as_bytes()).unwrap_err();
+        assert!(error.contains(because), "{error}");
+    };
+    refused("0,1,2,3,4,5,6\n0,1,2,3,4,5,6\n", "line 3: its stamp is not above the one before");
+    refused("0,1,2,3,4,5,NaN\n", "line 2: a value is not a finite number");
+    refused("0,1,2,3,4,5\n", "line 2: it has another number of columns");
+    refused("0.5,1,2,3,4,5,6\n", "line 2: its stamp is no whole number");
+    assert!(rewritten(b"t,x\n").is_err());
+    // A line end that this program does not write returns other bytes.
+    assert_ne!(
+        rewritten(format!("{SAMPLES_HEAD}\r\n").as_bytes()).ok(),
+        Some(format!("{SAMPLES_HEAD}\r\n").into())
+    );
+}

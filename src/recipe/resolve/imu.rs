@@ -1,0 +1,95 @@
+//! Inertial sensor, and the size of the scene's unit.
+
+use super::Resolver;
+use super::number::RealRange;
+use crate::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
+use crate::recipe::field::Field;
+use crate::recipe::problem::FieldProblem;
+use crate::recipe::{SceneSource, schema};
+use crate::units::Hertz;
+
+/// Samples per second. A stamp of a file has nanoseconds, so no two are equal.
+const RATE: RealRange = RealRange::new(1.0, 1e5);
+/// Errors of sensors.
+const ERROR: RealRange = RealRange::new(0.0, 1e3);
+
+impl Resolver<'_> {
+    /// The inertial sensor, if an output asks for it.
+    pub(super) fn imu(
+        &self,
+        raw: &schema::RecipeSchema,
+        source: Option<&SceneSource>,
+        is_asked: bool,
+    ) -> Option<Option<ImuModel>> {
+        let absent = schema::ImuSection::default();
+        let section = self.section(&raw.imu, &absent)?;
+        let metres = self.metres_per_unit(&raw.scale);
+        let [gyroscope, accelerometer] = self.or(&section.preset, ImuPreset::default())?.axes();
+        let rate = self.ratio(&section.rate, 1000, RATE).map(Hertz);
+        let up = self.up(&section.up);
+        let gravity = self.real(&section.gravity, GRAVITY, RealRange::new(0.0, 1e3));
+        let gyroscope = self.axes(&section.gyroscope, gyroscope);
+        let accelerometer = self.axes(&section.accelerometer, accelerometer);
+        if !is_asked {
+            // Faults are reported all the same.
+            return Some(None);
+        }
+        let (metres, up) = (metres?, up?);
+        let place = raw.outputs.place().unwrap_or(self.root);
+        let Some(metres_per_unit) = metres else {
+            let problem = FieldProblem::new(
+                "the output imu needs scale: accelerations are in m/s², and the scene has no unit",
+            );
+            return self.refuse(
+                problem.help("write scale: { metres_per_unit: 0.4 }, with the size of your scene").at(place),
+            );
+        };
+        if up.is_none() && source.is_some_and(|source| !source.has_views()) {
+            let problem =
+                FieldProblem::new("the output imu needs imu.up: without captured views, no direction is up");
+            return self.refuse(problem.help("write imu: { up: [0, 0, 1] }").at(place));
+        }
+        Some(Some(ImuModel {
+            rate: rate?,
+            gyroscope: gyroscope?,
+            accelerometer: accelerometer?,
+            gravity: gravity?,
+            up,
+            metres_per_unit,
+        }))
+    }
+
+    fn metres_per_unit(&self, field: &Field<schema::ScaleSection>) -> Option<Option<f64>> {
+        let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
+        self.required(
+            &raw.metres_per_unit,
+            "metres_per_unit",
+            place,
+            "write the metres of one unit of the scene",
+        )?;
+        self.real(&raw.metres_per_unit, 1.0, RealRange::above(0.0, 1e9)).map(Some)
+    }
+
+    fn up(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<[f64; 3]>> {
+        let Some((up, place)) = field.given() else { return field.is_absent().then_some(None) };
+        let [x, y, z] = up.each_ref().map(|value| self.real(value, 0.0, RealRange::new(-1e6, 1e6)));
+        let up = [x?, y?, z?];
+        if up.iter().all(|value| value.abs() < 1e-6) {
+            return self.refuse(FieldProblem::of_field("is no direction: its length is 0").at(place));
+        }
+        Some(Some(up))
+    }
+
+    fn axes(&self, field: &Field<schema::ImuAxisSection>, preset: AxisModel) -> Option<AxisModel> {
+        let absent = schema::ImuAxisSection::default();
+        let raw = self.section(field, &absent)?;
+        let [noise, walk, bias] =
+            [(&raw.noise, preset.noise), (&raw.walk, preset.walk), (&raw.bias, preset.bias)]
+                .map(|(field, usual)| self.real(field, usual, ERROR));
+        let range = match raw.range.is_absent() {
+            true => Some(preset.range),
+            false => self.real(&raw.range, 1.0, RealRange::above(0.0, 1e6)).map(Some),
+        };
+        Some(AxisModel { noise: noise?, walk: walk?, bias: bias?, range: range? })
+    }
+}

@@ -1,0 +1,90 @@
+//! Stage `imu`: inertial measurements along a trajectory.
+
+use super::{Stage, StageContext, StageError, StepTarget};
+use crate::artifact::{ImuRecording, TrajectoryProduct};
+use crate::imu::files::{self, SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
+use crate::imu::{ImuModel, ImuSampler};
+use crate::sampling::path::SampledPath;
+use crate::seed::Seed;
+use crate::source::Capture;
+use serde::Serialize;
+use std::fs::File;
+use std::io::{self, BufWriter, Write as _};
+
+/// Parameters: the sensor, and the seed of its noise.
+#[derive(Debug, Serialize)]
+pub struct ImuStage {
+    /// The sensor.
+    #[serde(flatten)]
+    pub model: ImuModel,
+    /// Seed of its noise.
+    pub seed: Seed,
+}
+
+/// Jump of the rates at the knots, divided by the mean rate, above which accelerations depend on the frame rate.
+const SMOOTH: f64 = 1e-3;
+
+impl Stage for ImuStage {
+    const NAME: &'static str = "imu";
+    const REVISION: u32 = 1;
+    /// The capture, if its views say what is up.
+    type Inputs = (StepTarget<TrajectoryProduct>, Option<StepTarget<Capture>>);
+    type Output = ImuRecording;
+
+    fn run(
+        &self,
+        (motion, capture): (TrajectoryProduct, Option<Capture>),
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        let failed =
+            |because: String| StageError::work_failed("measure the motion")(io::Error::other(because));
+        let poses = &motion.trajectory.world_from_camera;
+        if poses.len() < 2 {
+            return Err(failed("a path of one pose has no duration".to_owned()));
+        }
+        let path = SampledPath::with_end_rates(poses, motion.seconds())
+            .map_err(StageError::work_failed("follow the path"))?;
+        let up = self.model.up_or(capture.as_ref().and_then(Capture::up));
+        let up = up.ok_or_else(|| failed("the captured views have no common up: write imu.up".to_owned()))?;
+        let mut sampler = ImuSampler::new(&self.model, &path, up, self.seed);
+        let (samples, states) = (cx.out.join(SAMPLES), cx.out.join(STATES));
+        let create = |path: &std::path::Path, head: &str| -> io::Result<BufWriter<File>> {
+            let mut file = BufWriter::new(File::create(path)?);
+            writeln!(file, "{head}")?;
+            Ok(file)
+        };
+        let mut shown = create(&samples, SAMPLES_HEAD).map_err(StageError::io_error(&samples))?;
+        let mut truth = create(&states, STATES_HEAD).map_err(StageError::io_error(&states))?;
+        let mut count = 0_u64;
+        for sample in &mut sampler {
+            cx.go_on()?;
+            files::write_sample(&sample, &mut shown).map_err(StageError::io_error(&samples))?;
+            files::write_state(&sample, &mut truth).map_err(StageError::io_error(&states))?;
+            count += 1;
+        }
+        shown.flush().map_err(StageError::io_error(&samples))?;
+        truth.flush().map_err(StageError::io_error(&states))?;
+        let sensor = cx.out.join(SENSOR);
+        let text = files::sensor_text(&self.model, sampler.gravity());
+        std::fs::write(&sensor, text).map_err(StageError::io_error(&sensor))?;
+        self.warn(&motion, (sampler.saturated, count), cx);
+        cx.remark = Some(format!("{count} samples"));
+        Ok(())
+    }
+}
+
+impl ImuStage {
+    fn warn(&self, motion: &TrajectoryProduct, (saturated, count): (u64, u64), cx: &mut StageContext<'_>) {
+        if saturated > 0 {
+            cx.warnings
+                .push(format!("{saturated} of {count} samples exceed the range of the inertial sensor"));
+        }
+        let jump = motion.report.knot_jumps.map_or(0.0, |jumps| jumps.c1);
+        if jump > SMOOTH {
+            cx.warnings.push(format!(
+                "the speed of the camera jumps at the knots of the path, by {jump:.3} of its mean: the accelerations \
+                 there depend on the frame rate; a curve without corners has none"
+            ));
+        }
+    }
+}
