@@ -24,8 +24,8 @@ use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::source::Capture;
 use crate::source::colmap::ColmapModel;
 use crate::speed::SpeedMeaning;
-use crate::store::Store;
-use crate::store::record::StoredOutput;
+use crate::store::record::{StoredOutput, content_digest};
+use crate::store::{Digest, Store};
 use crate::trajectory::Trajectory;
 use crate::trajectory::report::SpeedReport;
 use crate::trajectory::twist::pose_twists;
@@ -46,6 +46,7 @@ pub struct ArtifactFiles {
 #[derive(Debug, Clone)]
 struct StoredFile {
     path: PathBuf,
+    digest: Digest,
     size: u64,
 }
 
@@ -53,8 +54,21 @@ impl ArtifactFiles {
     /// The files of a step, with their paths in the store.
     #[must_use]
     pub fn from_outputs(outputs: &[StoredOutput], store: &Store) -> Self {
-        let stored = |o: &StoredOutput| StoredFile { path: store.path_of(&o.digest), size: o.size };
+        let stored = |o: &StoredOutput| {
+            let StoredOutput { digest, size, .. } = *o;
+            StoredFile { path: store.path_of(&digest), digest, size }
+        };
         Self { files: outputs.iter().map(|o| (o.name.clone(), stored(o))).collect() }
+    }
+
+    /// The digest of the names and bytes of all files.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        let outputs = self.files.iter().map(|(name, file)| {
+            let StoredFile { digest, size, .. } = *file;
+            StoredOutput { name: name.clone(), digest, size }
+        });
+        content_digest(&outputs.collect::<Vec<_>>())
     }
 
     /// Sum of the file sizes.
@@ -372,6 +386,18 @@ impl Artifact for PictureSet {
 
     fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         Ok(Self { files: files.iter().map(|(name, path)| (name.to_owned(), path.to_owned())).collect() })
+    }
+}
+
+/// Inertial data of a trajectory. No step reads them.
+#[derive(Debug)]
+pub struct ImuRecording;
+
+impl Artifact for ImuRecording {
+    const KIND: &'static str = "imu";
+
+    fn open(_: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        Ok(Self)
     }
 }
 

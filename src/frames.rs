@@ -3,6 +3,7 @@
 pub mod anchors;
 pub mod array;
 pub mod folder;
+pub mod kept;
 pub mod motion;
 pub mod npy;
 pub mod rendered;

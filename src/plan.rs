@@ -2,6 +2,7 @@
 
 pub mod asked;
 pub mod assess;
+pub mod kept;
 pub mod past;
 pub mod shard;
 pub mod survey;

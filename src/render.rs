@@ -231,6 +231,20 @@ pub struct RenderedImages {
     pub doubtful: Option<Image<f32>>,
 }
 
+impl RenderedImages {
+    /// Removes the images that were not requested.
+    pub fn clear_all_but(&mut self, want: ChannelSet) {
+        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful } = self;
+        rgb.take_if(|_| !want.rgb);
+        flow.take_if(|_| !want.flow);
+        luminance.take_if(|_| !want.luminance);
+        alpha.take_if(|_| !want.alpha);
+        depth.take_if(|_| !want.depth);
+        luminance_rate.take_if(|_| !want.luminance_rate);
+        doubtful.take_if(|_| !want.doubtful);
+    }
+}
+
 /// Counts of one rendering: what was done, and what was left out.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RenderWork {

@@ -9,6 +9,7 @@ pub mod estimate;
 mod executor;
 mod group;
 mod job;
+mod kept;
 mod order;
 mod resources;
 
@@ -47,6 +48,8 @@ pub struct RunOptions {
     pub allow_commands: bool,
     /// The programs that can be run.
     pub programs: ProgramFinder,
+    /// Bytes that the frames of all steps may take, if they are kept for later builds.
+    pub kept_frames: Option<u64>,
 }
 
 /// The steps that are made again although they are up to date.

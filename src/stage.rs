@@ -15,6 +15,7 @@ pub mod fidelity;
 pub mod foreign;
 pub mod frames;
 pub mod geometry;
+pub mod imu;
 mod need;
 pub mod pass;
 pub mod poses;
@@ -42,6 +43,7 @@ use crate::artifact::{Artifact, ArtifactFiles};
 use crate::camera::{self, Camera, CameraChoice};
 use crate::source::Capture;
 use pass::PassRole;
+use shot::ShotParameters;
 use std::path::PathBuf;
 
 /// Index of a step in its plan.
@@ -119,6 +121,11 @@ pub trait Stage: serde::Serialize {
 
     /// The part of the stage in a pass over rendered poses, which several steps can share.
     fn role(&self) -> Option<PassRole<'_>> {
+        None
+    }
+
+    /// Camera and rendering of frames that other parameters leave as they are, so that they can be kept.
+    fn kept_shot(&self) -> Option<ShotParameters> {
         None
     }
 

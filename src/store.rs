@@ -13,6 +13,7 @@
 //! or events.
 
 pub mod blob;
+mod cache;
 pub mod description;
 mod digest;
 mod disk;
@@ -20,6 +21,7 @@ mod error;
 pub mod fs;
 pub mod gc;
 mod hash;
+mod kept;
 pub mod link_tree;
 mod lock;
 mod memo;
@@ -42,11 +44,14 @@ pub use root::ReleaseRoot;
 
 use crate::files::is_no_file;
 use blob::BlobFolders;
+pub use cache::EvictedFiles;
+pub use kept::KeptFiles;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
 pub use shared::{SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
 pub use unlike::OutputMismatch;
 
+use cache::StoreCache;
 use disk::StoreDisk;
 use record::{RecordSummary, StepRecord, StoredOutput};
 use shared::SharedStore;
@@ -73,6 +78,8 @@ pub struct Store {
     verified: Option<Mutex<BTreeSet<PathBuf>>>,
     counts: DigestCounts,
     shared: Option<SharedStore>,
+    /// The bound on its size, if there is one.
+    cache: Option<StoreCache>,
     /// The first failure of an operation whose result was not awaited.
     failed: Mutex<Option<StoreError>>,
     /// The kernel frees it with the store.
@@ -105,13 +112,14 @@ impl Store {
         opening: impl Into<StoreOptions>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let StoreOptions { access, claim, verify, sync_each, index, shared, bucket, fs } = opening.into();
-        let disk = StoreDisk::new(fs, sync_each);
-        let lock = match access {
+        let opening: StoreOptions = opening.into();
+        let disk = StoreDisk::new(opening.fs.clone(), opening.sync_each);
+        let lock = match opening.access {
             StoreAccess::Read => None,
             StoreAccess::Write | StoreAccess::WriteNow => {
                 disk.create_dir(root)?;
-                Some(lock::StoreLock::take_lock(root, &claim, access == StoreAccess::Write, waiting)?)
+                let waits = opening.access == StoreAccess::Write;
+                Some(lock::StoreLock::take_lock(root, &opening.claim, waits, waiting)?)
             }
         };
         // After the lock: only its holder may write the format of a new store.
@@ -124,24 +132,25 @@ impl Store {
             // a process that died.
             disk.empty_dir(&root.join("tmp"))?;
         }
-        let shared = match lock {
-            Some(_) => shared.as_deref().map(|place| SharedStore::open(place, &bucket)).transpose()?,
-            None => {
-                shared.as_deref().map(|place| SharedStore::open_for_reading(place, &bucket)).transpose()?
-            }
-        };
-        let state = StateDb::open(root, index.as_deref(), disk.clone(), lock.is_some())?;
-        Ok(Self {
+        let shared = opening.shared.as_deref().map(|place| SharedStore::open(place, &opening)).transpose()?;
+        let state = StateDb::open(root, opening.index.as_deref(), disk.clone(), lock.is_some())?;
+        let mut store = Self {
             root: root.to_owned(),
             blobs: BlobFolders::new(root, disk.clone()),
             state: Mutex::new(state),
-            verified: verify.then(Mutex::default),
+            verified: opening.verify.then(Mutex::default),
             counts: DigestCounts::default(),
             shared,
+            cache: None,
             failed: Mutex::new(None),
             disk,
             lock,
-        })
+        };
+        // Only where other copies are: what is removed here must be there.
+        if let (Some(limit), true) = (opening.cache_size, store.shared.is_some() && store.lock.is_some()) {
+            store.bound(limit)?;
+        }
+        Ok(store)
     }
 
     /// Returns true if the folder is a store.

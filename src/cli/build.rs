@@ -3,6 +3,7 @@
 mod end;
 mod store;
 
+use end::tell_evicted;
 pub(super) use end::{exit_kind, tell_end};
 
 pub(super) use store::{open_store, option_tag, store_options, tell_notices};
@@ -51,6 +52,10 @@ pub(super) struct BuildArgs {
     /// Build the scenes of a task: FILE is a shard of a plan that `gs2e submit` wrote
     #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "recipes"])]
     shard_file: Option<PathBuf>,
+    /// Remove files that the shared store has where the own store exceeds this size, as 50GB
+    #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes, requires = "shared_store")]
+    #[arg(conflicts_with = "to")]
+    cache_size: Option<u64>,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -70,6 +75,10 @@ pub(super) struct TrustOptions {
     /// Copy steps from and to this folder, or s3://BUCKET/PREFIX, which the builds of several machines share
     #[arg(long, value_name = "DIR")]
     pub(super) shared_store: Option<PathBuf>,
+    /// Space in the store for rendered frames, as 20GB, so that a sensor can be changed without a renderer; or off
+    /// [default: 2GB for a single scene, else off]
+    #[arg(long, value_name = "BYTES", value_parser = parse_keep_frames)]
+    keep_frames: Option<KeepFrames>,
     /// Treat a warning of a check as a fault: exit 3, and release nothing
     #[arg(long)]
     pub(super) strict: bool,
@@ -83,6 +92,33 @@ impl TrustOptions {
     pub(super) fn sharing(shared_store: Option<PathBuf>) -> Self {
         Self { shared_store, ..Self::default() }
     }
+}
+
+/// Space for rendered frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum KeepFrames {
+    /// As many as are useful while one works on a scene; none where many scenes are built.
+    #[default]
+    Auto,
+    Off,
+    Bytes(u64),
+}
+
+impl KeepFrames {
+    /// Bytes for the frames of a build of so many scenes.
+    fn limit(self, scenes: usize) -> Option<u64> {
+        /// Space for the frames of a single scene: those of a few trajectories.
+        const SINGLE: u64 = 2_000_000_000;
+        match self {
+            Self::Auto => (scenes == 1).then_some(SINGLE),
+            Self::Off => None,
+            Self::Bytes(bytes) => Some(bytes),
+        }
+    }
+}
+
+fn parse_keep_frames(text: &str) -> Result<KeepFrames, String> {
+    if text == "off" { Ok(KeepFrames::Off) } else { machine::parse_bytes(text).map(KeepFrames::Bytes) }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
@@ -114,7 +150,7 @@ impl BuildArgs {
                 recipe::read_all(&self.targets.recipes)?;
             }
         }
-        let store = open_store(common, &self.care, console)?;
+        let store = store::open_cache(common, &self.care, self.cache_size, console)?;
         let surveyed = match task {
             Some(recipes) => PlanSurvey::of_plan(Plan::new(recipes, &chosen.asking(&store))),
             None => self.survey(&chosen, &store, console)?,
@@ -144,6 +180,10 @@ impl BuildArgs {
             ),
             None => {}
         }
+        // Also where every scene was up to date at a glance.
+        store.make_room();
+        store.flush()?;
+        tell_evicted(store.evicted(), console);
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
             ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
@@ -328,7 +368,7 @@ impl BuildRequest<'_> {
             // What was learned by reading files is kept even if the run is killed.
             store.flush()?;
         }
-        let options = run_options(common, self.care, chosen);
+        let options = run_options(common, self.care, chosen, plan.scenes().len());
         // Only the bars show the remaining time, and the past costs take a query per step.
         let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
@@ -374,8 +414,14 @@ impl BuildRequest<'_> {
     }
 }
 
-fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice) -> RunOptions {
+fn run_options(
+    common: &CommonArgs,
+    care: &TrustOptions,
+    chosen: &RendererChoice,
+    scenes: usize,
+) -> RunOptions {
     let cores = common.cores();
+    let kept_frames = care.keep_frames.unwrap_or_default().limit(scenes);
     let memory = care.memory.unwrap_or_else(machine::free_memory);
     // The steps that are made again differ from run to run. The seed enters no file.
     let seed =
@@ -391,5 +437,6 @@ fn run_options(common: &CommonArgs, care: &TrustOptions, chosen: &RendererChoice
         recheck: care.recheck.map(|share| RecheckPolicy { share, seed }),
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
+        kept_frames,
     }
 }

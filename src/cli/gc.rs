@@ -8,10 +8,11 @@ use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
 use crate::files::is_there;
 use crate::plan::Plan;
-use crate::plan::assess::{StepAction, assess_plan};
+use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
+use crate::plan::kept::kept_names;
 use crate::recipe;
 use crate::store::gc::{GcSweep, SweepSummary};
-use crate::store::{Key, Store, StoreAccess};
+use crate::store::{KeptFiles, Key, Store, StoreAccess};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -58,14 +59,18 @@ impl GcArgs {
             open_store(common, &TrustOptions::default(), console)?
         };
         let plan = Plan::new(recipes, &renderers.knowing(&store));
-        let mut marked = marks_of_recipes(&plan, &store)?;
+        let assessed = assess_plan(&plan, &store)?;
+        let frames = kept_names(&plan, &assessed, &store).into_iter().flatten().collect();
+        let mut marked = marks_of_recipes(&plan, &assessed, &store);
         marked.extend(self.marks_of_releases(&store, console)?);
         let until =
             SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().saturating_sub(self.min_age);
         let until_ns = i64::try_from(until.as_nanos()).unwrap_or(i64::MAX);
-        let swept = store.sweep(&marked, GcSweep { until_ns, dry_run: self.dry_run })?;
+        let sweep = GcSweep { until_ns, dry_run: self.dry_run };
+        let swept = store.sweep(&marked, sweep)?;
+        let frames = store.sweep_frames(&frames, sweep)?;
         store.flush()?;
-        self.tell(&swept, console);
+        self.tell(&swept, frames, console);
         Ok(ExitKind::Done)
     }
 
@@ -86,7 +91,7 @@ impl GcArgs {
         Ok(marked)
     }
 
-    fn tell(&self, swept: &SweepSummary, console: &Console) {
+    fn tell(&self, swept: &SweepSummary, frames: KeptFiles, console: &Console) {
         let SweepSummary { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
         let done = if self.dry_run { "would delete" } else { "deleted" };
         let mb = |bytes: u64| bytes as f64 * 1e-6;
@@ -95,27 +100,30 @@ impl GcArgs {
         if trash > 0 {
             console.say(&format!("{done} {trash} trash files, {left:.1} MB"));
         }
+        if frames.files > 0 {
+            console.say(&format!("{done} {} files of frames, {:.1} MB", frames.files, mb(frames.bytes)));
+        }
         console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
         if console.json {
             let mut record = json!(swept);
             record["dry_run"] = json!(self.dry_run);
+            (record["frames"], record["frame_bytes"]) = (json!(frames.files), json!(frames.bytes));
             console.result(&record);
         }
     }
 }
 
 /// The current key of each step, and for a step that is not up to date also its previous key.
-fn marks_of_recipes(plan: &Plan, store: &Store) -> Result<BTreeSet<Key>, VerbError> {
-    let assessed = assess_plan(plan, store)?;
+fn marks_of_recipes(plan: &Plan, assessed: &[StepAssessment], store: &Store) -> BTreeSet<Key> {
     let mut marked = BTreeSet::new();
-    for (step, assessed) in plan.steps().iter().zip(&assessed) {
+    for (step, assessed) in plan.steps().iter().zip(assessed) {
         marked.extend(assessed.key);
         if assessed.action != StepAction::Keep {
             // Until the step is made again, its last results are the only ones.
             marked.extend(store.last_key(plan.scene_of(step), &step.name));
         }
     }
-    Ok(marked)
+    marked
 }
 
 fn parse_age(text: &str) -> Result<Duration, String> {

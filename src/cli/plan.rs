@@ -6,6 +6,7 @@ use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
+use crate::plan::kept::kept_names;
 use crate::plan::past::{past_costs, sharing_steps};
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
 use crate::store::record::StoredOutput;
@@ -35,6 +36,9 @@ struct PlanRow<'a> {
     reason: &'a StepReason,
     key: Option<Key>,
     outputs: Vec<StepFile<'a>>,
+    /// True if it would run, and the store has frames of its path.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    kept_frames: bool,
 }
 
 /// A file of a step, in the form for programs.
@@ -66,7 +70,7 @@ impl PlanArgs {
             estimate_run(&plan, &assessed, &store, common, console)?;
             return Ok(ExitKind::Done);
         }
-        let rows = plan_rows(&plan, &assessed, &settled, &store);
+        let rows = plan_rows(&plan, &assessed, &settled, &store)?;
         if console.json {
             console.large_result(&rows);
         } else {
@@ -82,7 +86,7 @@ fn plan_rows<'a>(
     assessed: &'a [StepAssessment],
     settled: &'a [SettledScene],
     store: &Store,
-) -> Vec<PlanRow<'a>> {
+) -> Result<Vec<PlanRow<'a>>, VerbError> {
     let known = settled.iter().flat_map(|scene| {
         scene.steps.iter().map(|step| PlanRow {
             scene: &scene.scene,
@@ -91,20 +95,29 @@ fn plan_rows<'a>(
             reason: &StepReason::UpToDate,
             key: Some(step.key),
             outputs: output_files(store, &step.outputs),
+            kept_frames: false,
         })
     });
-    let others = plan.steps().iter().zip(assessed).map(|(step, a)| PlanRow {
+    let mut has_frames = Vec::new();
+    for (name, a) in kept_names(plan, assessed, store).into_iter().zip(assessed) {
+        let name = name.filter(|_| a.action != StepAction::Keep);
+        has_frames.push(
+            name.map(|name| store.frames_of(&name)).transpose()?.is_some_and(|files| !files.is_empty()),
+        );
+    }
+    let others = plan.steps().iter().zip(assessed).zip(has_frames).map(|((step, a), kept_frames)| PlanRow {
         scene: plan.scene_of(step),
         step: &step.name,
         action: a.action,
         reason: &a.reason,
         key: a.key,
         outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
+        kept_frames,
     });
     let mut rows: Vec<PlanRow<'a>> = known.chain(others).collect();
     // The sort is stable: the steps of a scene stay in the order of the plan.
     rows.sort_by(|a, b| a.scene.cmp(b.scene));
-    rows
+    Ok(rows)
 }
 
 /// The files of a step, in the form for programs.
@@ -124,7 +137,8 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
             StepAction::MayRun => "may run",
             StepAction::Keep => "keep",
         };
-        format!("{action:7}  {}/{}  {}", row.scene, row.step, reason_words(row.reason))
+        let frames = if row.kept_frames { "; its frames are kept" } else { "" };
+        format!("{action:7}  {}/{}  {}{frames}", row.scene, row.step, reason_words(row.reason))
     };
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();

@@ -10,7 +10,7 @@ use super::{
 use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
-use crate::stage::{StageError, StepId};
+use crate::stage::{StageError, StepId, checks, scene_checks};
 use crate::store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::resume_unwind;
@@ -29,6 +29,8 @@ pub(super) struct RunExecutor<'scope, 'a> {
     missing: Vec<usize>,
     /// For each step, the consumers of its product.
     followers: Vec<Vec<StepId>>,
+    /// For each key, the number of uses of its outputs that are still to come.
+    uses: BTreeMap<Key, usize>,
     /// Steps with all inputs present that are not assessed yet.
     ready: BTreeSet<StepId>,
     ranks: Vec<StepRank>,
@@ -71,6 +73,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             observer,
             missing,
             followers,
+            uses: BTreeMap::new(),
             ready,
             ranks,
             stale: BTreeMap::new(),
@@ -197,6 +200,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         }
         self.store.share(&key).map_err(PlanError::from)?;
         let outputs = outputs.expect("a step that is kept has outputs");
+        self.store.hold(&key, &outputs);
         self.summary.kept += 1;
         self.observer.tell(&RunEvent::Kept { step, key: &key, outputs: &outputs });
         self.done(step, StepProduct { key, outputs, sources });
@@ -205,8 +209,19 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     fn done(&mut self, step: StepId, product: StepProduct) {
         let planned = &self.plan.steps()[step.0];
-        self.store.note_last(self.plan.scene_of(planned), &planned.name, product.key);
+        let key = product.key;
+        self.store.note_last(self.plan.scene_of(planned), &planned.name, key);
         self.summary.products.insert(step, product);
+        // The findings of checks are shown at the end of the build, which is one use more.
+        let is_shown = [checks::NAME, scene_checks::NAME].contains(&planned.step.stage());
+        *self.uses.entry(key).or_default() += self.followers[step.0].len() + usize::from(is_shown);
+        let mut used = vec![key];
+        for (_, input) in planned.step.inputs() {
+            let key = self.summary.products[&input].key;
+            self.uses.entry(key).and_modify(|uses| *uses -= 1);
+            used.push(key);
+        }
+        used.iter().filter(|key| self.uses[key] == 0).for_each(|key| self.store.let_go(key));
         for follower in &self.followers[step.0] {
             self.missing[follower.0] -= 1;
             if self.missing[follower.0] == 0 {
@@ -238,7 +253,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             self.running.insert(step, RunningStep { key: stale.key, grant: None });
         }
         let allows_commands = self.options.allow_commands;
-        let programs = self.options.programs.clone();
+        let (programs, kept_frames) = (self.options.programs.clone(), self.options.kept_frames);
         let job = StepJob {
             plan: self.plan,
             store: self.store,
@@ -248,6 +263,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             memory: need.memory,
             allows_commands,
             programs,
+            kept_frames,
         };
         let (sender, last) = (sender.clone(), members[count - 1].0);
         let thread = scope.spawn(move || run_group(&job, members, &sender));

@@ -1,5 +1,6 @@
 //! The work of one step on its own thread, from its inputs to a record.
 
+use super::kept::KeptStep;
 use super::{RunEvent, RunObserver, StepError, StepOrigin};
 use crate::artifact::ArtifactFiles;
 use crate::frames::rendered::{ReaderSeconds, TimeSaved};
@@ -7,7 +8,7 @@ use crate::plan::assess::{SourceFiles, StepReason, read_sources};
 use crate::plan::{Plan, PlannedStep};
 use crate::programs::ProgramFinder;
 use crate::stage::pass::{PassStep, run_pass};
-use crate::stage::{StageContext, StageError, StepId, StepNeed, StepProgress};
+use crate::stage::{AnyStep, StageContext, StageError, StepId, StepNeed, StepProgress};
 use crate::store::description::DescribedValue;
 use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
 use crate::store::space::{DiskSpace, is_full};
@@ -60,6 +61,8 @@ pub(super) struct StepJob<'a> {
     pub(super) memory: u64,
     pub(super) allows_commands: bool,
     pub(super) programs: ProgramFinder,
+    /// Bytes that kept frames may take; `None` to keep none.
+    pub(super) kept_frames: Option<u64>,
 }
 
 /// A step before its work.
@@ -124,11 +127,16 @@ impl<'a> StepJob<'a> {
         members: &[(StepId, StaleStep)],
         places: &[(usize, StepWorkspace<'_>)],
     ) -> Vec<(usize, Result<StepResult, StepError>)> {
-        let mut steps = Vec::new();
+        let (mut steps, mut kept) = (Vec::new(), Vec::new());
         for (at, workspace) in places {
             let (step, stale) = &members[*at];
-            let cx = self.context(stale, workspace);
-            steps.push(PassStep { step: &*self.plan.steps()[step.0].step, cx });
+            let step = &*self.plan.steps()[step.0].step;
+            let mut cx = self.context(stale, workspace);
+            // A step whose frames cannot be opened renders them.
+            let own = self.kept(step, stale).ok().flatten();
+            cx.kept = own.as_ref().map(|kept| kept.frames.clone());
+            kept.push(own);
+            steps.push(PassStep { step, cx });
         }
         let files = &members[places[0].0].1.files;
         // Without threads there is no pass, and each step alone reports why.
@@ -136,9 +144,11 @@ impl<'a> StepJob<'a> {
             return Vec::new();
         };
         let mut results = Vec::new();
-        for ((end, PassStep { cx, .. }), (at, workspace)) in ends.into_iter().zip(steps).zip(places) {
+        let ends = ends.into_iter().zip(steps).zip(kept);
+        for (((end, PassStep { cx, .. }), kept), (at, workspace)) in ends.zip(places) {
             let Some(worked) = end.made else { continue };
             let StageContext { warnings, remark, saving, .. } = cx;
+            let remark = self.end_kept(kept, worked.is_ok(), remark);
             let ReaderSeconds { share: seconds, alone, .. } = end.seconds;
             let work = StepWork { worked, seconds, alone: Some(alone), warnings, remark, saving };
             let (step, stale) = &members[*at];
@@ -191,15 +201,34 @@ impl<'a> StepJob<'a> {
         if runs_commands || planned.step.runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);
         }
+        let kept = self.kept(&*planned.step, stale)?;
+        cx.kept = kept.as_ref().map(|kept| kept.frames.clone());
         let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
         let StageContext { warnings, remark, saving, .. } = cx;
+        let remark = self.end_kept(kept, worked.is_ok(), remark);
         self.conclude(
             step,
             stale,
             workspace,
             StepWork { worked, seconds, alone: None, warnings, remark, saving },
         )
+    }
+
+    /// The frames that the step shares with others, if they are kept.
+    fn kept(&self, step: &dyn AnyStep, stale: &StaleStep) -> Result<Option<KeptStep>, StoreError> {
+        let open = |limit| KeptStep::open(step, stale, self.store, limit);
+        Ok(self.kept_frames.map(open).transpose()?.flatten())
+    }
+
+    /// Ends the work with kept frames. Returns the remark of the step with that of its frames.
+    fn end_kept(&self, kept: Option<KeptStep>, is_made: bool, remark: Option<String>) -> Option<String> {
+        let Some(kept) = kept else { return remark };
+        // The step has its product. Frames that cannot be kept cost time, and nothing else.
+        let of_frames =
+            kept.end(is_made, self.store).unwrap_or_else(|e| Some(format!("frames not kept: {e}")));
+        let words: Vec<String> = remark.into_iter().chain(of_frames).collect();
+        (!words.is_empty()).then(|| words.join(", "))
     }
 
     /// Records a step after its work.

@@ -108,6 +108,7 @@ fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> R
         keep_going,
         recheck: None,
         allow_commands: false,
+        kept_frames: None,
         programs: ProgramFinder::default(),
     };
     run_plan(&plan(folder, steps), &store, options, &AtomicBool::new(cancelled), &Silent).unwrap()

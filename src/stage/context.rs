@@ -1,10 +1,12 @@
 //! The surroundings of a running stage: its folder, its programs, its warnings, and the flag that stops it.
 
 use super::StageError;
+use crate::frames::kept::KeptFrames;
 use crate::frames::rendered::TimeSaved;
 use crate::programs::ProgramFinder;
 use crate::reconstruct::ProgramWorkspace;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Facilities for a running stage.
@@ -30,6 +32,8 @@ pub struct StageContext<'a> {
     pub programs: ProgramFinder,
     /// The receiver of progress within the step, if anything shows it.
     pub progress: Option<StepProgress<'a>>,
+    /// The renderings of earlier steps with the same path and style, if they are kept.
+    pub kept: Option<Arc<KeptFrames>>,
     /// A folder that outlives an interrupted step, and that only a step with the same key gets. It is
     /// removed when the step is made.
     pub resume: Option<PathBuf>,
@@ -69,6 +73,7 @@ impl<'a> StageContext<'a> {
             log: None,
             programs,
             progress: None,
+            kept: None,
             resume: None,
         }
     }

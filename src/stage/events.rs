@@ -13,6 +13,7 @@ use crate::artifact::{
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{LawStamp, StreamHeader, h5};
 use crate::frames::anchors::{AnchorChoice, AnchorFrames};
+use crate::frames::kept::{KeptFrames, KeptRenderer};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::{Image, Size, npy};
@@ -103,6 +104,10 @@ impl Stage for EventsStage {
         self.tolerance.is_none().then_some(PassRole::Events(self))
     }
 
+    fn kept_shot(&self) -> Option<ShotParameters> {
+        Some(self.shot())
+    }
+
     fn run(
         &self,
         inputs: (Capture, Gaussians, TrajectoryProduct),
@@ -132,7 +137,8 @@ impl EventsStage {
         let PassGround { capture, gaussians, motion } = ground;
         let camera = super::choose_camera(self.camera, &capture, cx);
         let style = self.render.resolve(gaussians.antialiased);
-        let new_renderer = || self.new_renderer(gaussians.clone(), style);
+        let kept = cx.kept.clone();
+        let new_renderer = || self.new_renderer(gaussians.clone(), style, kept.clone());
         let path = continuous_path(&motion)?;
         let SampledFrames { trajectory, velocities, chosen, renderer } =
             self.sample(motion, camera, new_renderer()?, cx)?;
@@ -142,7 +148,10 @@ impl EventsStage {
         let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
         let frames = RenderedFrames::new(renderer, camera, trajectory.clone());
         let mut frames = own.with_inputs(frames, velocities, readers.is_some());
-        if let Some(clock) = cx.clock.filter(|_| self.omit.is_needless() && self.backend.has_choice()) {
+        // Frames that are only shown again leave out no work.
+        let renders = kept.as_ref().is_none_or(|kept| !kept.has_any());
+        let is_measured = renders && self.omit.is_needless() && self.backend.has_choice();
+        if let Some(clock) = cx.clock.filter(|_| is_measured) {
             cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
         }
         let kept = (&trajectory.stamps_us[..], &choice);
@@ -188,11 +197,16 @@ impl EventsStage {
         &self,
         gaussians: Arc<Gaussians>,
         style: RenderStyle,
+        kept: Option<Arc<KeptFrames>>,
     ) -> Result<Box<dyn Renderer>, StageError> {
         let mut renderer =
             self.backend.renderer(gaussians, style).map_err(StageError::work_failed("render"))?;
         renderer.omit(self.omit);
-        Ok(renderer)
+        let keeps = ChannelSet { luminance_rate: true, rgb: self.sees_colour(), ..ChannelSet::NONE };
+        Ok(match kept {
+            Some(kept) => Box::new(KeptRenderer::new(renderer, kept, (keeps, self.omit))),
+            None => renderer,
+        })
     }
 
     /// Camera and rendering.

@@ -6,8 +6,8 @@ use super::pass::PassRole;
 use super::target::StageInputs;
 use super::{SourceFile, Stage, StepId, StepNeed};
 use crate::artifact::ArtifactFiles;
-use crate::store::Digest;
 use crate::store::description::{DescribedValue, describe_value};
+use crate::store::{Digest, Key};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -58,6 +58,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
 
     /// The part of the stage in a pass over rendered poses.
     fn role(&self) -> Option<PassRole<'_>>;
+
+    /// The name of its frames, by the files of its inputs, if they can be kept for other steps.
+    fn kept_name(&self, inputs: &[ArtifactFiles]) -> Option<Digest>;
 
     /// Opens the inputs and does the work.
     ///
@@ -124,6 +127,18 @@ where
 
     fn role(&self) -> Option<PassRole<'_>> {
         self.stage.role()
+    }
+
+    fn kept_name(&self, inputs: &[ArtifactFiles]) -> Option<Digest> {
+        let shot = self.stage.kept_shot()?;
+        let mut fields = BTreeMap::from([
+            ("class".to_owned(), DescribedValue::Text(shot.backend.class())),
+            ("shot".to_owned(), describe_value(&shot)),
+        ]);
+        for (number, files) in inputs.iter().enumerate() {
+            fields.insert(format!("input {number}"), DescribedValue::Digest(files.digest()));
+        }
+        Some(Key::of_description(&DescribedValue::Record(fields)).0)
     }
 
     fn run(&self, files: &[ArtifactFiles], cx: &mut StageContext<'_>) -> Result<(), StageError> {

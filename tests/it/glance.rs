@@ -42,6 +42,7 @@ fn build(place: &Workspace) -> usize {
         keep_going: false,
         recheck: None,
         allow_commands: false,
+        kept_frames: None,
         programs: ProgramFinder::default(),
     };
     let summary = run_plan(&plan, &store, options, &AtomicBool::new(false), &Silent).unwrap();

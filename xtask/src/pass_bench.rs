@@ -1,7 +1,8 @@
 //! Cost of one pass of the renderer for all outputs of a trajectory, next to that of a step for each output.
 //!
 //! A build from an empty store makes the outputs in one pass. `--recheck 1` then makes each step again, alone,
-//! and compares the bytes.
+//! and compares the bytes. Then the threshold of the sensor changes, and the events are made of kept frames, and
+//! of rendered ones.
 
 use crate::check_bench::{Cost, watch};
 use crate::command::{Outcome, cargo, root, say};
@@ -63,7 +64,7 @@ fn measure(
 ) -> Outcome {
     let (recipe, store) = (folder.join(format!("{scene}.yaml")), folder.join("store"));
     let text = format!("version: 1\nscene: {scene}\n{source}{PATH_AND_OUTPUTS}");
-    fs::write(&recipe, text).map_err(|e| format!("{}: {e}", recipe.display()))?;
+    fs::write(&recipe, &text).map_err(|e| format!("{}: {e}", recipe.display()))?;
     let [store_arg, recipe] = [&store, &recipe].map(|path| path.to_string_lossy().into_owned());
     let args = ["build", "-q", "-j", jobs, "--backend", "cpu", "--store", &store_arg, &recipe];
     let (mut together, mut alone): (Vec<Cost>, Vec<Cost>) = (Vec::new(), Vec::new());
@@ -74,6 +75,20 @@ fn measure(
         together.push(watch(gs2e, &args, &[0])?);
         alone.push(watch(gs2e, &[&args[..], &["--recheck", "1"]].concat(), &[0])?);
     }
+    let (mut kept, mut rendered): (Vec<Cost>, Vec<Cost>) = (Vec::new(), Vec::new());
+    for run in 0..runs {
+        for (number, keeps) in [(2 * run, true), (2 * run + 1, false)] {
+            // A threshold that no build had before.
+            let threshold = 0.9 + 0.001 * f64::from(number);
+            let sensor = format!(
+                "sensor: {{ voltmeter: {{ preset: davis346, threshold: {{ on: {threshold}, off: {threshold} }} }} }}\n"
+            );
+            fs::write(&recipe, text.clone() + &sensor).map_err(|e| format!("{recipe}: {e}"))?;
+            let mode = if keeps { "2GB" } else { "off" };
+            let cost = watch(gs2e, &[&args[..], &["--keep-frames", mode]].concat(), &[0])?;
+            if keeps { kept.push(cost) } else { rendered.push(cost) }
+        }
+    }
     let least = |costs: &[Cost]| costs.iter().map(|cost| cost.cpu_seconds).fold(f64::INFINITY, f64::min);
     let peak = |costs: &[Cost]| costs.iter().map(|cost| cost.peak_mb).fold(0.0, f64::max);
     let [one, each] = [least(&together), least(&alone)];
@@ -82,6 +97,11 @@ fn measure(
         one / each,
         peak(&together),
         peak(&alone)
+    ));
+    let [shown, made] = [least(&kept), least(&rendered)];
+    say(&format!(
+        "{scene}, another threshold: {shown:.1} s from kept frames, {made:.1} s from rendered ones, ratio {:.2}",
+        shown / made
     ));
     Ok(())
 }
