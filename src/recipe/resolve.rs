@@ -15,11 +15,12 @@ use super::field::{Field, UnsupportedField};
 use super::problem::{FieldProblem, quote_text};
 use super::reader::Problems;
 use super::text::TextSpan;
-use super::{Recipe, RecipeMeta, SceneScale, TrajectoryRecipe, names, schema};
+use super::{OutputKind, Recipe, RecipeMeta, SceneScale, TrajectoryRecipe, names, schema};
 use crate::check::Limits;
 use crate::render::RenderRules;
 use crate::speed::SpeedChoice;
 use reconstruct::ReconstructContext;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
 
@@ -59,21 +60,13 @@ impl Resolver<'_> {
         let sensors = self.sensors(raw, between, rate);
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
         let outputs = self.outputs(&raw.outputs);
-        // A speed in pixels needs the scene even if there are no outputs.
-        let renders =
-            outputs.as_ref().is_some_and(|outputs| outputs.iter().any(|output| !output.is_measured()))
-                || trajectories
-                    .iter()
-                    .flatten()
-                    .any(|t: &TrajectoryRecipe| matches!(t.speed, SpeedChoice::Flow(_)));
+        let renders = renders(outputs.as_ref(), trajectories.as_deref());
         let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let every = self.spacing(raw);
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
-        let measures =
-            outputs.as_ref().is_some_and(|outputs| outputs.iter().any(|output| output.is_measured()));
-        let imu = self.imu(raw, source.as_ref(), measures);
+        let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -184,6 +177,13 @@ impl Resolver<'_> {
         }
         Some(text.to_owned())
     }
+}
+
+/// Returns true if something is rendered. A speed in pixels needs the scene even without outputs.
+fn renders(outputs: Option<&BTreeSet<OutputKind>>, trajectories: Option<&[TrajectoryRecipe]>) -> bool {
+    let mut outputs = outputs.into_iter().flatten();
+    let mut speeds = trajectories.into_iter().flatten().map(|trajectory| &trajectory.speed);
+    outputs.any(|output| !output.is_measured()) || speeds.any(|speed| matches!(speed, SpeedChoice::Flow(_)))
 }
 
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of

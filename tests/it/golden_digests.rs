@@ -43,6 +43,7 @@ spelled/base/sharp sharp 2 cpu/1 9e70b9d306674523a1d50f7e49852e34016270afb38b650
 spelled/base/blur blur 1 cpu/1 e31795adc297bb8b54a3fb6b53b68abca4656f471ea405b4ffafed265cf7745f 8f39a9779b9f6903a0a52931312fc244a7aa1e2ec9202c17acb81aef3d671556
 spelled/base/depth depth 1 cpu/1 9ef57dc12265f7fafb924d79a4f4babf033f688c6ccf25accfa5004036d645e3 6138a782339e1f7cd8493e3c41c9deedc423004e07b1fbfcc6b77bbbcbffb354
 spelled/base/flow flow 1 cpu/1 228378ea723c7ead71c0fa20e93c82cbe8e5ddeb486c8780b0fbe1a9af05a3da dd7e0f4f5c0e8a7bd08bfd3f1597235427a9ccacb4194876c307365505080653
+spelled/base/imu imu 1 - f994a6b0917bbc6ad7a44cf04707d82ad8e6aa5fccc13a364f0b15a05ca7638f f60e8f7ab466ddcff0bc8f71c1e76c8f5084df49c37a73c87c9d916d2514e95d
 spelled/base/checks checks 12 - 4d840b234dc397bb4586ac19e1126dda6fba5da54f0999c1ac76495efa27b9bd 95bde1635b4af248ae911a7ee59a8a32db22ce2c28e49efa14f636742cf8585d
 ";
 
@@ -61,7 +62,14 @@ sampling: { rate: 2400, between: linear }
 render: { rules: official, antialiased: false, background: [0.1, 0.2, 0.3] }
 sensor:
   voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
-outputs: [events, sharp, blur, depth, flow]
+outputs: [events, sharp, blur, depth, flow, imu]
+scale: { metres_per_unit: 0.5 }
+imu:
+  rate: 1000
+  up: [0, -1, 0]
+  gravity: 9.80665
+  gyroscope: { noise: 0.0002, walk: 0.00002, bias: 0.01, range: 30 }
+  accelerometer: { noise: 0.002, walk: 0.0003, bias: 0.2, range: 200 }
 sharp: { every: 3 }
 blur: { frames: 3, subframes: auto }
 depth: { every: 4 }

@@ -95,7 +95,8 @@ fn fewer_images_are_shown_and_more_are_rendered() {
     let fresh = folder.path().join("a");
     run(&[], &fresh, 1 << 20, &[(1.0, FRAME)]);
     let only = ChannelSet { luminance: true, ..ChannelSet::NONE };
-    let (shown, count, _) = run(&[fresh.clone()], &folder.path().join("b"), 1 << 20, &[(1.0, only)]);
+    let (shown, count, _) =
+        run(std::slice::from_ref(&fresh), &folder.path().join("b"), 1 << 20, &[(1.0, only)]);
     assert_eq!((count, luminance(&shown[0]), shown[0].luminance_rate.is_none()), (0, Some(1.0), true));
     let more = ChannelSet { rgb: true, ..FRAME };
     let (shown, count, summary) = run(&[fresh], &folder.path().join("c"), 1 << 20, &[(1.0, more)]);

@@ -5,8 +5,9 @@ use super::number::RealRange;
 use crate::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
-use crate::recipe::{SceneSource, schema};
+use crate::recipe::{OutputKind, SceneSource, schema};
 use crate::units::Hertz;
+use std::collections::BTreeSet;
 
 /// Samples per second. A stamp of a file has nanoseconds, so no two are equal.
 const RATE: RealRange = RealRange::new(1.0, 1e5);
@@ -19,7 +20,7 @@ impl Resolver<'_> {
         &self,
         raw: &schema::RecipeSchema,
         source: Option<&SceneSource>,
-        is_asked: bool,
+        outputs: Option<&BTreeSet<OutputKind>>,
     ) -> Option<Option<ImuModel>> {
         let absent = schema::ImuSection::default();
         let section = self.section(&raw.imu, &absent)?;
@@ -30,7 +31,7 @@ impl Resolver<'_> {
         let gravity = self.real(&section.gravity, GRAVITY, RealRange::new(0.0, 1e3));
         let gyroscope = self.axes(&section.gyroscope, gyroscope);
         let accelerometer = self.axes(&section.accelerometer, accelerometer);
-        if !is_asked {
+        if !outputs.into_iter().flatten().any(|output| output.is_measured()) {
             // Faults are reported all the same.
             return Some(None);
         }

@@ -11,10 +11,10 @@ use crate::release::published::StoredPlaces;
 use crate::trajectory::picture::short_number;
 
 /// Size of the picture: two panels, one above the other.
-const SIZE: Size = Size { width: 640, height: 320 };
+const SIZE: Size = Size { width: 320, height: 160 };
 const PANEL: usize = SIZE.height as usize / 2;
 /// Rows between a curve and the edge of its panel.
-const MARGIN: f64 = 8.0;
+const MARGIN: f64 = 4.0;
 
 const PAPER: [u8; 3] = [255; 3];
 const ZERO: [u8; 3] = [200; 3];
@@ -81,7 +81,7 @@ mod tests {
         let width = SIZE.width as usize;
         let red = |x: usize| (0..SIZE.height as usize).find(|y| image.pixels()[y * width + x] == AXES[0]);
         // Down on the left, where the value is negative, and up on the right.
-        assert!(red(5).unwrap() > PANEL + PANEL / 2 && red(635).unwrap() < PANEL + PANEL / 2);
+        assert!(red(5).unwrap() > PANEL + PANEL / 2 && red(315).unwrap() < PANEL + PANEL / 2);
         assert!(image.pixels()[..PANEL * width].iter().all(|pixel| *pixel == PAPER));
     }
 
