@@ -5,8 +5,9 @@
 //! accelerometer  a = R^T (acceleration - gravity)     + bias + noise   m/s^2
 //! bias: a random walk from a drawn start              noise: white, density * sqrt(rate)
 //! ```
-//! The rates are the derivatives of the C2 path through the poses, on which the frames between poses lie too. The body is the camera, with OpenCV axes. The model of noise is that of Kalibr and
-//! ESIM (Forster et al., "On-Manifold Preintegration", 2016, section IV).
+//! The rates are the derivatives of the C2 path through the poses, on which the frames between poses lie too. The
+//! body is the camera, with OpenCV axes. The model of noise is that of Kalibr and ESIM (Forster et al.,
+//! "On-Manifold Preintegration", 2016, section IV).
 
 pub mod files;
 mod preset;

@@ -105,7 +105,7 @@ enum KeepFrames {
 }
 
 impl KeepFrames {
-    /// Bytes for the frames of a build of so many scenes.
+    /// Bytes for the frames of a build with this number of scenes.
     fn limit(self, scenes: usize) -> Option<u64> {
         /// Space for the frames of a single scene: those of a few trajectories.
         const SINGLE: u64 = 2_000_000_000;
@@ -180,10 +180,12 @@ impl BuildArgs {
             ),
             None => {}
         }
-        // Also where every scene was up to date at a glance.
-        store.make_room();
-        store.flush()?;
-        tell_evicted(store.evicted(), console);
+        if self.cache_size.is_some() {
+            // Also where every scene was up to date at a glance.
+            store.make_room();
+            store.flush()?;
+            tell_evicted(store.evicted(), console);
+        }
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
             ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,

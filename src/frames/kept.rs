@@ -49,7 +49,7 @@ pub struct KeptSummary {
     pub shown: usize,
     /// Number of images that were rendered, of those that are kept.
     pub rendered: usize,
-    /// Bytes of the new file; 0 if there is none.
+    /// Bytes of the new file; 0 without one.
     pub bytes: u64,
     /// The reason why the new images are not kept.
     pub refused: Option<String>,

@@ -23,30 +23,26 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// m/s^2 per g.
 const G: f64 = super::GRAVITY;
 
+/// What both gyroscopes have in common; the noise is that of the sensor.
+const GYROSCOPE: AxisModel =
+    AxisModel { noise: 0.0, walk: 2.0e-5, bias: 1.0 * DEGREE, range: Some(2000.0 * DEGREE) };
+/// What both accelerometers have in common; noise and range are those of the sensor.
+const ACCELEROMETER: AxisModel = AxisModel { noise: 0.0, walk: 3.0e-4, bias: 20e-3 * G, range: None };
+
 impl ImuPreset {
     /// The gyroscope (rad/s) and the accelerometer (m/s^2).
     #[must_use]
     pub fn axes(self) -> [AxisModel; 2] {
+        let of = |noise: [f64; 2], range: f64| {
+            [
+                AxisModel { noise: noise[0] * DEGREE, ..GYROSCOPE },
+                AxisModel { noise: noise[1] * G, range: Some(range * G), ..ACCELEROMETER },
+            ]
+        };
         match self {
             Self::Ideal => [AxisModel::IDEAL; 2],
-            Self::Bmi088 => [
-                AxisModel {
-                    noise: 0.014 * DEGREE,
-                    walk: 2.0e-5,
-                    bias: 1.0 * DEGREE,
-                    range: Some(2000.0 * DEGREE),
-                },
-                AxisModel { noise: 175e-6 * G, walk: 3.0e-4, bias: 20e-3 * G, range: Some(24.0 * G) },
-            ],
-            Self::Mpu6500 => [
-                AxisModel {
-                    noise: 0.01 * DEGREE,
-                    walk: 2.0e-5,
-                    bias: 1.0 * DEGREE,
-                    range: Some(2000.0 * DEGREE),
-                },
-                AxisModel { noise: 300e-6 * G, walk: 3.0e-4, bias: 20e-3 * G, range: Some(16.0 * G) },
-            ],
+            Self::Bmi088 => of([0.014, 175e-6], 24.0),
+            Self::Mpu6500 => of([0.01, 300e-6], 16.0),
         }
     }
 }

@@ -69,7 +69,7 @@ impl SharedStore {
         read_record(self.medium.as_ref(), key)
     }
 
-    /// The outputs of a key; `None` if there is no record of it.
+    /// The outputs of a key; `None` without a record.
     pub(super) fn outputs(&self, key: &Key) -> Result<Option<Vec<StoredOutput>>, StoreError> {
         Ok(self.record(key)?.map(|record| record.outputs))
     }

@@ -109,7 +109,7 @@ fn a_comparison_renders_again_and_a_collection_counts_frames() {
     let place = Workspace::new();
     place.write("recipes/tiny.yaml", scene(&["events"], 0.3, &[]));
     place.ok("build");
-    // Frames of which only the times are changed would be shown. A comparison takes none.
+    // Kept frames would hide a renderer that gives other bytes.
     let ended = place.ok("build --recheck 100%").stderr;
     assert!(ended.contains("steps rerun") && !ended.contains("kept frames"), "{ended}");
     let kept = place.ok("gc --min-age 0").stderr;
