@@ -9,14 +9,17 @@ pub mod fidelity;
 pub mod flow;
 pub mod gpu;
 pub mod reference;
+pub mod sample;
 pub mod shared;
 
 use crate::camera::Camera;
 use crate::image::Image;
 use crate::se3::Se3;
 use glam::DVec3;
+use sample::TileSample;
 use serde::{Deserialize, Serialize};
 use shared::MAX_EDGE;
+use std::sync::Arc;
 
 /// The renderer whose conventions decide extents, culling and early stops (constants in
 /// `render/shared.rs`).
@@ -350,6 +353,12 @@ pub trait Renderer {
     /// [`Renderer::keep_also`] had been the only one.
     fn work_within(&self, work: RenderWork) -> RenderWork {
         work
+    }
+
+    /// Promises that of later frames of this size only the pixels of a sample are read; with `None`, all pixels.
+    /// The others may have any value. The values of the sample's pixels do not change.
+    fn sample(&mut self, sample: Option<Arc<TileSample>>) {
+        let _ = sample;
     }
 
     /// Announces a view. Views are rendered in the order in which they are announced. An

@@ -33,6 +33,17 @@ pub struct ErrorTolerance {
     /// Interpolation of brightness between frames, if the recipe fixes it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub between: Option<BetweenFrames>,
+    /// The frames that are rendered for the choice. It enters the key.
+    pub pilot: PilotMethod,
+}
+
+/// The frames of a pilot. A change of the choice is another method, so that keys of choices change, and no others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PilotMethod {
+    /// A sample of the tiles of each frame.
+    #[default]
+    Tiles,
 }
 
 /// A method of interpolation, as measured by the pilot.
@@ -89,17 +100,26 @@ pub struct SamplingChoice {
     pub refinements: u32,
     /// Number of frames rendered for the choice.
     pub pilot_frames: usize,
+    /// The mean share of their pixels that were rendered, 0..1.
+    #[serde(default = "whole")]
+    pub pilot_share: f64,
     /// The methods that were tried.
     pub candidates: Vec<BetweenCandidate>,
 }
 
+/// The share of records without one: they are of programs that rendered whole frames.
+fn whole() -> f64 {
+    1.0
+}
+
 impl fmt::Display for SamplingChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { frames, pilot_frames, between, achieved, tolerance, .. } = self;
+        let Self { frames, pilot_frames, pilot_share, between, achieved, tolerance, .. } = self;
+        let percent = 100.0 * pilot_share;
         let between = between.name();
         write!(
             f,
-            "{frames} frames ({between}), chosen with {pilot_frames} pilot frames; error {achieved:.4}, tolerance {tolerance}"
+            "{frames} frames ({between}), chosen with {percent:.0} % of {pilot_frames} pilot frames; error {achieved:.4}, tolerance {tolerance}"
         )
     }
 }

@@ -4,6 +4,7 @@
 mod audit;
 mod event;
 mod hash;
+mod machine;
 mod render;
 mod scene;
 mod sensor;
@@ -13,11 +14,13 @@ use crate::measure::{Amount, Workload};
 use std::path::{Path, PathBuf};
 
 /// The parts that can be named on the command line.
-pub(crate) const PARTS: [&str; 7] = ["scene", "trajectory", "render", "sensor", "event", "hash", "audit"];
+pub(crate) const PARTS: [&str; 8] =
+    ["machine", "scene", "trajectory", "render", "sensor", "event", "hash", "audit"];
 
 /// The workloads of the wanted parts.
 pub(crate) fn all(wanted: &dyn Fn(&str) -> bool) -> Vec<Workload> {
-    let makers: [fn() -> Vec<Workload>; 7] = [
+    let makers: [fn() -> Vec<Workload>; 8] = [
+        machine::workloads,
         scene::workloads,
         trajectory::workloads,
         render::workloads,

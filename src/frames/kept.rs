@@ -8,6 +8,7 @@ mod codec;
 mod file;
 
 use crate::camera::Camera;
+use crate::render::sample::TileSample;
 use crate::render::{
     CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer,
 };
@@ -151,6 +152,8 @@ pub struct KeptRenderer {
     /// The policy of the product, and whether it is in force. Renderings under another one only measure time.
     usual: OmissionPolicy,
     is_usual: bool,
+    /// True while only a sample of the pixels is rendered. Such images are not kept.
+    is_sampled: bool,
     /// Digest of the promised poses, on which counts depend.
     promise: [u8; 32],
 }
@@ -173,12 +176,12 @@ impl KeptRenderer {
         kept: Arc<KeptFrames>,
         (keeps, usual): (ChannelSet, OmissionPolicy),
     ) -> Self {
-        Self { inner, kept, keeps, usual, is_usual: true, promise: [0; 32] }
+        Self { inner, kept, keeps, usual, is_usual: true, is_sampled: false, promise: [0; 32] }
     }
 
     /// The images of a rendering that are kept.
     fn kept_of(&self, want: ChannelSet) -> Vec<KeptChannel> {
-        if !self.is_usual {
+        if !self.is_usual || self.is_sampled {
             return Vec::new();
         }
         if !want.luminance {
@@ -245,6 +248,11 @@ impl Renderer for KeptRenderer {
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
         self.inner.keep_also(camera, poses);
+    }
+
+    fn sample(&mut self, sample: Option<Arc<TileSample>>) {
+        self.is_sampled = sample.is_some();
+        self.inner.sample(sample);
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

@@ -11,10 +11,12 @@ pub use shares::{ReaderSeconds, share_rest};
 use super::{DenseFrame, FrameError, FrameSequence};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
+use crate::render::sample::TileSample;
 use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Ratio of the scale of [`DenseFrame::luminance`] to that of [`RenderedImages::luminance`].
 const GREY_SCALE: f32 = 255.0;
@@ -36,6 +38,8 @@ pub struct RenderedFrames {
     velocities: Vec<CameraVelocity>,
     /// True if rates are requested.
     rated: bool,
+    /// The pixels of each frame that are read; empty if all are.
+    samples: Vec<Arc<TileSample>>,
     /// True if colours are requested.
     coloured: bool,
     done: usize,
@@ -74,6 +78,7 @@ impl RenderedFrames {
             trajectory,
             velocities: Vec::new(),
             rated: false,
+            samples: Vec::new(),
             coloured: false,
             done: 0,
             expected: 0,
@@ -103,9 +108,22 @@ impl RenderedFrames {
         Self { velocities, ..self }
     }
 
+    /// Renders of each frame only the pixels of a sample. The others may have any finite value.
+    ///
+    /// # Panics
+    /// The number of samples differs from that of poses.
+    #[must_use]
+    pub fn with_samples(self, samples: Vec<Arc<TileSample>>) -> Self {
+        assert_eq!(samples.len(), self.len(), "one sample a pose");
+        Self { samples, ..self }
+    }
+
     /// Returns the renderer for other uses.
     #[must_use]
-    pub fn into_renderer(self) -> Box<dyn Renderer> {
+    pub fn into_renderer(mut self) -> Box<dyn Renderer> {
+        if !self.samples.is_empty() {
+            self.renderer.sample(None);
+        }
         self.renderer
     }
 
@@ -197,6 +215,9 @@ impl FrameSequence for RenderedFrames {
         while let Some(next) = self.view(self.expected).filter(|_| self.expected <= index + AHEAD) {
             self.renderer.expect(&next, want);
             self.expected += 1;
+        }
+        if let Some(sample) = self.samples.get(index) {
+            self.renderer.sample(Some(sample.clone()));
         }
         self.render(index, &view, want)?;
         self.take_frame(index).map(Some)

@@ -23,6 +23,7 @@ mod unseen;
 
 pub use level::InstructionSet;
 
+use super::sample::TileSample;
 use super::{
     CameraView, ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
     RenderedImages, Renderer, flow,
@@ -55,6 +56,8 @@ pub struct CpuRenderer {
     omit: OmissionPolicy,
     instructions: InstructionSet,
     frame: FrameBuffers,
+    /// The tiles that are read, if not all are.
+    sample: Option<Arc<TileSample>>,
     /// Number of Gaussians of each promise.
     promised: [usize; PROMISES],
 }
@@ -146,6 +149,7 @@ impl CpuRenderer {
             omit: OmissionPolicy::default(),
             instructions: InstructionSet::widest_set(),
             frame: FrameBuffers::new(),
+            sample: None,
             promised,
         })
     }
@@ -192,6 +196,7 @@ impl CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
+        let sample = self.sample.as_deref().filter(|sample| sample.size() == view.camera.size);
         let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
         let projection = ProjectionInput {
             scene: &self.scene,
@@ -200,6 +205,7 @@ impl CpuRenderer {
             style: self.style,
             eye,
             want: asked,
+            sample,
             level: self.instructions.level,
         };
         let frame = &mut self.frame;
@@ -219,7 +225,7 @@ impl CpuRenderer {
         let features = feature_count(asked);
         work.tile_pairs = frame.lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
             done(PassKind::Bin);
-            let input = RasterInput { splats, rates, lists, grid, rules, order, omit, level };
+            let input = RasterInput { splats, rates, lists, grid, sample, rules, order, omit, level };
             work += raster_pass(features, asked.luminance_rate, input, tiles);
             done(PassKind::Raster);
         });
@@ -319,6 +325,10 @@ impl Renderer for CpuRenderer {
         if self.omit == OmissionPolicy::Needless {
             self.keep_more(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
         }
+    }
+
+    fn sample(&mut self, sample: Option<Arc<TileSample>>) {
+        self.sample = sample;
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

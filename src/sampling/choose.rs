@@ -3,10 +3,14 @@
 
 use super::flow::{PathFlow, SHORTEST_US};
 use super::law::ErrorLaw;
-use super::measure::{PathViewer, SampledInterval, SensorScale, measure_intervals};
+use super::measure::{MeasuredIntervals, PathViewer, SampledInterval, SensorScale, measure_intervals};
 use super::{BetweenCandidate, ErrorTolerance, SamplingChoice};
-use crate::seed::{DrawSpace, Seed, SeedCell};
+use crate::image::Size;
+use crate::render::sample::TileSample;
+use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 use crate::sensor::voltmeter::BetweenFrames;
+use std::ops::AddAssign;
+use std::sync::Arc;
 
 /// Cost of a frame with rates divided by that of a frame without, as measured with the CPU
 /// renderer.
@@ -87,6 +91,8 @@ pub struct ChoiceQuestion<'a> {
     pub tolerance: ErrorTolerance,
     /// The image motion along the path.
     pub flow: &'a PathFlow,
+    /// Size of the frames.
+    pub size: Size,
     /// Number of steps between poses of the path.
     pub intervals: usize,
     /// The sensors.
@@ -110,7 +116,7 @@ impl ChoiceQuestion<'_> {
         viewer: &mut V,
     ) -> Result<(SamplingChoice, Vec<i64>), ChooseError<V::Error>> {
         let wanted = self.tolerance.rms;
-        let (candidates, mut frames) = self.pilot(viewer)?;
+        let (candidates, mut cost_so_far) = self.pilot(viewer)?;
         let cost = |c: &BetweenCandidate| c.frames.map(|n| n as f64 * cost_of_frame(c.between));
         let cheapest = candidates.iter().filter_map(|c| Some((c, cost(c)?, c.step_px?)));
         let Some((best, _, mut step_px)) = cheapest.min_by(|a, b| a.1.total_cmp(&b.1)) else {
@@ -125,7 +131,7 @@ impl ChoiceQuestion<'_> {
         for refinements in 0..=REFINEMENTS {
             let moments = self.flow.steps(step_px);
             let checked = self.check(viewer, &moments, between)?;
-            frames += checked.frames;
+            cost_so_far += checked.cost;
             if checked.bound <= wanted {
                 let chosen = SamplingChoice {
                     tolerance: wanted,
@@ -137,7 +143,8 @@ impl ChoiceQuestion<'_> {
                     bound_95: checked.bound,
                     held_out: checked.intervals,
                     refinements,
-                    pilot_frames: frames,
+                    pilot_frames: cost_so_far.frames,
+                    pilot_share: cost_so_far.share(self.size),
                     candidates,
                 };
                 return Ok((chosen, moments));
@@ -154,12 +161,11 @@ impl ChoiceQuestion<'_> {
         unreachable!("the last refinement is accepted or refused")
     }
 
-    /// The requirement of each method by the law of its errors at some places, and the number of
-    /// frames rendered.
+    /// The requirement of each method by the law of its errors at some places, and the cost.
     fn pilot<V: PathViewer<Error: std::error::Error + 'static>>(
         &self,
         viewer: &mut V,
-    ) -> Result<(Vec<BetweenCandidate>, usize), ChooseError<V::Error>> {
+    ) -> Result<(Vec<BetweenCandidate>, PilotCost), ChooseError<V::Error>> {
         let longest = LONGEST_PX.min(LONGEST_SHARE * self.flow.total_px());
         if longest <= 0.0 {
             // Nothing moves: every method is exact, and the smallest number of steps is sufficient.
@@ -168,16 +174,18 @@ impl ChoiceQuestion<'_> {
                 .between
                 .iter()
                 .map(|between| BetweenCandidate::without_motion(*between, LONGEST_PX, frames));
-            return Ok((still.collect(), 0));
+            return Ok((still.collect(), PilotCost::default()));
         }
         let steps: Vec<f64> = (0..STEPS).map(|k| longest / libm::pow(RATIO, f64::from(k))).collect();
         let mut tried: Vec<(usize, SampledInterval)> = Vec::new();
-        for place in self.places() {
-            tried.extend(self.stencils(place, &steps));
+        let places = self.places();
+        for (sample, place) in places.iter().enumerate() {
+            tried.extend(self.stencils((*place, sample), &steps));
         }
+        let samples = self.samples(PILOT_TILES, places.len());
         let intervals: Vec<SampledInterval> = tried.iter().map(|(_, interval)| *interval).collect();
-        let measured =
-            measure_intervals(viewer, self.scales, &intervals, self.between).map_err(ChooseError::View)?;
+        let measured = measure_intervals(viewer, self.scales, (&intervals, &samples), self.between)
+            .map_err(ChooseError::View)?;
         let mut candidates = Vec::new();
         for (method, between) in self.between.iter().enumerate() {
             // The root of the mean over places, for each step measured somewhere.
@@ -189,7 +197,11 @@ impl ChoiceQuestion<'_> {
             });
             candidates.extend(self.candidate(*between, points.collect()));
         }
-        if candidates.is_empty() { Err(ChooseError::Short) } else { Ok((candidates, measured.frames)) }
+        if candidates.is_empty() {
+            Err(ChooseError::Short)
+        } else {
+            Ok((candidates, PilotCost::of(&measured)))
+        }
     }
 
     /// A method by its errors at steps in px, the longest first; `None` if there are too few.
@@ -218,7 +230,7 @@ impl ChoiceQuestion<'_> {
     /// shares of the path.
     fn places(&self) -> Vec<f64> {
         let count = (self.intervals / STEPS_A_PLACE).clamp(PLACES[0], PLACES[1]);
-        let mut draws = self.seed.draws(CHOICE, DrawSpace::Choice);
+        let mut draws = self.draws(PILOT);
         let drawn = (0..count - 2).map(|k| (k as f64 + draws.uniform()) / (count - 2) as f64);
         let drawn: Vec<f64> = drawn.map(|share| self.flow.past_us(share)).collect();
         [0.0, self.flow.fastest_us()].into_iter().chain(drawn).collect()
@@ -227,7 +239,7 @@ impl ChoiceQuestion<'_> {
     /// The intervals around a place with this image motion, for all steps for which the path is
     /// long enough, with the index of the step. The finest come first, so that frames are released
     /// early.
-    fn stencils(&self, place: f64, steps: &[f64]) -> Vec<(usize, SampledInterval)> {
+    fn stencils(&self, (place, sample): (f64, usize), steps: &[f64]) -> Vec<(usize, SampledInterval)> {
         let end = self.flow.end_us();
         // If the longest step does not fit around the place, the place moves.
         // Its stencil reaches 1.5 steps to both sides.
@@ -249,11 +261,21 @@ impl ChoiceQuestion<'_> {
             shorter = Some(h);
             let [before, from, to, after] = [-3, -1, 1, 3].map(|k| center + k * h / 2);
             if before >= 0 && after <= end {
-                found
-                    .push((number, SampledInterval { ends: [from, to], outer: [Some(before), Some(after)] }));
+                let outer = [Some(before), Some(after)];
+                found.push((number, SampledInterval { ends: [from, to], outer, sample }));
             }
         }
         found
+    }
+
+    fn draws(&self, index: u64) -> CellDraws {
+        self.seed.draws(SeedCell { x: 0, y: 0, level: 0, index }, DrawSpace::Choice)
+    }
+
+    /// Samples of the frames' pixels, a new one each.
+    fn samples(&self, index: u64, count: usize) -> Vec<Arc<TileSample>> {
+        let mut draws = self.draws(index);
+        (0..count).map(|_| Arc::new(TileSample::spread(self.size, || draws.uniform()))).collect()
     }
 
     /// The error of a choice on some of its own intervals.
@@ -265,28 +287,59 @@ impl ChoiceQuestion<'_> {
     ) -> Result<ChoiceCheck, ChooseError<V::Error>> {
         let all = moments.len() - 1;
         let count = all.min(HELD_OUT);
-        let mut draws = self.seed.draws(SeedCell { index: CHOICE.index + 1, ..CHOICE }, DrawSpace::Choice);
+        let mut draws = self.draws(CHECK);
         let intervals: Vec<SampledInterval> = (0..count)
             .map(|k| {
                 // One interval from each of `count` equal shares of the path.
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below `all`")]
                 let j = ((k as f64 + draws.uniform()) * all as f64 / count as f64) as usize;
                 let outer = [j.checked_sub(1), Some(j + 2)].map(|j| moments.get(j?).copied());
-                SampledInterval { ends: [moments[j], moments[j + 1]], outer }
+                SampledInterval { ends: [moments[j], moments[j + 1]], outer, sample: k }
             })
             .collect();
-        let measured =
-            measure_intervals(viewer, self.scales, &intervals, &[between]).map_err(ChooseError::View)?;
+        let samples = self.samples(CHECK_TILES, count);
+        let measured = measure_intervals(viewer, self.scales, (&intervals, &samples), &[between])
+            .map_err(ChooseError::View)?;
         let squares: Vec<f64> = measured.squares.iter().map(|squares| squares[0]).collect();
-        Ok(ChoiceCheck::from_squares(&squares, count == all, measured.frames))
+        let is_whole = measured.pixels == measured.frames * self.size.pixels();
+        Ok(ChoiceCheck::from_squares(&squares, count == all && is_whole, PilotCost::of(&measured)))
     }
 }
 
-/// Index of the draws of places. Those of the check are next to it.
-const CHOICE: SeedCell = SeedCell { x: 0, y: 0, level: 0, index: 1 };
+/// Indices of the draws: the places of the pilot, the intervals of the check, and the tiles of both.
+const PILOT: u64 = 1;
+const CHECK: u64 = 2;
+const PILOT_TILES: u64 = 3;
+const CHECK_TILES: u64 = 4;
 
 fn cost_of_frame(between: BetweenFrames) -> f64 {
     if between == BetweenFrames::Hermite { RATED_COST } else { 1.0 }
+}
+
+/// Frames that were rendered for a choice.
+#[derive(Debug, Clone, Copy, Default)]
+struct PilotCost {
+    frames: usize,
+    /// Number of pixels that were read.
+    pixels: usize,
+}
+
+impl PilotCost {
+    fn of(measured: &MeasuredIntervals) -> Self {
+        Self { frames: measured.frames, pixels: measured.pixels }
+    }
+
+    /// The mean share of the pixels of a frame that were read; 1 without frames.
+    fn share(self, size: Size) -> f64 {
+        if self.frames == 0 { 1.0 } else { self.pixels as f64 / (self.frames * size.pixels()) as f64 }
+    }
+}
+
+impl AddAssign for PilotCost {
+    fn add_assign(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.pixels += other.pixels;
+    }
 }
 
 /// The result of a check.
@@ -295,22 +348,23 @@ struct ChoiceCheck {
     /// Upper bound, with 95 % confidence, of the error over all intervals.
     bound: f64,
     intervals: usize,
-    frames: usize,
+    cost: PilotCost,
 }
 
 impl ChoiceCheck {
-    /// The bound from squared errors. If `all` intervals were measured, there is no uncertainty.
-    fn from_squares(squares: &[f64], all: bool, frames: usize) -> Self {
+    /// The bound from squared errors. If all pixels of `all` intervals were measured, there is no uncertainty.
+    fn from_squares(squares: &[f64], all: bool, cost: PilotCost) -> Self {
         let n = squares.len() as f64;
         let mean = squares.iter().sum::<f64>() / n;
         let variance = squares.iter().map(|s| (s - mean) * (s - mean)).sum::<f64>() / (n - 1.0).max(1.0);
         let doubt = if all { 0.0 } else { STUDENT_95 * (variance / n).sqrt() };
-        Self { rms: mean.sqrt(), bound: (mean + doubt).sqrt(), intervals: squares.len(), frames }
+        Self { rms: mean.sqrt(), bound: (mean + doubt).sqrt(), intervals: squares.len(), cost }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::PilotMethod;
     use super::super::measure::planted::{K2, Planted};
     use super::*;
     use crate::image::Size;
@@ -335,9 +389,18 @@ mod tests {
     }
 
     fn question<'a>(rms: f64, flow: &'a PathFlow, between: &'a [BetweenFrames]) -> ChoiceQuestion<'a> {
-        let tolerance = ErrorTolerance { rms, between: None };
+        let tolerance = ErrorTolerance { rms, between: None, pilot: PilotMethod::default() };
         let advice = "; try something else";
-        ChoiceQuestion { tolerance, flow, intervals: 400, scales: &[SCALE], between, seed: Seed(7), advice }
+        ChoiceQuestion {
+            tolerance,
+            flow,
+            size: SIZE,
+            intervals: 400,
+            scales: &[SCALE],
+            between,
+            seed: Seed(7),
+            advice,
+        }
     }
 
     /// At the middle of a step of `h` px, the chord of a sine misses `1 - cos(K h / 2)` of it. Over
@@ -430,11 +493,11 @@ mod tests {
     #[test]
     fn the_bound_is_students() {
         let squares: Vec<f64> = (0..12).map(|k| 1.0 + 0.1 * f64::from(k)).collect();
-        let checked = ChoiceCheck::from_squares(&squares, false, 0);
+        let checked = ChoiceCheck::from_squares(&squares, false, PilotCost::default());
         // Mean 1.55, variance 0.13: 1.55 + 1.795885 sqrt(0.13 / 12).
         assert!((checked.rms - 1.55_f64.sqrt()).abs() < 1e-12);
         assert!((checked.bound * checked.bound - 1.736_922).abs() < 1e-6, "{}", checked.bound);
-        let all = ChoiceCheck::from_squares(&squares, true, 0);
+        let all = ChoiceCheck::from_squares(&squares, true, PilotCost::default());
         assert!((all.bound - all.rms).abs() < 1e-15);
     }
 }

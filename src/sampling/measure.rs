@@ -2,9 +2,11 @@
 
 use super::between::{BetweenKnot, interpolated_value};
 use crate::frames::DenseFrame;
+use crate::render::sample::TileSample;
 use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// The properties of a sensor that matter for brightness between frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,17 +34,20 @@ pub trait PathViewer {
     type Error;
 
     /// Shows the frames at these microseconds, in this order, each through all front ends; with
-    /// rates if `rated`.
+    /// rates if `rated`. Only the pixels of each sample are read.
     ///
     /// # Errors
     /// A frame cannot be rendered.
     fn show(
         &mut self,
-        moments_us: &[i64],
+        shots: &[SampledShot],
         rated: bool,
         look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), Self::Error>;
 }
+
+/// A moment, us, and the pixels that are read.
+pub type SampledShot = (i64, Arc<TileSample>);
 
 /// Two neighbouring frames, a moment between them that is rendered for comparison, and the frames
 /// beyond, if there are any; us.
@@ -52,6 +57,8 @@ pub struct SampledInterval {
     pub ends: [i64; 2],
     /// The frames before and after.
     pub outer: [Option<i64>; 2],
+    /// Index of the sample of the pixels.
+    pub sample: usize,
 }
 
 impl SampledInterval {
@@ -60,14 +67,16 @@ impl SampledInterval {
         i64::midpoint(self.ends[0], self.ends[1])
     }
 
-    fn moments(&self, between: &[BetweenFrames]) -> impl Iterator<Item = i64> {
+    /// Each moment of a frame, with the index of the sample.
+    fn moments(&self, between: &[BetweenFrames]) -> impl Iterator<Item = (i64, usize)> {
         let outer = if between.contains(&BetweenFrames::Catmull) { self.outer } else { [None; 2] };
         let [from, to] = self.ends;
-        [Some(from), Some(to), Some(self.middle())].into_iter().chain(outer).flatten()
+        let moments = [Some(from), Some(to), Some(self.middle())].into_iter().chain(outer).flatten();
+        moments.map(|moment| (moment, self.sample))
     }
 }
 
-/// `V` of a frame and its slope for one sensor. 32 bits give them to 3e-7, far below any threshold.
+/// `V` of the pixels of a sample and its slope, of a frame for one sensor. 32 bits give them to 3e-7, far below any threshold.
 struct SampledVoltage {
     seconds: f64,
     v: Vec<f32>,
@@ -76,17 +85,14 @@ struct SampledVoltage {
 
 impl SampledVoltage {
     #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-    fn new(frame: &DenseFrame, k2: f64) -> Self {
+    fn new(frame: &DenseFrame, pixels: &[usize], k2: f64) -> Self {
         let luminance = frame.luminance.pixels();
         // Rounding may leave a luminance below 0.
         let level = |l: &f32| f64::from(l.max(0.0)) + k2;
-        let v = luminance.par_iter().map(|l| libm::log(level(l)) as f32).collect();
+        let v = pixels.par_iter().map(|i| libm::log(level(&luminance[*i])) as f32).collect();
         let slope = frame.rate.as_ref().map_or_else(Vec::new, |rate| {
-            rate.pixels()
-                .iter()
-                .zip(luminance)
-                .map(|(rate, l)| (f64::from(*rate) / level(l)) as f32)
-                .collect()
+            let rate = rate.pixels();
+            pixels.iter().map(|i| (f64::from(rate[*i]) / level(&luminance[*i])) as f32).collect()
         });
         Self { seconds: frame.t.seconds(), v, slope }
     }
@@ -105,9 +111,11 @@ pub struct MeasuredIntervals {
     pub squares: Vec<Vec<f64>>,
     /// Number of frames rendered.
     pub frames: usize,
+    /// Number of their pixels that were read.
+    pub pixels: usize,
 }
 
-/// Measures methods on intervals. Frames are rendered in the order of the intervals, and released
+/// Measures methods on intervals, at the pixels of their samples. Frames are rendered in the order of the intervals, and released
 /// after the last interval that needs them.
 ///
 /// # Errors
@@ -115,48 +123,56 @@ pub struct MeasuredIntervals {
 pub fn measure_intervals<V: PathViewer>(
     viewer: &mut V,
     scales: &[SensorScale],
-    intervals: &[SampledInterval],
+    (intervals, samples): (&[SampledInterval], &[Arc<TileSample>]),
     between: &[BetweenFrames],
 ) -> Result<MeasuredIntervals, V::Error> {
-    // A moment that several intervals share is rendered once, when the first of them needs it.
+    // A moment that several intervals of a sample share is rendered once, when the first of them needs it.
     let mut last_use = BTreeMap::new();
     let mut order = Vec::new();
     for (number, interval) in intervals.iter().enumerate() {
-        for moment in interval.moments(between) {
-            if last_use.insert(moment, number).is_none() {
-                order.push(moment);
+        for shot in interval.moments(between) {
+            if last_use.insert(shot, number).is_none() {
+                order.push(shot);
             }
         }
     }
-    let mut held: BTreeMap<i64, Vec<SampledVoltage>> = BTreeMap::new();
+    let pixels: Vec<Vec<usize>> = samples.iter().map(|sample| sample.pixels()).collect();
+    let shots: Vec<SampledShot> =
+        order.iter().map(|(moment, sample)| (*moment, samples[*sample].clone())).collect();
+    let mut held: HeldFrames = BTreeMap::new();
     let mut squares: Vec<Vec<f64>> = Vec::with_capacity(intervals.len());
     let mut coming = order.iter();
     let rated = between.contains(&BetweenFrames::Hermite);
-    viewer.show(&order, rated, &mut |frames| {
+    viewer.show(&shots, rated, &mut |frames| {
+        let shot = *coming.next().expect("as many frames as were asked for");
         let seen =
-            scales.iter().map(|scale| SampledVoltage::new(&frames[scale.front_end], scale.k2)).collect();
-        held.insert(*coming.next().expect("as many frames as were asked for"), seen);
+            |scale: &SensorScale| SampledVoltage::new(&frames[scale.front_end], &pixels[shot.1], scale.k2);
+        held.insert(shot, scales.iter().map(seen).collect());
         while let Some(next) = intervals.get(squares.len()) {
-            if !next.moments(between).all(|moment| held.contains_key(&moment)) {
+            if !next.moments(between).all(|shot| held.contains_key(&shot)) {
                 break;
             }
             squares.push(between.iter().map(|between| worst_square(next, *between, scales, &held)).collect());
             // The number of measured intervals is the index of the next one.
-            held.retain(|moment, _| last_use[moment] >= squares.len());
+            held.retain(|shot, _| last_use[shot] >= squares.len());
         }
     })?;
-    Ok(MeasuredIntervals { squares, frames: order.len() })
+    let read = order.iter().map(|(_, sample)| pixels[*sample].len()).sum();
+    Ok(MeasuredIntervals { squares, frames: order.len(), pixels: read })
 }
+
+/// The frames that are needed again, by moment and sample, for each sensor.
+type HeldFrames = BTreeMap<(i64, usize), Vec<SampledVoltage>>;
 
 /// The largest mean square error of any sensor.
 fn worst_square(
     interval: &SampledInterval,
     between: BetweenFrames,
     scales: &[SensorScale],
-    held: &BTreeMap<i64, Vec<SampledVoltage>>,
+    held: &HeldFrames,
 ) -> f64 {
     let mean = |(number, scale): (usize, &SensorScale)| {
-        let seen = |moment: i64| held.get(&moment).map(|seen| &seen[number]);
+        let seen = |moment: i64| held.get(&(moment, interval.sample)).map(|seen| &seen[number]);
         let outer = interval.outer.map(|moment| moment.and_then(seen));
         let [from, to, middle] = [interval.ends[0], interval.ends[1], interval.middle()]
             .map(|moment| seen(moment).expect("it is held"));
@@ -215,11 +231,11 @@ pub(super) mod planted {
         #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
         fn show(
             &mut self,
-            moments_us: &[i64],
+            shots: &[SampledShot],
             rated: bool,
             look: &mut dyn FnMut(&[DenseFrame]),
         ) -> Result<(), Infallible> {
-            for moment in moments_us {
+            for (moment, _) in shots {
                 let of = |i: usize| (self.signal)(i, *moment as f64 * 1e-6);
                 let image = |value: &dyn Fn(f64, f64) -> f64| {
                     let pixel = |i| {
@@ -251,14 +267,19 @@ mod tests {
     const SIZE: Size = Size { width: 3, height: 2 };
     const SCALE: SensorScale = SensorScale { front_end: 0, k2: K2, thresholds: 5.0 };
 
+    fn whole() -> [Arc<TileSample>; 1] {
+        [Arc::new(TileSample::whole(SIZE))]
+    }
+
     #[test]
     fn planted_errors_are_measured_in_thresholds() {
         // Parabolas of curvature 0 to 5: a line misses the middle by q h^2/4.
         let (h_us, h) = (2000, 2e-3);
         let signal = |i: usize, t: f64| (4.5 + 1000.0 * i as f64 * t * t, 2000.0 * i as f64 * t);
         let mut viewer = Planted::new(SIZE, signal);
-        let interval = SampledInterval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)] };
-        let found = measure_intervals(&mut viewer, &[SCALE], &[interval], &ALL).unwrap();
+        let interval =
+            SampledInterval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)], sample: 0 };
+        let found = measure_intervals(&mut viewer, &[SCALE], (&[interval], &whole()), &ALL).unwrap();
         let mean = (0..6).map(|i| f64::from(i) * 1000.0 * h * h / 4.0).map(|e| e * e).sum::<f64>() / 6.0;
         let [linear, catmull, hermite] = found.squares[0][..] else { panic!() };
         // V is known to 3e-7, times five thresholds.
@@ -271,14 +292,15 @@ mod tests {
     fn frames_are_shown_once_and_only_where_a_method_wants_them() {
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
         let nested = [
-            SampledInterval { ends: [90, 110], outer: [Some(70), Some(130)] },
-            SampledInterval { ends: [70, 130], outer: [Some(10), None] },
-            SampledInterval { ends: [500, 520], outer: [None, None] },
+            SampledInterval { ends: [90, 110], outer: [Some(70), Some(130)], sample: 0 },
+            SampledInterval { ends: [70, 130], outer: [Some(10), None], sample: 0 },
+            SampledInterval { ends: [500, 520], outer: [None, None], sample: 0 },
         ];
-        measure_intervals(&mut viewer, &[SCALE], &nested, &ALL).unwrap();
+        measure_intervals(&mut viewer, &[SCALE], (&nested, &whole()), &ALL).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
-        let found = measure_intervals(&mut viewer, &[SCALE], &nested, &[BetweenFrames::Linear]).unwrap();
+        let found =
+            measure_intervals(&mut viewer, &[SCALE], (&nested, &whole()), &[BetweenFrames::Linear]).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
         assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
     }
@@ -286,9 +308,11 @@ mod tests {
     #[test]
     fn of_several_sensors_the_most_sensitive_counts() {
         let mut viewer = Planted::new(SIZE, |_, t| (4.5 + 1000.0 * t * t, 0.0));
-        let interval = SampledInterval { ends: [0, 2000], outer: [None, None] };
+        let interval = SampledInterval { ends: [0, 2000], outer: [None, None], sample: 0 };
         let scales = [SCALE, SensorScale { thresholds: 10.0, ..SCALE }];
-        let found = measure_intervals(&mut viewer, &scales, &[interval], &[BetweenFrames::Linear]).unwrap();
+        let found =
+            measure_intervals(&mut viewer, &scales, (&[interval], &whole()), &[BetweenFrames::Linear])
+                .unwrap();
         assert!((found.squares[0][0].sqrt() - 10.0 * 1e-3).abs() < 4e-6);
     }
 }

@@ -1,6 +1,6 @@
 //! Frames at any moment of a path, for the pilot only.
 
-use super::measure::PathViewer;
+use super::measure::{PathViewer, SampledShot};
 use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedFrames;
@@ -63,14 +63,15 @@ impl PathViewer for ScoutRenderer<'_> {
 
     fn show(
         &mut self,
-        moments_us: &[i64],
+        shots: &[SampledShot],
         rated: bool,
         look: &mut dyn FnMut(&[DenseFrame]),
     ) -> Result<(), ScoutError> {
-        let (trajectory, velocities) = self.path.sampled(moments_us);
+        let (moments_us, samples): (Vec<i64>, Vec<_>) = shots.iter().cloned().unzip();
+        let (trajectory, velocities) = self.path.sampled(&moments_us);
         // The frames own the renderer while they are rendered. After an error it is not given back.
         let renderer = self.renderer.take().expect("it came back from the last frames");
-        let mut frames = RenderedFrames::new(renderer, self.camera, trajectory);
+        let mut frames = RenderedFrames::new(renderer, self.camera, trajectory).with_samples(samples);
         if rated {
             frames = frames.with_rates(velocities);
         }

@@ -304,13 +304,6 @@ impl FrontEnd {
     fn weigh<S: Simd>(&self, simd: S, colour: &[[f32; 3]], seen: &mut [f32]) {
         // One product per channel instead of three.
         let weights = self.luminance.weights().map(|w| w * self.exposure * WHITE);
-        let eight = |colour: &[[f32; 3]; 8]| -> [f64; 8] {
-            let channel = |c: usize| {
-                let of = f64x8::from_fn(simd, |i| f64::from(colour[i][c]));
-                self.decode.of_eight(of * (1.0 / WHITE)) * weights[c]
-            };
-            (channel(0) + channel(1) + channel(2)).into()
-        };
         let hold = |seen: &mut [f32], sums: [f64; 8]| {
             for (seen, sum) in seen.iter_mut().zip(sums) {
                 *seen = to_single(self.range.hold(sum));
@@ -318,12 +311,26 @@ impl FrontEnd {
         };
         let ((colour, last), (seen, rest)) = (colour.as_chunks(), seen.as_chunks_mut::<8>());
         for (seen, colour) in seen.iter_mut().zip(colour) {
-            hold(seen, eight(colour));
+            hold(seen, self.weigh_eight(simd, colour, weights));
         }
         // The sums of the padding are never stored, because `rest` is as long as `last`.
         let mut padded = [[0.0; 3]; 8];
         padded[..last.len()].copy_from_slice(last);
-        hold(rest, eight(&padded));
+        hold(rest, self.weigh_eight(simd, &padded, weights));
+    }
+
+    /// The brightness of eight pixels, before clamping. A function and not a closure, which may be compiled without the
+    /// instruction set in use.
+    #[inline(always)]
+    fn weigh_eight<S: Simd>(&self, simd: S, colour: &[[f32; 3]; 8], weights: [f64; 3]) -> [f64; 8] {
+        let mut sum = f64x8::splat(simd, 0.0);
+        for (c, weight) in weights.into_iter().enumerate() {
+            let of = f64x8::from_fn(simd, |i| f64::from(colour[i][c]));
+            let part = self.decode.of_eight(of * (1.0 / WHITE)) * weight;
+            // Not added to 0 first, which would turn -0 into 0.
+            sum = if c == 0 { part } else { sum + part };
+        }
+        sum.into()
     }
 
     fn of_grey(&self, luminance: &Image<f32>) -> Image<f32> {

@@ -176,6 +176,21 @@ impl PhotoPair<'_> {
         }
     }
 
+    /// The horizontal means of a row of `P`, `Q` and `R`; zeros below the image. A function and not a closure, which may
+    /// be compiled without the instruction set in use.
+    #[inline(always)]
+    fn take_slopes(&self, y: usize, slopes: &[Vec<f32>; 3], values: &mut PaddedRow, to: &mut [Vec<f32>; 3]) {
+        let n = self.row_len();
+        for (slopes, to) in slopes.iter().zip(to) {
+            if y < self.size.height as usize {
+                values.inner_mut().copy_from_slice(&slopes[y * n..(y + 1) * n]);
+                values.mean_into(&self.weights, to);
+            } else {
+                to.fill(0.0);
+            }
+        }
+    }
+
     /// Writes the gradient and the residual of the rows from `first` on, and returns the sum of the
     /// absolute differences.
     #[inline(always)]
@@ -191,25 +206,15 @@ impl PhotoPair<'_> {
         let mut values = PaddedRow::new(n);
         let mut means: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; n]);
         let [mut shown, mut photo] = [vec![0.0; n], vec![0.0; n]];
-        let mut take = |y: usize, to: &mut [Vec<f32>; 3]| {
-            for (slopes, to) in slopes.iter().zip(to) {
-                if y < self.size.height as usize {
-                    values.inner_mut().copy_from_slice(&slopes[y * n..(y + 1) * n]);
-                    values.mean_into(&self.weights, to);
-                } else {
-                    to.fill(0.0);
-                }
-            }
-        };
         for y in first.saturating_sub(REACH)..first + REACH {
-            take(y, ring.place(y));
+            self.take_slopes(y, slopes, &mut values, ring.place(y));
         }
         let mut sum = 0.0;
         for (k, (gradient, residual)) in
             gradient.chunks_mut(width).zip(residual.chunks_mut(width)).enumerate()
         {
             let y = first + k;
-            take(y + REACH, ring.place(y + REACH));
+            self.take_slopes(y + REACH, slopes, &mut values, ring.place(y + REACH));
             for (q, mean) in means.iter_mut().enumerate() {
                 ring.mean_into(q, y, &self.weights, mean);
             }

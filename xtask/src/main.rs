@@ -19,6 +19,7 @@ mod fuzz;
 mod network;
 mod page;
 mod pass_bench;
+mod peers_bench;
 mod power;
 mod python;
 mod report;
@@ -54,6 +55,9 @@ usage: cargo xtask <task>
   bench pass [ARGS]...
                      CPU time and peak memory of one pass of the renderer for all outputs, next to a step for each output
                      (`--runs N`, `-j N`, `--program FILE`)
+  bench peers [ARGS]...
+                     CPU time of the published programs DVS-Voltmeter and v2e, where they are installed, next to `gs2e simulate` on
+                     the same frames (`--dvs-voltmeter DIR`, `--v2e DIR`, `--python FILE`, `--frames N`, `--runs N`, `--program FILE`)
   report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
                      and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
                      target/report
@@ -96,6 +100,7 @@ fn main() -> ExitCode {
         (Some("bench"), [part, args @ ..]) if part == "check" => check_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "export" => export_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "pass" => pass_bench::run(args),
+        (Some("bench"), [part, args @ ..]) if part == "peers" => peers_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),
         (Some("bench"), args) => {
             command::cargo(&["bench", "--quiet", "--bench", "throughput", "--"]).args(args).run()

@@ -7,6 +7,7 @@ use gs2e::camera::Camera;
 use gs2e::image::Size;
 use gs2e::render::cpu::{CpuRenderer, InstructionSet, PassKind};
 use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
+use gs2e::render::sample::TileSample;
 use gs2e::render::{
     CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages,
     Renderer as _,
@@ -36,6 +37,7 @@ pub(super) fn workloads() -> Vec<Workload> {
         all.push(workload(&format!("{name}, luminance"), &scene, view, luminance));
         all.push(workload(&format!("{name}, rgb"), &scene, view, rgb));
         all.push(workload(&format!("{name}, luminance and its rate"), &scene, view, rate));
+        all.push(sampled(&format!("{name}, luminance and its rate"), &scene, view, rate));
         all.push(workload(&format!("{name}, luminance, rgb, depth and flow"), &scene, view, all_outputs));
         all.push(path(name, &scene, view, luminance));
         for (channels, want) in [("luminance", luminance), ("rgb", rgb), ("luminance and its rate", rate)] {
@@ -192,6 +194,25 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelS
         })
     };
     Workload { part: "render", what, rival: false, run: Box::new(run) }
+}
+
+/// The same view, of which only a sample of the tiles is read: a frame of the pilot of a tolerance. As the rival of the
+/// whole frame, it shows which share of a frame it costs.
+fn sampled(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> Workload {
+    let sample = Arc::new(TileSample::spread(view.camera.size, || 0.5));
+    let pixels = sample.pixels().len();
+    let mut renderer = CpuRenderer::new(Arc::clone(scene), STYLE).expect("the scene can be rendered");
+    renderer.sample(Some(sample));
+    let (mut out, view) = (RenderedImages::default(), moving(view));
+    let run = move || {
+        timed(|| {
+            renderer.render(&view, want, &mut out).expect("the view can be rendered");
+            vec![amount(1, "frame")]
+        })
+    };
+    let share = 100.0 * pixels as f64 / view.camera.size.pixels() as f64;
+    let what = format!("{name}, a sample of {share:.1} % of the pixels");
+    Workload { part: "render", what, rival: true, run: Box::new(run) }
 }
 
 /// Consecutive frames of a camera that turns about the scene's centre and comes nearer.

@@ -34,9 +34,41 @@ pub(super) fn workloads() -> Vec<Workload> {
         {
             all.push(workload(name, model, rate, &frames, 0));
             all.push(workload(name, model, rate, &frames, 1));
+            if rate <= RATES[0] {
+                all.push(plain_loop(&frames));
+            }
         }
     }
     all
+}
+
+/// One pass per frame over the arrays that the sensor reads and writes, on one core: the frame and its copy, the frame
+/// before, the seat, and the voltage, drift and variance of each pixel. It shows what the memory allows.
+fn plain_loop(frames: &Arc<[DenseFrame]>) -> Workload {
+    let frames = Arc::clone(frames);
+    let steps = frames.len() - 2;
+    let n = SIZE.pixels();
+    let what = format!("a plain loop over the same arrays, {SIZE}, {steps} steps, one core");
+    let run = move || {
+        let seats: Vec<u32> = (0..).take(n).collect();
+        let (mut copy, mut state) = (vec![0.0_f32; n], vec![[0.0_f64; 3]; n]);
+        timed(|| {
+            for pair in frames[1..].windows(2) {
+                let [before, after] = [0, 1].map(|i| pair[i].luminance.pixels());
+                let arrays = before.iter().zip(after).zip(&seats).zip(&mut copy).zip(&mut state);
+                for ((((before, after), seat), copy), [voltage, drift, variance]) in arrays {
+                    let change = f64::from(*after) - f64::from(*before);
+                    *copy = *after;
+                    *voltage += change;
+                    *drift += change;
+                    *variance += f64::from(*seat);
+                }
+            }
+            std::hint::black_box((&copy, &state));
+            vec![amount(steps * n, "Mpixel-frame")]
+        })
+    };
+    Workload { part: "sensor", what, rival: true, run: Box::new(run) }
 }
 
 /// A workload on `threads` threads; 0 for one per core.

@@ -5,7 +5,7 @@ use super::number::RealRange;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema;
-use crate::sampling::ErrorTolerance;
+use crate::sampling::{ErrorTolerance, PilotMethod};
 use crate::sensor::SensorSet;
 use crate::sensor::voltmeter::BetweenFrames;
 use crate::trajectory::sample::SummationRule;
@@ -64,6 +64,6 @@ impl Resolver<'_> {
         }
         // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
-        Some(Some(ErrorTolerance { rms, between }))
+        Some(Some(ErrorTolerance { rms, between, pilot: PilotMethod::default() }))
     }
 }

@@ -198,6 +198,7 @@ impl GradientRenderer {
             style: self.style,
             eye,
             want: COLOUR,
+            sample: None,
             level,
         };
         let frame = &mut self.frame;
@@ -210,7 +211,7 @@ impl GradientRenderer {
             // Work that changes no bit of the image changes none of the trace either.
             let omit = OmissionPolicy::Needless;
             work += raster_traced(
-                RasterInput { splats, rates, lists, grid, rules, order: layers, omit, level },
+                RasterInput { splats, rates, lists, grid, sample: None, rules, order: layers, omit, level },
                 tiles,
             );
         });

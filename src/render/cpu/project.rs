@@ -15,6 +15,7 @@ use super::eye::ViewTransform;
 use super::splat::{MAX_FEATURES, Splat, SplatRates};
 use crate::image::luminance;
 use crate::render::dual::{DualNumber, RealNumber};
+use crate::render::sample::TileSample;
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, GSPLAT_FAR, GSPLAT_NEAR, NEAR, least_alpha,
 };
@@ -42,6 +43,8 @@ pub(super) struct ProjectionInput<'a> {
     pub(super) eye: ViewTransform,
     /// The features that the splats carry.
     pub(super) want: ChannelSet,
+    /// The tiles that are read, if not all are. Gaussians that touch none of them are left out.
+    pub(super) sample: Option<&'a TileSample>,
     /// The instruction set.
     pub(super) level: Level,
 }
@@ -198,6 +201,9 @@ impl ProjectionInput<'_> {
             RenderRules::Official => seen.bound(RenderRules::Official, self.eye.size),
             RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, self.eye.size),
             RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, self.eye.size),
+        }
+        if let Some(sample) = self.sample {
+            seen.leave_out(sample);
         }
         let count = seen.count(block.len, &mut done.work);
         count_culled(&seen.fate[..block.len], block.promised, &mut done.culled);
@@ -363,6 +369,17 @@ impl<S: LaneValue> ProjectedBlock<S> {
             for k in 0..2 {
                 self.columns[k][i] = columns[k];
                 self.rows[k][i] = rows[k];
+            }
+        }
+    }
+
+    /// Leaves out the lanes that touch no tile of a sample.
+    #[inline(always)]
+    fn leave_out(&mut self, sample: &TileSample) {
+        for i in 0..LANES {
+            let [columns, rows] = [&self.columns, &self.rows].map(|range| [range[0][i], range[1][i]]);
+            if self.fate[i] == DRAWN && !sample.touches(columns, rows) {
+                self.fate[i] = OUTSIDE;
             }
         }
     }

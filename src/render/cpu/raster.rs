@@ -25,6 +25,7 @@ pub(super) mod cover;
 use super::bin::{TileGrid, TileLists};
 use super::splat::{Splat, SplatRates};
 use crate::render::dual::DualNumber;
+use crate::render::sample::TileSample;
 use crate::render::shared::TILE;
 use crate::render::{LayerOrder, OmissionPolicy, RenderRules, RenderWork};
 use block::TilePixels;
@@ -59,6 +60,8 @@ pub(super) struct RasterInput<'a> {
     pub(super) lists: &'a TileLists,
     /// The tiles.
     pub(super) grid: TileGrid,
+    /// The tiles that are read, if not all are.
+    pub(super) sample: Option<&'a TileSample>,
     /// The rules.
     pub(super) rules: RenderRules,
     /// The order in which layers are blended.
@@ -129,7 +132,14 @@ fn each_tile(
         .enumerate()
         .skip(band.start)
         .take(band.len())
-        .map(|(index, out)| blend(index, out))
+        .map(|(index, out)| match frame.sample.is_none_or(|sample| sample.has(index)) {
+            true => blend(index, out),
+            false => {
+                // Its pixels are not read, but images are checked for values that are not finite.
+                out.fill(0.0);
+                RenderWork::default()
+            }
+        })
         // The counts are integers, so the order in which tasks are joined does not show.
         .reduce(RenderWork::default, |mut a, b| {
             a += b;

@@ -221,7 +221,8 @@ impl TimeStep<'_> {
             };
             for i in (0..count).step_by(8) {
                 // Products with a weight of 0 hide the steps beyond the ends, which are not set.
-                let [in_step, out_step] = [before, at].map(|knot| load_eight(simd, &knots[knot][1], i));
+                let in_step = load_eight(simd, &knots[before][1], i);
+                let out_step = load_eight(simd, &knots[at][1], i);
                 store_eight(in_step * left + out_step * right, &mut knots[at][2], i);
             }
         }
@@ -241,11 +242,11 @@ impl TimeStep<'_> {
         // After the last frame the brightness stays. The inverse is 0 there, and with it the share
         // of a step that is not set.
         let next = if inverse == 0.0 { at } else { at + 1 };
-        let ends = [at, next].map(|knot| &block.knots[knot]);
+        let [[first, step, first_slope], [last, _, last_slope]] = [&block.knots[at], &block.knots[next]];
         let ends = FrameEnds {
-            levels: ends.map(|[level, ..]| load_eight(simd, level, i)),
-            step: load_eight(simd, &ends[0][1], i),
-            slopes: ends.map(|[.., slope]| load_eight(simd, slope, i)),
+            levels: [load_eight(simd, first, i), load_eight(simd, last, i)],
+            step: load_eight(simd, step, i),
+            slopes: [load_eight(simd, first_slope, i), load_eight(simd, last_slope, i)],
             inverse,
         };
         if inverse == 0.0 {

@@ -68,13 +68,16 @@ impl<S: Simd> WideBarriers<S> {
     #[inline(always)]
     pub(super) fn reached(self, [x, y]: [f64x8<S>; 2], v: f64x8<S>, straying: f64x8<S>) -> mask64x8<S> {
         let (up, down) = (self.up - straying, self.down - straying);
-        let reached = |a: f64x8<S>, g: f64x8<S>| {
-            // Without a division or an exponential: the probability is above `e^-40` where this
-            // holds.
-            a.simd_le(0.0) | g.simd_le(0.0) | (a * g * 2.0).simd_lt(v * NEGLIGIBLE)
-        };
-        reached(up - x, up - y) | reached(down + x, down + y)
+        is_within_reach([up - x, up - y], v) | is_within_reach([down + x, down + y], v)
     }
+}
+
+/// [`within_reach`] for eight pixels. A function and not a closure: a closure that the compiler leaves as a call is
+/// compiled without the instruction set in use, and each operation in it becomes a call.
+#[inline(always)]
+fn is_within_reach<S: Simd>([a, g]: [f64x8<S>; 2], v: f64x8<S>) -> mask64x8<S> {
+    // Without a division or an exponential: the probability is above `e^-40` where this holds.
+    a.simd_le(0.0) | g.simd_le(0.0) | (a * g * 2.0).simd_lt(v * NEGLIGIBLE)
 }
 
 /// Returns true if a barrier at distances `a` and `g` from the ends (negative beyond the barrier)

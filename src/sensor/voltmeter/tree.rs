@@ -135,7 +135,14 @@ impl Walkers {
                 to[lane] = *from;
             }
         }
-        eight.map(|values| f64x8::from_slice(simd, &values))
+        let [a, b, c, d, e] = &eight;
+        [
+            f64x8::from_slice(simd, a),
+            f64x8::from_slice(simd, b),
+            f64x8::from_slice(simd, c),
+            f64x8::from_slice(simd, d),
+            f64x8::from_slice(simd, e),
+        ]
     }
 
     /// Each walker's pixel and its present voltage.
@@ -181,6 +188,12 @@ impl ClockCell {
 fn places_of(members: &[u64], i: usize) -> [usize; 8] {
     let eight = &members[i..i + 8];
     std::array::from_fn(|lane| eight[lane] as usize)
+}
+
+/// The values at eight places.
+#[inline(always)]
+fn gather_eight<S: Simd>(simd: S, values: &[f64], places: &[usize; 8]) -> f64x8<S> {
+    f64x8::from_fn(simd, |lane| values[places[lane]])
 }
 
 /// The descent of a band's walkers through one root cell.
@@ -297,11 +310,13 @@ impl RootWalk<'_> {
         let knots = self.knots(node);
         for i in (0..crowd.len).step_by(8) {
             let members = places_of(crowd.members, i);
-            let [increment, from, to] =
-                [crowd.increment, crowd.from, crowd.to].map(|values| load_eight(simd, values, i));
-            let gather = |values: &[f64]| f64x8::from_fn(simd, |lane| values[members[lane]]);
-            let [x, sigma] = [&self.walkers.voltage, &self.walkers.sigma].map(|values| gather(values));
-            let mut straying = gather(&self.walkers.curvature) * (length * length * 0.125);
+            // Functions and not closures, which may be compiled without the instruction set in use.
+            let increment = load_eight(simd, crowd.increment, i);
+            let [from, to] = [load_eight(simd, crowd.from, i), load_eight(simd, crowd.to, i)];
+            let x = gather_eight(simd, &self.walkers.voltage, &members);
+            let sigma = gather_eight(simd, &self.walkers.sigma, &members);
+            let curvature = gather_eight(simd, &self.walkers.curvature, &members);
+            let mut straying = curvature * (length * length * 0.125);
             if !knots.is_empty() {
                 straying += self.knots_of(simd, node, &members, [from, to], knots.clone());
             }
@@ -337,10 +352,11 @@ impl RootWalk<'_> {
         match &window.law.thresholds {
             PixelThresholds::Equal(barriers) => WideBarriers::splat(simd, *barriers),
             PixelThresholds::Unequal([up, down]) => {
-                let [up, down] = [up, down].map(|values| {
-                    f64x8::from_fn(simd, |lane| values[writer.first + walkers.pixels[members[lane]]])
-                });
-                WideBarriers { up, down }
+                let mut pixels = [0; 8];
+                for (pixel, member) in pixels.iter_mut().zip(members) {
+                    *pixel = writer.first + walkers.pixels[*member];
+                }
+                WideBarriers { up: gather_eight(simd, up, &pixels), down: gather_eight(simd, down, &pixels) }
             }
         }
     }

@@ -77,6 +77,7 @@ impl EventsStage {
         let question = ChoiceQuestion {
             tolerance,
             flow: &flow,
+            size: camera.size,
             intervals: poses.len() - 1,
             scales: &scales,
             between: &asked.collect::<Vec<_>>(),

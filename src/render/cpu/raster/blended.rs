@@ -49,7 +49,10 @@ pub(super) fn blend_tile_smoothly<V: Simd, S: RealNumber<Plain = f32>, const N: 
         // Tiles at the border reach beyond the image.
         let inside = if row + y < height { width.saturating_sub(column) } else { 0 };
         let mut pixels = TileRow::<S, N>::new([column, row + y], inside);
-        layers.iter().for_each(|(splat, rates)| pixels.take(simd, splat, rates));
+        // A loop: a closure given to `for_each` is compiled without the instruction set in use.
+        for (splat, rates) in &layers {
+            pixels.take(simd, splat, rates);
+        }
         pixels.finish();
         pixels.store(y, out);
         work.blended += pixels.blended;
@@ -133,17 +136,21 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
         let [w1, w2, w3] = [0, 1, 2].map(|k| S::with_rate(splat.w[k], rates.w[k]));
         let dy = S::with_rate(self.first[1], 0.0) - my;
         let e2 = w3 * dy;
-        let q: [S; TILE] = std::array::from_fn(|x| {
+        let mut q = [S::constant(0.0); TILE];
+        let mut values = [0.0; TILE];
+        for x in 0..TILE {
             let e1 = w1 * (S::with_rate(self.first[0] + x as f32, 0.0) - mx) + w2 * dy;
-            e1 * e1 + e2 * e2
-        });
+            q[x] = e1 * e1 + e2 * e2;
+            values[x] = q[x].value();
+        }
         // The power of the plain pass, so that the opacities have the same bits.
-        let powers = opacity_powers(simd, q.map(S::value));
+        let powers = opacity_powers(simd, values);
         // `check_style` admits this order under the rules `soft` only, so their constants are used.
-        std::array::from_fn(|x| {
+        let mut alphas = [S::constant(0.0); TILE];
+        for x in 0..TILE {
             let free = splat.opacity * powers[x];
             if !self.open[x] || free < SOFT_MIN_ALPHA {
-                return S::constant(0.0);
+                continue;
             }
             let clamped = free >= MAX_ALPHA;
             let rate = free * (rates.opacity - LN_2 * q[x].rate());
@@ -152,15 +159,16 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
             // The pixel stops before the layer that would take too much of its light.
             let after = self.rest[x] * (S::constant(1.0) - alpha);
             self.open[x] = after.value() >= STOP;
-            if !self.open[x] {
-                return S::constant(0.0);
+            if self.open[x] {
+                self.rest[x] = after;
+                alphas[x] = alpha;
             }
-            self.rest[x] = after;
-            alpha
-        })
+        }
+        alphas
     }
 
     /// Adds the next layer of the queue to the sums.
+    #[inline(always)]
     fn lay(&mut self) {
         let depth = self.queue[self.laid].depth;
         // A layer that covers this one fully covers all later ones fully: its factor moves into
@@ -192,6 +200,7 @@ impl<S: RealNumber<Plain = f32>, const N: usize> TileRow<S, N> {
     }
 
     /// Adds the layers that still wait.
+    #[inline(always)]
     fn finish(&mut self) {
         while self.laid < self.queue.len() {
             self.lay();
@@ -222,11 +231,13 @@ fn opacity_powers<V: Simd>(simd: V, mut q: [f32; TILE]) -> [f32; TILE] {
 
 /// The share of its opacity with which a layer at depth `of` dims a layer at depth `at`: 1 far in
 /// front, 0 far behind.
+#[inline(always)]
 fn depth_cover<S: RealNumber>(of: S, at: S) -> S {
     smooth_step((at - of) / (S::constant(2.0 * BLENDED_DEPTHS) * at) + S::constant(0.5))
 }
 
 /// `3u^2 - 2u^3` with `u` clamped to 0..1: rises from 0 to 1 with slope 0 at both ends.
+#[inline(always)]
 fn smooth_step<S: RealNumber>(x: S) -> S {
     let (low, high) = (S::constant(0.0), S::constant(1.0));
     let u = if x > low { x } else { low };
