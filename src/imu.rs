@@ -9,6 +9,7 @@
 //! body is the camera, with OpenCV axes. The model of noise is that of Kalibr and ESIM (Forster et al.,
 //! "On-Manifold Preintegration", 2016, section IV).
 
+pub mod consistency;
 pub mod files;
 mod preset;
 

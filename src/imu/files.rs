@@ -97,6 +97,22 @@ pub fn rewritten(bytes: &[u8]) -> Result<Vec<u8>, String> {
     Ok(out.into_bytes())
 }
 
+/// Gravity in a text of [`sensor_text`], m/s^2 in world axes.
+///
+/// # Errors
+/// There is no line with three numbers.
+pub fn read_gravity(bytes: &[u8]) -> Result<DVec3, String> {
+    let text = std::str::from_utf8(bytes).map_err(|e| e.to_string())?;
+    let line = text.lines().find_map(|line| line.strip_prefix("gravity: ["));
+    let values: Option<Vec<f64>> = line
+        .and_then(|line| line.split_once(']'))
+        .and_then(|(values, _)| values.split(',').map(|v| v.trim().parse().ok()).collect());
+    match values.as_deref() {
+        Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err("it has no line `gravity: [x, y, z]`".to_owned()),
+    }
+}
+
 /// Each number in the fewest digits that give it back.
 fn write_vector(v: DVec3, out: &mut dyn Write) -> io::Result<()> {
     write!(out, ",{},{},{}", v.x, v.y, v.z)

@@ -119,3 +119,95 @@ fn files_are_read_as_they_are_written_and_no_others() {
         Some(format!("{SAMPLES_HEAD}\r\n").into())
     );
 }
+
+mod against_poses {
+    use super::super::consistency::{InertialLines, compare_inertial};
+    use super::super::files::{STATES_HEAD, read_lines, write_state};
+    use super::*;
+    use crate::trajectory::Trajectory;
+
+    /// A walk with turns about all axes, at 240 poses per second.
+    fn walk(t: f64) -> Se3 {
+        let turn = DVec3::new(0.4 * libm::sin(5.0 * t), 0.9 * t, 0.3 * libm::cos(7.0 * t));
+        let place = DVec3::new(libm::sin(3.0 * t), 0.5 * libm::cos(4.0 * t), t);
+        Se3 { rotation: exp_vector(turn), translation: place }
+    }
+
+    /// Samples, states and poses of a second, as the files have them.
+    fn written(rate: u64, axes: AxisModel) -> (ImuModel, [InertialLines; 2], Trajectory) {
+        let seconds: Vec<f64> = (0..=240).map(|j| f64::from(j) / 240.0).collect();
+        let poses: Vec<Se3> = seconds.iter().map(|t| walk(*t)).collect();
+        #[expect(clippy::cast_possible_truncation, reason = "a second")]
+        let stamps_us = seconds.iter().map(|t| (t * 1e6).round() as i64).collect();
+        let path = SampledPath::with_end_rates(&poses, seconds).unwrap();
+        let model = model(rate, axes);
+        let [mut samples, mut states] = [SAMPLES_HEAD, STATES_HEAD].map(|head| format!("{head}\n").into_bytes());
+        for sample in ImuSampler::new(&model, &path, DVec3::Y, Seed(3)) {
+            write_sample(&sample, &mut samples).unwrap();
+            write_state(&sample, &mut states).unwrap();
+        }
+        let lines = [read_lines(&samples, SAMPLES_HEAD).unwrap(), read_lines(&states, STATES_HEAD).unwrap()];
+        (model, lines, Trajectory { world_from_camera: poses, stamps_us })
+    }
+
+    const NOISY: AxisModel = AxisModel { noise: 2e-3, walk: 1e-3, bias: 0.02, range: None };
+
+    /// The comparisons that exceed what is allowed.
+    fn faults(model: &ImuModel, [samples, states]: &[InertialLines; 2], poses: &Trajectory) -> Vec<String> {
+        let gravity = DVec3::new(0.0, -model.gravity, 0.0);
+        let found = compare_inertial(model, (samples, states), gravity, poses).unwrap();
+        found.iter().filter(|found| !found.is_allowed()).map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn sound_data_agree_at_any_rate_with_and_without_noise() {
+        for rate in [50, 200, 1000, 4000] {
+            for axes in [AxisModel::IDEAL, NOISY, AxisModel { range: Some(9.81), ..NOISY }] {
+                let (model, lines, poses) = written(rate, axes);
+                assert_eq!(faults(&model, &lines, &poses), [""; 0], "{rate} {axes:?}");
+            }
+        }
+    }
+
+    /// Each planted fault is found, and named by the file that has it.
+    #[test]
+    fn planted_faults_are_found() {
+        let finds = |name: &str, word: &str, plant: &dyn Fn(&mut ImuModel, &mut [InertialLines; 2], &mut Trajectory)| {
+            let (mut model, mut lines, mut poses) = written(1000, NOISY);
+            plant(&mut model, &mut lines, &mut poses);
+            let found = faults(&model, &lines, &poses);
+            assert!(found.iter().any(|fault| fault.contains(word)), "{name}: {found:?}");
+        };
+        let each = |lines: &mut InertialLines, change: &dyn Fn(&mut Vec<f64>)| {
+            lines.iter_mut().for_each(|(_, values)| change(values));
+        };
+        finds("swapped axes", "the gyroscope", &|_, [samples, _], _| each(samples, &|v| v.swap(0, 1)));
+        finds("another sign", "the gyroscope", &|_, [samples, _], _| each(samples, &|v| v[2] = -v[2]));
+        finds("degrees", "the gyroscope", &|_, [samples, _], _| each(samples, &|v| v[1] = v[1].to_degrees()));
+        finds("another scale", "the accelerometer", &|_, [samples, _], _| each(samples, &|v| v[4] *= 1.02));
+        finds("no gravity", "the accelerometer", &|_, [samples, _], _| each(samples, &|v| v[4] -= GRAVITY));
+        finds("a delay of 10 ms", "the gyroscope", &|_, [samples, _], _| {
+            let values: Vec<Vec<f64>> = samples.iter().map(|(_, v)| v.clone()).collect();
+            samples.iter_mut().skip(10).zip(values).for_each(|((_, v), late)| *v = late);
+        });
+        finds("noise of twice the density", "the gyroscope", &|model, _, _| model.gyroscope.noise /= 2.0);
+        finds("noise of half the density", "the stated density", &|model, _, _| model.accelerometer.noise *= 2.0);
+        finds("poses of another scale", "the positions", &|_, _, poses| {
+            poses.world_from_camera.iter_mut().for_each(|pose| pose.translation *= 1.001);
+        });
+        finds("poses of another clock", "the rotations", &|_, _, poses| {
+            poses.stamps_us.iter_mut().for_each(|t| *t += 500);
+        });
+        finds("one displaced pose", "the positions", &|_, _, poses| {
+            poses.world_from_camera[100].translation.x += 1e-3;
+        });
+    }
+
+    #[test]
+    fn files_that_cannot_be_compared_are_named() {
+        let (model, [samples, mut states], poses) = written(50, NOISY);
+        states.pop();
+        let found = compare_inertial(&model, (&samples, &states), DVec3::Y, &poses);
+        assert_eq!(found.unwrap_err(), "the states have other stamps than the samples");
+    }
+}

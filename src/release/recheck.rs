@@ -11,6 +11,7 @@ mod agreement;
 mod anchors;
 mod crossings;
 mod image_motion;
+mod inertial;
 mod pictures;
 mod trajectory;
 mod tree;

@@ -127,6 +127,7 @@ impl ReleasedTrajectory<'_> {
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
         findings.push(blur?);
+        findings.extend(self.inertial(&motion)?);
         Ok(findings)
     }
 

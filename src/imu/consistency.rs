@@ -1,0 +1,240 @@
+//! Inertial data against the poses of the same path: states against poses, and samples against states.
+//!
+//! Neither comparison knows the path that made the data. States are interpolated at the times of the poses; the
+//! samples at both ends of an interval are compared with the turn and the change of velocity of the states over it.
+//! What noise and interpolation allow follows from the model of the sensor, and from the states themselves.
+
+use super::ImuModel;
+use crate::se3::rotation::log_vector;
+use crate::trajectory::Trajectory;
+use glam::{DQuat, DVec3};
+use std::fmt;
+
+/// The lines of a file: the stamp, ns, and the values.
+pub type InertialLines = Vec<(i64, Vec<f64>)>;
+
+/// A comparison: the difference, and the largest one that is allowed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InertialDifference {
+    /// A sentence without its end, such as "the gyroscope differs from the turn of the states by".
+    pub what: &'static str,
+    /// The difference.
+    pub off: f64,
+    /// The largest allowed one.
+    pub allowed: f64,
+    /// Unit of both, after a space; empty for a pure number.
+    pub unit: &'static str,
+}
+
+impl InertialDifference {
+    /// Returns true if the difference is small enough, and a number.
+    #[must_use]
+    pub fn is_allowed(&self) -> bool {
+        self.off <= self.allowed
+    }
+}
+
+impl fmt::Display for InertialDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, off, allowed, unit } = self;
+        write!(f, "{what} {off:.3e}{unit}; at most {allowed:.3e}{unit} is allowed")
+    }
+}
+
+/// Half of the rounding of a pose's stamp, s.
+const HALF_STAMP: f64 = 0.5e-6;
+/// Rounding of the numbers of both files, in their units.
+const ROUNDING: f64 = 1e-7;
+/// Margin of the measured noise, as a share, without and with the error of estimating it from few samples.
+const MARGIN: f64 = 0.05;
+const DEVIATIONS: f64 = 6.0;
+/// Noise is compared with its density where its square exceeds that of the interpolation by this factor.
+const CLEAR: f64 = 100.0;
+
+/// One state of the file.
+#[derive(Debug, Clone, Copy)]
+struct StatedMotion {
+    seconds: f64,
+    position: DVec3,
+    rotation: DQuat,
+    velocity: DVec3,
+    biases: [DVec3; 2],
+}
+
+/// What the states say of the interval between two of them.
+#[derive(Debug, Clone, Copy)]
+struct StatedInterval {
+    length: f64,
+    /// Mean rate of the turn in body axes, rad/s.
+    rate: DVec3,
+    /// Mean acceleration in world axes, m/s^2.
+    acceleration: DVec3,
+}
+
+/// Compares samples and states of a path with its poses. `gravity` is in world axes, m/s^2.
+///
+/// # Errors
+/// The files have other stamps, or fewer than three lines.
+pub fn compare_inertial(
+    model: &ImuModel,
+    (samples, states): (&InertialLines, &InertialLines),
+    gravity: DVec3,
+    poses: &Trajectory,
+) -> Result<Vec<InertialDifference>, String> {
+    if samples.len() < 3 {
+        return Err(format!("there are {} samples, wanted at least 3", samples.len()));
+    }
+    if !samples.iter().map(|(t, _)| t).eq(states.iter().map(|(t, _)| t)) {
+        return Err("the states have other stamps than the samples".to_owned());
+    }
+    let states: Vec<StatedMotion> = states.iter().map(StatedMotion::from_line).collect();
+    let intervals: Vec<StatedInterval> = states.windows(2).map(StatedInterval::between).collect();
+    let shown = |first: usize| samples.iter().map(move |(_, v)| vector(v, first)).collect::<Vec<DVec3>>();
+    let turned = ShownAxes {
+        shown: shown(0),
+        axes: model.gyroscope,
+        rate: model.rate.to_f64(),
+        of_states: &|i, shown| shown - states[i].biases[0],
+        mean: &|i| intervals[i].rate,
+    };
+    let pushed = ShownAxes {
+        shown: shown(3),
+        axes: model.accelerometer,
+        rate: model.rate.to_f64(),
+        of_states: &|i, shown| states[i].rotation * (shown - states[i].biases[1]) + gravity,
+        mean: &|i| intervals[i].acceleration,
+    };
+    let mut found = against_poses(&states, &intervals, poses, model.metres_per_unit).to_vec();
+    found.extend(turned.differences("the gyroscope differs from the turn of the states by", " rad/s"));
+    found.extend(pushed.differences("the accelerometer differs from the motion of the states by", " m/s^2"));
+    Ok(found)
+}
+
+fn vector(values: &[f64], first: usize) -> DVec3 {
+    DVec3::from_slice(&values[first..first + 3])
+}
+
+impl StatedMotion {
+    fn from_line((t_ns, v): &(i64, Vec<f64>)) -> Self {
+        Self {
+            seconds: *t_ns as f64 * 1e-9,
+            position: vector(v, 0),
+            rotation: DQuat::from_xyzw(v[4], v[5], v[6], v[3]).normalize(),
+            velocity: vector(v, 7),
+            biases: [vector(v, 10), vector(v, 13)],
+        }
+    }
+}
+
+impl StatedInterval {
+    fn between(pair: &[StatedMotion]) -> Self {
+        let length = pair[1].seconds - pair[0].seconds;
+        let turn = pair[0].rotation.conjugate() * pair[1].rotation;
+        let acceleration = (pair[1].velocity - pair[0].velocity) / length;
+        Self { length, rate: log_vector(turn) / length, acceleration }
+    }
+}
+
+/// The largest differences of positions and of rotations, each as a share of what is allowed there.
+fn against_poses(
+    states: &[StatedMotion],
+    intervals: &[StatedInterval],
+    poses: &Trajectory,
+    metres: f64,
+) -> [InertialDifference; 2] {
+    let difference = |what, unit| InertialDifference { what, off: 0.0, allowed: f64::INFINITY, unit };
+    let mut worst = [
+        difference("the positions of the states differ from the poses by", " m"),
+        difference("the rotations of the states differ from the poses by", " rad"),
+    ];
+    for (pose, stamp) in poses.world_from_camera.iter().zip(&poses.stamps_us) {
+        let t = *stamp as f64 * 1e-6;
+        let after = states.partition_point(|state| state.seconds <= t);
+        // The last pose may lie behind the last sample.
+        let Some(i) = after.checked_sub(1).filter(|i| *i < intervals.len()) else { continue };
+        let (a, b, h) = (states[i], states[i + 1], intervals[i].length);
+        let s = (t - a.seconds) / h;
+        // The changes from the intervals around.
+        let around = |of: &dyn Fn(&StatedInterval) -> DVec3| {
+            let own = of(&intervals[i]);
+            let before = i.checked_sub(1).map_or(own, |j| of(&intervals[j]));
+            let next = intervals.get(i + 1).map_or(own, of);
+            (own - before).length() + (next - own).length()
+        };
+        // A cubic through values and slopes errs by at most h^2/32 of the range of the second derivative, and a turn at
+        // a constant rate by h^2/8 of the derivative of the rate. Twice that, since both are estimates.
+        let bends = [h * h / 16.0 * around(&|m| m.acceleration), h / 4.0 * around(&|m| m.rate)];
+        let moved = [a.velocity.length(), intervals[i].rate.length()].map(|speed| speed * HALF_STAMP);
+        let position = cubic_between([a.position, b.position], [a.velocity * h, b.velocity * h], s);
+        let rotation = a.rotation.slerp(b.rotation, s);
+        let scale = position.length().max(1.0);
+        let off = [
+            (position - metres * pose.translation).length(),
+            log_vector(rotation.conjugate() * pose.rotation).length(),
+        ];
+        for (k, worst) in worst.iter_mut().enumerate() {
+            let allowed = bends[k] + moved[k] + ROUNDING * if k == 0 { scale } else { 1.0 };
+            if off[k] / allowed >= worst.off / worst.allowed {
+                (worst.off, worst.allowed) = (off[k], allowed);
+            }
+        }
+    }
+    worst
+}
+
+/// The cubic through two values with these slopes per unit of `s`, 0..1.
+fn cubic_between([p, q]: [DVec3; 2], [a, b]: [DVec3; 2], s: f64) -> DVec3 {
+    let rise = q - p;
+    p + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
+}
+
+/// The samples of three axes, and what the states say of them.
+struct ShownAxes<'a> {
+    shown: Vec<DVec3>,
+    axes: super::AxisModel,
+    rate: f64,
+    /// A sample as a rate that the states have, without its bias.
+    of_states: &'a dyn Fn(usize, DVec3) -> DVec3,
+    /// The mean of that rate over an interval.
+    mean: &'a dyn Fn(usize) -> DVec3,
+}
+
+impl ShownAxes<'_> {
+    /// The root mean square of the differences over all intervals; and where noise is all that differs, how far its
+    /// density is below the stated one.
+    fn differences(&self, what: &'static str, unit: &'static str) -> Vec<InertialDifference> {
+        let count = self.shown.len() - 1;
+        let range = self.axes.range.unwrap_or(f64::INFINITY);
+        let is_bounded = |i: usize| self.shown[i].abs().max_element() >= range;
+        let (mut squares, mut bends, mut used) = (0.0, 0.0, 0_u32);
+        for i in (0..count).filter(|i| !is_bounded(*i) && !is_bounded(i + 1)) {
+            let ends = [i, i + 1].map(|k| (self.of_states)(k, self.shown[k]));
+            let own = (self.mean)(i);
+            squares += (0.5 * (ends[0] + ends[1]) - own).length_squared();
+            let before = i.checked_sub(1).map_or(own, |j| (self.mean)(j));
+            let next = if i + 1 < count { (self.mean)(i + 1) } else { own };
+            // The mean of both ends misses that of the interval by a twelfth of the second difference, or by an eighth
+            // of a bend within it, which shows as 3/4 there. A turn about a moving axis adds a twelfth of w x dw.
+            let bend = (next - 2.0 * own + before).length() / 6.0;
+            let turning = own.length() * (next - before).length() / (24.0 * self.rate);
+            bends += (bend + turning) * (bend + turning);
+            used += 1;
+        }
+        if used == 0 {
+            return Vec::new();
+        }
+        let n = f64::from(used);
+        let (off, bend) = ((squares / n).sqrt(), bends / n);
+        // Of three axes, each the mean of two draws of `density * sqrt(rate)`.
+        let noise = 1.5 * self.axes.noise * self.axes.noise * self.rate;
+        // Neighbouring intervals share a draw, so there are about half as many squares.
+        let margin = MARGIN + DEVIATIONS / (3.0 * n).sqrt();
+        let allowed = (1.0 + margin) * (noise + bend).sqrt() + ROUNDING;
+        let mut found = vec![InertialDifference { what, off, allowed, unit }];
+        if noise > CLEAR * bend && margin < 0.5 {
+            let what = "the stated density of the noise exceeds that of the samples by a factor of";
+            found.push(InertialDifference { what, off: noise.sqrt() / off, allowed: 1.0 / (1.0 - margin), unit: "" });
+        }
+        found
+    }
+}
