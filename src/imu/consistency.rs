@@ -233,7 +233,12 @@ impl ShownAxes<'_> {
         let mut found = vec![InertialDifference { what, off, allowed, unit }];
         if noise > CLEAR * bend && margin < 0.5 {
             let what = "the stated density of the noise exceeds that of the samples by a factor of";
-            found.push(InertialDifference { what, off: noise.sqrt() / off, allowed: 1.0 / (1.0 - margin), unit: "" });
+            found.push(InertialDifference {
+                what,
+                off: noise.sqrt() / off,
+                allowed: 1.0 / (1.0 - margin),
+                unit: "",
+            });
         }
         found
     }

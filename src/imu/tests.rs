@@ -141,7 +141,8 @@ mod against_poses {
         let stamps_us = seconds.iter().map(|t| (t * 1e6).round() as i64).collect();
         let path = SampledPath::with_end_rates(&poses, seconds).unwrap();
         let model = model(rate, axes);
-        let [mut samples, mut states] = [SAMPLES_HEAD, STATES_HEAD].map(|head| format!("{head}\n").into_bytes());
+        let [mut samples, mut states] =
+            [SAMPLES_HEAD, STATES_HEAD].map(|head| format!("{head}\n").into_bytes());
         for sample in ImuSampler::new(&model, &path, DVec3::Y, Seed(3)) {
             write_sample(&sample, &mut samples).unwrap();
             write_state(&sample, &mut states).unwrap();
@@ -172,12 +173,15 @@ mod against_poses {
     /// Each planted fault is found, and named by the file that has it.
     #[test]
     fn planted_faults_are_found() {
-        let finds = |name: &str, word: &str, plant: &dyn Fn(&mut ImuModel, &mut [InertialLines; 2], &mut Trajectory)| {
-            let (mut model, mut lines, mut poses) = written(1000, NOISY);
-            plant(&mut model, &mut lines, &mut poses);
-            let found = faults(&model, &lines, &poses);
-            assert!(found.iter().any(|fault| fault.contains(word)), "{name}: {found:?}");
-        };
+        let finds =
+            |name: &str,
+             word: &str,
+             plant: &dyn Fn(&mut ImuModel, &mut [InertialLines; 2], &mut Trajectory)| {
+                let (mut model, mut lines, mut poses) = written(1000, NOISY);
+                plant(&mut model, &mut lines, &mut poses);
+                let found = faults(&model, &lines, &poses);
+                assert!(found.iter().any(|fault| fault.contains(word)), "{name}: {found:?}");
+            };
         let each = |lines: &mut InertialLines, change: &dyn Fn(&mut Vec<f64>)| {
             lines.iter_mut().for_each(|(_, values)| change(values));
         };
@@ -191,7 +195,9 @@ mod against_poses {
             samples.iter_mut().skip(10).zip(values).for_each(|((_, v), late)| *v = late);
         });
         finds("noise of twice the density", "the gyroscope", &|model, _, _| model.gyroscope.noise /= 2.0);
-        finds("noise of half the density", "the stated density", &|model, _, _| model.accelerometer.noise *= 2.0);
+        finds("noise of half the density", "the stated density", &|model, _, _| {
+            model.accelerometer.noise *= 2.0
+        });
         finds("poses of another scale", "the positions", &|_, _, poses| {
             poses.world_from_camera.iter_mut().for_each(|pose| pose.translation *= 1.001);
         });

@@ -76,9 +76,10 @@ impl BrightnessCourse {
 
     /// The time between two instants at which the brightness turns around, if there is one.
     pub(super) fn turn(&self) -> Option<f64> {
-        // Without a filter or without a turn, the logarithm is infinite or NaN, and no comparison
-        // holds.
-        let t = libm::log(self.pull / self.slope) / self.rate;
+        // A turn after the start has a logarithm above 0. The comparison, which is false for NaN too, spares the
+        // logarithm of almost all pixels.
+        let ratio = Some(self.pull / self.slope).filter(|ratio| *ratio > 1.0)?;
+        let t = libm::log(ratio) / self.rate;
         (t > 0.0 && t < self.length).then_some(t)
     }
 

@@ -231,7 +231,7 @@ impl FrameLaw for EsimModel {
 
     fn cross(&self, pixel: &mut EsimPixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
         let PixelPair { site, frame, length, luminance } = *pair;
-        let seen = self.seen(luminance[1]);
+        let seen = if pair.is_still() { pixel.seen } else { self.seen(luminance[1]) };
         let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
         pixel.seen = seen;
         if self.mismatch == RedrawRule::PerFrame {

@@ -59,6 +59,13 @@ pub(super) struct PixelPair {
     pub(super) luminance: [f64; 2],
 }
 
+impl PixelPair {
+    /// Returns true if both frames have the same luminance, to the bit.
+    pub(super) fn is_still(&self) -> bool {
+        self.luminance[0].to_bits() == self.luminance[1].to_bits()
+    }
+}
+
 /// Limit on the events of a pixel between two frames.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct EventCap {

@@ -348,7 +348,8 @@ impl FrameLaw for V2eModel {
 
     fn cross(&self, pixel: &mut V2ePixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
         let PixelPair { site, length, luminance, .. } = *pair;
-        let input = lin_log(luminance[1]);
+        // The logarithm is a third of the work, and many pixels keep their light.
+        let input = if pair.is_still() { pixel.input } else { lin_log(luminance[1]) };
         let (plain, leaked) = (self.course(pixel, input, pair), self.leaked(pixel, pair));
         let [on, off] = pixel.detector.thresholds;
         // Shot noise is stronger in a pixel with a lower threshold, in proportion.

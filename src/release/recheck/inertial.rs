@@ -1,7 +1,7 @@
 //! The inertial data of a release against its poses.
 
-use super::trajectory::ReleasedTrajectory;
 use super::RecheckError;
+use super::trajectory::ReleasedTrajectory;
 use crate::artifact::TrajectoryProduct;
 use crate::check::{Finding, records};
 use crate::imu::consistency::{InertialLines, compare_inertial};
@@ -30,7 +30,10 @@ impl ReleasedTrajectory<'_> {
             Ok(found) => found.iter().filter(|d| !d.is_allowed()).map(ToString::to_string).collect(),
         };
         if (gravity.length() - model.gravity).abs() > 1e-9 {
-            faults.push(format!("the gravity of imu/{SENSOR} is not the {} m/s^2 of the recipe", model.gravity));
+            faults.push(format!(
+                "the gravity of imu/{SENSOR} is not the {} m/s^2 of the recipe",
+                model.gravity
+            ));
         }
         Ok(Some(records::judge_agreement(self.name, "imu", "poses, states and samples of imu/", &faults)))
     }
