@@ -104,7 +104,7 @@ fn sums_over_threads_are_exact_and_saturate_with_subgroups_and_without() {
         }
     };
     let n = GROUP as usize;
-    let mixed = |k: usize| (k as u32).wrapping_mul(0x9e37_79b9) >> 12;
+    let mixed = |k: usize| u32::try_from(k).unwrap().wrapping_mul(0x9e37_79b9) >> 12;
     let lone = |k: usize| if k == 77 { (1 << 30) - 3 } else { u32::from(k > 250) };
     let cases: [Vec<u32>; 6] = [
         vec![0; n],
