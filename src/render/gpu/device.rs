@@ -86,11 +86,11 @@ pub enum GpuError {
         limit: u64,
     },
     /// The GPU has less of something than every frame needs.
-    #[error("{adapter} cannot be used: it has {what} of at most {found}, wanted at least {wanted}")]
+    #[error("{adapter} cannot be used: it has at most {found} {what}, wanted at least {wanted}")]
     Limits {
         /// Name of the GPU.
         adapter: String,
-        /// What is limited.
+        /// What is limited, with its unit.
         what: &'static str,
         /// The limit.
         found: u64,
@@ -335,7 +335,7 @@ fn wgpu_features(features: FeatureSet) -> wgpu::Features {
 
 /// Refuses a GPU that cannot render any frame. A driver would refuse it too, without a size.
 fn refuse_small(name: &str, limits: &Limits) -> Result<(), GpuError> {
-    /// Images of one tile in all channels, its list, and some hundred splats.
+    /// Images of one tile in all channels, its list, and some hundred splats, in bytes.
     const LEAST_BINDING: u64 = 1 << 16;
     let defaults = Limits::default();
     let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -345,10 +345,10 @@ fn refuse_small(name: &str, limits: &Limits) -> Result<(), GpuError> {
         [limits, &defaults].map(|limits| u64::from(limits.max_compute_workgroup_storage_size));
     let threads = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x);
     let wanted = [
-        ("storage buffers", binding, LEAST_BINDING),
-        ("numbers of storage buffers in a shader", buffers, least_buffers),
-        ("workgroup memory", memory, least_memory),
-        ("workgroups", threads.into(), GROUP.into()),
+        ("bytes in a storage buffer", binding, LEAST_BINDING),
+        ("storage buffers in a shader", buffers, least_buffers),
+        ("bytes of workgroup memory", memory, least_memory),
+        ("threads in a workgroup", threads.into(), GROUP.into()),
     ];
     match wanted.into_iter().find(|(_, found, least)| found < least) {
         None => Ok(()),
@@ -540,7 +540,8 @@ mod tests {
         };
         assert_eq!(refused(&|_| ()), Ok(()));
         let small = refused(&|limits| limits.max_storage_buffer_binding_size = 4096);
-        let wanted = "Voodoo 2 cannot be used: it has storage buffers of at most 4096, wanted at least 65536";
+        let wanted =
+            "Voodoo 2 cannot be used: it has at most 4096 bytes in a storage buffer, wanted at least 65536";
         assert_eq!(small.unwrap_err(), wanted);
         assert!(refused(&|limits| limits.max_buffer_size = 0).is_err());
         assert!(refused(&|limits| limits.max_storage_buffers_per_shader_stage = 4).is_err());
