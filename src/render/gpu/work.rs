@@ -190,7 +190,7 @@ fn sort(entries: u64, digits: u64) -> StageWork {
     let blocks = entries.div_ceil(BLOCK.into());
     let scan = scan(blocks << DIGIT_BITS);
     // Counted once, and for the scatter twice: for the ranks, and to be written.
-    let each = entries * 4 * ENTRY + (2 * blocks << DIGIT_BITS) * WORD + scan.bytes;
+    let each = entries * 4 * ENTRY + ((2 * blocks) << DIGIT_BITS) * WORD + scan.bytes;
     StageWork {
         dispatches: 3 * digits,
         scan_rounds: digits * scan.scan_rounds,
