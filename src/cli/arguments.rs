@@ -16,7 +16,7 @@ pub fn command_line() -> clap::Command {
 
 /// The common options that have an effect in some verbs only. All verbs accept them, so that scripts
 /// can pass one set of options; the help of a verb lists its own.
-const RELEVANT: [(&str, &[&str]); 9] = [
+const RELEVANT: [(&str, &[&str]); 10] = [
     (
         "store",
         &[
@@ -42,6 +42,7 @@ const RELEVANT: [(&str, &[&str]); 9] = [
     ("keep_going", &["build", "release"]),
     ("backend", RENDERING),
     ("gpu", RENDERING),
+    ("gpu_without", RENDERING),
     (
         "no_omit",
         &[
@@ -56,6 +57,7 @@ const RELEVANT: [(&str, &[&str]); 9] = [
 
 /// Verbs that render, or that compute the keys of what is rendered.
 const RENDERING: &[&str] = &[
+    "doctor",
     "build",
     "plan",
     "why",

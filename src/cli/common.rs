@@ -34,6 +34,9 @@ pub(super) struct CommonArgs {
     /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name
     #[arg(long, value_name = "NAME or INDEX", global = true)]
     pub(super) gpu: Option<gpu::DeviceChoice>,
+    /// Features of the GPU to leave out, separated by commas: subgroups, timestamps
+    #[arg(long, value_name = "FEATURES", global = true)]
+    pub(super) gpu_without: Option<gpu::FeatureSet>,
     /// Also do the rendering work that changes no bit, for comparison with a normal build
     #[arg(long, global = true)]
     pub(super) no_omit: bool,
@@ -67,9 +70,10 @@ impl CommonArgs {
     pub(super) fn renderers(&self) -> Result<RendererChoice, VerbError> {
         let by = match self.backend {
             // A software GPU is slower than the CPU renderer, so it is used only if it is named.
-            BackendArg::Auto => RendererKind::Auto(AutoRenderers::new(
-                self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware),
-            )),
+            BackendArg::Auto => {
+                let choice = self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware);
+                RendererKind::Auto(AutoRenderers::new(choice, self.features_left_out()))
+            }
             _ => RendererKind::One(self.backend()?),
         };
         Ok(RendererChoice::new(by, self.omit(), self.programs()))
@@ -117,6 +121,11 @@ impl CommonArgs {
                 "--gpu selects a GPU, but the backend is not a GPU".to_owned(),
             )
             .help("add --backend gpu")),
+            _ if self.gpu_without.is_some() => Err(VerbError::usage(
+                "no-adapter",
+                "--gpu-without leaves out features of a GPU, but the backend is not a GPU".to_owned(),
+            )
+            .help("add --backend gpu")),
             BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
             BackendArg::Reference => Ok(Backend::Reference),
         }
@@ -124,7 +133,12 @@ impl CommonArgs {
 
     /// The GPU that `--gpu` chooses, or else one that matches `otherwise`.
     pub(super) fn device(&self, otherwise: &gpu::DeviceChoice) -> Result<GpuDevice, GpuError> {
-        GpuDevice::open(self.gpu.as_ref().unwrap_or(otherwise))
+        GpuDevice::open_without(self.gpu.as_ref().unwrap_or(otherwise), self.features_left_out())
+    }
+
+    /// The features of a GPU that `--gpu-without` names.
+    pub(super) fn features_left_out(&self) -> gpu::FeatureSet {
+        self.gpu_without.unwrap_or_default()
     }
 
     /// Limits a single step to the cores that it may use.
@@ -147,5 +161,5 @@ pub(super) enum BackendArg {
 
 /// The error for a requested GPU that is absent or cannot be used.
 fn no_adapter(error: &GpuError) -> VerbError {
-    VerbError::usage("no-adapter", error.to_string()).help("use --backend cpu, or leave the option out")
+    VerbError::usage("no-adapter", error.to_string()).help(error.help())
 }

@@ -9,7 +9,7 @@ use super::{BackendArg, CommonArgs};
 use crate::files::is_there;
 use crate::programs::ProgramFinder;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, ListedGpu};
+use crate::render::gpu::{self, FeatureSet, GpuFeature, ListedGpu};
 use crate::store::space::DiskSpace;
 use crate::store::{FORMAT, Store, StoreAccess, StoreOptions};
 use crate::units::format_amount;
@@ -86,7 +86,7 @@ impl DoctorArgs {
         let on_cpu = scene.as_ref().map(|scene| scene.render(&Backend::Cpu));
         let rate = on_cpu.as_ref().map(|done| done.as_ref().map_or_else(Clone::clone, TrialPicture::rate));
         page.row("CPU renderer", rate.clone().unwrap_or_else(|| "not tried".to_owned()));
-        let listed = gpu::list_gpus();
+        let listed = gpu::list_gpus(common.features_left_out());
         let mut values = Vec::new();
         match &listed {
             Err(because) => page.row("GPU", because.to_string()),
@@ -97,16 +97,18 @@ impl DoctorArgs {
                         .zip(on_cpu.as_ref())
                         .map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
                     let label = format!("GPU {index}");
-                    let ListedGpu { name, kind, driver, binding, buffer, has_clock, opened } = gpu;
-                    let clock = if *has_clock { "a clock" } else { "no clock" };
+                    let ListedGpu { name, kind, driver, binding, buffer, opened, .. } = gpu;
+                    let used = opened.as_ref().map(gpu::GpuDevice::features).unwrap_or_default();
                     let sizes = [binding, buffer].map(|bytes| format_amount(*bytes, "B"));
                     page.row(&label, format!("{name}, {kind}, driver {driver}"));
-                    page.row("", format!("bindings to {}, buffers to {}, {clock}", sizes[0], sizes[1]));
+                    page.row("", format!("bindings to {}, buffers to {}", sizes[0], sizes[1]));
+                    page.row("", gpu_features(gpu, used));
                     let because = opened.as_ref().err().map(ToString::to_string);
                     page.row("", because.clone().or(tried.clone()).unwrap_or_else(|| "not tried".to_owned()));
                     values.push(json!({
                         "index": index, "name": name, "kind": kind, "driver": driver, "binding": binding,
-                        "buffer": buffer, "clock": has_clock, "because": because, "trial": tried,
+                        "buffer": buffer, "features": feature_names(gpu.features), "used": feature_names(used),
+                        "subgroups": gpu.subgroups, "because": because, "trial": tried,
                     }));
                 }
             }
@@ -119,6 +121,27 @@ impl DoctorArgs {
         page.set("used", json!(used));
         Ok(())
     }
+}
+
+/// The features of a GPU, and whether they are used.
+fn gpu_features(gpu: &ListedGpu, used: FeatureSet) -> String {
+    let [least, most] = gpu.subgroups;
+    let text = |feature: GpuFeature| {
+        let name = match feature {
+            GpuFeature::Subgroups => format!("subgroups of {least} to {most}"),
+            GpuFeature::Timestamps => feature.name().to_owned(),
+        };
+        match (gpu.features.has(feature), used.has(feature)) {
+            (false, _) => format!("no {}", feature.name()),
+            (true, false) => format!("{name} left out"),
+            (true, true) => name,
+        }
+    };
+    GpuFeature::ALL.map(text).join(", ")
+}
+
+fn feature_names(features: FeatureSet) -> Vec<&'static str> {
+    GpuFeature::ALL.into_iter().filter(|feature| features.has(*feature)).map(GpuFeature::name).collect()
 }
 
 fn own_program(page: &mut DoctorPage) {
@@ -192,7 +215,7 @@ fn used_renderer(common: &CommonArgs) -> Result<String, VerbError> {
         return Ok(common.backend()?.class());
     }
     let choice = common.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware);
-    Ok(match gpu::GpuDevice::open(&choice) {
+    Ok(match gpu::GpuDevice::open_without(&choice, common.features_left_out()) {
         Ok(device) => device.name().to_owned(),
         Err(because) => format!("the CPU, because {because}"),
     })

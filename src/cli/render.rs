@@ -256,9 +256,5 @@ fn render_failed(error: RenderError) -> VerbError {
     let message =
         UserMessage::new(MessageLevel::Error, "step-failed", "failed to render").because(error.to_string());
     let problem = VerbError::from_message(ExitKind::Failed, message);
-    if matches!(error, RenderError::Gpu(_)) {
-        problem.help("use --backend cpu, or leave the option out")
-    } else {
-        problem
-    }
+    if let RenderError::Gpu(because) = &error { problem.help(because.help()) } else { problem }
 }

@@ -78,13 +78,15 @@ mod tests {
     }
 
     #[test]
-    fn what_a_gpu_has_no_room_for_or_is_lost_at_is_rendered_on_the_cpu() {
+    fn what_a_gpu_has_no_room_for_is_lost_at_or_spoils_is_rendered_on_the_cpu() {
         let lost = |device: GpuDevice| {
             device.destroy();
             device
         };
         let full = |device: GpuDevice| device.with_room(100);
-        let spoils: [&dyn Fn(GpuDevice) -> GpuDevice; 2] = [&lost, &full];
+        // The first picture is not finite, so no step is made of it.
+        let faulty = GpuDevice::with_spoilt_pictures;
+        let spoils: [&dyn Fn(GpuDevice) -> GpuDevice; 3] = [&lost, &full, &faulty];
         for spoil in spoils {
             let dir = tempfile::tempdir().unwrap();
             let Some((summary, classes)) = built(dir.path(), spoil) else { return };

@@ -13,16 +13,22 @@
 mod buffers;
 mod clock;
 mod device;
+mod features;
 mod frame;
 mod gradients;
 mod passes;
 mod readback;
 mod scene;
 mod shader;
+#[cfg(test)]
+mod sums;
+mod work;
 
 pub use clock::TimedStage;
 pub use device::{DeviceChoice, GpuDevice, GpuError, ListedGpu, list_gpus};
+pub use features::{FeatureSet, GpuFeature};
 pub use gradients::GpuGradientRenderer;
+pub use work::{FrameWork, StageWork};
 
 use super::shared::TILE;
 use super::{
@@ -55,6 +61,9 @@ pub struct GpuRenderer {
     ring: Ring,
     clock: Option<DeviceClock>,
     times: Option<[Duration; TimedStage::ALL.len()]>,
+    work: FrameWork,
+    /// The first picture of the scene was looked at.
+    is_checked: bool,
     /// Announced views, in order.
     expected: VecDeque<ExpectedView>,
     /// For gradients: the regions of the last view, in the order in which they were rendered.
@@ -156,16 +165,24 @@ impl GpuRenderer {
             ring: Ring::default(),
             clock,
             times: None,
+            work: FrameWork::default(),
+            is_checked: false,
             expected: VecDeque::new(),
             traced,
         })
     }
 
-    /// Durations of [`TimedStage::ALL`] for the last frame, or for its last region. `None` before
-    /// the first frame, and for a device without a clock.
+    /// Durations of [`TimedStage::ALL`] for the last frame, regions that were rendered again included.
+    /// `None` before the first frame, and for a device without a clock.
     #[must_use]
     pub fn times(&self) -> Option<[Duration; TimedStage::ALL.len()]> {
         self.times
+    }
+
+    /// The work of the last frame.
+    #[must_use]
+    pub fn frame_work(&self) -> FrameWork {
+        self.work
     }
 
     /// Submits a view.
@@ -184,25 +201,32 @@ impl GpuRenderer {
         let PendingView { view, want, mut shots } = pending;
         let (size, layout) = (view.camera.size, self.layout(want));
         let mut work: Option<RenderWork> = None;
+        let mut checked = Ok(());
+        (self.times, self.work) = (None, FrameWork::default());
         // The capacities of the submission, not those of now: an earlier region may have raised
         // them.
         while let Some(GpuShot { region, room, copy }) = shots.pop() {
             let floats = region.pixels(size) as u64 * u64::from(layout.floats);
             let gaussians = self.gaussians;
             let clock = self.clock.as_ref();
+            let is_checked = self.is_checked;
             let (totals, times, found) =
                 self.ring.read(&self.device, copy, floats, |totals, stamps, images| {
                     let fits = totals.of_count(Total::Splats) <= room.splats
                         && totals.of_count(Total::Pairs) <= room.pairs;
                     if fits {
                         readback::place_region(images, region, size, (want, layout), out);
+                        if !is_checked && !readback::is_finite(images) {
+                            checked = Err(());
+                        }
                     }
                     let times = clock.map(|clock| clock.times(stamps));
                     (*totals, times, fits.then(|| totals.work(gaussians)))
                 })?;
-            self.times = times;
+            self.times = join_times(self.times, times);
             match found {
                 Some(done) => {
+                    self.work.add(&self.region_work(region, size, layout, &totals));
                     work = Some(work.map_or(done, |sum| join_work(sum, done)));
                     if let Some(traced) = &mut self.traced {
                         traced.push(TracedRegion { region, splats: totals.of_count(Total::Splats) });
@@ -211,6 +235,8 @@ impl GpuRenderer {
                 None => self.again(&view, want, (region, totals), &mut shots)?,
             }
         }
+        checked.map_err(|()| self.device.not_finite())?;
+        self.is_checked = true;
         out.flow =
             if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, &view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
@@ -239,7 +265,8 @@ impl GpuRenderer {
         self.make_room(BufferCapacity { splat_rows, ..needed })?;
         let at = self.compiled(layout)?;
         let room = self.buffers.room;
-        let bytes = frame::frame_bytes(view, self.origin, &self.style, region, [room.splats, room.pairs]);
+        let style = self.device.spoilt_style(self.style);
+        let bytes = frame::frame_bytes(view, self.origin, &style, region, [room.splats, room.pairs]);
         // The queue keeps the order of writes and submissions, so frames under way see their own
         // values.
         self.device.queue.write_buffer(&self.buffers.frame, 0, &bytes);
@@ -252,6 +279,33 @@ impl GpuRenderer {
         let copy = self.ring.submit(&self.device, encoder, (buffers, floats), clock)?;
         shots.push(GpuShot { region, room, copy });
         Ok(())
+    }
+
+    /// The work of a region.
+    fn region_work(
+        &self,
+        region: TileRegion,
+        size: Size,
+        layout: ImageLayout,
+        totals: &readback::Totals,
+    ) -> FrameWork {
+        let count = |total| u64::from(totals.of_count(total));
+        let work = totals.work(self.gaussians);
+        work::RegionCounts {
+            parts: self.parts.len() as u64,
+            gaussians: self.gaussians as u64,
+            behind: work.behind,
+            splats: count(Total::Splats),
+            pairs: count(Total::Pairs),
+            loaded: count(Total::Loaded),
+            blended: work.blended,
+            tiles: region.tiles().into_iter().map(u64::from).product(),
+            pixels: region.pixels(size) as u64,
+            digits: u64::from(region.tile_digits()),
+            layout,
+            sh_degree: self.sh_degree,
+        }
+        .work()
     }
 
     /// Submits a region again that exceeded the capacity: with more, or in halves.
@@ -304,7 +358,8 @@ impl GpuRenderer {
         if let Some(at) = self.pipelines.iter().position(|(l, _)| *l == layout) {
             return Ok(at);
         }
-        let variant = ShaderVariant { style: self.style, sh_degree: self.sh_degree, layout };
+        let subgroups = self.device.features().has(GpuFeature::Subgroups);
+        let variant = ShaderVariant { style: self.style, sh_degree: self.sh_degree, layout, subgroups };
         self.pipelines.push((layout, FramePipelines::new(&self.device, &self.layouts, &variant)));
         // Errors of compilation arrive through the device's callback.
         self.device.check()?;
@@ -348,6 +403,15 @@ fn most_entries(limit: u64, splat_rows: u32, traced: bool) -> [u32; 2] {
     let (rows, pair) =
         if traced { (splat_rows.max(GRADIENT_ROWS), 4 * u64::from(SUMS)) } else { (splat_rows, 8) };
     [most_splats(limit, rows), most_pairs(limit, pair)]
+}
+
+/// Adds the durations of two regions of a view.
+fn join_times(
+    a: Option<[Duration; TimedStage::ALL.len()]>,
+    b: Option<[Duration; TimedStage::ALL.len()]>,
+) -> Option<[Duration; TimedStage::ALL.len()]> {
+    let (Some(a), Some(b)) = (a, b) else { return a.or(b) };
+    Some(std::array::from_fn(|k| a[k] + b[k]))
 }
 
 /// Adds the work of two regions of a view. Both count what was left out of the whole image.

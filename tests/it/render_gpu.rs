@@ -9,6 +9,7 @@
 #![expect(clippy::print_stdout, reason = "the table of differences")]
 
 mod events;
+mod features;
 mod gradients;
 
 use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
@@ -159,6 +160,16 @@ fn every_golden_is_met_on_the_gpu() {
 fn every_golden_of_a_captured_scene_is_met_on_the_gpu() {
     let (Some((root, cases)), Some(device)) = (captured(), gpu::device()) else { return };
     all_met(&root, &cases, &device);
+}
+
+/// Without a feature, alone or with the others, the goldens are met as with all of them.
+#[test]
+fn every_golden_is_met_without_each_feature() {
+    let (root, cases) = synthetic();
+    for (features, device) in gpu::devices_without_features() {
+        println!("without {features}");
+        all_met(&root, &cases, &device);
+    }
 }
 
 fn all_met(root: &Path, cases: &[Case], device: &GpuDevice) {
@@ -345,6 +356,20 @@ fn a_scene_without_room_is_an_error_that_states_the_sizes() {
         *what
     };
     assert_ne!(message(1000), message(16 << 20));
+}
+
+/// Pictures that a faulty driver spoils are found in the first frame, by name, with what to try.
+#[test]
+fn a_picture_that_is_not_finite_is_an_error() {
+    let Some(device) = gpu::device() else { return };
+    let (crowd, view) = (blob_scene(&blob_crowd(10, 6)), view_ahead(64, 48, 60.0));
+    for want in [ALL, ChannelSet { luminance: true, ..ChannelSet::NONE }] {
+        let mut gpu = GpuRenderer::new(device.clone().with_spoilt_pictures(), &crowd, OFFICIAL).unwrap();
+        let error = gpu.render(&view, want, &mut RenderedImages::default()).unwrap_err();
+        let RenderError::Gpu(because) = &error else { panic!("{error}") };
+        assert!(matches!(because, GpuError::NotFinite { adapter } if adapter == device.name()), "{error}");
+        assert!(because.help().contains("--gpu-without"), "{}", because.help());
+    }
 }
 
 #[test]

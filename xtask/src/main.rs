@@ -16,6 +16,7 @@ mod export_bench;
 mod faults;
 mod folder;
 mod fuzz;
+mod gpu_bench;
 mod network;
 mod page;
 mod pass_bench;
@@ -52,6 +53,11 @@ usage: cargo xtask <task>
   bench export [ARGS]...
                      time and peak memory of every layout of `gs2e export` for a stream of 10^8 events, next to a plain copy of what
                      it wrote (`--events N`, `--only FORMAT,…`, `--program FILE`)
+  bench gpu [ARGS]...
+                     the GPU: frames/s, time and counted work by stage, likeness to the CPU, memory over 200 scenes, gsplat on the
+                     same views, and the paper's scene from recipe to release (`--quick`, `--gpu NAME`, `--gpu-without FEATURES`,
+                     `--size WxH`, `--frames N`, `--scenes N`, `--python FILE` with torch and gsplat, `--program FILE`,
+                     `--profile NAME`)
   bench pass [ARGS]...
                      CPU time and peak memory of one pass of the renderer for all outputs, next to a step for each output
                      (`--runs N`, `-j N`, `--program FILE`)
@@ -99,6 +105,7 @@ fn main() -> ExitCode {
         }
         (Some("bench"), [part, args @ ..]) if part == "check" => check_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "export" => export_bench::run(args),
+        (Some("bench"), [part, args @ ..]) if part == "gpu" => gpu_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "pass" => pass_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "peers" => peers_bench::run(args),
         (Some("bench"), [part, args @ ..]) if part == "report" => page::run(args),

@@ -92,6 +92,8 @@ impl SubmitArgs {
             BackendArg::Auto | BackendArg::Cpu => "cpu",
         };
         let mut words = vec!["--backend".to_owned(), backend.to_owned()];
+        let without = common.gpu_without.filter(|_| backend == "gpu");
+        words.extend(without.map(|features| format!("--gpu-without={features}")));
         words.extend(common.no_omit.then(|| "--no-omit".to_owned()));
         words.extend(common.allow_commands.then(|| "--allow-commands".to_owned()));
         words.extend(self.cache_size.map(|bytes| format!("--cache-size={bytes}")));

@@ -14,8 +14,6 @@
 // The tile index of an empty pair.
 const NO_TILE: u32 = 0xffffffffu;
 
-var<workgroup> counts: array<u32, GROUP>;
-
 fn outline_of(at: u32) -> Outline {
     let row = at * SPLAT_ROWS;
     let first = bitcast<vec4f>(splats[row]);
@@ -40,8 +38,8 @@ fn is_one_row_or_column(splat: Outline) -> bool {
 }
 
 @compute @workgroup_size(GROUP)
-fn tally(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = group.x * GROUP + local;
+fn tally(thread: Thread) {
+    let i = thread.group.x * GROUP + place_of(thread);
     var count = 0u;
     if i < within(totals[SPLATS], frame.splat_room) {
         let splat = outline_of(order[i].y);
@@ -53,40 +51,24 @@ fn tally(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) l
         }
         touched[i] = count;
     }
-    counts[local] = count;
-    for (var width = GROUP / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if local < width {
-            // Saturates, because large splats can make more pairs than 32 bits count.
-            counts[local] = sum_up_to_many(counts[local], counts[local + width]);
-        }
-    }
-    if local == 0u {
-        sums[group.x] = counts[0];
+    // Saturates, because large splats can make more pairs than 32 bits count.
+    let sum = sum_of_many(count, thread);
+    if thread.local == 0u {
+        sums[thread.group.x] = sum;
     }
 }
 
 @compute @workgroup_size(GROUP)
-fn emit(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = group.x * GROUP + local;
+fn emit(thread: Thread) {
+    let i = thread.group.x * GROUP + place_of(thread);
     let exists = i < within(totals[SPLATS], frame.splat_room);
     var count = 0u;
     if exists {
         count = touched[i];
     }
-    counts[local] = count;
-    for (var width = 1u; width < GROUP; width *= 2u) {
-        // Read, barrier, add: another thread may still have to read the old value.
-        workgroupBarrier();
-        var before = 0u;
-        if local >= width {
-            before = counts[local - width];
-        }
-        workgroupBarrier();
-        counts[local] += before;
-    }
+    let before = sums_of(count, thread).before;
     if exists {
-        list(order[i].y, sums[group.x] + counts[local] - count, count);
+        list(order[i].y, sums[thread.group.x] + before, count);
     }
 }
 

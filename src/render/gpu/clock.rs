@@ -1,6 +1,7 @@
 //! Time that the device spends on each stage of a frame, by its own clock if it has one.
 
 use super::device::GpuDevice;
+use super::features::GpuFeature;
 use std::time::Duration;
 use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, CommandEncoder, ComputePassTimestampWrites, QuerySet,
@@ -57,7 +58,7 @@ impl DeviceClock {
     /// The clock of the device, if it has one.
     pub(super) fn new(device: &GpuDevice) -> Option<Self> {
         let gpu = &device.device;
-        gpu.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Self {
+        device.features().has(GpuFeature::Timestamps).then(|| Self {
             stamps: gpu.create_query_set(&QuerySetDescriptor {
                 label: None,
                 ty: QueryType::Timestamp,

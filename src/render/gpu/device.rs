@@ -1,5 +1,8 @@
 //! Enumeration of the machine's GPUs, and opening one of them.
 
+use super::features::{FeatureSet, GpuFeature};
+use super::shader::{GROUP, LEAST_SUBGROUP};
+use crate::render::RenderStyle;
 use std::pin::pin;
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -82,6 +85,24 @@ pub enum GpuError {
         /// Largest binding, bytes.
         limit: u64,
     },
+    /// The GPU has less of something than every frame needs.
+    #[error("{adapter} cannot be used: it has at most {found} {what}, wanted at least {wanted}")]
+    Limits {
+        /// Name of the GPU.
+        adapter: String,
+        /// What is limited, with its unit.
+        what: &'static str,
+        /// The limit.
+        found: u64,
+        /// The least limit with which a frame can be rendered.
+        wanted: u64,
+    },
+    /// The first picture of a scene has values that are not finite.
+    #[error("{adapter} returned a picture with values that are not finite")]
+    NotFinite {
+        /// Name of the GPU.
+        adapter: String,
+    },
     /// The GPU failed or was removed during work.
     #[error("{adapter} was lost: {because}")]
     Lost {
@@ -90,6 +111,30 @@ pub enum GpuError {
         /// Reason given by its driver.
         because: String,
     },
+}
+
+impl GpuError {
+    /// What to try.
+    #[must_use]
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::None(_) => "use --backend cpu, or leave the option out; `gs2e doctor` shows the GPUs",
+            Self::Other { .. } | Self::Several { .. } => {
+                "use --gpu with a number or a longer part of the name: `gs2e doctor` shows both"
+            }
+            Self::Refused { .. } => {
+                "update its driver, leave features out with --gpu-without, or use --backend cpu"
+            }
+            Self::Limits { .. } => "choose another GPU with --gpu, or use --backend cpu",
+            Self::Memory { .. } => "choose a GPU with more memory, a smaller picture, or --backend cpu",
+            Self::Tile { .. } => "render fewer channels at once, choose another GPU, or use --backend cpu",
+            Self::NotFinite { .. } => {
+                "update its driver, leave features out with --gpu-without subgroups, or use --backend cpu; `gs2e \
+                 doctor` tries it on a scene that is known to be finite"
+            }
+            Self::Lost { .. } => "run it again, or use --backend cpu",
+        }
+    }
 }
 
 /// An open GPU.
@@ -103,6 +148,9 @@ pub struct GpuDevice {
     pub(super) limit: u64,
     /// Largest allocation, bytes, if it is limited here and not by the driver.
     room: Option<u64>,
+    features: FeatureSet,
+    /// The pictures are spoilt, as by a faulty driver.
+    is_spoilt: bool,
     trouble: Arc<Mutex<Option<String>>>,
 }
 
@@ -116,19 +164,28 @@ impl GpuDevice {
     /// # Errors
     /// There is no GPU, none matches, or it lacks what WebGPU guarantees.
     pub fn open(choice: &DeviceChoice) -> Result<Self, GpuError> {
+        Self::open_without(choice, FeatureSet::NONE)
+    }
+
+    /// Opens one of the machine's GPUs without some of its features.
+    ///
+    /// # Errors
+    /// There is no GPU, none matches, or it lacks what WebGPU guarantees.
+    pub fn open_without(choice: &DeviceChoice, without: FeatureSet) -> Result<Self, GpuError> {
         if *choice == DeviceChoice::Hardware && !may_have_hardware() {
             return Err(GpuError::None("this system has no device node of a GPU".to_owned()));
         }
         let mut adapters = list_adapters()?;
         let infos: Vec<AdapterInfo> = adapters.iter().map(Adapter::get_info).collect();
         let at = choose_adapter(&infos, choice)?;
-        Self::from_adapter(&adapters.swap_remove(at))
+        Self::from_adapter(&adapters.swap_remove(at), without)
     }
 
-    fn from_adapter(adapter: &Adapter) -> Result<Self, GpuError> {
+    fn from_adapter(adapter: &Adapter, without: FeatureSet) -> Result<Self, GpuError> {
         let info = adapter.get_info();
         let name = adapter_name(&info);
         let theirs = adapter.limits();
+        refuse_small(&name, &theirs)?;
         // Only the sizes are raised; all else is the default that WebGPU guarantees.
         let required_limits = Limits {
             max_storage_buffer_binding_size: theirs.max_storage_buffer_binding_size,
@@ -136,8 +193,8 @@ impl GpuDevice {
             ..Limits::default()
         };
         let limit = theirs.max_storage_buffer_binding_size.min(theirs.max_buffer_size);
-        // Time stamps are optional: a device without them has no clock.
-        let required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        let features = features_of(adapter).without(without);
+        let required_features = wgpu_features(features);
         let wanted = wgpu::DeviceDescriptor { required_features, required_limits, ..Default::default() };
         let (device, queue) = wait_for(adapter.request_device(&wanted))
             .map_err(|e| GpuError::Refused { adapter: name.clone(), because: e.to_string() })?;
@@ -153,7 +210,7 @@ impl GpuDevice {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&noted, error.to_string())));
         let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
         let fingerprint = format!("{CLASS} {} {} {driver}", info.backend, info.name).trim().to_owned();
-        Ok(Self { device, queue, name, fingerprint, limit, room: None, trouble })
+        Ok(Self { device, queue, name, fingerprint, limit, room: None, features, is_spoilt: false, trouble })
     }
 
     /// Name and interface of the GPU.
@@ -181,6 +238,31 @@ impl GpuDevice {
     pub fn with_room(mut self, bytes: u64) -> Self {
         self.room = Some(bytes);
         self
+    }
+
+    /// Spoils the pictures, as a faulty driver does.
+    #[must_use]
+    pub fn with_spoilt_pictures(mut self) -> Self {
+        self.is_spoilt = true;
+        self
+    }
+
+    /// The style that is rendered.
+    pub(super) fn spoilt_style(&self, style: RenderStyle) -> RenderStyle {
+        if self.is_spoilt { RenderStyle { background: [f32::NAN; 3], ..style } } else { style }
+    }
+
+    /// The features of the GPU that are used.
+    #[must_use]
+    pub fn features(&self) -> FeatureSet {
+        self.features
+    }
+
+    /// Memory of the device that this process holds, in use and reserved, in bytes, as far as it is known.
+    #[must_use]
+    pub fn memory_held(&self) -> Option<[u64; 2]> {
+        let report = self.device.generate_allocator_report()?;
+        Some([report.total_allocated_bytes, report.total_reserved_bytes])
     }
 
     /// Destroys the device. Later operations fail.
@@ -224,8 +306,55 @@ impl GpuDevice {
         }
     }
 
+    pub(super) fn not_finite(&self) -> GpuError {
+        GpuError::NotFinite { adapter: self.name.clone() }
+    }
+
     pub(super) fn too_small(&self, what: &'static str) -> GpuError {
         GpuError::Tile { adapter: self.name.clone(), what, limit: self.limit }
+    }
+}
+
+/// The features of an adapter.
+fn features_of(adapter: &Adapter) -> FeatureSet {
+    let (has, info) = (|feature| adapter.features().contains(feature), adapter.get_info());
+    let subgroups = has(wgpu::Features::SUBGROUP) && info.subgroup_min_size >= LEAST_SUBGROUP;
+    FeatureSet::NONE
+        .with(GpuFeature::Subgroups, subgroups)
+        .with(GpuFeature::Timestamps, has(wgpu::Features::TIMESTAMP_QUERY))
+}
+
+fn wgpu_features(features: FeatureSet) -> wgpu::Features {
+    let names = [
+        (GpuFeature::Subgroups, wgpu::Features::SUBGROUP),
+        (GpuFeature::Timestamps, wgpu::Features::TIMESTAMP_QUERY),
+    ];
+    let used = names.into_iter().filter(|(feature, _)| features.has(*feature));
+    used.fold(wgpu::Features::empty(), |all, (_, feature)| all | feature)
+}
+
+/// Refuses a GPU that cannot render any frame. A driver would refuse it too, without a size.
+fn refuse_small(name: &str, limits: &Limits) -> Result<(), GpuError> {
+    /// Images of one tile in all channels, its list, and some hundred splats, in bytes.
+    const LEAST_BINDING: u64 = 1 << 16;
+    let defaults = Limits::default();
+    let binding = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let [buffers, least_buffers] =
+        [limits, &defaults].map(|limits| u64::from(limits.max_storage_buffers_per_shader_stage));
+    let [memory, least_memory] =
+        [limits, &defaults].map(|limits| u64::from(limits.max_compute_workgroup_storage_size));
+    let threads = limits.max_compute_invocations_per_workgroup.min(limits.max_compute_workgroup_size_x);
+    let wanted = [
+        ("bytes in a storage buffer", binding, LEAST_BINDING),
+        ("storage buffers in a shader", buffers, least_buffers),
+        ("bytes of workgroup memory", memory, least_memory),
+        ("threads in a workgroup", threads.into(), GROUP.into()),
+    ];
+    match wanted.into_iter().find(|(_, found, least)| found < least) {
+        None => Ok(()),
+        Some((what, found, wanted)) => {
+            Err(GpuError::Limits { adapter: name.to_owned(), what, found, wanted })
+        }
     }
 }
 
@@ -272,17 +401,19 @@ pub struct ListedGpu {
     pub binding: u64,
     /// Largest buffer, bytes.
     pub buffer: u64,
-    /// True if the device has a clock for the passes of a frame.
-    pub has_clock: bool,
+    /// The features that the renderer can use.
+    pub features: FeatureSet,
+    /// Threads of the smallest and of the largest subgroup.
+    pub subgroups: [u32; 2],
     /// The open device, or the reason why it cannot be used.
     pub opened: Result<GpuDevice, GpuError>,
 }
 
-/// All GPUs of this machine, in the order of [`DeviceChoice::Index`].
+/// All GPUs of this machine, in the order of [`DeviceChoice::Index`], opened without some features.
 ///
 /// # Errors
 /// The machine has no GPU.
-pub fn list_gpus() -> Result<Vec<ListedGpu>, GpuError> {
+pub fn list_gpus(without: FeatureSet) -> Result<Vec<ListedGpu>, GpuError> {
     let listed = |adapter: Adapter| {
         let (info, limits) = (adapter.get_info(), adapter.limits());
         let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ").trim().to_owned();
@@ -298,8 +429,9 @@ pub fn list_gpus() -> Result<Vec<ListedGpu>, GpuError> {
             driver,
             binding: limits.max_storage_buffer_binding_size,
             buffer: limits.max_buffer_size,
-            has_clock: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
-            opened: GpuDevice::from_adapter(&adapter),
+            features: features_of(&adapter),
+            subgroups: [info.subgroup_min_size, info.subgroup_max_size],
+            opened: GpuDevice::from_adapter(&adapter, without),
         }
     };
     Ok(list_adapters()?.into_iter().map(listed).collect())
@@ -397,6 +529,26 @@ mod tests {
         let twice =
             [info("M1", DeviceType::IntegratedGpu, metal), info("M1", DeviceType::IntegratedGpu, vulkan)];
         assert_eq!(choose_adapter(&twice, &"m1".parse().unwrap()), Ok(0));
+    }
+
+    #[test]
+    fn a_gpu_without_the_needed_sizes_is_refused_by_name() {
+        let refused = |change: &dyn Fn(&mut Limits)| {
+            let mut limits = Limits::default();
+            change(&mut limits);
+            refuse_small("Voodoo 2", &limits).map_err(|error| error.to_string())
+        };
+        assert_eq!(refused(&|_| ()), Ok(()));
+        let small = refused(&|limits| limits.max_storage_buffer_binding_size = 4096);
+        let wanted =
+            "Voodoo 2 cannot be used: it has at most 4096 bytes in a storage buffer, wanted at least 65536";
+        assert_eq!(small.unwrap_err(), wanted);
+        assert!(refused(&|limits| limits.max_buffer_size = 0).is_err());
+        assert!(refused(&|limits| limits.max_storage_buffers_per_shader_stage = 4).is_err());
+        assert!(refused(&|limits| limits.max_compute_workgroup_storage_size = 8192).is_err());
+        assert!(refused(&|limits| limits.max_compute_workgroup_size_x = 128).is_err());
+        // What WebGL2 guarantees has no compute shaders.
+        assert!(refused(&|limits| *limits = Limits::downlevel_webgl2_defaults()).is_err());
     }
 
     #[test]

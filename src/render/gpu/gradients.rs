@@ -19,6 +19,7 @@
 mod buffers;
 
 use super::device::GpuDevice;
+use super::features::GpuFeature;
 use super::readback::Copy;
 use super::scene;
 use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVariant};
@@ -68,7 +69,8 @@ impl GpuGradientRenderer {
         refuse_without_gradients(&scene, style)?;
         let renderer = GpuRenderer::prepare(device, &scene, style, Some(Vec::new()))?;
         let layout = ImageLayout::new(COLOUR).with_trace();
-        let variant = ShaderVariant { style, sh_degree: scene.sh_degree, layout };
+        let subgroups = renderer.device.features().has(GpuFeature::Subgroups);
+        let variant = ShaderVariant { style, sh_degree: scene.sh_degree, layout, subgroups };
         let entry = |shader: ShaderKind| {
             ShaderCompiler::new(&renderer.device, &renderer.layouts, shader, &variant).entry(shader.name())
         };

@@ -48,15 +48,14 @@ struct Found {
 
 const DRAWN: u32 = 0xffffffffu;
 
-var<workgroup> left: array<u32, GROUP>;
 // Counts of the workgroup, in the order of `totals` from BEHIND on.
 var<workgroup> fates: array<atomic<u32>, FATES>;
 
 @compute @workgroup_size(GROUP)
-fn measure(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = group.x * GROUP + local;
-    if local < FATES {
-        atomicStore(&fates[local], 0u);
+fn measure(thread: Thread) {
+    let i = thread.group.x * GROUP + thread.local;
+    if thread.local < FATES {
+        atomicStore(&fates[thread.local], 0u);
     }
     workgroupBarrier();
     var counts = 0u;
@@ -72,40 +71,23 @@ fn measure(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         }
         drawn[i] = counts;
     }
-    left[local] = counts;
-    for (var width = GROUP / 2u; width > 0u; width /= 2u) {
-        workgroupBarrier();
-        if local < width {
-            left[local] += left[local + width];
-        }
+    let sum = sum_of(counts, thread);
+    if thread.local == 0u {
+        sums[thread.group.x] = sum;
     }
-    if local == 0u {
-        sums[group.x] = left[0];
-    }
-    if local < FATES {
-        atomicAdd(&totals[BEHIND + local], atomicLoad(&fates[local]));
+    if thread.local < FATES {
+        atomicAdd(&totals[BEHIND + thread.local], atomicLoad(&fates[thread.local]));
     }
 }
 
 @compute @workgroup_size(GROUP)
-fn place(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = group.x * GROUP + local;
+fn place(thread: Thread) {
+    let i = thread.group.x * GROUP + place_of(thread);
     var counts = 0u;
     if i < part.count {
         counts = drawn[i];
     }
-    left[local] = counts;
-    for (var width = 1u; width < GROUP; width *= 2u) {
-        workgroupBarrier();
-        // Read, barrier, add: another thread may still have to read the old value.
-        var before = 0u;
-        if local >= width {
-            before = left[local - width];
-        }
-        workgroupBarrier();
-        left[local] += before;
-    }
-    let at = sums[group.x] + left[local] - counts;
+    let at = sums[thread.group.x] + sums_of(counts, thread).before;
     // Splats beyond the capacity are counted but not written. The host then submits again.
     if counts == 1u && at < frame.splat_room {
         write(i, at);

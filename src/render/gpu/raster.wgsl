@@ -40,6 +40,7 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     pixel.at = vec2f(place) + 0.5;
     pixel.open = inside;
     pixel.rest = 1.0;
+    var loaded = 0u;
     let range = lists[group.y * (frame.end.x - frame.first.x) + group.x];
     for (var base = range.x; base < range.y; base += BATCH) {
         if local == 0u {
@@ -58,6 +59,7 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             break;
         }
         let count = min(BATCH, range.y - base);
+        loaded += count;
         // All threads have passed the barriers above, so no thread still reads the previous batch.
         for (var k = local; k < count; k += PIXELS) {
             let from_row = pairs[base + k].y * SPLAT_ROWS;
@@ -73,7 +75,7 @@ fn raster(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     if inside {
         store(place - frame.first * TILE, pixel);
     }
-    account(pixel, local);
+    account(pixel, loaded, local);
 }
 
 // Blends one layer over the pixel. `place` is its place in the tile's list, counted from 1.
@@ -192,7 +194,7 @@ fn store(place: vec2u, pixel: Pixel) {
 }
 
 // Adds to the counts. The number of blended layers has a carry, because a large image exceeds 2^32.
-fn account(pixel: Pixel, local: u32) {
+fn account(pixel: Pixel, loaded: u32, local: u32) {
     blended_by[local] = pixel.blended;
     if local == 0u {
         atomicStore(&stopped, 0u);
@@ -212,5 +214,6 @@ fn account(pixel: Pixel, local: u32) {
             atomicAdd(&totals[BLENDED_CARRY], 1u);
         }
         atomicAdd(&totals[STOPPED], atomicLoad(&stopped));
+        atomicAdd(&totals[LOADED], loaded);
     }
 }

@@ -185,6 +185,11 @@ pub(super) fn place_region(
     fill_region(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
 }
 
+/// Returns true if all floats of the images are finite. Undefined depths are marked by a number.
+pub(super) fn is_finite(images: &[u8]) -> bool {
+    images.as_chunks().0.iter().all(|bytes| f32::from_le_bytes(*bytes).is_finite())
+}
+
 /// Fills a region of an image, or removes the image if it is not requested.
 fn fill_region<T: std::marker::Copy + Default, const N: usize>(
     image: &mut Option<Image<T>>,

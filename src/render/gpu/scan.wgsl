@@ -15,41 +15,25 @@ struct Part {
 // Number of entries that a thread adds at a time.
 const RUN: u32 = 16u;
 
-var<workgroup> partial: array<u32, GROUP>;
-
 // Computes the exclusive sums of `count` entries, starting from `start`. Returns the total.
-fn scan(count: u32, start: u32, local: u32) -> u32 {
+fn scan(count: u32, start: u32, thread: Thread) -> u32 {
+    let place = place_of(thread);
     var carry = start;
     for (var base = 0u; base < count; base += GROUP * RUN) {
-        let first = base + local * RUN;
+        let first = base + place * RUN;
         let end = min(first + RUN, count);
         var own = 0u;
         for (var i = first; i < end; i++) {
             own = sum_up_to_many(own, sums[i]);
         }
-        partial[local] = own;
-        for (var width = 1u; width < GROUP; width *= 2u) {
-            workgroupBarrier();
-            var before = 0u;
-            if local >= width {
-                before = partial[local - width];
-            }
-            workgroupBarrier();
-            partial[local] = sum_up_to_many(partial[local], before);
-        }
-        workgroupBarrier();
-        var sum = carry;
-        if local > 0u {
-            sum = sum_up_to_many(carry, partial[local - 1u]);
-        }
+        let found = sums_of_many(own, thread);
+        var sum = sum_up_to_many(carry, found.before);
         for (var i = first; i < end; i++) {
             let entry = sums[i];
             sums[i] = sum;
             sum = sum_up_to_many(sum, entry);
         }
-        carry = sum_up_to_many(carry, partial[GROUP - 1u]);
-        // The next round writes `partial` again.
-        workgroupBarrier();
+        carry = sum_up_to_many(carry, found.all);
     }
     return carry;
 }
@@ -62,12 +46,12 @@ fn ask_for(dispatch: u32, count: u32) {
 
 // The splats of one part of the scene, after those of the earlier parts.
 @compute @workgroup_size(GROUP)
-fn scan_splats(@builtin(local_invocation_index) local: u32) {
-    let sum = scan(part.groups, totals[SPLATS], local);
+fn scan_splats(thread: Thread) {
+    let sum = scan(part.groups, totals[SPLATS], thread);
     // Every thread must have read the old total before it is replaced.
     storageBarrier();
     workgroupBarrier();
-    if local == 0u {
+    if thread.local == 0u {
         totals[SPLATS] = sum;
         let count = within(sum, frame.splat_room);
         ask_for(BY_SPLATS, (count + GROUP - 1u) / GROUP);
@@ -77,10 +61,10 @@ fn scan_splats(@builtin(local_invocation_index) local: u32) {
 
 // The pairs of all splats.
 @compute @workgroup_size(GROUP)
-fn scan_pairs(@builtin(local_invocation_index) local: u32) {
+fn scan_pairs(thread: Thread) {
     let splats = within(totals[SPLATS], frame.splat_room);
-    let sum = scan((splats + GROUP - 1u) / GROUP, 0u, local);
-    if local == 0u {
+    let sum = scan((splats + GROUP - 1u) / GROUP, 0u, thread);
+    if thread.local == 0u {
         totals[PAIRS] = sum;
         let count = within(sum, frame.pair_room);
         ask_for(BY_PAIR_BLOCKS, (count + BLOCK - 1u) / BLOCK);
@@ -91,13 +75,13 @@ fn scan_pairs(@builtin(local_invocation_index) local: u32) {
 
 // The counts of each digit in a pass of the sort, digit by digit and block by block.
 @compute @workgroup_size(GROUP)
-fn scan_splat_digits(@builtin(local_invocation_index) local: u32) {
+fn scan_splat_digits(thread: Thread) {
     let blocks = (within(totals[SPLATS], frame.splat_room) + BLOCK - 1u) / BLOCK;
-    _ = scan(DIGITS * blocks, 0u, local);
+    _ = scan(DIGITS * blocks, 0u, thread);
 }
 
 @compute @workgroup_size(GROUP)
-fn scan_pair_digits(@builtin(local_invocation_index) local: u32) {
+fn scan_pair_digits(thread: Thread) {
     let blocks = (within(totals[PAIRS], frame.pair_room) + BLOCK - 1u) / BLOCK;
-    _ = scan(DIGITS * blocks, 0u, local);
+    _ = scan(DIGITS * blocks, 0u, thread);
 }

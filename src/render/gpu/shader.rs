@@ -16,6 +16,8 @@ pub(super) const GROUP: u32 = 256;
 /// Entries that a workgroup sorts. Must stay below 65,536, because the sort's counters have 16
 /// bits.
 pub(super) const BLOCK: u32 = 4096;
+/// Threads of the smallest subgroup with which sums are made by subgroups.
+pub(super) const LEAST_SUBGROUP: u32 = 4;
 /// Bits of a digit of the sort.
 pub(super) const DIGIT_BITS: u32 = 4;
 /// Splats in the workgroup memory of a tile: with rates 12 KiB of the 16 KiB that every device has.
@@ -51,10 +53,12 @@ pub(super) enum Total {
     Stopped,
     Blended,
     BlendedCarry,
+    /// Entries of lists that tiles have loaded.
+    Loaded,
 }
 
 /// Number of counters in `totals`.
-pub(super) const TOTALS: usize = Total::BlendedCarry as usize + 1;
+pub(super) const TOTALS: usize = Total::Loaded as usize + 1;
 
 /// A dispatch with a size that the device computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -149,6 +153,8 @@ pub(super) struct ShaderVariant {
     pub(super) style: RenderStyle,
     pub(super) sh_degree: u8,
     pub(super) layout: ImageLayout,
+    /// Sums over threads are those of subgroups.
+    pub(super) subgroups: bool,
 }
 
 impl ShaderKind {
@@ -187,21 +193,34 @@ impl ShaderKind {
         const SPLAT: &str = include_str!("splat.wgsl");
         const DOUBLE: &str = include_str!("double.wgsl");
         const EYE: &str = include_str!("eye.wgsl");
+        let (sums, ranks) = if variant.subgroups {
+            (include_str!("sums_by_subgroups.wgsl"), include_str!("ranks_by_subgroups.wgsl"))
+        } else {
+            (include_str!("sums.wgsl"), include_str!("ranks.wgsl"))
+        };
         let parts: &[&str] = match self {
             Self::Project => {
-                &[FRAME, DOUBLE, EYE, include_str!("dual.wgsl"), SPLAT, include_str!("project.wgsl")]
+                &[FRAME, sums, DOUBLE, EYE, include_str!("dual.wgsl"), SPLAT, include_str!("project.wgsl")]
             }
-            Self::Scan => &[FRAME, include_str!("scan.wgsl")],
-            Self::Bin => &[FRAME, SPLAT, include_str!("bin.wgsl")],
-            Self::Sort => &[FRAME, include_str!("sort.wgsl")],
+            Self::Scan => &[FRAME, sums, include_str!("scan.wgsl")],
+            Self::Bin => &[FRAME, sums, SPLAT, include_str!("bin.wgsl")],
+            Self::Sort => &[FRAME, sums, include_str!("sort.wgsl"), ranks],
             Self::Raster => &[FRAME, include_str!("raster.wgsl")],
-            Self::Slots => &[FRAME, include_str!("slots.wgsl")],
+            Self::Slots => &[FRAME, sums, include_str!("slots.wgsl")],
             Self::Backward => &[FRAME, include_str!("backward.wgsl")],
             Self::Gather => &[FRAME, include_str!("gather.wgsl")],
             Self::Chain => &[FRAME, DOUBLE, EYE, include_str!("chain.wgsl")],
         };
         shader_prelude(variant) + &parts.join("\n")
     }
+}
+
+/// The functions for sums over threads, with what they need.
+#[cfg(test)]
+pub(super) fn sums_text(variant: &ShaderVariant) -> String {
+    let sums =
+        if variant.subgroups { include_str!("sums_by_subgroups.wgsl") } else { include_str!("sums.wgsl") };
+    shader_prelude(variant) + include_str!("frame.wgsl") + sums
 }
 
 /// Constants for all shaders.
@@ -266,6 +285,7 @@ fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
         ("TILE", TILE as u32),
         ("GROUP", GROUP),
         ("BLOCK", BLOCK),
+        ("LEAST_SUBGROUP", LEAST_SUBGROUP),
         ("DIGITS", 1 << DIGIT_BITS),
         ("BATCH", BATCH),
         ("SPLAT_ROWS", splat_rows(layout.rate.is_some())),
@@ -297,6 +317,7 @@ fn count_words(variant: &ShaderVariant) -> Vec<(&'static str, u32)> {
         ("STOPPED", Total::Stopped as u32),
         ("BLENDED", Total::Blended as u32),
         ("BLENDED_CARRY", Total::BlendedCarry as u32),
+        ("LOADED", Total::Loaded as u32),
         ("BY_SPLATS", Dispatch::Splats as u32),
         ("BY_SPLAT_BLOCKS", Dispatch::SplatBlocks as u32),
         ("BY_LISTED_SPLATS", Dispatch::ListedSplats as u32),
@@ -320,12 +341,22 @@ mod tests {
     use crate::render::LayerOrder;
     use wgpu::naga;
 
+    fn capabilities(variant: &ShaderVariant) -> naga::valid::Capabilities {
+        match variant.subgroups {
+            true => naga::valid::Capabilities::SUBGROUP,
+            false => naga::valid::Capabilities::empty(),
+        }
+    }
+
     fn validate(shader: ShaderKind, variant: &ShaderVariant) {
         let text = shader.text(variant);
         let module = naga::front::wgsl::parse_str(&text)
             .unwrap_or_else(|e| panic!("{}: {}", shader.name(), e.emit_to_string(&text)));
         let flags = naga::valid::ValidationFlags::all();
-        naga::valid::Validator::new(flags, naga::valid::Capabilities::empty())
+        let mut validator = naga::valid::Validator::new(flags, capabilities(variant));
+        validator
+            .subgroup_stages(naga::valid::ShaderStages::COMPUTE)
+            .subgroup_operations(naga::valid::SubgroupOperationSet::all())
             .validate(&module)
             .unwrap_or_else(|e| panic!("{}: {}", shader.name(), e.emit_to_string(&text)));
         for entry in &module.entry_points {
@@ -354,8 +385,10 @@ mod tests {
                     // their constants are nonsense, but they are still valid.
                     let layout = ImageLayout::new(want);
                     let layout = if rate { layout } else { layout.with_trace() };
-                    let variant = ShaderVariant { style, sh_degree, layout };
-                    ShaderKind::ALL.iter().for_each(|shader| validate(*shader, &variant));
+                    for subgroups in [false, true] {
+                        let variant = ShaderVariant { style, sh_degree, layout, subgroups };
+                        ShaderKind::ALL.iter().for_each(|shader| validate(*shader, &variant));
+                    }
                 }
             }
         }

@@ -21,33 +21,21 @@
 // First slot and number of slots of each splat.
 @group(1) @binding(6) var<storage, read_write> ranges: array<vec2u>;
 
-var<workgroup> before: array<u32, GROUP>;
-
 // Before the sort: replaces the splat of each pair by the pair's slot.
 @compute @workgroup_size(GROUP)
-fn number(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
-    let i = group.x * GROUP + local;
+fn number(thread: Thread) {
+    let i = thread.group.x * GROUP + place_of(thread);
     let exists = i < within(totals[SPLATS], frame.splat_room);
     var count = 0u;
     if exists {
         count = touched[i];
     }
-    before[local] = count;
-    for (var width = 1u; width < GROUP; width *= 2u) {
-        // Read, barrier, add: another thread may still have to read the old value.
-        workgroupBarrier();
-        var more = 0u;
-        if local >= width {
-            more = before[local - width];
-        }
-        workgroupBarrier();
-        before[local] += more;
-    }
+    let before = sums_of(count, thread).before;
     if !exists {
         return;
     }
     let splat = order[i].y;
-    let first = sums[group.x] + before[local] - count;
+    let first = sums[thread.group.x] + before;
     ranges[splat] = vec2u(first, count);
     for (var slot = first; slot < first + count; slot++) {
         // Empty pairs get a slot as well. No tile lists them, so it stays zero.

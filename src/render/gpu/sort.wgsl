@@ -10,8 +10,8 @@
 // A sort by depth is part of the image: equal depths must keep their order, and two runs must give
 // the same bytes. Atomics would rank entries in the order in which threads happen to run. Instead,
 // each thread counts its own run in order, and a prefix sum over the threads of the block gives
-// every entry its rank. No subgroup operation is used. The result therefore does not depend on the
-// subgroup width of the device, and devices without subgroups run it too.
+// every entry its rank. The sums over the threads are in `ranks.wgsl` and `ranks_by_subgroups.wgsl`.
+// They are of integers, so the result does not depend on the subgroups of the device.
 
 struct Digit {
     // Number of the digit's lowest bit in the key.
@@ -48,86 +48,51 @@ fn digit_of(key: u32) -> u32 {
 }
 
 // Counts the digits of the thread's run, in order.
-fn tally(first: u32, end: u32, local: u32) {
+fn tally(first: u32, end: u32, at: u32) {
     for (var word = 0u; word < WORDS; word++) {
-        counters[word * GROUP + local] = 0u;
+        counters[word * GROUP + at] = 0u;
     }
     for (var i = first; i < end; i++) {
         let value = digit_of(source[i].x);
-        counters[(value / 2u) * GROUP + local] += 1u << (16u * (value % 2u));
+        counters[(value / 2u) * GROUP + at] += 1u << (16u * (value % 2u));
     }
 }
 
 @compute @workgroup_size(GROUP)
-fn count(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+fn count(thread: Thread) {
     let length = length_of();
+    let place = place_of(thread);
     // Runs of neighbouring entries, and not every 256th entry: the order of threads is then the
     // order of entries.
-    let first = group.x * BLOCK + local * RUN;
-    tally(first, min(first + RUN, length), local);
-    // Tree reduction over the threads. Integer sums are exact, so their order does not matter.
-    for (var width = GROUP / 2u; width > 0u; width /= 2u) {
-        // Every thread must reach the barrier, so the test for `local` stays inside the loop.
-        workgroupBarrier();
-        if local < width {
-            for (var word = 0u; word < WORDS; word++) {
-                counters[word * GROUP + local] += counters[word * GROUP + local + width];
-            }
-        }
-    }
-    workgroupBarrier();
-    if local < DIGITS {
+    let first = thread.group.x * BLOCK + place * RUN;
+    tally(first, min(first + RUN, length), place);
+    add_up_counters(place, thread);
+    if place < DIGITS {
         let blocks = (length + BLOCK - 1u) / BLOCK;
-        let both = counters[(local / 2u) * GROUP];
+        let both = counters[(place / 2u) * GROUP];
         // Digit first, block second: the scan over this order gives the place of each (digit,
         // block).
-        counts[local * blocks + group.x] = (both >> (16u * (local % 2u))) & 0xffffu;
+        counts[place * blocks + thread.group.x] = (both >> (16u * (place % 2u))) & 0xffffu;
     }
 }
 
 @compute @workgroup_size(GROUP)
-fn scatter(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) local: u32) {
+fn scatter(thread: Thread) {
     let length = length_of();
+    let place = place_of(thread);
     let blocks = (length + BLOCK - 1u) / BLOCK;
-    let first = group.x * BLOCK + local * RUN;
+    let first = thread.group.x * BLOCK + place * RUN;
     let end = min(first + RUN, length);
-    tally(first, end, local);
-    // Inclusive prefix sum over the threads (Hillis and Steele). Read, barrier, add: a thread must
-    // not add to a counter that another still has to read.
-    var before: array<u32, WORDS>;
-    for (var width = 1u; width < GROUP; width *= 2u) {
-        workgroupBarrier();
-        for (var word = 0u; word < WORDS; word++) {
-            before[word] = 0u;
-            if local >= width {
-                before[word] = counters[word * GROUP + local - width];
-            }
-        }
-        workgroupBarrier();
-        for (var word = 0u; word < WORDS; word++) {
-            counters[word * GROUP + local] += before[word];
-        }
-    }
-    // Shift by one thread: the exclusive sum is the rank of the thread's first entry of each digit.
-    workgroupBarrier();
-    for (var word = 0u; word < WORDS; word++) {
-        before[word] = 0u;
-        if local > 0u {
-            before[word] = counters[word * GROUP + local - 1u];
-        }
-    }
-    workgroupBarrier();
-    for (var word = 0u; word < WORDS; word++) {
-        counters[word * GROUP + local] = before[word];
-    }
+    tally(first, end, place);
+    rank_counters(place, thread);
     for (var i = first; i < end; i++) {
         let entry = source[i];
         let value = digit_of(entry.x);
-        let at = (value / 2u) * GROUP + local;
+        let at = (value / 2u) * GROUP + place;
         let rank = (counters[at] >> (16u * (value % 2u))) & 0xffffu;
         // The counter goes on from the rank, so entries of one digit keep their order: the sort is
         // stable.
         counters[at] += 1u << (16u * (value % 2u));
-        sorted[counts[value * blocks + group.x] + rank] = entry;
+        sorted[counts[value * blocks + thread.group.x] + rank] = entry;
     }
 }

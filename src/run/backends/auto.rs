@@ -8,7 +8,7 @@ use crate::plan::{Plan, RendererPolicy, past};
 use crate::recipe::Recipe;
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, DeviceChoice, GpuDevice, GpuError};
+use crate::render::gpu::{self, DeviceChoice, FeatureSet, GpuDevice, GpuError};
 use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -17,6 +17,7 @@ use std::collections::BTreeSet;
 #[derive(Debug)]
 pub struct AutoRenderers {
     choice: DeviceChoice,
+    without: FeatureSet,
     /// The GPU, or the error of opening it; `None` if it was not opened yet.
     pub(super) gpu: RefCell<Option<Result<GpuDevice, GpuError>>>,
     /// Scenes that the GPU failed.
@@ -24,22 +25,22 @@ pub struct AutoRenderers {
 }
 
 impl AutoRenderers {
-    /// Renders by one of these GPUs, or else by the CPU.
+    /// Renders by one of these GPUs without some of its features, or else by the CPU.
     #[must_use]
-    pub fn new(choice: DeviceChoice) -> Self {
-        Self { choice, gpu: RefCell::default(), on_cpu: RefCell::default() }
+    pub fn new(choice: DeviceChoice, without: FeatureSet) -> Self {
+        Self { choice, without, gpu: RefCell::default(), on_cpu: RefCell::default() }
     }
 
     /// Renders by a GPU that is open already.
     #[cfg(test)]
     pub(crate) fn with_device(device: GpuDevice) -> Self {
-        Self { gpu: RefCell::new(Some(Ok(device))), ..Self::new(DeviceChoice::Any) }
+        Self { gpu: RefCell::new(Some(Ok(device))), ..Self::new(DeviceChoice::Any, FeatureSet::NONE) }
     }
 
     /// The GPU, opened if necessary, or else the CPU.
     fn best(&self) -> Backend {
         let mut gpu = self.gpu.borrow_mut();
-        match gpu.get_or_insert_with(|| GpuDevice::open(&self.choice)) {
+        match gpu.get_or_insert_with(|| GpuDevice::open_without(&self.choice, self.without)) {
             Ok(device) => Backend::Gpu(device.clone()),
             Err(_) => Backend::Cpu,
         }

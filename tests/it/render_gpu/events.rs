@@ -6,19 +6,22 @@
 
 use super::gpu;
 use crate::support::gaussians::OFFICIAL;
+use gs2e::camera::Camera;
 use gs2e::event::Event;
 use gs2e::frames::rendered::RenderedFrames;
+use gs2e::frames::{DenseFrame, FrameError, FrameSequence};
 use gs2e::image::Size;
-use gs2e::render::Renderer;
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::gpu::GpuRenderer;
+use gs2e::render::{CameraView, ChannelSet, RenderedImages, Renderer};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::seed::Seed;
 use gs2e::sensor::simulate_one;
 use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use gs2e::trajectory::Trajectory;
-use std::collections::BTreeMap;
+use gs2e::units::Timestamp;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -27,8 +30,7 @@ const FRAMES: usize = 60;
 /// Time between frames, us.
 const STEP_US: i64 = 417;
 
-/// Events by pixel in order of time, ns.
-fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16), Vec<i64>> {
+fn path(life: &StillLife) -> (Camera, Trajectory) {
     let capture = procedural::still_capture(life);
     let [from, to] = [&capture.views[0], &capture.views[5]].map(|view| view.world_from_camera);
     let pose = |k: usize| Se3 {
@@ -39,21 +41,85 @@ fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16),
         world_from_camera: (0..FRAMES).map(pose).collect(),
         stamps_us: (0..).map(|k| k * STEP_US).take(FRAMES).collect(),
     };
-    let mut frames = RenderedFrames::new(renderer, capture.views[0].camera.resized(SIZE), trajectory);
+    (capture.views[0].camera.resized(SIZE), trajectory)
+}
+
+/// The views of the path, each with its stamp in us.
+fn views(life: &StillLife) -> Vec<(CameraView, i64)> {
+    let (camera, trajectory) = path(life);
+    let poses = trajectory.world_from_camera.into_iter().zip(trajectory.stamps_us);
+    poses.map(|(pose, stamp)| (CameraView::at_rest(camera, pose), stamp)).collect()
+}
+
+fn frames(renderer: Box<dyn Renderer>, life: &StillLife) -> RenderedFrames {
+    let (camera, trajectory) = path(life);
+    RenderedFrames::new(renderer, camera, trajectory)
+}
+
+/// The sensor's events, in its order.
+fn sensed(frames: &mut dyn FrameSequence) -> Vec<Event> {
     let mut all: Vec<Event> = Vec::new();
     let mut go_on = |_: &_| ControlFlow::Continue(());
-    simulate_one(
-        &mut frames,
-        &VoltmeterModel::new(VoltmeterPreset::Dvs346.k()),
-        Seed(7),
-        &mut all,
-        &mut go_on,
-    )
-    .unwrap();
+    simulate_one(frames, &VoltmeterModel::new(VoltmeterPreset::Dvs346.k()), Seed(7), &mut all, &mut go_on)
+        .unwrap();
+    all
+}
+
+/// Events by pixel in order of time, ns.
+fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16), Vec<i64>> {
+    let all = sensed(&mut frames(renderer, life));
     let mut pixels: BTreeMap<_, Vec<i64>> = BTreeMap::new();
     all.iter().for_each(|event| pixels.entry((event.x, event.y)).or_default().push(event.t.0));
     pixels.values_mut().for_each(|times| times.sort_unstable());
     pixels
+}
+
+/// Frames that were made before.
+struct MadeFrames {
+    frames: VecDeque<DenseFrame>,
+    len: usize,
+}
+
+impl FrameSequence for MadeFrames {
+    fn size(&self) -> Size {
+        SIZE
+    }
+
+    fn len(&self) -> usize {
+        self.len
+    }
+
+    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
+        Ok(self.frames.pop_front())
+    }
+}
+
+/// The events of a build, whose frames are in flight while the sensor works, are those of the sensor
+/// fed with the same frames one by one, bit for bit: with all features of the GPU, and without each.
+#[test]
+fn events_are_those_of_the_sensor_fed_with_the_same_frames() {
+    let Some(device) = gpu::device() else { return };
+    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1 };
+    let scene = procedural::still_life(&life);
+    let renderer = |device| Box::new(GpuRenderer::new(device, &scene, OFFICIAL).unwrap());
+    let views = views(&life);
+    let want = ChannelSet { luminance: true, ..ChannelSet::NONE };
+    let mut made = VecDeque::new();
+    for (index, (view, stamp_us)) in views.into_iter().enumerate() {
+        // A renderer of its own, so that no frame has a trace of another.
+        let mut out = RenderedImages::default();
+        renderer(device.clone()).render(&view, want, &mut out).unwrap();
+        let mut luminance = out.luminance.unwrap();
+        luminance.pixels_mut().iter_mut().for_each(|value| *value *= 255.0);
+        made.push_back(DenseFrame { index, t: Timestamp(1000 * stamp_us), luminance, rate: None });
+    }
+    let wanted = sensed(&mut MadeFrames { len: made.len(), frames: made });
+    assert!(wanted.len() > 10_000, "too few to compare");
+    let mut devices = gpu::devices_without_features();
+    devices.push(("nothing".to_owned(), device));
+    for (without, device) in devices {
+        assert!(sensed(&mut frames(renderer(device), &life)) == wanted, "without {without}");
+    }
 }
 
 #[test]

@@ -57,6 +57,42 @@ fn an_unused_gpu_option_is_refused() {
     assert!(ended.stderr.contains("--gpu selects a GPU, but the backend is not a GPU"), "{}", ended.stderr);
 }
 
+#[test]
+fn features_of_a_gpu_are_left_out_by_name() {
+    let place = workspace();
+    for (features, found) in [("f16", "f16"), ("subgroups,magic", "magic"), ("", "")] {
+        let mut command = place.command(&format!("{RIGHT} --backend gpu"));
+        let ended = command.arg(format!("--gpu-without={features}")).output().unwrap();
+        let message = String::from_utf8(ended.stderr).unwrap();
+        let wanted =
+            format!("found `{found}`, wanted one or more of subgroups, timestamps, separated by commas");
+        assert!(ended.status.code() == Some(2) && message.contains(&wanted), "{message}");
+    }
+    let ended = place.gs2e(&format!("{RIGHT} --backend cpu --gpu-without subgroups"));
+    let wanted = "--gpu-without leaves out features of a GPU, but the backend is not a GPU";
+    assert!(ended.code == 2 && ended.stderr.contains(wanted), "{}", ended.stderr);
+    if gpu::device().is_none() {
+        return;
+    }
+    let bytes = |args: &str| {
+        let ended = with_gpu(&place, args);
+        assert_eq!(ended.code, 0, "{}", ended.stderr);
+        let bytes = fs::read(place.path("new.npy")).unwrap();
+        fs::remove_file(place.path("new.npy")).unwrap();
+        bytes
+    };
+    let whole = bytes("--backend gpu");
+    assert!(bytes("--backend gpu --gpu-without subgroups,timestamps") == whole);
+    let output =
+        place.command_with_gpu("doctor --no-trial --json --gpu-without timestamps").output().unwrap();
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    for gpu in value["gpus"].as_array().unwrap() {
+        let used = gpu["used"].as_array().unwrap();
+        assert!(!used.contains(&Value::from("timestamps")), "{gpu}");
+        assert!(used.iter().all(|feature| gpu["features"].as_array().unwrap().contains(feature)), "{gpu}");
+    }
+}
+
 /// Steps rendered by a GPU have its class in their keys, and their events agree with the CPU's.
 #[test]
 fn scenes_are_built_by_a_gpu() {
