@@ -47,6 +47,7 @@ use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::imu::ImuModel;
 use crate::licence::UpstreamGrant;
+use crate::lights::SceneLights;
 use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
@@ -107,6 +108,8 @@ pub struct Recipe {
     pub shutter: ShutterSettings,
     /// Inertial sensor, if the recipe asks for its data.
     pub imu: Option<ImuModel>,
+    /// Light that changes, if the recipe has it.
+    pub lights: Option<SceneLights>,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.

@@ -55,6 +55,12 @@ impl OutputKind {
         self == Self::Imu
     }
 
+    /// Returns true if it is simulated from frames, at times that the frames must resolve.
+    #[must_use]
+    pub fn is_simulated(self) -> bool {
+        self == Self::Events
+    }
+
     /// The settings of this output in a recipe's full form, under the key of its name. A recipe
     /// without the output shows none, except for sharp frames, whose settings are always shown.
     pub(super) fn settings(self, recipe: &Recipe) -> Option<Value> {

@@ -2,6 +2,7 @@
 
 mod imu;
 mod licence;
+mod lights;
 mod number;
 mod outputs;
 mod picture;
@@ -67,6 +68,7 @@ impl Resolver<'_> {
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
+        let lights = self.lights(raw, rate, outputs.as_ref());
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -88,6 +90,7 @@ impl Resolver<'_> {
             every: every?,
             shutter: shutter?,
             imu: imu?,
+            lights: lights?,
             scale: scale?,
             checks: checks?,
             licence: licence?,

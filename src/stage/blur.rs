@@ -7,6 +7,7 @@ use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_jso
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedPose;
 use crate::image::png;
+use crate::lights::SceneLights;
 use crate::render::{ChannelSet, Renderer};
 use crate::sampling::exposure::{
     self, DenseView, ExposeError, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
@@ -26,6 +27,9 @@ pub struct BlurStage {
     /// The shutter.
     #[serde(flatten)]
     pub shutter: ShutterSettings,
+    /// Light that changes, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<SceneLights>,
 }
 
 /// Bytes per pixel: sums of three colours in 64 bits, a picture in 32 bits, its flow, and the
@@ -75,6 +79,7 @@ impl PoseStage for BlurStage {
                 .map_err(StageError::work_failed("expose"));
         }
         let exposer = FrameExposer::new(ExposureCourse { camera, poses, seconds }, self.shutter);
+        let exposer = exposer.map(|exposer| exposer.lit_by(self.lights.clone()));
         let exposer = exposer.map_err(StageError::work_failed("join the poses by a path"))?;
         Ok(Box::new(BlurTaker { exposer, exposures: Vec::new() }))
     }

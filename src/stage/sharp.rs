@@ -6,7 +6,8 @@ use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::image::png;
-use crate::render::ChannelSet;
+use crate::lights::SceneLights;
+use crate::render::{ChannelSet, RenderedImages};
 use crate::sampling::exposure;
 use crate::scene::Gaussians;
 use crate::source::Capture;
@@ -20,6 +21,9 @@ pub struct SharpStage {
     pub shot: ShotParameters,
     /// Spacing of frames, in poses.
     pub every: u32,
+    /// Light that changes, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<SceneLights>,
     /// Dense frames per exposure, if frames in the middle of exposures are kept too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposed: Option<u32>,
@@ -67,10 +71,18 @@ impl PoseStage for SharpStage {
     fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
         let kept = exposure::kept_poses(ground.poses(), self.every, self.exposed);
         let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
+        let lit = self.lights.clone().map(|lights| (lights, ground.motion.trajectory.stamps_us.clone()));
+        let keep = move |images: &RenderedImages, pose: usize| {
+            let picture = images.rgb.as_ref().expect("colour was asked for");
+            match &lit {
+                Some((lights, stamps_us)) => png::to_bytes(&lights.at_us(stamps_us[pose]).lit(picture)),
+                None => png::to_bytes(picture),
+            }
+        };
         let form = PoseFileForm {
             extension: "png",
             // As bytes, because several pictures wait at once.
-            keep: |images| png::to_bytes(images.rgb.as_ref().expect("colour was asked for")),
+            keep: Box::new(keep),
             write: |picture, file| png::write_image(picture, file),
             is_encoded: true,
         };

@@ -63,12 +63,12 @@ pub(super) struct FileTaker<K> {
     work: RenderWork,
 }
 
-/// The form of a pose's file.
+/// The form of a pose's file. `keep` takes the number of the pose.
 pub(super) struct PoseFileForm<K> {
     /// The extension of its name.
     pub(super) extension: &'static str,
     /// The part of the images that is kept until the file is written.
-    pub(super) keep: fn(&RenderedImages) -> K,
+    pub(super) keep: Box<dyn Fn(&RenderedImages, usize) -> K>,
     /// Writes the file.
     pub(super) write: fn(&K, BufWriter<File>) -> io::Result<()>,
     /// True if writing costs more than a copy, so that several cores should write at once.
@@ -109,7 +109,7 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
             return Ok(());
         }
         self.work += pose.work;
-        self.kept.push((pose.index, (self.form.keep)(pose.images)));
+        self.kept.push((pose.index, (self.form.keep)(pose.images, pose.index)));
         let most = if self.form.is_encoded { BATCH } else { 1 };
         if self.kept.len() < most { Ok(()) } else { self.flush(cx) }
     }

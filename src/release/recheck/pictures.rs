@@ -65,6 +65,16 @@ impl ReleasedPictures<'_> {
         read.map_err(|e| self.tree.refusal(&name, e))
     }
 
+    /// Brightness of a frame without the changes of the light, for comparisons with frames at other times. `None`
+    /// where the light was too low.
+    pub(super) fn unlit(&self, pose: usize, frame: &GreyImage) -> Option<Image<f32>> {
+        let Some(lights) = &self.recipe.lights else { return Some(frame.luminance.clone()) };
+        let undone = lights.undone_at_us(self.stamp(pose))?;
+        let grey = || Image::from_vec(self.camera.size, frame.luminance.pixels().iter().map(|v| [*v; 3]).collect());
+        let colours = frame.colours.clone().unwrap_or_else(grey);
+        Some(undone.grey_in(colours))
+    }
+
     /// [`Self::frame`], which also notes the form of its file.
     pub(super) fn frame_with_form(&self, pose: usize) -> Result<GreyImage, RecheckError> {
         let name = self.name("sharp", pose, "png");
@@ -114,7 +124,8 @@ impl PosedPictures for ReleasedPictures<'_> {
     type Error = RecheckError;
 
     fn brightness(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
-        Ok(self.frame(pose)?.luminance)
+        let frame = self.frame(pose)?;
+        Ok(self.unlit(pose, &frame).unwrap_or(frame.luminance))
     }
 
     fn depth(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
