@@ -104,6 +104,8 @@ pub struct Recipe {
     pub outputs: BTreeSet<OutputKind>,
     /// Number of poses per picture.
     pub every: PictureSpacing,
+    /// Time from the first row of a sharp frame to the last, us, if the shutter rolls.
+    pub readout_us: Option<u32>,
     /// Exposure of the blurred frames.
     pub shutter: ShutterSettings,
     /// Inertial sensor, if the recipe asks for its data.

@@ -78,6 +78,12 @@ impl LightAt {
         });
     }
 
+    /// Lights a row of a rendering, display-encoded.
+    pub fn light_row(self, row: &mut [[f32; 3]]) {
+        let map = LitMap::new(self.factor);
+        row.as_flattened_mut().iter_mut().for_each(|value| *value = single(map.of(f64::from(*value))));
+    }
+
     /// The luminance of colours on the scale 0..255 in this light.
     #[must_use]
     pub fn grey_in(self, mut colours: Image<[f32; 3]>) -> Image<f32> {

@@ -236,11 +236,9 @@ fn wire_output(
         OutputKind::Sharp => {
             // If every frame is kept, the middle frames of exposures are among them.
             let exposed = recipe.exposed().filter(|_| every > 1);
-            made.sharp = Some(wiring.add(
-                name,
-                SharpStage { shot: shot(), every, lights: recipe.lights.clone(), exposed },
-                inputs,
-            ));
+            let (lights, readout_us) = (recipe.lights.clone(), recipe.readout_us);
+            let stage = SharpStage { shot: shot(), every, lights, readout_us, exposed };
+            made.sharp = Some(wiring.add(name, stage, inputs));
         }
         OutputKind::Blur => {
             let lights = recipe.lights.clone();

@@ -65,6 +65,7 @@ impl Resolver<'_> {
         let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let every = self.spacing(raw);
+        let readout_us = self.readout_us(&raw.sharp);
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
@@ -88,6 +89,7 @@ impl Resolver<'_> {
             sensors: sensors?,
             outputs: outputs?,
             every: every?,
+            readout_us: readout_us?,
             shutter: shutter?,
             imu: imu?,
             lights: lights?,

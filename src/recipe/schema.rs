@@ -87,9 +87,9 @@ pub(super) struct RecipeSchema {
     /// Products to make for each trajectory. Steps that no product needs do not run. Default:
     /// `[events, sharp]`.
     pub outputs: Field<Vec<Field<OutputKind>>>,
-    /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case.
+    /// Spacing and shutter of the sharp frames. A frame in the middle of an exposure is kept in any case.
     /// Default: `{}`.
-    pub sharp: Field<EverySection>,
+    pub sharp: Field<SharpSection>,
     /// Exposure of the blurred frames. Default: `{}`.
     pub blur: Field<BlurSection>,
     /// Spacing of the depth images. Default: `{}`.
@@ -192,7 +192,18 @@ pub(super) enum AntialiasedKey {
     Off,
 }
 
-/// Spacing of the pictures of `sharp`, `depth` or `flow`.
+/// Spacing and shutter of the sharp frames.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct SharpSection {
+    /// Number of poses from one picture to the next. Default: `1`.
+    pub every: Field<u64>,
+    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of the pose.
+    /// Unit: us. Default: none, for a shutter that sees all rows at once.
+    pub readout_us: Field<u64>,
+}
+
+/// Spacing of the pictures of `depth` or `flow`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {

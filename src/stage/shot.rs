@@ -7,6 +7,7 @@ use crate::camera::{Camera, CameraChoice};
 use crate::frames::rendered::RenderedPose;
 use crate::render::backend::Backend;
 use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages, Renderer};
+use crate::sampling::exposure::ExposeError;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fs::File;
@@ -60,7 +61,7 @@ pub(super) struct FileTaker<K> {
     form: PoseFileForm<K>,
     /// Images that wait to be written, with their pose.
     kept: Vec<(usize, K)>,
-    work: RenderWork,
+    pub(super) work: RenderWork,
 }
 
 /// The form of a pose's file. `keep` takes the number of the pose.
@@ -81,7 +82,7 @@ impl<K: Sync> FileTaker<K> {
         Self { poses, want, form, kept: Vec::new(), work: RenderWork::default() }
     }
 
-    fn has(&self, pose: usize) -> bool {
+    pub(super) fn has(&self, pose: usize) -> bool {
         self.poses.binary_search(&pose).is_ok()
     }
 
@@ -117,6 +118,14 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
     fn finish(mut self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         self.flush(cx)?;
         record_work(&self.work, cx)
+    }
+}
+
+/// The failure of a frame that was exposed.
+pub(super) fn exposure_failure(error: ExposeError) -> StageError {
+    match error {
+        ExposeError::Interrupted => StageError::Cancelled,
+        error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
     }
 }
 

@@ -79,6 +79,7 @@ mod render_stress;
 mod render_verb;
 mod report;
 mod restricted;
+mod rolling;
 mod scenes;
 mod several_sensors;
 mod shared_store;

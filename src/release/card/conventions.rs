@@ -42,6 +42,22 @@ fn lit_scenes(scenes: &[PublishedScene]) -> String {
     )
 }
 
+/// The scenes whose sharp frames have a rolling shutter.
+fn rolling_scenes(scenes: &[PublishedScene]) -> String {
+    let shown = scenes.iter().filter(|scene| !scene.is_withheld() && scene.recipe.has_sharp());
+    let rolling = shown.filter_map(|scene| Some((&scene.recipe.scene, scene.recipe.readout_us?)));
+    let rows: Vec<String> = rolling.map(|(scene, us)| format!("| {scene} | {us} |\n")).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nThe rows of the sharp frames of these scenes are seen one after another. Row r of H is seen at t + readout \
+         (r / (H - 1) - 1/2), where t is the time of the pose, so the pose is that of the middle row:\n\n\
+         | scene | readout, us |\n|---|---|\n{}\n",
+        rows.concat()
+    )
+}
+
 /// Conventions for reading the numbers, and the sensors that see another brightness than the
 /// others.
 pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
@@ -66,6 +82,7 @@ pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
         );
     }
     text.push_str(&lit_scenes(scenes));
+    text.push_str(&rolling_scenes(scenes));
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
     let others: Vec<String> = sensors
         .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))

@@ -22,6 +22,12 @@ pub(super) struct ReleasedPictures<'a> {
 }
 
 impl ReleasedPictures<'_> {
+    /// Returns true if the rows of a sharp frame have times of their own. Such frames are not compared with poses,
+    /// events and exposures.
+    pub(super) fn is_rolling(&self) -> bool {
+        self.recipe.readout_us.is_some()
+    }
+
     pub(super) fn poses(&self) -> usize {
         self.motion.trajectory.world_from_camera.len()
     }
@@ -29,6 +35,9 @@ impl ReleasedPictures<'_> {
     /// Numbers of the poses that have a picture of this kind.
     pub(super) fn poses_with(&self, kind: &str, extension: &str) -> Result<Vec<usize>, RecheckError> {
         let mut found = Vec::new();
+        if kind == "sharp" && self.is_rolling() {
+            return Ok(found);
+        }
         for pose in 0..self.poses() {
             if self.tree.has(&self.name(kind, pose, extension))? {
                 found.push(pose);
@@ -42,6 +51,9 @@ impl ReleasedPictures<'_> {
         let blurred = kind == OutputKind::Sharp && self.recipe.outputs.contains(&OutputKind::Blur);
         let exposed = blurred.then_some(self.recipe.shutter.frames);
         let mut found = Vec::new();
+        if kind == OutputKind::Sharp && self.is_rolling() {
+            return Ok(found);
+        }
         for pose in exposure::kept_poses(self.poses(), self.recipe.every.poses(kind), exposed) {
             if self.tree.has(&self.name(kind.name(), pose, extension))? {
                 found.push(pose);
@@ -70,7 +82,8 @@ impl ReleasedPictures<'_> {
     pub(super) fn unlit(&self, pose: usize, frame: &GreyImage) -> Option<Image<f32>> {
         let Some(lights) = &self.recipe.lights else { return Some(frame.luminance.clone()) };
         let undone = lights.undone_at_us(self.stamp(pose))?;
-        let grey = || Image::from_vec(self.camera.size, frame.luminance.pixels().iter().map(|v| [*v; 3]).collect());
+        let grey =
+            || Image::from_vec(self.camera.size, frame.luminance.pixels().iter().map(|v| [*v; 3]).collect());
         let colours = frame.colours.clone().unwrap_or_else(grey);
         Some(undone.grey_in(colours))
     }
