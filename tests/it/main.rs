@@ -45,6 +45,7 @@ mod interruption;
 mod kept_frames;
 mod keys;
 mod latency;
+mod lens;
 mod lights;
 mod linked_tree;
 mod loader;
