@@ -9,7 +9,7 @@
 //! of 1 without a level. `d` is the depth of modulation after Michelson, `(max - min) / (max + min)` for a sine or a
 //! square wave. `s` is the level in stops.
 
-pub mod lit;
+mod lit;
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, LN_2, PI, TAU};
