@@ -84,7 +84,7 @@ pub fn write_export(
         return Err(ExportError::Unmet { format: format.name(), unmet });
     }
     // Lost and derived properties follow from the choice of a format; a false assumption does not.
-    let losses = format.losses(plan);
+    let losses = [format.losses(plan), plan.losses()].concat();
     if !lossy && losses.iter().any(|loss| loss.kind == LossKind::Approximate) {
         return Err(ExportError::Lossy { format: format.name(), losses });
     }

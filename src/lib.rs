@@ -28,8 +28,8 @@
 //! - [`units`], [`escape`], `html`, [`files`], [`programs`], [`budget`], [`stats`], `elementary`, [`seed`],
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
-//! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`frames`],
-//!   [`event`], [`sensor`], [`sampling`], [`imu`], [`reconstruct`], [`training`], [`foreign`], [`check`],
+//! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`lights`],
+//!   [`frames`], [`event`], [`sensor`], [`sampling`], [`imu`], [`reconstruct`], [`training`], [`foreign`], [`check`],
 //!   [`dataset`], [`licence`]: the domain. Values and models, with readers and writers of their own
 //!   formats. No store, and no threads except rayon's.
 //! - [`store`]: blobs, records, descriptions, stat fields, memos. It knows no other room except
@@ -95,6 +95,7 @@ pub(crate) mod html;
 pub mod image;
 pub mod imu;
 pub mod licence;
+pub mod lights;
 pub mod plan;
 pub mod programs;
 pub mod recipe;

@@ -47,6 +47,7 @@ use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::imu::ImuModel;
 use crate::licence::UpstreamGrant;
+use crate::lights::SceneLights;
 use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
@@ -103,10 +104,14 @@ pub struct Recipe {
     pub outputs: BTreeSet<OutputKind>,
     /// Number of poses per picture.
     pub every: PictureSpacing,
+    /// Time from the first row of a sharp frame to the last, us, if the shutter rolls.
+    pub readout_us: Option<u32>,
     /// Exposure of the blurred frames.
     pub shutter: ShutterSettings,
     /// Inertial sensor, if the recipe asks for its data.
     pub imu: Option<ImuModel>,
+    /// Light that changes, if the recipe has it.
+    pub lights: Option<SceneLights>,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.

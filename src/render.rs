@@ -8,6 +8,7 @@ mod dual;
 pub mod fidelity;
 pub mod flow;
 pub mod gpu;
+pub mod lens;
 pub mod reference;
 pub mod sample;
 pub mod shared;

@@ -18,6 +18,7 @@ pub mod jitter;
 pub mod law;
 pub mod measure;
 pub mod path;
+pub mod rolling;
 pub mod scout;
 
 use crate::sensor::voltmeter::BetweenFrames;

@@ -12,6 +12,7 @@ use super::{BackendArg, CommonArgs, input};
 use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
+use crate::render::lens::{Distortion, LensRenderer};
 use crate::render::{
     AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
     RenderStyle, RenderWork, RenderedImages,
@@ -63,6 +64,10 @@ pub(super) struct RenderArgs {
     /// luminance-rate and flow
     #[arg(long, value_name = "vx,vy,vz,wx,wy,wz", value_parser = numbers::parse_velocity, allow_hyphen_values = true)]
     velocity: Option<CameraVelocity>,
+    /// Lens that distorts the picture, with OpenCV's coefficients: opencv:k1,k2,p1,p2[,k3[,k4,k5,k6]] or
+    /// fisheye:k1,k2,k3,k4 [default: none, as a pinhole]
+    #[arg(long, value_name = "MODEL:K1,K2,...", allow_hyphen_values = true)]
+    lens: Option<Distortion>,
     /// File for the picture: a .npy (float32, neither clamped nor encoded), a .png (8 bits), or `-`
     /// for a .npy to stdout
     #[arg(long, value_name = "FILE")]
@@ -153,6 +158,9 @@ impl RenderArgs {
             let mut value = account.to_json();
             value["file"] = json!(path(&self.out));
             value["style"] = json!(style);
+            if let Some(lens) = self.lens {
+                value["lens"] = json!(lens.to_string());
+            }
             console.result(&value);
         }
     }
@@ -229,6 +237,9 @@ impl RenderArgs {
         let mut by = |backend: &Backend| {
             let mut renderer = backend.renderer(scene.clone(), style)?;
             renderer.omit(common.omit());
+            if let Some(lens) = self.lens {
+                renderer = Box::new(LensRenderer::new(renderer, lens));
+            }
             let work = renderer.render(view, want, out)?;
             Ok::<_, RenderError>((backend.class(), work))
         };

@@ -187,6 +187,8 @@ fn promised_subject(
         flow: poses("flow"),
         exposures: exposed.collect(),
         blur_mean: recipe.shutter.mean,
+        readout_us: recipe.readout_us.unwrap_or(0),
+        is_lit: recipe.lights.is_some(),
         // The release may state it without the output.
         depth_range: Some([1.0, 2.0]),
         sensor: has("events").then(|| sensor.clone()),

@@ -1,6 +1,6 @@
 //! What is decided before anything is written: the interval, the frames, and the held-out views.
 
-use super::{ExportError, ExportSubject, Exposure};
+use super::{ExportError, ExportLoss, ExportSubject, Exposure};
 use crate::event::Event;
 use crate::se3::Se3;
 use crate::sensor::SensorChoice;
@@ -61,6 +61,19 @@ impl<'a> ExportPlan<'a> {
         }
         let frames = subject.sharp.iter().copied().filter(|pose| poses.contains(pose)).collect();
         Ok(Self { subject, test, poses, frames, epoch_us: DEFAULT_EPOCH_US })
+    }
+
+    /// Losses of every layout: none has a place for a rolling shutter, or for light that changes.
+    #[must_use]
+    pub fn losses(&self) -> Vec<ExportLoss> {
+        let readout_us = f64::from(self.subject.readout_us);
+        let rolls = (readout_us > 0.0 && !self.frames.is_empty()).then(|| {
+            let what = "the rows of sharp frames have times of their own, up to this many us from that of their pose";
+            ExportLoss::approximate("shutter", readout_us / 2.0, what)
+        });
+        let what = "the light of the scene changes with time; the layout has no place for it";
+        let lit = self.subject.is_lit.then(|| ExportLoss::lost("lights", what));
+        rolls.into_iter().chain(lit).collect()
     }
 
     /// The exposures within the interval. Their times count from its start, us.

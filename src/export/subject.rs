@@ -57,6 +57,10 @@ pub struct ExportSubject {
     pub exposures: Vec<Exposure>,
     /// The scale on which the blurred pictures are means.
     pub blur_mean: MeanScale,
+    /// Time from the first row of a sharp picture to the last, us; 0 if all rows are of one moment.
+    pub readout_us: u32,
+    /// True if the light of the scene changes with time.
+    pub is_lit: bool,
     /// Percentiles 5 and 95 of the depth, if the release states them.
     pub depth_range: Option<[f64; 2]>,
     /// The sensor, if the trajectory has events.
@@ -145,6 +149,7 @@ impl ExportSubject {
         let events = format!("{folder}/{}", EventStream::released_name(sensor_name.as_deref()));
         let depth = part.statistics.depth_unit.map(|q| [f64::from(q.p5), f64::from(q.p95)]);
         let is_encoded = part.blur.as_ref().is_some_and(|blur| blur["mean"] == json!(MeanScale::Encoded));
+        let readout_us = record.recipe["sharp"]["readout_us"].as_u64();
         let mut subject = Self {
             release,
             trajectory: part.name.clone(),
@@ -157,6 +162,8 @@ impl ExportSubject {
             flow: Vec::new(),
             exposures: Vec::new(),
             blur_mean: if is_encoded { MeanScale::Encoded } else { MeanScale::Linear },
+            readout_us: readout_us.and_then(|us| u32::try_from(us).ok()).unwrap_or(0),
+            is_lit: !record.recipe["lights"].is_null(),
             depth_range: depth,
             sensor,
             files,

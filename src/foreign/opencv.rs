@@ -85,7 +85,8 @@ impl ReleasedPoses {
         trajectory.write_poses(&mut poses_txt).expect("memory takes what is written");
         let names: Vec<String> = pictures.iter().map(|picture| format!("{:06}.png", picture.pose)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let pictures = transforms::PictureLinks { sharp: &names, blurred: &BTreeMap::new() };
+        let pictures =
+            transforms::PictureLinks { sharp: &names, readout_us: None, blurred: &BTreeMap::new() };
         let transforms_json =
             transforms::compose_transforms(camera, trajectory, &pictures).to_string().into_bytes();
         Self { poses_txt, transforms_json }

@@ -11,6 +11,7 @@ pub use shares::{ReaderSeconds, share_rest};
 use super::{DenseFrame, FrameError, FrameSequence};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
+use crate::lights::SceneLights;
 use crate::render::sample::TileSample;
 use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::trajectory::Trajectory;
@@ -42,6 +43,8 @@ pub struct RenderedFrames {
     samples: Vec<Arc<TileSample>>,
     /// True if colours are requested.
     coloured: bool,
+    /// Light that changes, if it does.
+    lights: Option<SceneLights>,
     done: usize,
     /// Number of views announced so far.
     expected: usize,
@@ -80,6 +83,7 @@ impl RenderedFrames {
             rated: false,
             samples: Vec::new(),
             coloured: false,
+            lights: None,
             done: 0,
             expected: 0,
             rendered,
@@ -118,6 +122,12 @@ impl RenderedFrames {
         Self { samples, ..self }
     }
 
+    /// Sets the light of the scene, in which the frames are shown. A [`PoseReader`] sees the renderings without it.
+    #[must_use]
+    pub fn lit_by(self, lights: Option<SceneLights>) -> Self {
+        Self { lights, ..self }
+    }
+
     /// Returns the renderer for other uses.
     #[must_use]
     pub fn into_renderer(mut self) -> Box<dyn Renderer> {
@@ -134,7 +144,8 @@ impl RenderedFrames {
     }
 
     fn want(&self) -> ChannelSet {
-        ChannelSet { rgb: self.coloured, luminance_rate: self.rated, ..WANT }
+        // Light changes colours, of which the luminance is made again.
+        ChannelSet { rgb: self.coloured || self.lights.is_some(), luminance_rate: self.rated, ..WANT }
     }
 
     /// Converts an image to the grey scale.
@@ -177,8 +188,22 @@ impl RenderedFrames {
         Ok(work)
     }
 
+    /// Shows the rendering in the light of its moment.
+    fn light(&mut self, index: usize) {
+        let Some(lights) = &self.lights else { return };
+        let light = lights.at_us(self.trajectory.stamps_us[index]);
+        let RenderedImages { rgb, luminance, luminance_rate, .. } = &mut self.rendered;
+        let colours = rgb.as_mut().expect("colour was asked for");
+        let luminance = luminance.as_mut().expect("luminance was asked for");
+        light.light_luminance(colours, luminance, luminance_rate.as_mut().filter(|_| self.rated));
+        if self.coloured {
+            light.light_colours(colours);
+        }
+    }
+
     /// The frame that was rendered last.
     fn take_frame(&mut self, index: usize) -> Result<DenseFrame, FrameError> {
+        self.light(index);
         let luminance = Self::to_grey(self.rendered.luminance.take(), "luminance", index)?;
         self.scale_colours(index)?;
         let rate = self

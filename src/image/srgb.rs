@@ -7,12 +7,12 @@ use crate::elementary::{exp_eight, ln_eight};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 
 /// Display value up to which the curve is linear.
-const STRAIGHT: f64 = 0.04045;
+pub(crate) const STRAIGHT: f64 = 0.04045;
 /// Linear light up to which the curve is linear.
 const STRAIGHT_LIGHT: f64 = 0.003_130_8;
 const SLOPE: f64 = 12.92;
-const OFFSET: f64 = 0.055;
-const GAMMA: f64 = 2.4;
+pub(crate) const OFFSET: f64 = 0.055;
+pub(crate) const GAMMA: f64 = 2.4;
 
 /// The display value of linear light.
 #[must_use]

@@ -228,6 +228,7 @@ fn wire_output(
                 omit,
                 backend: backend(),
                 tolerance: recipe.tolerance,
+                lights: recipe.lights.clone(),
                 ..EventsStage::new(recipe.sensors_of(trajectory), seed, (recipe.camera, recipe.render))
             };
             made.events = Some(wiring.add(name, simulating, inputs));
@@ -235,10 +236,13 @@ fn wire_output(
         OutputKind::Sharp => {
             // If every frame is kept, the middle frames of exposures are among them.
             let exposed = recipe.exposed().filter(|_| every > 1);
-            made.sharp = Some(wiring.add(name, SharpStage { shot: shot(), every, exposed }, inputs));
+            let (lights, readout_us) = (recipe.lights.clone(), recipe.readout_us);
+            let stage = SharpStage { shot: shot(), every, lights, readout_us, exposed };
+            made.sharp = Some(wiring.add(name, stage, inputs));
         }
         OutputKind::Blur => {
-            wiring.add(name, BlurStage { shot: shot(), shutter: recipe.shutter }, inputs);
+            let lights = recipe.lights.clone();
+            wiring.add(name, BlurStage { shot: shot(), shutter: recipe.shutter, lights }, inputs);
         }
         OutputKind::Depth => {
             wiring.add(name, GeometryStage::<DepthQuantity>::new(shot(), every), inputs);

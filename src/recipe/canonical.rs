@@ -66,6 +66,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     if let Some(imu) = &recipe.imu {
         add("scale", json!({ "metres_per_unit": imu.metres_per_unit }));
     }
+    if let Some(lights) = &recipe.lights {
+        add("lights", json!(lights));
+    }
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));
     }

@@ -4,7 +4,7 @@
 use super::Recipe;
 use super::canonical::ratio_value;
 use super::field::Field;
-use super::schema::{EverySection, RecipeSchema};
+use super::schema::RecipeSchema;
 use crate::imu::{ImuModel, ImuPreset};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -55,6 +55,12 @@ impl OutputKind {
         self == Self::Imu
     }
 
+    /// Returns true if it is simulated from frames, at times that the frames must resolve.
+    #[must_use]
+    pub fn is_simulated(self) -> bool {
+        self == Self::Events
+    }
+
     /// The settings of this output in a recipe's full form, under the key of its name. A recipe
     /// without the output shows none, except for sharp frames, whose settings are always shown.
     pub(super) fn settings(self, recipe: &Recipe) -> Option<Value> {
@@ -65,7 +71,11 @@ impl OutputKind {
             Self::Imu => recipe.imu.as_ref().map(imu_value),
             Self::Sharp | Self::Depth | Self::Flow => {
                 let shown = asked || self == Self::Sharp;
-                shown.then(|| json!({ "every": recipe.every.poses(self) }))
+                let mut settings = json!({ "every": recipe.every.poses(self) });
+                if let Some(readout_us) = recipe.readout_us.filter(|_| self == Self::Sharp) {
+                    settings["readout_us"] = json!(readout_us);
+                }
+                shown.then_some(settings)
             }
         }
     }
@@ -87,15 +97,28 @@ fn imu_value(imu: &ImuModel) -> Value {
     value
 }
 
+/// A field of a section that may be left out; `None` if the section is faulty.
+fn field_of<T>(section: &Field<T>, field: impl FnOnce(&T) -> &Field<u64>) -> Option<&Field<u64>> {
+    match section {
+        Field::Absent => Some(&Field::Absent),
+        Field::Bad => None,
+        Field::Given(section, _) => Some(field(section)),
+    }
+}
+
 /// Number of poses per picture, for each kind of picture with a spacing. Sharp frames in the middle
 /// of an exposure are kept in addition.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
 
 impl PictureSpacing {
-    /// The sections of a recipe with a spacing.
-    pub(super) fn sections(raw: &RecipeSchema) -> [(OutputKind, &Field<EverySection>); 3] {
-        [(OutputKind::Sharp, &raw.sharp), (OutputKind::Depth, &raw.depth), (OutputKind::Flow, &raw.flow)]
+    /// The spacings that a recipe writes; `None` for one whose section is faulty.
+    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 3] {
+        [
+            (OutputKind::Sharp, field_of(&raw.sharp, |section| &section.every)),
+            (OutputKind::Depth, field_of(&raw.depth, |section| &section.every)),
+            (OutputKind::Flow, field_of(&raw.flow, |section| &section.every)),
+        ]
     }
 
     pub(super) fn from_spacings(spacings: BTreeMap<OutputKind, u32>) -> Self {
@@ -114,6 +137,12 @@ impl Recipe {
     #[must_use]
     pub fn has_events(&self) -> bool {
         self.outputs.contains(&OutputKind::Events)
+    }
+
+    /// Returns true if sharp frames are made.
+    #[must_use]
+    pub fn has_sharp(&self) -> bool {
+        self.outputs.contains(&OutputKind::Sharp)
     }
 
     /// Dense frames per exposure, if blurred frames are made.

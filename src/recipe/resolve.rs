@@ -2,6 +2,7 @@
 
 mod imu;
 mod licence;
+mod lights;
 mod number;
 mod outputs;
 mod picture;
@@ -64,9 +65,11 @@ impl Resolver<'_> {
         let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let every = self.spacing(raw);
+        let readout_us = self.readout_us(&raw.sharp);
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
+        let lights = self.lights(raw, rate, outputs.as_ref());
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -86,8 +89,10 @@ impl Resolver<'_> {
             sensors: sensors?,
             outputs: outputs?,
             every: every?,
+            readout_us: readout_us?,
             shutter: shutter?,
             imu: imu?,
+            lights: lights?,
             scale: scale?,
             checks: checks?,
             licence: licence?,

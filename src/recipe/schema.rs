@@ -40,6 +40,7 @@ use crate::camera::{NamedSize, PrincipalPoint};
 use crate::check::Limits;
 use crate::image::light::MeanScale;
 use crate::imu::ImuPreset;
+use crate::lights::Waveform;
 use crate::recipe::{OutputKind, SceneScale};
 use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::exposure::SubframeRule;
@@ -86,9 +87,9 @@ pub(super) struct RecipeSchema {
     /// Products to make for each trajectory. Steps that no product needs do not run. Default:
     /// `[events, sharp]`.
     pub outputs: Field<Vec<Field<OutputKind>>>,
-    /// Spacing of the sharp frames. A frame in the middle of an exposure is kept in any case.
+    /// Spacing and shutter of the sharp frames. A frame in the middle of an exposure is kept in any case.
     /// Default: `{}`.
-    pub sharp: Field<EverySection>,
+    pub sharp: Field<SharpSection>,
     /// Exposure of the blurred frames. Default: `{}`.
     pub blur: Field<BlurSection>,
     /// Spacing of the depth images. Default: `{}`.
@@ -99,6 +100,8 @@ pub(super) struct RecipeSchema {
     pub imu: Field<ImuSection>,
     /// Size of the scene's unit, which inertial data need. Default: none.
     pub scale: Field<ScaleSection>,
+    /// Light of the scene that changes with time. Default: none.
+    pub lights: Field<LightsSection>,
     /// Limits that differ from the defaults, requests for optional checks, and waivers. Default:
     /// `{}`.
     pub checks: Field<Limits>,
@@ -189,7 +192,18 @@ pub(super) enum AntialiasedKey {
     Off,
 }
 
-/// Spacing of the pictures of `sharp`, `depth` or `flow`.
+/// Spacing and shutter of the sharp frames.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct SharpSection {
+    /// Number of poses from one picture to the next. Default: `1`.
+    pub every: Field<u64>,
+    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of the pose.
+    /// Unit: us. Default: none, for a shutter that sees all rows at once.
+    pub readout_us: Field<u64>,
+}
+
+/// Spacing of the pictures of `depth` or `flow`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {
@@ -249,6 +263,42 @@ pub(super) struct ImuAxisSection {
 pub(super) struct ScaleSection {
     /// Metres per unit of the scene. Unit: m. Required.
     pub metres_per_unit: Field<f64>,
+}
+
+/// Light that changes with time. It lights the whole scene alike, in all events and pictures. [lights.md](lights.md)
+/// describes it.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct LightsSection {
+    /// Lamps that flicker. Default: none.
+    pub flicker: Field<FlickerSection>,
+    /// Level at moments, in order of time. It is linear in stops between them, and constant before the first and after
+    /// the last. Default: none.
+    pub level: Field<Vec<Field<LevelSection>>>,
+}
+
+/// Flicker of the light: one factor with a mean of 1.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct FlickerSection {
+    /// Frequency of the light, which for lamps on the mains is twice that of the mains. Unit: Hz. Required.
+    pub hz: Field<f64>,
+    /// Depth of modulation: 1 is dark once in each period. Required.
+    pub depth: Field<f64>,
+    /// Form of a period. Default: `sine`.
+    pub waveform: Field<Waveform>,
+    /// Part of a period that is over at the first pose. Default: `0`.
+    pub phase: Field<f64>,
+}
+
+/// Level of the light at a moment.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct LevelSection {
+    /// Time after the first pose. Unit: s. Required.
+    pub t: Field<f64>,
+    /// Level, which doubles with each stop. Unit: stops. Required.
+    pub stops: Field<f64>,
 }
 
 /// Facts for catalogues.

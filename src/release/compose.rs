@@ -203,18 +203,24 @@ fn trajectory_files(
     let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let sharp: Vec<&str> = outputs(products::SHARP.name()).iter().map(|o| o.name.as_str()).collect();
-    let transforms = transforms_of(&scene.camera(), part, &trajectory.motion, &sharp);
+    let readout_us = scene.recipe.readout_us;
+    let transforms = transforms_of(&scene.camera(), (part, readout_us), &trajectory.motion, &sharp);
     files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
     files
 }
 
-/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted.
+/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is their
+/// readout if their shutter rolls.
 pub(super) fn transforms_of(
     camera: &Camera,
-    part: &TrajectoryPart,
+    (part, readout_us): (&TrajectoryPart, Option<u32>),
     motion: &TrajectoryProduct,
     sharp: &[&str],
 ) -> serde_json::Value {
     let blurred = &published::exposures(part, motion);
-    transforms::compose_transforms(camera, &motion.trajectory, &transforms::PictureLinks { sharp, blurred })
+    transforms::compose_transforms(
+        camera,
+        &motion.trajectory,
+        &transforms::PictureLinks { sharp, readout_us, blurred },
+    )
 }

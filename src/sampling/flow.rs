@@ -7,6 +7,7 @@
 use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
+use crate::lights::SceneLights;
 use crate::render::flow::{flow_rates, nearest_ranks};
 use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
@@ -80,6 +81,17 @@ impl PathFlow {
             .collect();
         let highest = |part: usize| moments[2 * part..=2 * part + 2].iter().copied().fold(0.0, f64::max);
         Ok(Self { px_s: (0..parts).map(highest).collect(), end_us })
+    }
+
+    /// Adds the equivalent of light that changes, so that steps of equal motion follow it too.
+    #[must_use]
+    pub fn lit_by(mut self, lights: Option<&SceneLights>) -> Self {
+        let Some(lights) = lights else { return self };
+        let part_s = 1e-6 * self.part_us();
+        for (part, px_s) in self.px_s.iter_mut().enumerate() {
+            *px_s += lights.equivalent_px_s([part, part + 1].map(|border| border as f64 * part_s));
+        }
+        self
     }
 
     /// Length of a part, us.

@@ -5,6 +5,7 @@ use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameError, FrameSequence as _};
+use crate::lights::SceneLights;
 use crate::render::Renderer;
 use crate::sensor::front_end::FrontEnd;
 
@@ -15,6 +16,7 @@ pub struct ScoutRenderer<'a> {
     camera: Camera,
     path: &'a SampledPath,
     front_ends: &'a [FrontEnd],
+    lights: Option<&'a SceneLights>,
     go_on: &'a dyn Fn() -> bool,
 }
 
@@ -45,7 +47,13 @@ impl<'a> ScoutRenderer<'a> {
         front_ends: &'a [FrontEnd],
         go_on: &'a dyn Fn() -> bool,
     ) -> Self {
-        Self { renderer: Some(renderer), camera, path, front_ends, go_on }
+        Self { renderer: Some(renderer), camera, path, front_ends, lights: None, go_on }
+    }
+
+    /// Sets the light of the scene.
+    #[must_use]
+    pub fn lit_by(self, lights: Option<&'a SceneLights>) -> Self {
+        Self { lights, ..self }
     }
 
     /// The renderer.
@@ -71,7 +79,8 @@ impl PathViewer for ScoutRenderer<'_> {
         let (trajectory, velocities) = self.path.sampled(&moments_us);
         // The frames own the renderer while they are rendered. After an error it is not given back.
         let renderer = self.renderer.take().expect("it came back from the last frames");
-        let mut frames = RenderedFrames::new(renderer, self.camera, trajectory).with_samples(samples);
+        let frames = RenderedFrames::new(renderer, self.camera, trajectory);
+        let mut frames = frames.with_samples(samples).lit_by(self.lights.cloned());
         if rated {
             frames = frames.with_rates(velocities);
         }

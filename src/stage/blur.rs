@@ -1,15 +1,16 @@
 //! Stage `blur`: blurred frames, one PNG per exposure.
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
-use super::shot::{ShotParameters, record_work};
+use super::shot::{ShotParameters, exposure_failure, record_work};
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_json};
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedPose;
 use crate::image::png;
+use crate::lights::SceneLights;
 use crate::render::{ChannelSet, Renderer};
 use crate::sampling::exposure::{
-    self, DenseView, ExposeError, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
+    self, DenseView, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
 };
 use crate::scene::Gaussians;
 use crate::source::Capture;
@@ -26,6 +27,9 @@ pub struct BlurStage {
     /// The shutter.
     #[serde(flatten)]
     pub shutter: ShutterSettings,
+    /// Light that changes, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<SceneLights>,
 }
 
 /// Bytes per pixel: sums of three colours in 64 bits, a picture in 32 bits, its flow, and the
@@ -75,6 +79,7 @@ impl PoseStage for BlurStage {
                 .map_err(StageError::work_failed("expose"));
         }
         let exposer = FrameExposer::new(ExposureCourse { camera, poses, seconds }, self.shutter);
+        let exposer = exposer.map(|exposer| exposer.lit_by(self.lights.clone()));
         let exposer = exposer.map_err(StageError::work_failed("join the poses by a path"))?;
         Ok(Box::new(BlurTaker { exposer, exposures: Vec::new() }))
     }
@@ -95,11 +100,9 @@ impl PoseTaker for BlurTaker {
         let RenderedPose { index, images, work, renderer, .. } = pose;
         let exposed =
             self.exposer.see(DenseView { pose: index, images, work, renderer }, &|| !cx.is_cancelled());
-        let exposed = exposed.map_err(|error| match error {
-            ExposeError::Interrupted => StageError::Cancelled,
-            error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
-        })?;
-        let Some(ExposedFrame { exposure, picture }) = exposed else { return Ok(()) };
+        let Some(ExposedFrame { exposure, picture }) = exposed.map_err(exposure_failure)? else {
+            return Ok(());
+        };
         let out = cx.out.join(format!("{:06}.png", exposure.pose));
         let written = File::create(&out)
             .and_then(|file| png::write_image(&png::to_bytes(&picture), BufWriter::new(file)));

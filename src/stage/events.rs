@@ -17,6 +17,7 @@ use crate::frames::kept::{KeptFrames, KeptRenderer};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence};
 use crate::image::{Image, Size, npy};
+use crate::lights::SceneLights;
 use crate::render::backend::Backend;
 use crate::render::doubt::BlendDoubt;
 use crate::render::flow::{self, FlowQuantiles};
@@ -60,6 +61,9 @@ pub struct EventsStage {
     /// otherwise at the poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<ErrorTolerance>,
+    /// Light that changes, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<SceneLights>,
     /// Work that the renderer leaves out. The stored counts depend on it; pictures and events do
     /// not.
     #[serde(skip_serializing_if = "OmissionPolicy::is_needless")]
@@ -75,6 +79,9 @@ const BYTES_A_PIXEL: u64 = 230;
 /// Bytes per pixel of a front end: the frame that it makes, and the colours from which it is made,
 /// as blended and as read, 32 bits each.
 const BYTES_OF_FRONT_END: u64 = 4 + 2 * 12;
+
+/// Bytes per pixel of light that changes: the colours from which luminance is made.
+const BYTES_OF_LIGHT: u64 = 12;
 
 /// Bytes per pixel of a bus: its flags, and a waiting event in a tree of rows.
 const BYTES_OF_BUS: u64 = 64;
@@ -146,7 +153,7 @@ impl EventsStage {
         let own = chosen_own.as_ref().unwrap_or(self);
         let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
         let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
-        let frames = RenderedFrames::new(renderer, camera, trajectory.clone());
+        let frames = RenderedFrames::new(renderer, camera, trajectory.clone()).lit_by(self.lights.clone());
         let mut frames = own.with_inputs(frames, velocities, readers.is_some());
         // Frames that are only shown again leave out no work.
         let renders = kept.as_ref().is_none_or(|kept| !kept.has_any());
@@ -202,7 +209,11 @@ impl EventsStage {
         let mut renderer =
             self.backend.renderer(gaussians, style).map_err(StageError::work_failed("render"))?;
         renderer.omit(self.omit);
-        let keeps = ChannelSet { luminance_rate: true, rgb: self.sees_colour(), ..ChannelSet::NONE };
+        let keeps = ChannelSet {
+            luminance_rate: true,
+            rgb: self.sees_colour() || self.lights.is_some(),
+            ..ChannelSet::NONE
+        };
         Ok(match kept {
             Some(kept) => Box::new(KeptRenderer::new(renderer, kept, (keeps, self.omit))),
             None => renderer,
@@ -226,7 +237,8 @@ impl EventsStage {
         let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
         let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
         let behind = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late;
-        BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind
+        let lit = if self.lights.is_some() { BYTES_OF_LIGHT } else { 0 };
+        BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind + lit
     }
 
     /// The frames with all that the sensors read: rates for [`BetweenFrames::Hermite`], and colour.
@@ -261,7 +273,7 @@ impl EventsStage {
             SensorSet::Named(sensors) => (None, sensors),
         };
         let (omit, tolerance, backend) = (OmissionPolicy::default(), None, Backend::default());
-        Self { camera, render, sensor, sensors, seed, tolerance, omit, backend }
+        Self { camera, render, sensor, sensors, seed, tolerance, lights: None, omit, backend }
     }
 
     /// Each sensor, with its name if there are several.

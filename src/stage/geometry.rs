@@ -128,7 +128,7 @@ impl<Q: PixelQuantity> PoseStage for GeometryStage<Q> {
         let kept = exposure::kept_poses(ground.poses(), self.every, None);
         let form = PoseFileForm {
             extension: "npy",
-            keep: Q::keep,
+            keep: Box::new(|images, _| Q::keep(images)),
             write: |image, file| npy::write_image(image, file),
             is_encoded: false,
         };

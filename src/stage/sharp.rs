@@ -1,13 +1,16 @@
 //! Stage `sharp`: sharp frames of a release, one PNG per pose.
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
-use super::shot::{FileTaker, PoseFileForm, ShotParameters};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters, exposure_failure};
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
 use crate::camera::Camera;
-use crate::image::png;
-use crate::render::ChannelSet;
-use crate::sampling::exposure;
+use crate::frames::rendered::RenderedPose;
+use crate::image::{Image, png};
+use crate::lights::SceneLights;
+use crate::render::{ChannelSet, RenderedImages, Renderer};
+use crate::sampling::exposure::{self, DenseView, ExposureCourse};
+use crate::sampling::rolling::RowRoller;
 use crate::scene::Gaussians;
 use crate::source::Capture;
 use serde::Serialize;
@@ -20,6 +23,12 @@ pub struct SharpStage {
     pub shot: ShotParameters,
     /// Spacing of frames, in poses.
     pub every: u32,
+    /// Light that changes, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lights: Option<SceneLights>,
+    /// Time from the first row of a frame to the last, us, if the shutter rolls.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub readout_us: Option<u32>,
     /// Dense frames per exposure, if frames in the middle of exposures are kept too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub exposed: Option<u32>,
@@ -27,6 +36,9 @@ pub struct SharpStage {
 
 /// Memory per pixel of a picture in 32-bit colour, a batch in bytes, and its encoders, bytes, as measured.
 const BYTES_A_PIXEL: u64 = 44;
+
+/// Bytes per pixel of a rolling shutter: the frame, a band's rendering, depth and flow.
+const BYTES_OF_ROWS: u64 = 36;
 
 impl Stage for SharpStage {
     const NAME: &'static str = "sharp";
@@ -39,11 +51,12 @@ impl Stage for SharpStage {
     }
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, BYTES_A_PIXEL)
+        self.shot.need(files, PoseStage::bytes_a_pixel(self))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {
-        Some(PassRole::Poses(self))
+        // The bands of a rolling shutter are views of its own, on which the counts of other steps must not depend.
+        self.readout_us.is_none().then_some(PassRole::Poses(self))
     }
 
     fn run(
@@ -61,19 +74,71 @@ impl PoseStage for SharpStage {
     }
 
     fn bytes_a_pixel(&self) -> u64 {
-        BYTES_A_PIXEL
+        BYTES_A_PIXEL + if self.readout_us.is_some() { BYTES_OF_ROWS } else { 0 }
     }
 
-    fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+    fn taker(&self, ground: &PassGround, camera: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
         let kept = exposure::kept_poses(ground.poses(), self.every, self.exposed);
-        let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
+        let rolls = self.readout_us.is_some() && ground.poses() > 1;
+        let want = if rolls { RowRoller::WANT } else { ChannelSet { rgb: true, ..ChannelSet::NONE } };
+        // The rows of a rolling shutter are lit one by one.
+        let lit = self.lights.clone().filter(|_| !rolls);
+        let lit = lit.map(|lights| (lights, ground.motion.trajectory.stamps_us.clone()));
+        let keep = move |images: &RenderedImages, pose: usize| {
+            let picture = images.rgb.as_ref().expect("colour was asked for");
+            match &lit {
+                Some((lights, stamps_us)) => png::to_bytes(&lights.at_us(stamps_us[pose]).lit(picture)),
+                None => png::to_bytes(picture),
+            }
+        };
         let form = PoseFileForm {
             extension: "png",
             // As bytes, because several pictures wait at once.
-            keep: |images| png::to_bytes(images.rgb.as_ref().expect("colour was asked for")),
+            keep: Box::new(keep),
             write: |picture, file| png::write_image(picture, file),
             is_encoded: true,
         };
-        Ok(Box::new(FileTaker::new(kept, want, form)))
+        let files = FileTaker::new(kept, want, form);
+        let Some(readout_us) = self.readout_us.filter(|_| rolls) else { return Ok(Box::new(files)) };
+        let (poses, seconds) = (ground.motion.trajectory.world_from_camera.clone(), ground.motion.seconds());
+        let roller = RowRoller::new(ExposureCourse { camera, poses, seconds }, readout_us)
+            .map_err(StageError::work_failed("join the poses by a path"))?;
+        Ok(Box::new(RollTaker { files, roller: roller.lit_by(self.lights.clone()) }))
+    }
+}
+
+/// Frames of a rolling shutter.
+struct RollTaker {
+    files: FileTaker<Image<[u8; 3]>>,
+    roller: RowRoller,
+}
+
+impl PoseTaker for RollTaker {
+    fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
+        self.files.want(pose, renderer)
+    }
+
+    fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {
+        if !self.files.has(pose.index) {
+            return Ok(());
+        }
+        let RenderedPose { index, images, work, seconds, has_frame, renderer } = pose;
+        let view = DenseView { pose: index, images, work, renderer: &mut *renderer };
+        let rolled = self.roller.roll(view, &|| !cx.is_cancelled()).map_err(exposure_failure)?;
+        let images = &RenderedImages { rgb: Some(rolled), ..RenderedImages::default() };
+        self.files.take(RenderedPose { index, images, work, seconds, has_frame, renderer }, cx)
+    }
+
+    fn finish(mut self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let RowRoller { work, most_bands, resting_rows, .. } = self.roller;
+        self.files.work += work;
+        cx.remark = Some(format!("rows in at most {most_bands} bands a frame"));
+        if resting_rows > 0 {
+            cx.warnings.push(format!(
+                "{resting_rows} rows of the rolling shutter are before the first pose or after the last: they show \
+                 the scene from that pose"
+            ));
+        }
+        Box::new(self.files).finish(cx)
     }
 }

@@ -7,6 +7,7 @@ use crate::camera::{Camera, CameraChoice};
 use crate::frames::rendered::RenderedPose;
 use crate::render::backend::Backend;
 use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages, Renderer};
+use crate::sampling::exposure::ExposeError;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::fs::File;
@@ -60,15 +61,15 @@ pub(super) struct FileTaker<K> {
     form: PoseFileForm<K>,
     /// Images that wait to be written, with their pose.
     kept: Vec<(usize, K)>,
-    work: RenderWork,
+    pub(super) work: RenderWork,
 }
 
-/// The form of a pose's file.
+/// The form of a pose's file. `keep` takes the number of the pose.
 pub(super) struct PoseFileForm<K> {
     /// The extension of its name.
     pub(super) extension: &'static str,
     /// The part of the images that is kept until the file is written.
-    pub(super) keep: fn(&RenderedImages) -> K,
+    pub(super) keep: Box<dyn Fn(&RenderedImages, usize) -> K>,
     /// Writes the file.
     pub(super) write: fn(&K, BufWriter<File>) -> io::Result<()>,
     /// True if writing costs more than a copy, so that several cores should write at once.
@@ -81,7 +82,7 @@ impl<K: Sync> FileTaker<K> {
         Self { poses, want, form, kept: Vec::new(), work: RenderWork::default() }
     }
 
-    fn has(&self, pose: usize) -> bool {
+    pub(super) fn has(&self, pose: usize) -> bool {
         self.poses.binary_search(&pose).is_ok()
     }
 
@@ -109,7 +110,7 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
             return Ok(());
         }
         self.work += pose.work;
-        self.kept.push((pose.index, (self.form.keep)(pose.images)));
+        self.kept.push((pose.index, (self.form.keep)(pose.images, pose.index)));
         let most = if self.form.is_encoded { BATCH } else { 1 };
         if self.kept.len() < most { Ok(()) } else { self.flush(cx) }
     }
@@ -117,6 +118,14 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
     fn finish(mut self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         self.flush(cx)?;
         record_work(&self.work, cx)
+    }
+}
+
+/// The failure of a frame that was exposed.
+pub(super) fn exposure_failure(error: ExposeError) -> StageError {
+    match error {
+        ExposeError::Interrupted => StageError::Cancelled,
+        error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
     }
 }
 

@@ -13,13 +13,16 @@ use std::collections::BTreeMap;
 pub struct PictureLinks<'a> {
     /// Names of sharp pictures, sorted. `000012.png` belongs to pose 12.
     pub sharp: &'a [&'a str],
+    /// Time from the first row of a sharp picture to the last, us, if the shutter rolls.
+    pub readout_us: Option<u32>,
     /// Exposure of each blurred picture, microseconds, by the index of its pose.
     pub blurred: &'a BTreeMap<usize, [i64; 2]>,
 }
 
 /// Composes the file. It lists the poses with a sharp picture, because readers of this form open a
 /// picture for each frame; without sharp pictures it lists all poses. `poses.txt` always has every
-/// pose. A frame also names its blurred picture.
+/// pose. A frame also names its blurred picture. `readout_us` says that row r of H of a sharp picture was seen at `t_us +
+/// readout_us (r / (H - 1) - 1/2)`: the pose is that of the middle row.
 #[must_use]
 pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &PictureLinks<'_>) -> Value {
     let frames: Vec<Value> = path
@@ -42,11 +45,15 @@ pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &Picture
             Some(frame)
         })
         .collect();
-    json!({
+    let mut file = json!({
         "camera_model": "PINHOLE", "w": camera.size.width, "h": camera.size.height,
         "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy, "pixel_center": 0.5,
         "frames": frames,
-    })
+    });
+    if let Some(readout_us) = pictures.readout_us.filter(|_| !pictures.sharp.is_empty()) {
+        file["readout_us"] = json!(readout_us);
+    }
+    file
 }
 
 /// Camera to world with OpenGL camera axes, by rows.

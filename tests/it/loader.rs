@@ -98,6 +98,16 @@ fn inertial_data_are_the_columns_of_their_file() {
     ask(&place.path("tree"), &["inertial", place.path("tree/tiny/base").to_str().unwrap()]);
 }
 
+#[test]
+fn light_is_that_of_the_recipe() {
+    let place = Workspace::new();
+    let lights = "lights:\n  flicker: { hz: 250, depth: 0.3, waveform: square, phase: 0.5 }\n  level: \
+                  [{ t: 0.001, stops: 0 }, { t: 0.003, stops: 1 }]\noutputs: [events, sharp]\n";
+    place.write("tiny.yaml", TINY.replace("outputs: [events, sharp]\n", lights));
+    place.ok("release --to tree tiny.yaml");
+    ask(&place.path("tree"), &["light", place.path("tree/tiny/base").to_str().unwrap()]);
+}
+
 /// Two scenes that the salt deals to different splits.
 #[test]
 fn a_dataset_has_the_scenes_of_a_split() {

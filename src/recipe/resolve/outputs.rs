@@ -12,6 +12,8 @@ use std::collections::BTreeSet;
 
 /// Maximum number of exposed frames: four seconds at 2,400 frames per second.
 const MAX_EXPOSED: u64 = 9_999;
+/// Accepted readouts: up to a second.
+const READOUT_US: WholeRange = WholeRange::new(1, 1_000_000);
 
 impl Resolver<'_> {
     pub(super) fn outputs(&self, field: &Field<Vec<Field<OutputKind>>>) -> Option<BTreeSet<OutputKind>> {
@@ -31,14 +33,21 @@ impl Resolver<'_> {
     }
 
     pub(super) fn spacing(&self, raw: &schema::RecipeSchema) -> Option<PictureSpacing> {
-        let absent = schema::EverySection::default();
-        let every = |field: &Field<schema::EverySection>| {
-            self.small(&self.section(field, &absent)?.every, 1, WholeRange::new(1, MAX_POSES))
-        };
-        let every = PictureSpacing::sections(raw).map(|(output, field)| (output, every(field)));
+        let every = |field: Option<&Field<u64>>| self.small(field?, 1, WholeRange::new(1, MAX_POSES));
+        let every = PictureSpacing::written(raw).map(|(output, field)| (output, every(field)));
         // Every section reports its faults before the first faulty one ends this.
         let every = every.into_iter().map(|(output, every)| Some((output, every?)));
         Some(PictureSpacing::from_spacings(every.collect::<Option<_>>()?))
+    }
+
+    /// Time from the first row of a sharp frame to the last, if the shutter rolls.
+    pub(super) fn readout_us(&self, field: &Field<schema::SharpSection>) -> Option<Option<u32>> {
+        let absent = schema::SharpSection::default();
+        let field = &self.section(field, &absent)?.readout_us;
+        if field.is_absent() {
+            return Some(None);
+        }
+        self.small(field, 1, READOUT_US).map(Some)
     }
 
     pub(super) fn shutter(&self, field: &Field<schema::BlurSection>) -> Option<ShutterSettings> {

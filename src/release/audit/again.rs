@@ -152,7 +152,7 @@ fn trajectory(
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
-    let transforms = crate::release::transforms_of(&camera, part, motion, &sharp);
+    let transforms = crate::release::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
     let mut wanted = vec![
         ("poses.txt", text(&|out| motion.trajectory.write_poses(out))),
         ("timestamps_us.txt", text(&|out| motion.trajectory.write_stamps(out))),

@@ -2,6 +2,7 @@
 
 use super::built_trajectories;
 use crate::release::facts::ReleaseFacts;
+use crate::release::published::PublishedScene;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -26,6 +27,37 @@ noise, or if the brightness moved by less than half a threshold in the event's d
 previous event of the pixel.
 ";
 
+/// The scenes whose light changes.
+fn lit_scenes(scenes: &[PublishedScene]) -> String {
+    let shown = scenes.iter().filter(|scene| !scene.is_withheld());
+    let lit = shown.filter_map(|scene| Some((&scene.recipe.scene, scene.recipe.lights.as_ref()?)));
+    let rows: Vec<String> = lit.map(|(scene, lights)| format!("| {scene} | {lights} |\n")).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nThe light of these scenes changes with time, in events and pictures alike. Depth and flow do not depend on it. \
+         `lights` in the recipe of `scene.json` has the numbers:\n\n| scene | light |\n|---|---|\n{}\n",
+        rows.concat()
+    )
+}
+
+/// The scenes whose sharp frames have a rolling shutter.
+fn rolling_scenes(scenes: &[PublishedScene]) -> String {
+    let shown = scenes.iter().filter(|scene| !scene.is_withheld() && scene.recipe.has_sharp());
+    let rolling = shown.filter_map(|scene| Some((&scene.recipe.scene, scene.recipe.readout_us?)));
+    let rows: Vec<String> = rolling.map(|(scene, us)| format!("| {scene} | {us} |\n")).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nThe rows of the sharp frames of these scenes are seen one after another. Row r of H is seen at t + readout \
+         (r / (H - 1) - 1/2), where t is the time of the pose, so the pose is that of the middle row:\n\n\
+         | scene | readout, us |\n|---|---|\n{}\n",
+        rows.concat()
+    )
+}
+
 /// Conventions for reading the numbers, and the sensors that see another brightness than the
 /// others.
 pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
@@ -49,6 +81,8 @@ pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
             "\nThe blurred pictures of these scenes are means of encoded values, not of linear light: {names}.\n"
         );
     }
+    text.push_str(&lit_scenes(scenes));
+    text.push_str(&rolling_scenes(scenes));
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
     let others: Vec<String> = sensors
         .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))

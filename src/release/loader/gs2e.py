@@ -404,6 +404,28 @@ class Scene(EventFile):
             )
         return found
 
+    def light(self, t_us):
+        """float64: factor on the light of the scene at these times in microseconds, in linear light; 1 if the recipe has no
+        `lights`."""
+        lights = self.description["recipe"].get("lights", {})
+        seconds = np.asarray(t_us, np.float64) * 1e-6
+        factor = np.ones_like(seconds)
+        if "flicker" in lights:
+            flicker = lights["flicker"]
+            # A jump of a square wave belongs to the stamp at which it is, whatever the rounding.
+            turns = np.mod(flicker["hz"] * seconds + flicker["phase"] + 1e-9, 1.0)
+            if flicker["waveform"] == "sine":
+                form = np.sin(2 * np.pi * turns)
+            elif flicker["waveform"] == "square":
+                form = np.where(turns < 0.5, 1.0, -1.0)
+            else:
+                form = np.pi / 2 * np.sin(np.pi * turns) - 1.0
+            factor = np.maximum(1.0 + flicker["depth"] * form, 0.0)
+        level = lights.get("level", [])
+        if level:
+            factor = factor * np.exp2(np.interp(seconds, [at["t"] for at in level], [at["stops"] for at in level]))
+        return factor
+
     def imu(self):
         """Inertial measurements: int64 [N] times in ns since the first pose, on the clock of the events; float64 [N, 3]
         body rates, rad/s; float64 [N, 3] specific forces, m/s^2. Both in the axes of the camera (x right, y down, z

@@ -119,6 +119,9 @@ impl CrossingEvents {
 
 /// The law by which frames predict the times of events.
 fn law_of_crossings(sensor: &SensorChoice, recipe: &Recipe) -> Result<DriftLaw, &'static str> {
+    if recipe.readout_us.is_some() {
+        return Err("the rows of sharp frames have times of their own");
+    }
     if recipe.tolerance.is_some() {
         return Err("with `tolerance`, the sensor saw other frames than those at the poses");
     }

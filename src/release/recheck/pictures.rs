@@ -22,6 +22,12 @@ pub(super) struct ReleasedPictures<'a> {
 }
 
 impl ReleasedPictures<'_> {
+    /// Returns true if the rows of a sharp frame have times of their own. Such frames are not compared with poses,
+    /// events and exposures.
+    pub(super) fn is_rolling(&self) -> bool {
+        self.recipe.readout_us.is_some()
+    }
+
     pub(super) fn poses(&self) -> usize {
         self.motion.trajectory.world_from_camera.len()
     }
@@ -29,6 +35,9 @@ impl ReleasedPictures<'_> {
     /// Numbers of the poses that have a picture of this kind.
     pub(super) fn poses_with(&self, kind: &str, extension: &str) -> Result<Vec<usize>, RecheckError> {
         let mut found = Vec::new();
+        if kind == "sharp" && self.is_rolling() {
+            return Ok(found);
+        }
         for pose in 0..self.poses() {
             if self.tree.has(&self.name(kind, pose, extension))? {
                 found.push(pose);
@@ -42,6 +51,9 @@ impl ReleasedPictures<'_> {
         let blurred = kind == OutputKind::Sharp && self.recipe.outputs.contains(&OutputKind::Blur);
         let exposed = blurred.then_some(self.recipe.shutter.frames);
         let mut found = Vec::new();
+        if kind == OutputKind::Sharp && self.is_rolling() {
+            return Ok(found);
+        }
         for pose in exposure::kept_poses(self.poses(), self.recipe.every.poses(kind), exposed) {
             if self.tree.has(&self.name(kind.name(), pose, extension))? {
                 found.push(pose);
@@ -63,6 +75,17 @@ impl ReleasedPictures<'_> {
         let name = self.name("sharp", pose, "png");
         let read = png::read_colours(Cursor::new(self.bytes(&name)?), Some(self.camera.size));
         read.map_err(|e| self.tree.refusal(&name, e))
+    }
+
+    /// Brightness of a frame without the changes of the light, for comparisons with frames at other times. `None`
+    /// where the light was too low.
+    pub(super) fn unlit(&self, pose: usize, frame: &GreyImage) -> Option<Image<f32>> {
+        let Some(lights) = &self.recipe.lights else { return Some(frame.luminance.clone()) };
+        let undone = lights.undone_at_us(self.stamp(pose))?;
+        let grey =
+            || Image::from_vec(self.camera.size, frame.luminance.pixels().iter().map(|v| [*v; 3]).collect());
+        let colours = frame.colours.clone().unwrap_or_else(grey);
+        Some(undone.grey_in(colours))
     }
 
     /// [`Self::frame`], which also notes the form of its file.
@@ -114,7 +137,8 @@ impl PosedPictures for ReleasedPictures<'_> {
     type Error = RecheckError;
 
     fn brightness(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
-        Ok(self.frame(pose)?.luminance)
+        let frame = self.frame(pose)?;
+        Ok(self.unlit(pose, &frame).unwrap_or(frame.luminance))
     }
 
     fn depth(&self, pose: usize) -> Result<Image<f32>, RecheckError> {

@@ -252,6 +252,9 @@ fn exposed(
     pose: usize,
     subframes: u32,
 ) -> Result<Option<ExposureMismatch>, RecheckError> {
+    if pictures.is_rolling() {
+        return Ok(None);
+    }
     let Some(blurred) = pictures.colours("blur", pose)? else { return Ok(None) };
     let shutter = pictures.recipe.shutter;
     let half = shutter.frames as usize / 2;

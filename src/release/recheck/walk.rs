@@ -59,7 +59,8 @@ impl PicturesPresent {
             }
             _ => None,
         };
-        let smoothed = frame.as_ref().map(|frame| smooth_picture(&frame.luminance));
+        let unlit = frame.as_ref().and_then(|frame| pictures.unlit(pose, frame));
+        let smoothed = unlit.as_ref().map(smooth_picture);
         Ok(DecodedPose { pose, frame, smoothed, depth, flow })
     }
 }

@@ -17,7 +17,14 @@ pub(super) fn write_trajectory(html: &mut HtmlFragment, page: &ReportPage<'_>, t
             html.text(&part.name);
             html.leaf("span", &[("class", "kind")], &format!(" {}", part.kind));
         });
-        html.leaf("p", &[("class", "counted")], &count_words(part));
+        let mut words = count_words(part);
+        if let Some(lights) = &entry.scene.recipe.lights {
+            let _ = write!(words, "; light: {lights}");
+        }
+        if let Some(readout_us) = entry.scene.recipe.readout_us.filter(|_| entry.scene.recipe.has_sharp()) {
+            let _ = write!(words, "; rolling shutter of sharp frames: {readout_us} us");
+        }
+        html.leaf("p", &[("class", "counted")], &words);
         write_gallery(html, page, track);
         if !entry.is_withheld() {
             write_check_pictures(html, page, track);

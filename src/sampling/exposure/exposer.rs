@@ -6,6 +6,7 @@ use super::{
 use crate::camera::Camera;
 use crate::image::Image;
 use crate::image::light::PictureSum;
+use crate::lights::SceneLights;
 use crate::render::flow::flow_rates;
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
@@ -78,6 +79,8 @@ pub struct FrameExposer {
     light: Option<PictureSum>,
     /// Its largest flow, px/s.
     fastest: f32,
+    /// Light that changes, if it does.
+    lights: Option<SceneLights>,
     /// The work of the renderer so far.
     pub work: RenderWork,
 }
@@ -95,7 +98,13 @@ impl FrameExposer {
         let mut centres = exposure_centres(course.poses.len(), shutter.frames);
         centres.reverse();
         let (light, fastest, work) = (None, 0.0, RenderWork::default());
-        Ok(Self { course, path, shutter, centres, light, fastest, work })
+        Ok(Self { course, path, shutter, centres, light, fastest, lights: None, work })
+    }
+
+    /// Sets the light of the scene. Each sub-frame is shown in the light of its moment.
+    #[must_use]
+    pub fn lit_by(self, lights: Option<SceneLights>) -> Self {
+        Self { lights, ..self }
     }
 
     /// The images that the exposures need at a pose. Poses are asked for in order. Where an exposure
@@ -149,7 +158,9 @@ impl FrameExposer {
         let frames = self.shutter.frames;
         // The dense frames came first, because their flow determines the number of sub-frames.
         let moved = f64::from(self.fastest) * (end - start) / f64::from(frames);
-        let subframes = subframe_count(moved);
+        let lit = self.lights.as_ref().filter(|_| self.sees_motion());
+        let flickers = lit.map_or(0.0, |lights| lights.subframes((end - start) / f64::from(frames)));
+        let subframes = subframe_count(moved.max(flickers));
         // Each dense frame is in the middle of its sub-frames, because their number is odd.
         let between = (0..frames * subframes).filter(|k| k % subframes != subframes / 2);
         let between: Vec<SubframeTime> = between.map(|k| self.moment(pose, k, subframes)).collect();
@@ -228,8 +239,13 @@ impl FrameExposer {
 
     /// Adds a picture, and the flow if there is a depth.
     fn add(&mut self, moment: SubframeTime, images: &RenderedImages) {
+        let lit = self.lights.as_ref().map(|lights| lights.at(self.seconds(moment)));
         let light = self.light.as_mut().expect("the exposure is open");
-        light.add(images.rgb.as_ref().expect("colour was asked for"));
+        let picture = images.rgb.as_ref().expect("colour was asked for");
+        match lit {
+            Some(lit) => light.add(&lit.lit(picture)),
+            None => light.add(picture),
+        }
         // Other readers of the same rendering may have asked for the depth.
         let Some(depth) = images.depth.as_ref().filter(|_| self.sees_motion()) else { return };
         let flow = flow_rates(depth, &self.view(moment));
@@ -241,6 +257,15 @@ impl FrameExposer {
     fn view(&self, moment: SubframeTime) -> CameraView {
         let (world_from_camera, velocity) = self.at(moment);
         CameraView { camera: self.course.camera, world_from_camera, velocity }
+    }
+
+    /// Time after the first pose, s.
+    fn seconds(&self, moment: SubframeTime) -> f64 {
+        let seconds = &self.course.seconds;
+        match moment {
+            SubframeTime::Pose(j) => seconds[j] - seconds[0],
+            SubframeTime::Between(at) => at - seconds[0],
+        }
     }
 
     /// The camera's pose and motion.

@@ -48,7 +48,7 @@ impl EventsStage {
         }
         let from = (stamps_us.len() - 1 - intervals) / 2;
         let (trajectory, velocities) = path.sampled(&doubled_stamps(&stamps_us[from..=from + intervals]));
-        let mut rendered = RenderedFrames::new(renderer, camera, trajectory);
+        let mut rendered = RenderedFrames::new(renderer, camera, trajectory).lit_by(self.lights.clone());
         if sensors.iter().any(|sensor| sensor.between() == BetweenFrames::Hermite) {
             rendered = rendered.with_rates(velocities);
         }

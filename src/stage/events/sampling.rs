@@ -4,6 +4,7 @@ use super::EventsStage;
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::frames::anchors::AnchorFrames;
+use crate::lights;
 use crate::render::{CameraVelocity, LayerOrder, RenderRules, Renderer};
 use crate::sampling::choose::{ChoiceQuestion, ChooseError};
 use crate::sampling::flow::PathFlow;
@@ -60,7 +61,8 @@ impl EventsStage {
             .map_err(StageError::work_failed("follow the path"))?;
         let end_us = motion.trajectory.stamps_us[poses.len() - 1];
         let flow = PathFlow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
-            .map_err(StageError::work_failed("measure the optical flow"))?;
+            .map_err(StageError::work_failed("measure the optical flow"))?
+            .lit_by(self.lights.as_ref());
         let front_ends = self.front_ends();
         let scales: Vec<SensorScale> = self
             .voltmeters()
@@ -85,7 +87,8 @@ impl EventsStage {
             advice: self.advice(),
         };
         let go_on = || cx.go_on().is_ok();
-        let mut scout = ScoutRenderer::new(renderer, camera, &path, &front_ends, &go_on);
+        let scout = ScoutRenderer::new(renderer, camera, &path, &front_ends, &go_on);
+        let mut scout = scout.lit_by(self.lights.as_ref());
         let (chosen, moments) = question.answer(&mut scout).map_err(|error| match error {
             ChooseError::View(ScoutError::Interrupted) => StageError::Cancelled,
             error => StageError::work_failed("choose frames for sampling.tolerance")(error),
@@ -100,6 +103,7 @@ impl EventsStage {
         Self {
             sensor: self.sensor.as_ref().map(with),
             sensors: self.sensors.iter().map(|(name, sensor)| (name.clone(), with(sensor))).collect(),
+            lights: self.lights.clone(),
             backend: self.backend.clone(),
             ..*self
         }
@@ -115,6 +119,7 @@ impl EventsStage {
         cx: &mut StageContext<'_>,
     ) {
         let events = format_amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
+        cx.warnings.extend(self.flicker_warning(trajectory, chosen));
         let Some(chosen) = chosen else {
             cx.remark = Some(events);
             return;
@@ -131,6 +136,12 @@ impl EventsStage {
             Some(named.unwrap_or_default() + &warning)
         };
         cx.warnings.extend(streams.iter().filter_map(hidden));
+    }
+
+    /// A warning for a flicker that the frames hardly follow.
+    fn flicker_warning(&self, trajectory: &Trajectory, chosen: Option<&SamplingChoice>) -> Option<String> {
+        let lights = self.lights.as_ref().filter(|_| chosen.is_none())?;
+        lights::sampling_warning(lights, &trajectory.stamps_us)
     }
 
     fn voltmeters(&self) -> impl Iterator<Item = &VoltmeterModel> {

@@ -439,6 +439,15 @@ def sensors(folder):
     refused(lambda: gs2e.Scene(folder, "slow", "fine"), "trajectories base")
 
 
+def light(folder):
+    scene = gs2e.Scene(folder)
+    # Written again: a square wave at 250 Hz from its middle, and a stop per 2 ms from 1 ms on.
+    wanted = {0: 0.7, 1_000: 0.7, 1_999: 0.7 * 2**0.4995, 2_000: 1.3 * 2**0.5, 3_000: 2.6, 5_000: 1.4}
+    found = scene.light(list(wanted))
+    assert np.allclose(found, list(wanted.values()), rtol=1e-12), found
+    assert scene.light(2_000).shape == ()
+
+
 def inertial(folder):
     times, rates, forces = gs2e.Scene(folder).imu()
     assert times.dtype == np.int64 and list(times[:3]) == [0, 1_000_000, 2_000_000]

@@ -24,6 +24,7 @@ const ORDER: &[&str] = &[
     "speed",
     "trajectory",
     "render",
+    "lights",
     "frames",
     "event",
     "sensor",

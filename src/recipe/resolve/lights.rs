@@ -1,0 +1,123 @@
+//! Light that changes with time.
+
+use super::Resolver;
+use super::number::RealRange;
+use crate::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use crate::recipe::field::Field;
+use crate::recipe::problem::FieldProblem;
+use crate::recipe::text::TextSpan;
+use crate::recipe::{OutputKind, schema};
+use crate::sensor::voltmeter::BetweenFrames;
+use crate::units::{Hertz, brief};
+use std::collections::BTreeSet;
+
+/// Frequencies: from a slow breath to pulse-width modulation.
+const HERTZ: RealRange = RealRange::new(1e-3, 1e5);
+/// Times of the level, s.
+const TIME: RealRange = RealRange::new(0.0, 1e6);
+/// Levels: a factor of a million in both directions.
+const STOPS: RealRange = RealRange::new(-20.0, 20.0);
+/// Minimum frames in a period for events. With fewer, the frames miss the bright and the dark parts of a period.
+const FRAMES_A_PERIOD: f64 = 4.0;
+
+impl Resolver<'_> {
+    /// The light, if the recipe has it. Without an output of pictures or events, it has no effect.
+    pub(super) fn lights(
+        &self,
+        raw: &schema::RecipeSchema,
+        rate: Option<Hertz>,
+        outputs: Option<&BTreeSet<OutputKind>>,
+    ) -> Option<Option<SceneLights>> {
+        let Some((section, place)) = raw.lights.given() else {
+            return raw.lights.is_absent().then_some(None);
+        };
+        let level = self.level(&section.level);
+        let flicker = match section.flicker.given() {
+            Some((flicker, place)) => self.flicker(flicker, place).map(Some),
+            None => section.flicker.is_absent().then_some(None),
+        };
+        let (flicker, level) = (flicker?, level?);
+        if flicker.is_none() && level.is_empty() {
+            let problem = FieldProblem::of_field("has neither `flicker` nor `level`");
+            return self.refuse(problem.help("write flicker: { hz: 100, depth: 0.3 }").at(place));
+        }
+        if let Some(flicker) = flicker {
+            let place = section.flicker.place().unwrap_or(place);
+            let has_events = outputs.into_iter().flatten().any(|output| output.is_simulated());
+            if has_events {
+                self.follows(&flicker, &raw.sampling, rate, place)?;
+            }
+        }
+        Some(Some(SceneLights { flicker, level }))
+    }
+
+    fn flicker(&self, raw: &schema::FlickerSection, place: TextSpan) -> Option<Flicker> {
+        self.required(&raw.hz, "hz", place, "write the frequency of the light, for example hz: 100");
+        self.required(&raw.depth, "depth", place, "write the depth of modulation, for example depth: 0.3");
+        let hz = self.real(&raw.hz, 1.0, HERTZ);
+        let depth = self.real(&raw.depth, 1.0, RealRange::above(0.0, 1.0));
+        let waveform = self.or(&raw.waveform, Waveform::default());
+        let phase = self.real(&raw.phase, 0.0, RealRange::new(0.0, 1.0));
+        if raw.hz.is_absent() || raw.depth.is_absent() {
+            return None;
+        }
+        Some(Flicker { hz: hz?, depth: depth?, waveform: waveform?, phase: phase? })
+    }
+
+    fn level(&self, field: &Field<Vec<Field<schema::LevelSection>>>) -> Option<Vec<LevelMoment>> {
+        let Some((list, _)) = field.given() else { return field.is_absent().then(Vec::new) };
+        let mut moments: Vec<LevelMoment> = Vec::new();
+        let mut is_sound = true;
+        for field in list {
+            let moment = field.given().and_then(|(raw, place)| {
+                self.required(&raw.t, "t", place, "write the time in seconds");
+                self.required(&raw.stops, "stops", place, "write the level in stops");
+                let (t, stops) = (self.real(&raw.t, 0.0, TIME), self.real(&raw.stops, 0.0, STOPS));
+                let moment = LevelMoment { t: t?, stops: stops? };
+                if let Some(last) = moments.last().filter(|last| last.t >= moment.t) {
+                    let found = format!("has t {}, wanted above {}", brief(moment.t), brief(last.t));
+                    return self.refuse(FieldProblem::of_field(found).at(place));
+                }
+                (!raw.t.is_absent() && !raw.stops.is_absent()).then_some(moment)
+            });
+            is_sound &= moment.is_some();
+            moments.extend(moment);
+        }
+        is_sound.then_some(moments)
+    }
+
+    /// Checks that the frames of the events follow a flicker.
+    fn follows(
+        &self,
+        flicker: &Flicker,
+        sampling: &Field<schema::SamplingSection>,
+        rate: Option<Hertz>,
+        place: TextSpan,
+    ) -> Option<()> {
+        let absent = schema::SamplingSection::default();
+        let sampling = self.section(sampling, &absent)?;
+        if flicker.waveform.jumps() {
+            if let Some(place) = sampling.tolerance.place() {
+                let problem = FieldProblem::of_key("and a flicker with waveform square exclude each other");
+                let help = "write a rate: the jumps of the light are between two frames in any case";
+                return self.refuse(problem.help(help).at(place));
+            }
+            if let Some((BetweenFrames::Catmull, place)) = sampling.between.given() {
+                let problem =
+                    FieldProblem::of_field("is catmull, which overshoots at the jumps of the light");
+                return self.refuse(problem.help("write between: linear, or hermite").at(place));
+            }
+        }
+        let rate = rate?.to_f64();
+        if sampling.tolerance.is_absent() && rate < FRAMES_A_PERIOD * flicker.hz {
+            let found = format!(
+                "is {} Hz, and the sensor sees {} frames per second, fewer than 4 in a period",
+                brief(flicker.hz),
+                brief(rate)
+            );
+            let help = format!("write sampling: {{ rate: {} }}, or more", brief(20.0 * flicker.hz));
+            return self.refuse(FieldProblem::of_field(found).help(help).at(place));
+        }
+        Some(())
+    }
+}

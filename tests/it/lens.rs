@@ -1,0 +1,303 @@
+//! Pictures through a lens: planted points lie where OpenCV's formulae put them, what is undistorted is the pinhole
+//! picture, and flow is that of the distorted picture.
+
+use crate::support::absent::absent;
+use crate::support::gaussians::{ColourBlob, blob_scene};
+use crate::support::workspace::Workspace;
+use glam::{DQuat, DVec3};
+use gs2e::camera::Camera;
+use gs2e::image::{Image, Size, png};
+use gs2e::render::cpu::CpuRenderer;
+use gs2e::render::lens::{Distortion, LensRenderer};
+use gs2e::render::{
+    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
+};
+use gs2e::scene::{Gaussians, ply};
+use gs2e::se3::Se3;
+use gs2e::source::LensModel;
+use gs2e::source::undistort::undistort_photo;
+use serde_json::json;
+use std::process::Command;
+use std::sync::Arc;
+
+const SIZE: Size = Size { width: 320, height: 240 };
+const CAMERA: Camera = Camera { size: SIZE, fx: 200.0, fy: 210.0, cx: 163.0, cy: 118.0 };
+const RADIAL: [f64; 5] = [-0.28, 0.09, 0.001, -0.0015, -0.012];
+const FISHEYE: [f64; 4] = [0.03, -0.012, 0.004, -0.001];
+
+/// OpenCV's models, from its documentation, as the test's own code: the image of a ray at focal length 1.
+fn radial(x: f64, y: f64) -> [f64; 2] {
+    let [k1, k2, p1, p2, k3] = RADIAL;
+    let r = libm::hypot(x, y);
+    let gain = 1.0 + k1 * r.powi(2) + k2 * r.powi(4) + k3 * r.powi(6);
+    [
+        x * gain + 2.0 * p1 * x * y + p2 * (r.powi(2) + 2.0 * x.powi(2)),
+        y * gain + p1 * (r.powi(2) + 2.0 * y.powi(2)) + 2.0 * p2 * x * y,
+    ]
+}
+
+fn fisheye(x: f64, y: f64) -> [f64; 2] {
+    let [k1, k2, k3, k4] = FISHEYE;
+    let r = libm::hypot(x, y);
+    if r < 1e-12 {
+        return [x, y];
+    }
+    let a = libm::atan2(r, 1.0);
+    let bent = a + k1 * a.powi(3) + k2 * a.powi(5) + k3 * a.powi(7) + k4 * a.powi(9);
+    [x / r * bent, y / r * bent]
+}
+
+type Model = fn(f64, f64) -> [f64; 2];
+
+fn lenses() -> [(Distortion, Model); 2] {
+    let text = |k: &[f64]| k.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
+    [
+        (format!("opencv:{}", text(&RADIAL)).parse().unwrap(), radial),
+        (format!("fisheye:{}", text(&FISHEYE)).parse().unwrap(), fisheye),
+    ]
+}
+
+fn seen(model: Model, point: DVec3) -> [f64; 2] {
+    let [x, y] = model(point.x / point.z, point.y / point.z);
+    [CAMERA.fx * x + CAMERA.cx, CAMERA.fy * y + CAMERA.cy]
+}
+
+/// Points over the whole picture, at different depths, as far from each other as they are from the next blob's light.
+fn points() -> Vec<[f32; 3]> {
+    let place = |i: u16| {
+        let (column, row) = (f32::from(i % 9) - 4.0, f32::from(i / 9) - 3.0);
+        let depth = 3.0 + 0.37 * f32::from(i % 4);
+        [0.17 * column * depth, 0.16 * row * depth, depth]
+    };
+    (0..63).map(place).collect()
+}
+
+/// Small white blobs: a deviation of 0.6 px, and the dilation of 0.3 px² on top.
+fn dots() -> Gaussians {
+    let blob = |position: [f32; 3]| ColourBlob {
+        position,
+        deviations: [position[2] * 0.003; 3],
+        opacity: 0.9,
+        ..ColourBlob::default()
+    };
+    blob_scene(&points().into_iter().map(blob).collect::<Vec<_>>())
+}
+
+fn renderer(scene: Gaussians) -> Box<dyn Renderer> {
+    let (rules, order) = (RenderRules::Soft, LayerOrder::Depth);
+    let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+    Box::new(CpuRenderer::new(Arc::new(scene), style).unwrap())
+}
+
+fn rendered(renderer: &mut dyn Renderer, velocity: CameraVelocity, want: ChannelSet) -> RenderedImages {
+    let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+    let view = CameraView { velocity, ..CameraView::at_rest(CAMERA, pose) };
+    let mut out = RenderedImages::default();
+    renderer.render(&view, want, &mut out).unwrap();
+    out
+}
+
+/// Centroid of the light within 5 px of a place; `None` near the border.
+fn centroid(image: &Image<f32>, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
+    let near = 6.0;
+    let inside = |at: f64, side: u32| (near..=f64::from(side) - near).contains(&at);
+    if !(inside(u, SIZE.width) && inside(v, SIZE.height)) {
+        return None;
+    }
+    let mut sums = [0.0; 3];
+    for (i, value) in image.pixels().iter().enumerate() {
+        let [x, y] = [i % SIZE.width as usize, i / SIZE.width as usize].map(|k| k as f64 + 0.5);
+        if (x - u).abs() <= 5.0 && (y - v).abs() <= 5.0 {
+            let value = f64::from(*value);
+            sums = [sums[0] + value * x, sums[1] + value * y, sums[2] + value];
+        }
+    }
+    Some([sums[0] / sums[2], sums[1] / sums[2]])
+}
+
+#[test]
+fn points_lie_where_the_models_put_them() {
+    for (lens, model) in lenses() {
+        let mut through = LensRenderer::new(renderer(dots()), lens);
+        let want = ChannelSet { luminance: true, ..ChannelSet::NONE };
+        let image = rendered(&mut through, CameraVelocity::default(), want).luminance.unwrap();
+        let (mut count, mut worst) = (0, 0.0f64);
+        for point in points() {
+            let wanted = seen(model, DVec3::from(point.map(f64::from)));
+            let Some(found) = centroid(&image, wanted) else { continue };
+            count += 1;
+            worst = worst.max(libm::hypot(found[0] - wanted[0], found[1] - wanted[1]));
+        }
+        assert!(count > 35 && worst <= 0.02, "{lens}: {worst} px over {count} points");
+    }
+}
+
+#[test]
+fn flow_is_that_of_the_distorted_picture() {
+    let velocity =
+        CameraVelocity { linear: DVec3::new(0.3, -0.2, 0.5), angular: DVec3::new(0.1, -0.15, 0.2) };
+    let wall = ColourBlob {
+        position: [0.0, 0.0, 6.0],
+        deviations: [9.0, 9.0, 0.01],
+        opacity: 0.99,
+        ..ColourBlob::default()
+    };
+    for (lens, model) in lenses() {
+        let mut through = LensRenderer::new(renderer(blob_scene(&[wall])), lens);
+        let want = ChannelSet { depth: true, flow: true, ..ChannelSet::NONE };
+        let images = rendered(&mut through, velocity, want);
+        let (depth, flow) = (images.depth.unwrap(), images.flow.unwrap());
+        let mut count = 0;
+        for (i, found) in flow.pixels().iter().enumerate().step_by(97) {
+            let [u, v] = [i % SIZE.width as usize, i / SIZE.width as usize].map(|k| k as f64 + 0.5);
+            let z = f64::from(depth.pixels()[i]);
+            if z.is_nan() {
+                continue;
+            }
+            // The ray of the pixel by a fixed point of the model, which contracts here.
+            let wanted = [(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy];
+            let mut ray = wanted;
+            for _ in 0..200 {
+                let image = model(ray[0], ray[1]);
+                ray = [ray[0] + 0.7 * (wanted[0] - image[0]), ray[1] + 0.7 * (wanted[1] - image[1])];
+            }
+            // The point as the camera sees it a moment later and a moment before.
+            let point = DVec3::new(ray[0], ray[1], 1.0) * z;
+            let h = 1e-5;
+            let at = |t: f64| {
+                let turn = DQuat::from_scaled_axis(velocity.angular * t);
+                seen(model, turn.conjugate() * (point - velocity.linear * t))
+            };
+            let (before, after) = (at(-h), at(h));
+            for axis in [0, 1] {
+                let difference = (after[axis] - before[axis]) / (2.0 * h);
+                let off = (difference - f64::from(found[axis])).abs();
+                assert!(
+                    off < 1e-4 * (1.0 + difference.abs()),
+                    "{lens} at ({u}, {v}): {difference} {found:?}"
+                );
+            }
+            count += 1;
+        }
+        assert!(count > 300, "{count}");
+    }
+}
+
+/// Wide blobs in many colours, which a bilinear resampling reproduces to a byte or two.
+fn clouds() -> Gaussians {
+    let blob = |i: u16| {
+        let k = f32::from(i);
+        ColourBlob {
+            position: [4.0 * libm::sinf(2.1 * k), 3.2 * libm::sinf(1.3 * k + 1.0), 6.0 + libm::sinf(k)],
+            deviations: [0.5 + 0.3 * libm::sinf(0.7 * k).abs(); 3],
+            opacity: 0.7,
+            colour: [0.2, 0.5, 0.9].map(|c| 0.5 + 0.5 * libm::sin(f64::from(k) * (1.0 + c))),
+            ..ColourBlob::default()
+        }
+    };
+    blob_scene(&(0..60).map(blob).collect::<Vec<_>>())
+}
+
+/// Differences of two pictures away from the border: the mean, and the 99 % quantile, in bytes.
+fn differences(a: &[[u8; 3]], b: &[[u8; 3]]) -> (f64, u8) {
+    let (width, height) = (SIZE.width as usize, SIZE.height as usize);
+    let inside =
+        |i: &usize| (20..width - 20).contains(&(i % width)) && (20..height - 20).contains(&(i / width));
+    let pixels = (0..width * height).filter(inside);
+    let mut all: Vec<u8> = pixels.flat_map(|i| [0, 1, 2].map(|c| a[i][c].abs_diff(b[i][c]))).collect();
+    all.sort_unstable();
+    let mean = all.iter().map(|v| f64::from(*v)).sum::<f64>() / all.len() as f64;
+    (mean, all[all.len() * 99 / 100])
+}
+
+#[test]
+fn what_is_undistorted_is_the_pinhole_picture() {
+    let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
+    let picture = |renderer: &mut dyn Renderer| {
+        png::to_bytes(&rendered(renderer, CameraVelocity::default(), want).rgb.unwrap())
+    };
+    let straight = picture(&mut *renderer(clouds()));
+    let bent = picture(&mut LensRenderer::new(renderer(clouds()), lenses()[0].0));
+    let (apart, _) = differences(straight.pixels(), bent.pixels());
+    assert!(apart > 2.0, "the lens bends the picture: {apart}");
+    let [k1, k2, p1, p2, k3] = RADIAL;
+    let model = LensModel::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] };
+    let undone = undistort_photo(&bent, &CAMERA, &model);
+    let (mean, most) = differences(straight.pixels(), undone.pixels());
+    assert!(mean < 0.6 && most <= 2, "{mean} {most}");
+}
+
+const CV2: &str = r#"
+import json, sys
+import cv2, numpy as np
+asked = json.load(open(sys.argv[1]))
+# OpenCV has pixel centres at integers.
+K = np.array([[asked["fx"], 0, asked["cx"] - 0.5], [0, asked["fy"], asked["cy"] - 0.5], [0, 0, 1]])
+points = np.array(asked["points"], np.float64).reshape(-1, 1, 3)
+zero = np.zeros(3)
+for name, project in (("opencv", cv2.projectPoints), ("fisheye", cv2.fisheye.projectPoints)):
+    found = project(points, zero, zero, K, np.array(asked[name]))[0].reshape(-1, 2) + 0.5
+    off = np.abs(found - np.array(asked["seen_" + name])).max()
+    assert off < 1e-9, (name, off)
+straight, bent = cv2.imread(asked["straight"]), cv2.imread(asked["bent"])
+undone = cv2.undistort(bent, K, np.array(asked["opencv"]))
+off = np.abs(undone.astype(int) - straight)[20:-20, 20:-20]
+assert off.mean() < 0.7 and np.quantile(off, 0.99) <= 2, (off.mean(), np.quantile(off, 0.99))
+assert np.abs(bent.astype(int) - straight)[20:-20, 20:-20].mean() > 2
+"#;
+
+/// The same two statements by OpenCV itself, for pictures that the program writes.
+#[test]
+fn opencv_agrees() {
+    let ready = Command::new("python3").args(["-c", "import cv2, numpy"]).output();
+    if !ready.is_ok_and(|ended| ended.status.success()) {
+        return absent("REQUIRE_READERS", "python3 with numpy and cv2 is absent");
+    }
+    let place = Workspace::new();
+    let mut file = Vec::new();
+    ply::write_ply(&clouds(), &mut file).unwrap();
+    place.write("scene.ply", &file);
+    let Camera { fx, fy, cx, cy, .. } = CAMERA;
+    let view = json!({ "W": 320, "H": 240, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
+        "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0] });
+    place.write("view.json", view.to_string());
+    let render = "render --backend cpu --rules soft --scene scene.ply --view view.json";
+    place.ok(&format!("{render} --out straight.png"));
+    let said = place.ok(&format!("{render} --json --lens {} --out bent.png", lenses()[0].0)).stdout;
+    assert!(said.contains("\"lens\":\"opencv:-0.28,"), "{said}");
+    let positions = points().into_iter().map(|p| DVec3::from(p.map(f64::from)));
+    let asked = json!({
+        "fx": fx, "fy": fy, "cx": cx, "cy": cy, "opencv": RADIAL, "fisheye": FISHEYE,
+        "points": positions.clone().map(|p| p.to_array()).collect::<Vec<_>>(),
+        "seen_opencv": positions.clone().map(|p| seen(radial, p)).collect::<Vec<_>>(),
+        "seen_fisheye": positions.map(|p| seen(fisheye, p)).collect::<Vec<_>>(),
+        "straight": place.path("straight.png"), "bent": place.path("bent.png"),
+    });
+    place.write("asked.json", asked.to_string());
+    let asked = place.path("asked.json");
+    let ended = Command::new("python3").args(["-c", CV2, asked.to_str().unwrap()]).output().unwrap();
+    assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
+}
+
+#[test]
+fn lenses_are_refused_by_name() {
+    let place = Workspace::new();
+    let mut file = Vec::new();
+    ply::write_ply(&clouds(), &mut file).unwrap();
+    place.write("scene.ply", &file);
+    let view = json!({ "W": 64, "H": 48, "fx": 30, "fy": 30, "cx": 32, "cy": 24,
+        "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [0, 0, 0] });
+    place.write("view.json", view.to_string());
+    for (lens, code, because) in [
+        ("opencv:1,2,3", 2, "found 3 numbers"),
+        ("thin:1,2", 2, "is no model"),
+        ("opencv:-0.9,0,0,0", 1, "shows no ray"),
+        ("fisheye:-0.35,0,0,0", 1, "shows no ray"),
+    ] {
+        let ended = place.gs2e(&format!(
+            "render --backend cpu --scene scene.ply --view view.json --lens {lens} --out a.png"
+        ));
+        assert_eq!(ended.code, code, "{lens}: {}", ended.stderr);
+        assert!(ended.stderr.contains(because), "{lens}: {}", ended.stderr);
+    }
+}
