@@ -17,6 +17,7 @@ mod level;
 mod project;
 mod raster;
 mod resolve;
+mod segments;
 mod sort;
 mod splat;
 mod unseen;
@@ -25,7 +26,7 @@ pub use level::InstructionSet;
 
 use super::{
     CameraView, ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
-    RenderedImages, Renderer, flow,
+    RenderedImages, Renderer, flow, parts,
 };
 use crate::camera::Camera;
 use crate::image::Size;
@@ -192,13 +193,15 @@ impl CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
-        let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
+        let views = parts::part_views(&self.scene, view)?;
+        let eye = |view| ViewTransform::new(view, self.scene.origin, self.style.rules);
+        let eyes: Vec<ViewTransform> = views.iter().map(eye).collect();
         let projection = ProjectionInput {
             scene: &self.scene,
             blocks: &self.blocks,
             sh_degree: self.sh_degree,
             style: self.style,
-            eye,
+            eyes: &eyes,
             want: asked,
             level: self.instructions.level,
         };
@@ -229,10 +232,27 @@ impl CpuRenderer {
             self.style.background,
             out,
         );
-        out.flow =
-            if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
-        // Depth may have been made for flow alone.
+        out.segments = (want.segments || want.flow && views.len() > 1).then(|| {
+            let pass = segments::SegmentPass {
+                scene: &self.scene,
+                order: sorted,
+                numbers: &frame.numbers,
+                chunks: &frame.chunks,
+                grid,
+                style: self.style,
+                omit,
+                level,
+            };
+            pass.run(&mut frame.splats, &mut frame.lists, &mut frame.tiles)
+        });
+        out.flow = out
+            .depth
+            .as_ref()
+            .filter(|_| want.flow)
+            .map(|depth| flow::flow_of_parts(depth, out.segments.as_ref(), &views));
+        // Depth and parts may have been made for flow alone.
         out.depth = out.depth.take().filter(|_| want.depth);
+        out.segments = out.segments.take().filter(|_| want.segments);
         done(PassKind::Resolve);
         Ok(work)
     }
@@ -319,6 +339,14 @@ impl Renderer for CpuRenderer {
         if self.omit == OmissionPolicy::Needless {
             self.keep_more(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
         }
+    }
+
+    fn has_parts(&self) -> bool {
+        self.scene.part_count() > 0
+    }
+
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        parts::held_part_views(&self.scene, view)
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

@@ -90,7 +90,7 @@ impl ReleasedPictures<'_> {
     pub(super) fn views(&self) -> Vec<CameraView> {
         let poses = self.motion.trajectory.world_from_camera.iter().zip(self.motion.velocities());
         let camera = self.camera;
-        poses.map(|(pose, velocity)| CameraView { camera, world_from_camera: *pose, velocity }).collect()
+        poses.map(|(pose, velocity)| CameraView { velocity, ..CameraView::at_rest(camera, *pose) }).collect()
     }
 
     fn values(&self, kind: &str, pose: usize, rest: &[u64]) -> Result<Vec<f32>, RecheckError> {
