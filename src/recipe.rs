@@ -51,6 +51,7 @@ use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
 use crate::sampling::exposure::ShutterSettings;
+use crate::scene::objects::ObjectSettings;
 use crate::sensor::SensorSet;
 use crate::speed::SpeedChoice;
 use crate::store::stat_cache::StatSighting;
@@ -107,6 +108,8 @@ pub struct Recipe {
     pub shutter: ShutterSettings,
     /// Inertial sensor, if the recipe asks for its data.
     pub imu: Option<ImuModel>,
+    /// Things that move on paths of their own.
+    pub objects: Vec<ObjectSettings>,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.

@@ -1,6 +1,7 @@
 //! The merged recipe in full with all defaults, as `scene.json` shows it. It is itself a recipe,
 //! with one canonical spelling.
 
+mod objects;
 mod reconstruct;
 mod trajectory;
 
@@ -65,6 +66,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     }
     if let Some(imu) = &recipe.imu {
         add("scale", json!({ "metres_per_unit": imu.metres_per_unit }));
+    }
+    if !recipe.objects.is_empty() {
+        add("objects", objects::objects_value(raw, &recipe.objects));
     }
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));

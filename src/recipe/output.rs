@@ -24,13 +24,16 @@ pub enum OutputKind {
     Depth,
     /// Optical flow images, float32 `.npy`.
     Flow,
+    /// The object that each pixel shows, 8-bit grey PNG.
+    Segmentation,
     /// Inertial data, CSV in the form of EuRoC.
     Imu,
 }
 
 impl OutputKind {
     /// All outputs, in the order of their steps.
-    pub const ALL: [Self; 6] = [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Imu];
+    pub const ALL: [Self; 7] =
+        [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Segmentation, Self::Imu];
 
     /// Outputs of a recipe that names none.
     pub(super) const DEFAULT: [Self; 2] = [Self::Events, Self::Sharp];
@@ -45,6 +48,7 @@ impl OutputKind {
             Self::Blur => "blur",
             Self::Depth => "depth",
             Self::Flow => "flow",
+            Self::Segmentation => "segmentation",
             Self::Imu => "imu",
         }
     }
@@ -55,6 +59,12 @@ impl OutputKind {
         self == Self::Imu
     }
 
+    /// Returns true if it shows the objects of a scene, without which it is empty.
+    #[must_use]
+    pub fn shows_objects(self) -> bool {
+        self == Self::Segmentation
+    }
+
     /// The settings of this output in a recipe's full form, under the key of its name. A recipe
     /// without the output shows none, except for sharp frames, whose settings are always shown.
     pub(super) fn settings(self, recipe: &Recipe) -> Option<Value> {
@@ -63,7 +73,7 @@ impl OutputKind {
             Self::Events => None,
             Self::Blur => asked.then(|| json!(recipe.shutter)),
             Self::Imu => recipe.imu.as_ref().map(imu_value),
-            Self::Sharp | Self::Depth | Self::Flow => {
+            Self::Sharp | Self::Depth | Self::Flow | Self::Segmentation => {
                 let shown = asked || self == Self::Sharp;
                 shown.then(|| json!({ "every": recipe.every.poses(self) }))
             }
@@ -94,8 +104,13 @@ pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
 
 impl PictureSpacing {
     /// The sections of a recipe with a spacing.
-    pub(super) fn sections(raw: &RecipeSchema) -> [(OutputKind, &Field<EverySection>); 3] {
-        [(OutputKind::Sharp, &raw.sharp), (OutputKind::Depth, &raw.depth), (OutputKind::Flow, &raw.flow)]
+    pub(super) fn sections(raw: &RecipeSchema) -> [(OutputKind, &Field<EverySection>); 4] {
+        [
+            (OutputKind::Sharp, &raw.sharp),
+            (OutputKind::Depth, &raw.depth),
+            (OutputKind::Flow, &raw.flow),
+            (OutputKind::Segmentation, &raw.segmentation),
+        ]
     }
 
     pub(super) fn from_spacings(spacings: BTreeMap<OutputKind, u32>) -> Self {

@@ -3,6 +3,7 @@
 mod imu;
 mod licence;
 mod number;
+mod objects;
 mod outputs;
 mod picture;
 mod reconstruct;
@@ -67,6 +68,8 @@ impl Resolver<'_> {
         let shutter = self.shutter(&raw.blur);
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
+        let objects = self.objects(&raw.objects);
+        self.refuse_masks_of_nothing(raw, outputs.as_ref(), objects.as_deref());
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -88,6 +91,7 @@ impl Resolver<'_> {
             every: every?,
             shutter: shutter?,
             imu: imu?,
+            objects: objects?,
             scale: scale?,
             checks: checks?,
             licence: licence?,

@@ -2,11 +2,12 @@
 
 use crate::support::workspace::Workspace;
 use gs2e::recipe::{self, Recipe, RecipeMeta};
+use gs2e::scene::objects::ObjectSource;
 use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 32] = [
+const CONTEXTS: [(&str, &str); 37] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -52,6 +53,24 @@ const CONTEXTS: [(&str, &str); 32] = [
     ("sensor.voltmeter.latency", "{ sensor: { voltmeter: { latency: { us: 100 } } } }"),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
     ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
+    (
+        "objects[]",
+        "{ objects: [{ name: a, select: { sphere: { centre: [0, 0, 0], radius: 1 } }, path: { straight: {} } }] }",
+    ),
+    (
+        "objects[].select.box",
+        "{ objects: [{ name: a, select: { box: { low: [0, 0, 0], high: [1, 1, 1] } }, path: { straight: {} } }] }",
+    ),
+    ("objects[].scene", "{ objects: [{ name: a, scene: { path: s.ply }, path: { straight: {} } }] }"),
+    (
+        "objects[].path.orbit",
+        "{ objects: [{ name: a, scene: { path: s.ply }, path: { orbit: { centre: [0, 0, 0], axis: [0, 1, 0], \
+         degrees_per_second: 9 } } }] }",
+    ),
+    (
+        "objects[].path.keyframes",
+        "{ objects: [{ name: a, scene: { path: s.ply }, path: { keyframes: [{ at: 0 }, { at: 1 }] } }] }",
+    ),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),
     (
         "licence.evidence",
@@ -153,6 +172,11 @@ fn relative(found: &mut Recipe, base: &str) {
     match &mut found.reconstruct {
         Some(recipe::ReconstructMethod::Given(path) | recipe::ReconstructMethod::Newest(path)) => short(path),
         Some(recipe::ReconstructMethod::Command(_) | recipe::ReconstructMethod::Builtin(_)) | None => {}
+    }
+    for object in &mut found.objects {
+        if let ObjectSource::Ids { file } | ObjectSource::Scene { file, .. } = &mut object.from {
+            short(file);
+        }
     }
 }
 
