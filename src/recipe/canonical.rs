@@ -67,9 +67,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     if let Some(imu) = &recipe.imu {
         add("scale", json!({ "metres_per_unit": imu.metres_per_unit }));
     }
-    if !recipe.objects.is_empty() {
-        add("objects", objects::objects_value(raw, &recipe.objects));
-    }
+    objects::objects_value(raw, &recipe.objects).into_iter().for_each(|value| add("objects", value));
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));
     }

@@ -194,8 +194,7 @@ impl CpuRenderer {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
         let views = parts::part_views(&self.scene, view)?;
-        let eye = |view| ViewTransform::new(view, self.scene.origin, self.style.rules);
-        let eyes: Vec<ViewTransform> = views.iter().map(eye).collect();
+        let eyes = self.eyes(&views);
         let projection = ProjectionInput {
             scene: &self.scene,
             blocks: &self.blocks,
@@ -259,6 +258,10 @@ impl CpuRenderer {
 }
 
 impl CpuRenderer {
+    fn eyes(&self, views: &[CameraView]) -> Vec<ViewTransform> {
+        views.iter().map(|view| ViewTransform::new(view, self.scene.origin, self.style.rules)).collect()
+    }
+
     /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {

@@ -294,11 +294,24 @@ pub fn write_places(motion: Option<&SceneMotion>, stamps_us: &[i64], mut out: im
     out.flush()
 }
 
-/// The lines of a file of [`write_places`], each with its stamp, number, name and values.
+/// A line of a file of [`write_places`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaceLine {
+    /// Stamp of the pose.
+    pub stamp_us: i64,
+    /// Number of the part, from 1.
+    pub number: u8,
+    /// Its name.
+    pub name: String,
+    /// The other columns.
+    pub values: Vec<f64>,
+}
+
+/// The lines of a file of [`write_places`].
 ///
 /// # Errors
 /// The first line that has another form.
-pub fn read_places(bytes: &[u8]) -> Result<Vec<(i64, u8, String, Vec<f64>)>, String> {
+pub fn read_places(bytes: &[u8]) -> Result<Vec<PlaceLine>, String> {
     let text = str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
     let mut lines = text.lines();
     let columns = PLACES_HEAD.split(',').count();
@@ -309,8 +322,10 @@ pub fn read_places(bytes: &[u8]) -> Result<Vec<(i64, u8, String, Vec<f64>)>, Str
         let fields: Vec<&str> = line.split(',').collect();
         let value = |text: &&str| text.parse().ok().filter(|value: &f64| value.is_finite());
         let values = || fields[3..].iter().map(value).collect::<Option<Vec<f64>>>();
-        let read =
-            || Some((fields[0].parse().ok()?, fields[1].parse().ok()?, fields[2].to_owned(), values()?));
+        let read = || {
+            let (stamp_us, number) = (fields[0].parse().ok()?, fields[1].parse().ok()?);
+            Some(PlaceLine { stamp_us, number, name: fields[2].to_owned(), values: values()? })
+        };
         let found = (fields.len() == columns).then(read).flatten();
         found.ok_or_else(|| format!("line {} has not the {columns} columns of the first one", number + 2))
     };
@@ -323,9 +338,9 @@ pub fn read_places(bytes: &[u8]) -> Result<Vec<(i64, u8, String, Vec<f64>)>, Str
 /// As [`read_places`].
 pub fn rewritten_places(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut text = format!("{PLACES_HEAD}\n");
-    for (stamp, number, name, values) in read_places(bytes)? {
+    for PlaceLine { stamp_us, number, name, values } in read_places(bytes)? {
         let values: String = values.iter().map(|value| format!(",{value}")).collect();
-        text += &format!("{stamp},{number},{name}{values}\n");
+        text += &format!("{stamp_us},{number},{name}{values}\n");
     }
     Ok(text.into_bytes())
 }

@@ -6,10 +6,12 @@ use crate::scene::motion::{PartKeyframe, PartPath};
 use crate::scene::objects::{ObjectSettings, ObjectSource};
 use serde_json::{Value, json};
 
-pub(super) fn objects_value(raw: &schema::RecipeSchema, objects: &[ObjectSettings]) -> Value {
+/// The list of objects; `None` if it is empty.
+pub(super) fn objects_value(raw: &schema::RecipeSchema, objects: &[ObjectSettings]) -> Option<Value> {
     let items = raw.objects.given().map_or(&[][..], |(items, _)| items);
     let written = items.iter().filter_map(|item| item.given());
-    written.zip(objects).map(|((raw, _), object)| object_value(raw, object)).collect()
+    let values: Value = written.zip(objects).map(|((raw, _), object)| object_value(raw, object)).collect();
+    (!objects.is_empty()).then_some(values)
 }
 
 fn object_value(raw: &schema::ObjectSection, object: &ObjectSettings) -> Value {

@@ -7,7 +7,7 @@ use super::RecheckError;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
 use crate::check::flow_projection::FlowDifference;
-use crate::check::geometry::watch::{GeometryWatch, PosedPictures as _};
+use crate::check::geometry::watch::GeometryWatch;
 use crate::check::geometry::{GeometryMeasures, Measured, PictureMeasures};
 use crate::check::photometric::align::smooth_picture;
 use crate::image::{GreyImage, Image};

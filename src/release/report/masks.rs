@@ -44,7 +44,7 @@ pub(in crate::release) fn mask_picture(
     let mask = png::read_sized(Cursor::new(read(path)?), size).ok()?;
     let objects = read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
     let names: BTreeMap<u8, String> =
-        read_places(&objects).ok()?.into_iter().map(|(_, number, name, _)| (number, name)).collect();
+        read_places(&objects).ok()?.into_iter().map(|line| (line.number, line.name)).collect();
     let colour = |[number, ..]: &[u8; 3]| {
         let index = number.checked_sub(1).map(usize::from);
         index.map_or(STILL, |index| COLOURS[index % COLOURS.len()].0)
