@@ -2,7 +2,6 @@
 //! rotated by this test, masks against renderings of each object alone, and events against the masks.
 
 #![expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
-#![expect(clippy::print_stdout, reason = "the figures")]
 
 use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use crate::support::steps::{keys, recipe, steps};
@@ -226,10 +225,9 @@ fn rotated_harmonics(coefficients: &[[f32; 3]], turn: DQuat) -> Vec<[f32; 3]> {
         }
     }
     for k in (0..N).rev() {
-        for c in 0..3 {
-            let rest: f64 = (k + 1..N).map(|j| normal[k][j] * right[j][c]).sum();
-            right[k][c] = (right[k][c] - rest) / normal[k][k];
-        }
+        let below: [f64; 3] = [0, 1, 2].map(|c| (k + 1..N).map(|j| normal[k][j] * right[j][c]).sum());
+        let row = right[k].iter_mut().zip(below);
+        row.for_each(|(value, below)| *value = (*value - below) / normal[k][k]);
     }
     right.iter().map(|row| row.map(|v| v as f32)).collect()
 }
