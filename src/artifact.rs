@@ -16,6 +16,7 @@ use crate::render::flow::FlowQuantiles;
 use crate::render::{CameraVelocity, OmissionPolicy, RenderWork};
 use crate::sampling::SamplingChoice;
 use crate::sampling::exposure::ExposureRecord;
+use crate::scene::motion::SceneMotion;
 use crate::scene::{Gaussians, SceneScreening};
 use crate::se3::{Se3, Twist};
 use crate::seed::Seed;
@@ -35,6 +36,7 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The files of an artifact by name, with their paths in the store.
 #[derive(Debug, Clone, Default)]
@@ -159,6 +161,12 @@ impl Artifact for Capture {
     }
 }
 
+/// Name of the records of the parts that move, next to a scene that has some.
+pub const SCENE_PARTS: &str = "parts.json";
+
+/// Name of the places of the objects, next to their masks.
+pub const OBJECT_PLACES: &str = "objects.csv";
+
 /// Name of the record of a training, next to the scene that it made.
 pub const TRAINING_FILE: &str = "training.json";
 
@@ -187,8 +195,19 @@ impl Artifact for Gaussians {
 
     fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         let path = files.path("scene.ply")?;
-        crate::scene::read_file(path)
-            .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })
+        let scene = crate::scene::read_file(path)
+            .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })?;
+        if files.size(SCENE_PARTS) == 0 {
+            return Ok(scene);
+        }
+        let motion = SceneMotion::prepare(files.json(SCENE_PARTS)?)
+            .map_err(|e| ArtifactError { name: SCENE_PARTS.into(), because: e.to_string() })?;
+        let starts = motion.records().map(|part| part.first);
+        if !starts.is_sorted() || motion.records().any(|part| part.first > scene.len()) {
+            let because = format!("a part begins outside of the {} Gaussians of the scene", scene.len());
+            return Err(ArtifactError { name: SCENE_PARTS.into(), because });
+        }
+        Ok(Self { motion: Some(Arc::new(motion)), ..scene })
     }
 }
 

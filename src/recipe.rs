@@ -52,6 +52,7 @@ use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
 use crate::sampling::exposure::ShutterSettings;
+use crate::scene::objects::ObjectSettings;
 use crate::sensor::SensorSet;
 use crate::speed::SpeedChoice;
 use crate::store::stat_cache::StatSighting;
@@ -112,6 +113,8 @@ pub struct Recipe {
     pub imu: Option<ImuModel>,
     /// Light that changes, if the recipe has it.
     pub lights: Option<SceneLights>,
+    /// Things that move on paths of their own.
+    pub objects: Vec<ObjectSettings>,
     /// Scale of the scene, if the recipe states it.
     pub scale: Option<SceneScale>,
     /// Limits and waivers.

@@ -9,6 +9,7 @@ pub mod fidelity;
 pub mod flow;
 pub mod gpu;
 pub mod lens;
+pub mod parts;
 pub mod reference;
 pub mod sample;
 pub mod shared;
@@ -144,6 +145,8 @@ pub struct CameraView {
     pub world_from_camera: Se3,
     /// Velocity, for channels that are rates.
     pub velocity: CameraVelocity,
+    /// Time from the first pose of the trajectory, s: moving parts of the scene are where they are then.
+    pub seconds: f64,
 }
 
 /// Velocity of a camera, in its own axes.
@@ -156,10 +159,16 @@ pub struct CameraVelocity {
 }
 
 impl CameraView {
+    /// This view at another time, s.
+    #[must_use]
+    pub fn at_time(self, seconds: f64) -> Self {
+        Self { seconds, ..self }
+    }
+
     /// A view of a camera at rest.
     #[must_use]
     pub fn at_rest(camera: Camera, world_from_camera: Se3) -> Self {
-        Self { camera, world_from_camera, velocity: CameraVelocity::default() }
+        Self { camera, world_from_camera, velocity: CameraVelocity::default(), seconds: 0.0 }
     }
 }
 
@@ -180,6 +189,8 @@ pub struct ChannelSet {
     pub luminance_rate: bool,
     /// Share of each pixel that comes from Gaussians too deep for their distance.
     pub doubtful: bool,
+    /// The moving part that each pixel shows.
+    pub segments: bool,
 }
 
 impl ChannelSet {
@@ -192,6 +203,7 @@ impl ChannelSet {
         flow: false,
         luminance_rate: false,
         doubtful: false,
+        segments: false,
     };
 
     /// Returns true if no image is requested.
@@ -212,6 +224,7 @@ impl ChannelSet {
             flow: self.flow || other.flow,
             luminance_rate: self.luminance_rate || other.luminance_rate,
             doubtful: self.doubtful || other.doubtful,
+            segments: self.segments || other.segments,
         }
     }
 }
@@ -233,12 +246,14 @@ pub struct RenderedImages {
     pub luminance_rate: Option<Image<f32>>,
     /// Blended weight, 0..1, of the Gaussians counted by [`RenderWork::affine_doubtful`].
     pub doubtful: Option<Image<f32>>,
+    /// The moving part with the largest blended weight, from 1; 0 where what is still and what is behind have more.
+    pub segments: Option<Image<u8>>,
 }
 
 impl RenderedImages {
     /// Removes the images that were not requested.
     pub fn clear_all_but(&mut self, want: ChannelSet) {
-        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful } = self;
+        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, segments } = self;
         rgb.take_if(|_| !want.rgb);
         flow.take_if(|_| !want.flow);
         luminance.take_if(|_| !want.luminance);
@@ -246,6 +261,7 @@ impl RenderedImages {
         depth.take_if(|_| !want.depth);
         luminance_rate.take_if(|_| !want.luminance_rate);
         doubtful.take_if(|_| !want.doubtful);
+        segments.take_if(|_| !want.segments);
     }
 }
 
@@ -362,6 +378,17 @@ pub trait Renderer {
         let _ = sample;
     }
 
+    /// Returns true if parts of the scene move.
+    fn has_parts(&self) -> bool {
+        false
+    }
+
+    /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in order:
+    /// with the pose and the velocity of the camera in those axes.
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        vec![*view]
+    }
+
     /// Announces a view. Views are rendered in the order in which they are announced. An
     /// asynchronous back end may start the view now. Failures are reported by `render`.
     fn expect(&mut self, view: &CameraView, want: ChannelSet) {
@@ -416,6 +443,9 @@ fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let velocity = view.velocity;
     if !(velocity.linear.is_finite() && velocity.angular.is_finite()) {
         return fail(format!("velocity {velocity:?} is not finite"));
+    }
+    if !view.seconds.is_finite() {
+        return fail(format!("the time {} s is not finite", view.seconds));
     }
     Ok(())
 }

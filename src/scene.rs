@@ -7,6 +7,8 @@
 mod collector;
 mod cursor;
 pub mod form;
+pub mod motion;
+pub mod objects;
 mod opacity;
 pub mod ply;
 pub mod procedural;
@@ -19,9 +21,11 @@ pub mod survey;
 
 use crate::files;
 use glam::DVec3;
+use motion::SceneMotion;
 use std::collections::TryReserveError;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Gaussians as a structure of arrays. All arrays have one entry per Gaussian, in file order.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,6 +53,8 @@ pub struct Gaussians {
     pub antialiased: Option<bool>,
     /// Counts of what the reader dropped or repaired.
     pub screening: SceneScreening,
+    /// The parts that move; `None` if nothing does.
+    pub motion: Option<Arc<SceneMotion>>,
 }
 
 /// Counts of what the reader of a scene file dropped or repaired.
@@ -290,6 +296,7 @@ mod tests {
             sh_degree: 2,
             antialiased: None,
             screening: SceneScreening::default(),
+            motion: None,
         };
         let firsts = |degree: u8| -> Vec<f32> { scene.with_degree(degree).sh.iter().map(|c| c[0]).collect() };
         assert_eq!(firsts(0), [0.0, 9.0]);

@@ -48,6 +48,17 @@ pub struct Trajectory {
     pub stamps_us: Vec<i64>,
 }
 
+impl Trajectory {
+    /// Time of a pose by its stamp, s.
+    ///
+    /// # Panics
+    /// There is no pose of this number.
+    #[must_use]
+    pub fn seconds(&self, index: usize) -> f64 {
+        self.stamps_us[index] as f64 * 1e-6
+    }
+}
+
 /// A view of a capture: the name of its image, and its pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NamedPose<'a> {

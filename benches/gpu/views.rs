@@ -40,6 +40,7 @@ impl BenchViews {
             camera: view.camera.resized(options.size),
             world_from_camera: view.world_from_camera,
             velocity,
+            seconds: 0.0,
         };
         let views: Vec<CameraView> = captured.into_iter().map(view).collect();
         if views.is_empty() {

@@ -82,7 +82,7 @@ impl SplatScene {
             RenderError::View(_) | RenderError::Style(_) => PyValueError::new_err(error.to_string()),
             _ => PyRuntimeError::new_err(error.to_string()),
         })?;
-        let RenderedImages { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful } = rendered;
+        let RenderedImages { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, .. } = rendered;
         if let Some(rgb) = rgb {
             return as_array(py, rgb.size(), rgb.pixels().as_flattened().to_vec(), 3);
         }
@@ -142,7 +142,8 @@ impl RequestedView {
             CameraVelocity { linear: DVec3::new(x, y, z), angular: DVec3::new(u, v, w) }
         });
         let world_from_camera = Se3 { rotation: rotation.rotation, translation };
-        Ok(CameraView { camera: Camera { size, fx, fy, cx, cy }, world_from_camera, velocity })
+        let still = CameraView::at_rest(Camera { size, fx, fy, cx, cy }, world_from_camera);
+        Ok(CameraView { velocity, ..still })
     }
 }
 

@@ -127,8 +127,8 @@ impl RenderArgs {
 
         let started = Instant::now();
         let style = self.style(&gaussians);
-        let view =
-            CameraView { camera: chosen.camera, world_from_camera: chosen.world_from_camera, velocity };
+        let still = CameraView::at_rest(chosen.camera, chosen.world_from_camera);
+        let view = CameraView { velocity, ..still };
         let mut rendered = RenderedImages::default();
         let scene = Arc::new(gaussians);
         let (backend, work) = self.rendered(common, &scene, (style, &view), &mut rendered, console)?;

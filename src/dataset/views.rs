@@ -121,7 +121,7 @@ impl DatasetViews {
             // A twist has its linear rate in world axes, its angular rate in the camera's own.
             let linear = world_from_camera.rotation.conjugate() * twist.linear;
             let velocity = CameraVelocity { linear, angular: twist.angular };
-            let at = CameraView { camera: self.camera, world_from_camera, velocity };
+            let at = CameraView { velocity, ..CameraView::at_rest(self.camera, world_from_camera) };
             Ok(FlowAt { t_us: self.views[view].t_us, px_s: flow_rates(&self.depth(view)?, &at) })
         };
         (0..count).into_par_iter().map(flow).collect()

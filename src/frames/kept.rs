@@ -201,6 +201,10 @@ impl KeptRenderer {
         hasher.update(&self.promise);
         hash_camera(&mut hasher, &view.camera);
         hash_pose(&mut hasher, &view.world_from_camera);
+        if self.inner.has_parts() {
+            // Only then does a view depend on its time.
+            hash_numbers(&mut hasher, &[view.seconds]);
+        }
         let ([a, b, c], [d, e, f]) = (view.velocity.linear.to_array(), view.velocity.angular.to_array());
         KeptView { digest: hasher.finalize().into(), velocity: [a, b, c, d, e, f].map(f64::to_bits) }
     }
@@ -244,6 +248,14 @@ impl Renderer for KeptRenderer {
         poses.iter().for_each(|pose| hash_pose(&mut hasher, pose));
         self.promise = hasher.finalize().into();
         self.inner.keep_to(camera, poses);
+    }
+
+    fn has_parts(&self) -> bool {
+        self.inner.has_parts()
+    }
+
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.part_views(view)
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {

@@ -22,9 +22,11 @@ use crate::stage::foreign::ExternalToolsStage;
 use crate::stage::frames::FramesStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, GeometryStage};
 use crate::stage::imu::ImuStage;
+use crate::stage::objects::ObjectsStage;
 use crate::stage::poses::PosesStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::scene_checks::CheckingScene;
+use crate::stage::segmentation::SegmentationStage;
 use crate::stage::sharp::SharpStage;
 use crate::stage::shot::ShotParameters;
 use crate::stage::trajectory::{TrajectoryStage, ViewingSetup};
@@ -44,7 +46,11 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
         let solving = solving.filter(|_| trained_on.is_some());
         wiring.add("reconstruct".into(), reconstructing, (trained_on, solving))
     });
-    let ground = SceneGround { capture, solving, gaussians, backend, omit, asking: asking.as_ref() };
+    let moving = (!recipe.objects.is_empty()).then(|| ObjectsStage { objects: recipe.objects.clone() });
+    // Only renderings of trajectories see the objects; photos and speeds are those of the scene at rest.
+    let seen =
+        gaussians.map(|scene| moving.map_or(scene, |moving| wiring.add("objects".into(), moving, scene)));
+    let ground = SceneGround { capture, solving, gaussians, seen, backend, omit, asking: asking.as_ref() };
     // Trajectories that others are drawn from come first; otherwise the order of the recipe is
     // kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -137,6 +143,8 @@ struct SceneGround<'a> {
     solving: SolvingInputs,
     /// Present if something is rendered.
     gaussians: Option<StepTarget<Gaussians>>,
+    /// The same with the objects, if there are any.
+    seen: Option<StepTarget<Gaussians>>,
     backend: &'a Backend,
     omit: OmissionPolicy,
     /// The other programs that trajectories are compared with.
@@ -206,7 +214,7 @@ fn wire_output(
     made: &mut MadeOutputs,
     wiring: &mut SceneWiring<'_>,
 ) {
-    let SceneGround { capture, gaussians, backend, omit, .. } = ground;
+    let SceneGround { capture, seen, backend, omit, .. } = ground;
     let backend = || backend.clone();
     let shot = || ShotParameters { camera: recipe.camera, render: recipe.render, omit, backend: backend() };
     let name = format!("{trajectory}/{}", output.name());
@@ -219,7 +227,7 @@ fn wire_output(
         wiring.add(name, ImuStage { model, seed }, (motion, views));
         return;
     }
-    let inputs = (capture, gaussians.expect(RENDERED), motion);
+    let inputs = (capture, seen.expect(RENDERED), motion);
     match output {
         OutputKind::Events => {
             // From names alone: a trajectory that is added changes no other one.
@@ -249,6 +257,9 @@ fn wire_output(
         }
         OutputKind::Flow => {
             wiring.add(name, GeometryStage::<FlowQuantity>::new(shot(), every), inputs);
+        }
+        OutputKind::Segmentation => {
+            wiring.add(name, SegmentationStage { shot: shot(), every }, inputs);
         }
         OutputKind::Imu => unreachable!("it was wired above"),
     }

@@ -1,6 +1,7 @@
 //! The merged recipe in full with all defaults, as `scene.json` shows it. It is itself a recipe,
 //! with one canonical spelling.
 
+mod objects;
 mod reconstruct;
 mod trajectory;
 
@@ -69,6 +70,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     if let Some(lights) = &recipe.lights {
         add("lights", json!(lights));
     }
+    objects::objects_value(raw, &recipe.objects).into_iter().for_each(|value| add("objects", value));
     if let Some(scale) = recipe.scale {
         add("attributes", json!({ "scene_scale": scale.name() }));
     }

@@ -11,6 +11,9 @@ pub(super) const TRAJECTORY_HELP: &str =
 /// Help text for names of several sensors.
 pub(super) const SENSOR_HELP: &str = "a sensor's name is made of letters, digits, \".\", \"_\" and \"-\"";
 
+/// Help text for names of objects.
+pub(super) const OBJECT_HELP: &str = "an object's name is made of letters, digits, \".\", \"_\" and \"-\"";
+
 /// Names reserved at the top of a release.
 const TAKEN_AT_TOP: [&str; 13] = [
     "b3sums",

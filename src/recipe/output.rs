@@ -24,13 +24,16 @@ pub enum OutputKind {
     Depth,
     /// Optical flow images, float32 `.npy`.
     Flow,
+    /// The object that each pixel shows, 8-bit grey PNG.
+    Segmentation,
     /// Inertial data, CSV in the form of EuRoC.
     Imu,
 }
 
 impl OutputKind {
     /// All outputs, in the order of their steps.
-    pub const ALL: [Self; 6] = [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Imu];
+    pub const ALL: [Self; 7] =
+        [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Segmentation, Self::Imu];
 
     /// Outputs of a recipe that names none.
     pub(super) const DEFAULT: [Self; 2] = [Self::Events, Self::Sharp];
@@ -45,6 +48,7 @@ impl OutputKind {
             Self::Blur => "blur",
             Self::Depth => "depth",
             Self::Flow => "flow",
+            Self::Segmentation => "segmentation",
             Self::Imu => "imu",
         }
     }
@@ -61,6 +65,12 @@ impl OutputKind {
         self == Self::Events
     }
 
+    /// Returns true if it shows the objects of a scene, without which it is empty.
+    #[must_use]
+    pub fn shows_objects(self) -> bool {
+        self == Self::Segmentation
+    }
+
     /// The settings of this output in a recipe's full form, under the key of its name. A recipe
     /// without the output shows none, except for sharp frames, whose settings are always shown.
     pub(super) fn settings(self, recipe: &Recipe) -> Option<Value> {
@@ -69,7 +79,7 @@ impl OutputKind {
             Self::Events => None,
             Self::Blur => asked.then(|| json!(recipe.shutter)),
             Self::Imu => recipe.imu.as_ref().map(imu_value),
-            Self::Sharp | Self::Depth | Self::Flow => {
+            Self::Sharp | Self::Depth | Self::Flow | Self::Segmentation => {
                 let shown = asked || self == Self::Sharp;
                 let mut settings = json!({ "every": recipe.every.poses(self) });
                 if let Some(readout_us) = recipe.readout_us.filter(|_| self == Self::Sharp) {
@@ -113,11 +123,12 @@ pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
 
 impl PictureSpacing {
     /// The spacings that a recipe writes; `None` for one whose section is faulty.
-    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 3] {
+    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 4] {
         [
             (OutputKind::Sharp, field_of(&raw.sharp, |section| &section.every)),
             (OutputKind::Depth, field_of(&raw.depth, |section| &section.every)),
             (OutputKind::Flow, field_of(&raw.flow, |section| &section.every)),
+            (OutputKind::Segmentation, field_of(&raw.segmentation, |section| &section.every)),
         ]
     }
 

@@ -13,11 +13,15 @@
 //! Ranges of numbers are not repeated here: the test reads them off the messages of the loader.
 //! `Range: …` is for ranges that no single number shows.
 
+mod objects;
 mod reconstruct;
 mod sensor;
 mod source;
 mod trajectory;
 
+pub(super) use objects::{
+    ObjectKeySection, ObjectPathSection, ObjectSection, ObjectStraightSection, PlacedSection, SelectSection,
+};
 pub(super) use reconstruct::{
     BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
 };
@@ -96,6 +100,10 @@ pub(super) struct RecipeSchema {
     pub depth: Field<EverySection>,
     /// Spacing of the optical flow images. Default: `{}`.
     pub flow: Field<EverySection>,
+    /// Spacing of the masks of the output `segmentation`. Default: `{}`.
+    pub segmentation: Field<EverySection>,
+    /// Things that move on paths of their own. Default: `[]`.
+    pub objects: Field<Vec<Field<ObjectSection>>>,
     /// Inertial sensor of the output `imu`. Default: `{}`.
     pub imu: Field<ImuSection>,
     /// Size of the scene's unit, which inertial data need. Default: none.
@@ -203,7 +211,7 @@ pub(super) struct SharpSection {
     pub readout_us: Field<u64>,
 }
 
-/// Spacing of the pictures of `depth` or `flow`.
+/// Spacing of the pictures of `depth`, `flow` or `segmentation`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {

@@ -148,6 +148,7 @@ mod tests {
     use crate::stage::blur::BlurStage;
     use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
     use crate::stage::imu::ImuStage;
+    use crate::stage::segmentation::SegmentationStage;
     use crate::stage::sharp::SharpStage;
 
     #[test]
@@ -158,6 +159,7 @@ mod tests {
             BlurStage::NAME,
             DepthQuantity::NAME,
             FlowQuantity::NAME,
+            SegmentationStage::NAME,
             ImuStage::NAME,
         ];
         assert_eq!(OutputKind::ALL.map(OutputKind::name), stages);

@@ -11,6 +11,7 @@ pub(super) use plain::{CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
 use super::report::{ReportTrajectory, ShownPicture};
+use crate::artifact::OBJECT_PLACES;
 use crate::imu;
 use crate::recipe::OutputKind;
 use crate::sampling::exposure;
@@ -52,6 +53,8 @@ pub(super) enum ProductForm {
     /// Arrays of float32, `.npy`, one file per pose of the row: numbers per pixel, and true if they
     /// are positive. NaN marks a pixel without a value.
     Numbers { channels: u64, positive: bool, poses: PictureNumbers },
+    /// Masks of 8-bit grey, PNG, and the places of the objects.
+    Masks(PictureNumbers),
     /// Inertial data, with the names of [`imu::files`].
     Samples,
 }
@@ -150,7 +153,9 @@ impl ReleaseProduct {
                 let names = [imu::files::SAMPLES, imu::files::STATES, imu::files::SENSOR];
                 return names.map(|name| format!("{}/{name}", self.name())).to_vec();
             }
-            ProductForm::Colours(numbers) | ProductForm::Numbers { poses: numbers, .. } => numbers,
+            ProductForm::Colours(numbers)
+            | ProductForm::Masks(numbers)
+            | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
             PictureNumbers::Exposed => {
@@ -160,7 +165,8 @@ impl ReleaseProduct {
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
         let (folder, end) = (self.name(), self.form.extensions()[0]);
-        kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).collect()
+        let places = matches!(self.form, ProductForm::Masks(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
+        kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(places).collect()
     }
 }
 
@@ -171,6 +177,7 @@ impl ProductForm {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],
             Self::Numbers { .. } => &[".npy"],
+            Self::Masks(_) => &[".png", ".csv"],
             Self::Samples => &[".csv", ".yaml"],
         }
     }

@@ -14,6 +14,7 @@ mod findings;
 mod gallery;
 mod inertia;
 mod maps;
+mod masks;
 mod overview;
 mod path_views;
 mod section;
@@ -22,6 +23,7 @@ mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, flow_picture};
+pub(super) use masks::mask_picture;
 pub(super) use section::ReportTrajectory;
 pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
 

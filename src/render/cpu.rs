@@ -17,6 +17,7 @@ mod level;
 mod project;
 mod raster;
 mod resolve;
+mod segments;
 mod sort;
 mod splat;
 mod unseen;
@@ -26,7 +27,7 @@ pub use level::InstructionSet;
 use super::sample::TileSample;
 use super::{
     CameraView, ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
-    RenderedImages, Renderer, flow,
+    RenderedImages, Renderer, flow, parts,
 };
 use crate::camera::Camera;
 use crate::image::Size;
@@ -197,13 +198,14 @@ impl CpuRenderer {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
         let sample = self.sample.as_deref().filter(|sample| sample.size() == view.camera.size);
-        let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
+        let views = parts::part_views(&self.scene, view)?;
+        let eyes = self.eyes(&views);
         let projection = ProjectionInput {
             scene: &self.scene,
             blocks: &self.blocks,
             sh_degree: self.sh_degree,
             style: self.style,
-            eye,
+            eyes: &eyes,
             want: asked,
             sample,
             level: self.instructions.level,
@@ -235,16 +237,37 @@ impl CpuRenderer {
             self.style.background,
             out,
         );
-        out.flow =
-            if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, view)) } else { None };
-        // Depth may have been made for flow alone.
+        out.segments = (want.segments || want.flow && views.len() > 1).then(|| {
+            let pass = segments::SegmentPass {
+                scene: &self.scene,
+                order: sorted,
+                numbers: &frame.numbers,
+                chunks: &frame.chunks,
+                grid,
+                style: self.style,
+                omit,
+                level,
+            };
+            pass.run(&mut frame.splats, &mut frame.lists, &mut frame.tiles)
+        });
+        out.flow = out
+            .depth
+            .as_ref()
+            .filter(|_| want.flow)
+            .map(|depth| flow::flow_of_parts(depth, out.segments.as_ref(), &views));
+        // Depth and parts may have been made for flow alone.
         out.depth = out.depth.take().filter(|_| want.depth);
+        out.segments = out.segments.take().filter(|_| want.segments);
         done(PassKind::Resolve);
         Ok(work)
     }
 }
 
 impl CpuRenderer {
+    fn eyes(&self, views: &[CameraView]) -> Vec<ViewTransform> {
+        views.iter().map(|view| ViewTransform::new(view, self.scene.origin, self.style.rules)).collect()
+    }
+
     /// Restricts later frames to the Gaussians with these indices. Blocks are rebuilt in place, so
     /// this takes no more memory than before, plus 4 bytes per Gaussian for the list.
     fn keep(&mut self, numbers: &[u32]) {
@@ -329,6 +352,14 @@ impl Renderer for CpuRenderer {
 
     fn sample(&mut self, sample: Option<Arc<TileSample>>) {
         self.sample = sample;
+    }
+
+    fn has_parts(&self) -> bool {
+        self.scene.part_count() > 0
+    }
+
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        parts::held_part_views(&self.scene, view)
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

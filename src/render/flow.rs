@@ -34,6 +34,52 @@ pub fn flow_between(depth: &Image<f32>, from: &CameraView, to: &CameraView) -> I
     displacements(depth, from, to, |moved| moved.map_or([f32::NAN; 2], vector))
 }
 
+/// As [`flow_displacement`], where each pixel shows the part of `segments`. The views are those of
+/// [`Renderer::part_views`].
+///
+/// # Panics
+/// If an image does not have the size of the view's camera, or a part has no view.
+#[must_use]
+pub fn displacement_of_parts(
+    depth: &Image<f32>,
+    segments: Option<&Image<u8>>,
+    from: &[CameraView],
+    to: &[CameraView],
+) -> Image<f32> {
+    let mut moved = flow_displacement(depth, &from[0], &to[0]);
+    let Some(segments) = segments else { return moved };
+    for (part, (from, to)) in (0_u8..=u8::MAX).zip(from.iter().zip(to)).skip(1) {
+        let own = flow_displacement(depth, from, to);
+        let pixels = moved.pixels_mut().iter_mut().zip(own.pixels()).zip(segments.pixels());
+        pixels.filter(|(_, segment)| **segment == part).for_each(|((moved, own), _)| *moved = *own);
+    }
+    moved
+}
+
+/// Takes the value, a depth or a flow, from the pixels of moving parts.
+///
+/// # Panics
+/// The images differ in size.
+pub fn leave_out_parts<T: UndefinedPixel>(image: &mut Image<T>, segments: &Image<u8>) {
+    assert_eq!(image.size(), segments.size(), "the parts are those of the view");
+    let pixels = image.pixels_mut().iter_mut().zip(segments.pixels());
+    pixels.filter(|(_, segment)| **segment > 0).for_each(|(value, _)| *value = T::UNDEFINED);
+}
+
+/// A pixel that can be without a value.
+pub trait UndefinedPixel: Sized {
+    /// The pixel without a value.
+    const UNDEFINED: Self;
+}
+
+impl UndefinedPixel for f32 {
+    const UNDEFINED: Self = Self::NAN;
+}
+
+impl UndefinedPixel for [f32; 2] {
+    const UNDEFINED: Self = [f32::NAN; 2];
+}
+
 /// The result of `see` at each pixel, from its displacement.
 fn displacements<T: Copy + Default + Send>(
     depth: &Image<f32>,
@@ -114,7 +160,8 @@ impl PixelFlowMeter {
     ) -> Result<Option<f64>, RenderError> {
         // The small image has the field of view of the full one, so speeds differ by the ratio of
         // widths.
-        let view = CameraView { camera: self.small, world_from_camera: *world_from_camera, velocity };
+        let still = CameraView::at_rest(self.small, *world_from_camera);
+        let view = CameraView { velocity, ..still };
         let want = ChannelSet { flow: true, ..ChannelSet::default() };
         self.renderer.render(&view, want, &mut self.rendered)?;
         let flow = self.rendered.flow.as_ref().expect("flow was asked for").pixels();
@@ -139,10 +186,26 @@ impl FlowMeter for PixelFlowMeter {
 /// If `depth` does not have the size of the view's camera.
 #[must_use]
 pub fn flow_rates(depth: &Image<f32>, view: &CameraView) -> Image<[f32; 2]> {
-    let (camera, size) = (&view.camera, view.camera.size);
+    flow_of_parts(depth, None, std::slice::from_ref(view))
+}
+
+/// As [`flow_rates`], where each pixel shows the part of `segments`, by default what is still. `views` are those of
+/// [`Renderer::part_views`]; the point of a pixel rests in the axes of its part.
+///
+/// # Panics
+/// If an image does not have the size of the view's camera, or a part has no view.
+#[must_use]
+pub fn flow_of_parts(
+    depth: &Image<f32>,
+    segments: Option<&Image<u8>>,
+    views: &[CameraView],
+) -> Image<[f32; 2]> {
+    let (camera, size) = (&views[0].camera, views[0].camera.size);
     assert_eq!(depth.size(), size, "the depth image is that of the view");
+    assert!(segments.is_none_or(|segments| segments.size() == size), "the parts are those of the view");
     let width = size.width as usize;
     let rate = |(i, z): (usize, &f32)| {
+        let view = &views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))];
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         let point = camera.unproject(pixel, f64::from(*z));
         // In camera axes the camera rests, and the point moves against it.

@@ -34,7 +34,7 @@ use super::shared::TILE;
 use super::{
     CameraView, ChannelSet, LayerOrder, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow,
 };
-use crate::image::Size;
+use crate::image::{Image, Size};
 use crate::scene::Gaussians;
 use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
 use clock::DeviceClock;
@@ -139,6 +139,10 @@ impl GpuRenderer {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
+        if scene.part_count() > 0 {
+            let because = "this gs2e renders moving objects only on the CPU: --backend cpu or reference";
+            return Err(RenderError::Scene(because.to_owned()));
+        }
         let parts = scene::upload_scene(scene, scene.sh_degree, traced.is_some(), &device)?;
         let layouts = BindingLayouts::new(&device);
         let splat_rows = splat_rows(false);
@@ -240,6 +244,8 @@ impl GpuRenderer {
         out.flow =
             if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, &view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
+        // Nothing moves in the scenes of this back end.
+        out.segments = want.segments.then(|| Image::filled(view.camera.size, 0));
         Ok(work.unwrap_or_default())
     }
 

@@ -11,9 +11,7 @@
 //! the ray of the pixel, through the derivatives of the lens.
 
 use super::shared::MAX_EDGE;
-use super::{
-    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer,
-};
+use super::{CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::Se3;
@@ -300,8 +298,8 @@ impl LensMap {
         image
     }
 
-    /// Depth of the nearest pixel.
-    fn nearest(&self, wide: &Image<f32>) -> Image<f32> {
+    /// The value of the nearest pixel: a depth, or a part.
+    fn nearest<T: Copy + Default + Send + Sync>(&self, wide: &Image<T>) -> Image<T> {
         let width = self.wide.size.width as usize;
         self.each(|i| {
             let [x, y] = self.place(i).to_array().map(index);
@@ -309,11 +307,18 @@ impl LensMap {
         })
     }
 
-    /// Image velocity of the static point at each pixel's depth, px/s of the distorted image.
-    fn flow(&self, lens: &Distortion, depth: &Image<f32>, velocity: CameraVelocity) -> Image<[f32; 2]> {
+    /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the axes
+    /// of its part, which has one of `views`; without parts, it is still.
+    fn flow(
+        &self,
+        lens: &Distortion,
+        (depth, segments): (&Image<f32>, Option<&Image<u8>>),
+        views: &[CameraView],
+    ) -> Image<[f32; 2]> {
         let focal = DVec2::new(self.camera.fx, self.camera.fy);
         self.each(|i| {
             let (ray, z) = (self.rays[i], f64::from(depth.pixels()[i]));
+            let velocity = views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))].velocity;
             let point = DVec3::new(ray.x, ray.y, 1.0) * z;
             let moved = -velocity.linear - velocity.angular.cross(point);
             let along = (DVec2::new(moved.x, moved.y) - ray * moved.z) / z;
@@ -392,6 +397,14 @@ impl Renderer for LensRenderer {
         self.inner.omit(omit);
     }
 
+    fn has_parts(&self) -> bool {
+        self.inner.has_parts()
+    }
+
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.part_views(view)
+    }
+
     fn render(
         &mut self,
         view: &CameraView,
@@ -402,17 +415,25 @@ impl Renderer for LensRenderer {
         let Self { inner, lens, map, seen } = self;
         let map = map.as_ref().expect("it was made above");
         let wide = CameraView { camera: map.wide, ..*view };
-        let asked = ChannelSet { depth: want.depth || want.flow, flow: false, ..want };
+        let moving = want.flow && inner.has_parts();
+        let segments = want.segments || moving;
+        let asked = ChannelSet { depth: want.depth || want.flow, flow: false, segments, ..want };
         let work = inner.render(&wide, asked, seen)?;
         let depth = seen.depth.as_ref().map(|depth| map.nearest(depth));
+        let segments = seen.segments.as_ref().map(|segments| map.nearest(segments));
+        let views = inner.part_views(&wide);
         *out = RenderedImages {
             rgb: seen.rgb.as_ref().map(|rgb| Image::from_vec(map.camera.size, map.resampled(rgb.pixels()))),
             luminance: seen.luminance.as_ref().map(|image| map.single_resampled(image)),
             alpha: seen.alpha.as_ref().map(|image| map.share_resampled(image)),
-            flow: depth.as_ref().filter(|_| want.flow).map(|depth| map.flow(lens, depth, view.velocity)),
+            flow: depth
+                .as_ref()
+                .filter(|_| want.flow)
+                .map(|depth| map.flow(lens, (depth, segments.as_ref()), &views)),
             depth: depth.filter(|_| want.depth),
             luminance_rate: seen.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
             doubtful: seen.doubtful.as_ref().map(|image| map.share_resampled(image)),
+            segments,
         };
         out.clear_all_but(want);
         Ok(work)

@@ -15,7 +15,7 @@ use super::dual::{DualNumber, RealNumber};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{
     CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages,
-    Renderer, flow,
+    Renderer, flow, parts,
 };
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
@@ -112,9 +112,13 @@ impl ReferenceRenderer {
         rates: impl Fn(usize) -> GaussianRates + Sync,
     ) -> Result<(Vec<ReferenceLayer>, RenderWork), RenderError> {
         super::check_view(view)?;
-        let eye = ReferenceView::new(view, self.style, self.scene.origin);
-        let all: Vec<Result<ReferenceLayer, CullReason>> =
-            (0..self.scene.len()).into_par_iter().map(|i| eye.layer(&self.scene, i, &rates(i))).collect();
+        let views = parts::part_views(&self.scene, view)?;
+        let eyes: Vec<ReferenceView<'_>> =
+            views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
+        let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
+            .into_par_iter()
+            .map(|i| eyes[self.scene.part_of(i)].layer(&self.scene, i, &rates(i)))
+            .collect();
         let work = count_outcomes(&all);
         let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
         layers.sort_by_key(|layer| layer.order);
@@ -150,6 +154,14 @@ impl Renderer for ReferenceRenderer {
         FINGERPRINT
     }
 
+    fn has_parts(&self) -> bool {
+        self.scene.part_count() > 0
+    }
+
+    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+        parts::held_part_views(&self.scene, view)
+    }
+
     fn render(
         &mut self,
         view: &CameraView,
@@ -170,7 +182,11 @@ impl Renderer for ReferenceRenderer {
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
         // Flow is computed from depth, so depth is made for it too.
         let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
-        out.flow = want.flow.then_some(()).and(depth.as_ref()).map(|depth| flow::flow_rates(depth, view));
+        let segments = Image::from_vec(size, pixels.iter().map(|pixel| pixel.segment).collect());
+        let views = self.part_views(view);
+        let flow = |depth| flow::flow_of_parts(depth, Some(&segments), &views);
+        out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
+        out.segments = want.segments.then_some(segments);
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
     }
@@ -182,6 +198,8 @@ struct ReferencePixel {
     rest: D,
     depth: f64,
     doubtful: f64,
+    /// The part that the pixel shows.
+    segment: u8,
     blended: u64,
     stopped: bool,
 }
@@ -209,15 +227,26 @@ impl ReferenceRenderer {
         let (seen, rest, stopped) = self.seen(layers, [x, y]);
         let nothing = D::constant(0.0);
         let blended = seen.len() as u64;
-        let mut pixel =
-            ReferencePixel { colour: [nothing; 3], rest, depth: 0.0, doubtful: 0.0, blended, stopped };
+        let mut pixel = ReferencePixel {
+            colour: [nothing; 3],
+            rest,
+            depth: 0.0,
+            doubtful: 0.0,
+            segment: 0,
+            blended,
+            stopped,
+        };
+        let mut shares = vec![0.0; self.scene.part_count()];
         for (layer, weight) in self.weights(&seen) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
             }
             pixel.depth += weight.value * layer.depth.value;
             pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
+            let part = self.scene.part_of(layer.order.1).checked_sub(1);
+            part.into_iter().for_each(|part| shares[part] += weight.value);
         }
+        pixel.segment = largest_part(&shares);
         for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
             *sum = *sum + pixel.rest * D::constant(f64::from(behind));
         }
@@ -297,6 +326,14 @@ impl ReferenceRenderer {
         let stop = f64::from(STOP) * STOP_SLACK;
         if self.style.rules == RenderRules::Gsplat { rest <= stop } else { rest < stop }
     }
+}
+
+/// The part with the largest of these shares, from 1; 0 if the rest of 1 is larger. Of equal ones, the first.
+fn largest_part(shares: &[f64]) -> u8 {
+    let rest = 1.0 - shares.iter().sum::<f64>();
+    let larger =
+        |most: (f64, u8), (share, part): (&f64, u8)| if *share > most.0 { (*share, part) } else { most };
+    shares.iter().zip(1..).fold((rest, 0), larger).1
 }
 
 /// `3u^2 - 2u^3` with `u` clamped to 0..1.

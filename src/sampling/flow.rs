@@ -8,7 +8,7 @@ use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::lights::SceneLights;
-use crate::render::flow::{flow_rates, nearest_ranks};
+use crate::render::flow::{flow_of_parts, nearest_ranks};
 use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
 
@@ -62,21 +62,29 @@ impl PathFlow {
         renderer.keep_to(&small, &[]);
         let (mut rendered, mut depths) = (RenderedImages::default(), Vec::with_capacity(places));
         for k in 0..places {
-            let want = ChannelSet { depth: true, ..ChannelSet::default() };
-            renderer.render(&CameraView::at_rest(small, path.at(time(place(k))).0), want, &mut rendered)?;
-            depths.push(rendered.depth.take().expect("depth was asked for"));
+            let want = ChannelSet { depth: true, segments: renderer.has_parts(), ..ChannelSet::default() };
+            let seconds = time(place(k));
+            let view = CameraView::at_rest(small, path.at(seconds).0).at_time(seconds);
+            renderer.render(&view, want, &mut rendered)?;
+            let depth = rendered.depth.take().expect("depth was asked for");
+            depths.push((depth, rendered.segments.take()));
         }
         // At both ends and in the middle of each part.
-        let moments: Vec<f64> = (0..=2 * parts)
+        let views = (0..=2 * parts).map(|m| {
+            let seconds = time(m as f64 / (2 * parts) as f64);
+            let (world_from_camera, velocity) = path.at(seconds);
+            let still = CameraView::at_rest(small, world_from_camera).at_time(seconds);
+            renderer.part_views(&CameraView { velocity, ..still })
+        });
+        let views: Vec<Vec<CameraView>> = views.collect();
+        let moments: Vec<f64> = views
             .into_par_iter()
-            .map(|m| {
-                let share = m as f64 / (2 * parts) as f64;
-                let (world_from_camera, velocity) = path.at(time(share));
-                let view = CameraView { camera: small, world_from_camera, velocity };
+            .enumerate()
+            .map(|(m, views)| {
                 // The place before the moment. The last place has none after it, so the last moment
                 // counts to the pair before.
                 let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
-                pixels * quickest_flow(&depths[nearest..=nearest + 1], &view)
+                pixels * quickest_flow(&depths[nearest..=nearest + 1], &views)
             })
             .collect();
         let highest = |part: usize| moments[2 * part..=2 * part + 2].iter().copied().fold(0.0, f64::max);
@@ -214,11 +222,11 @@ impl PathFlow {
     }
 }
 
-/// The flow of a moving camera, px/s of its own pixels, from the depth images of the places before
+/// The flow of a moving camera, px/s of its own pixels, from the depths and parts of the places before
 /// and after: the higher of both.
-fn quickest_flow(depths: &[Image<f32>], view: &CameraView) -> f64 {
-    let of = |depth: &Image<f32>| {
-        let flow = flow_rates(depth, view);
+fn quickest_flow(depths: &[(Image<f32>, Option<Image<u8>>)], views: &[CameraView]) -> f64 {
+    let of = |(depth, segments): &(Image<f32>, Option<Image<u8>>)| {
+        let flow = flow_of_parts(depth, segments.as_ref(), views);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
         nearest_ranks(speeds, [PERCENT]).map_or(0.0, |[speed]| f64::from(speed))
     };

@@ -13,8 +13,8 @@ use super::exposure::{DenseView, ExposeError, ExposureCourse};
 use super::path::SampledPath;
 use crate::image::Image;
 use crate::lights::SceneLights;
-use crate::render::flow::flow_rates;
-use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages};
+use crate::render::flow::flow_of_parts;
+use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;
 use std::ops::Range;
@@ -95,18 +95,18 @@ impl RowRoller {
         let DenseView { pose, images, renderer, .. } = view;
         let mut picture = images.rgb.clone().expect("colour was asked for");
         let rows = self.course.camera.size.height;
-        let bands = self.bands(pose, images, rows);
+        let bands = self.bands(pose, images, (rows, &*renderer));
         self.most_bands = self.most_bands.max(bands.len());
         if bands.len() > 1 {
             let middles: Vec<f64> = bands.iter().map(|band| self.band_seconds(pose, band, rows)).collect();
             let poses: Vec<Se3> = middles.iter().map(|at| self.path.at(*at).0).collect();
             renderer.keep_also(&self.course.camera, &poses);
             let (width, mut rendered) = (self.course.camera.size.width as usize, RenderedImages::default());
-            for (band, world_from_camera) in bands.iter().zip(poses) {
+            for ((band, world_from_camera), at) in bands.iter().zip(poses).zip(middles) {
                 if !go_on() {
                     return Err(ExposeError::Interrupted);
                 }
-                let view = CameraView::at_rest(self.course.camera, world_from_camera);
+                let view = CameraView::at_rest(self.course.camera, world_from_camera).at_time(at);
                 let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
                 let work = renderer.render(&view, want, &mut rendered)?;
                 self.work += renderer.work_within(work);
@@ -134,13 +134,19 @@ impl RowRoller {
     }
 
     /// The rows of each band of a frame, from the flow at its pose.
-    fn bands(&self, pose: usize, images: &RenderedImages, rows: u32) -> Vec<Range<u32>> {
+    fn bands(
+        &self,
+        pose: usize,
+        images: &RenderedImages,
+        (rows, renderer): (u32, &dyn Renderer),
+    ) -> Vec<Range<u32>> {
         let depth = images.depth.as_ref().expect("depth was asked for");
         let seconds = &self.course.seconds;
-        let (_, velocity) = self.path.at(seconds[pose] - seconds[0]);
-        let view =
-            CameraView { camera: self.course.camera, world_from_camera: self.course.poses[pose], velocity };
-        let flow = flow_rates(depth, &view);
+        let at = seconds[pose] - seconds[0];
+        let (_, velocity) = self.path.at(at);
+        let still = CameraView::at_rest(self.course.camera, self.course.poses[pose]).at_time(at);
+        let views = renderer.part_views(&CameraView { velocity, ..still });
+        let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
         let fastest = f64::from(squares.fold(0.0, f32::max).sqrt());
         let height = band_rows(self.readout_s, fastest, rows);
@@ -165,7 +171,7 @@ mod tests {
     use super::*;
     use crate::camera::Camera;
     use crate::image::Size;
-    use crate::render::{RenderError, Renderer};
+    use crate::render::RenderError;
     use glam::{DQuat, DVec3};
 
     const CAMERA: Camera =

@@ -46,6 +46,7 @@ impl GaussianCollector {
             sh_degree,
             antialiased: None,
             screening: SceneScreening::default(),
+            motion: None,
         };
         Ok(Self { scene })
     }

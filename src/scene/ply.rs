@@ -427,6 +427,7 @@ mod tests {
                 sh_degree: degree,
                 antialiased,
                 screening: SceneScreening { read: n as u64 + dropped, non_finite: dropped, zero_quaternions: 0 },
+                motion: None,
             }
         }
     }

@@ -135,6 +135,7 @@ mod tests {
             sh_degree: 0,
             antialiased: None,
             screening: SceneScreening::default(),
+            motion: None,
         }
     }
 

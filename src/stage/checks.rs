@@ -133,7 +133,7 @@ fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<Flo
             if after > 0 && t_us - stamps[after - 1] < stamps[after] - t_us { after - 1 } else { after };
         let camera = streams.simulation.camera;
         let pose = motion.trajectory.world_from_camera[near];
-        let view = CameraView { camera, world_from_camera: pose, velocity: velocities[near] };
+        let view = CameraView { velocity: velocities[near], ..CameraView::at_rest(camera, pose) };
         FlowAt { t_us: *t_us, px_s: flow_rates(depth, &view) }
     };
     streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()

@@ -21,6 +21,7 @@ use crate::lights::SceneLights;
 use crate::render::backend::Backend;
 use crate::render::doubt::BlendDoubt;
 use crate::render::flow::{self, FlowQuantiles};
+use crate::render::parts::near_warnings;
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages,
     Renderer,
@@ -143,6 +144,7 @@ impl EventsStage {
     ) -> Result<(), StageError> {
         let PassGround { capture, gaussians, motion } = ground;
         let camera = super::choose_camera(self.camera, &capture, cx);
+        cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.render.rules));
         let style = self.render.resolve(gaussians.antialiased);
         let kept = cx.kept.clone();
         let new_renderer = || self.new_renderer(gaussians.clone(), style, kept.clone());
@@ -391,19 +393,25 @@ fn sample_path(
     cx: &StageContext<'_>,
 ) -> Result<PathSample, StageError> {
     let poses = &trajectory.world_from_camera;
-    let want = ChannelSet { depth: true, alpha: true, doubtful: true, ..ChannelSet::default() };
+    let segments = renderer.has_parts();
+    let want = ChannelSet { depth: true, alpha: true, doubtful: true, segments, ..ChannelSet::default() };
     let (mut moved_px, mut stamps_us, mut depths) = (Vec::new(), Vec::new(), Vec::new());
     let mut doubt = BlendDoubt::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
         cx.go_on()?;
-        let [from, to] = [a, b].map(|j| CameraView::at_rest(camera, poses[j]));
+        let view = |j: usize| CameraView::at_rest(camera, poses[j]).at_time(trajectory.seconds(j));
+        let [from, to] = [a, b].map(view);
         let mut rendered = RenderedImages::default();
         renderer
             .render(&from, want, &mut rendered)
             .map_err(StageError::work_failed("measure the optical flow"))?;
         doubt.add(&rendered);
-        let depth = rendered.depth.expect("depth was asked for");
-        moved_px.extend(flow::flow_displacement(&depth, &from, &to).into_pixels());
+        let mut depth = rendered.depth.expect("depth was asked for");
+        let segments = rendered.segments.as_ref();
+        let [from, to] = [from, to].map(|view| renderer.part_views(&view));
+        moved_px.extend(flow::displacement_of_parts(&depth, segments, &from, &to).into_pixels());
+        // The checks compare depths with the poses of the camera, which tell nothing of moving parts.
+        segments.into_iter().for_each(|segments| flow::leave_out_parts(&mut depth, segments));
         stamps_us.push(trajectory.stamps_us[a]);
         depths.push(depth);
     }

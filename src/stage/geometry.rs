@@ -57,8 +57,8 @@ pub trait PixelQuantity: Debug + Send + Sync {
 #[derive(Debug)]
 pub struct DepthQuantity;
 
-/// Float32 `[H, W, 2]`, px/s at the time of the pose, of the static point at each pixel's depth;
-/// NaN where the depth is NaN.
+/// Float32 `[H, W, 2]`, px/s at the time of the pose, of the point at each pixel's depth, which rests in
+/// the scene or in its object; NaN where the depth is NaN.
 #[derive(Debug)]
 pub struct FlowQuantity;
 

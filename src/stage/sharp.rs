@@ -115,7 +115,9 @@ struct RollTaker {
 
 impl PoseTaker for RollTaker {
     fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
-        self.files.want(pose, renderer)
+        let want = self.files.want(pose, renderer);
+        // Objects move rows on their own.
+        ChannelSet { segments: want.depth && renderer.has_parts(), ..want }
     }
 
     fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {

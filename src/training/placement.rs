@@ -132,6 +132,7 @@ mod tests {
             sh_degree: 0,
             antialiased: None,
             screening: SceneScreening::default(),
+            motion: None,
         }
     }
 

@@ -254,5 +254,6 @@ fn gaussians(points: &[(DVec3, [u8; 3])], spread: &CameraSpread) -> Gaussians {
         sh_degree: sh::MAX_DEGREE,
         antialiased: None,
         screening: SceneScreening { read: points.len() as u64, ..SceneScreening::default() },
+        motion: None,
     }
 }

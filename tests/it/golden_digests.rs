@@ -35,6 +35,14 @@ given/base/sharp sharp 2 cpu/1 9107b40f174199b3f90163fc0ede60e8d655aa9536ed21a3a
 given/base/checks checks 12 - c65d8f8c46fd7aba6aacc1136daea282826ded43d6dc36ecc78dd19c1736a10e a66d96d4d1e3acb624178bb7208150f68ad82ac0280aca3b63b76ba4dbf766a7
 given/fidelity fidelity 2 cpu/1 c49c42dba6e3014cf24dff8e4d1054f9369e012e634de81b4f28fd448d184a6e 9e05967baa77e646770f04f385e6484c5f03dcd6ce94c7b7fa9c824a8b8f1a03
 given/checks scene_checks 3 - 2891ebfec1e99976a0942f2425e7bd595bf28bd2a4585dafd4aabaf51937e3af 105953e6c87fc84269e3dc228996a311676c307cf36e085f693f693fc9621755
+moving/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419e0289d83b99e 87d60d8cc2c95af711b2471be4c4b464bb222c0187ecceb1c46f2caf068a3e0b
+moving/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
+moving/objects objects 1 - f4b72069723c9ae17963b3643f7578c918a454a5fcc7bf20ad73ae9b92ff58a0 ed273ee71784b65632380ec8973c059a83fade3ef1e9bcbacf215851b131b3a3
+moving/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
+moving/base/events events 6 cpu/1 58485a3c432aeaa68c7ac4892ebbab968197b0ccadba42fc5ca6a7e7d07c8eb6 8dcbcb03873e775236816a85e03897a6531c0909fbf02f5dbedb03dbd4b4a0f5
+moving/base/flow flow 1 cpu/1 e1a00f7bc5712ba9c4f1a62e8e58f314cb13180c36515b2abacda81dd8791780 95be39dd5ed5e900d65aa13319aa066c14820f72f3da84098c23ebe5ad6533b4
+moving/base/segmentation segmentation 1 cpu/1 5adbba8a295a0c721ac5e1daa6c16ac03a15ad6f1be1641bb3ebed45a5f7e7e6 16dadf7747233891de1a924dbbffef076f6224681a9b70ceb11ec3e05f4f2cd9
+moving/base/checks checks 12 - 5bd0f1093af19bd062d366ad59a0b11e0bd35a48fcd48aea2e2422f874cf973e cfd9634f2708feb09aba9e2facc27113d41b7150cd93c86df4d46b69922384ca
 spelled/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419e0289d83b99e 87d60d8cc2c95af711b2471be4c4b464bb222c0187ecceb1c46f2caf068a3e0b
 spelled/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
 spelled/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
@@ -74,6 +82,31 @@ sharp: { every: 3 }
 blur: { frames: 3, subframes: auto }
 depth: { every: 4 }
 flow: { every: 4 }
+licence: { expression: CC0-1.0, holder: Nobody }
+";
+
+/// A scene with an object.
+const MOVING: &str = "\
+version: 1
+scene: moving
+seed: 7
+source: { procedural: { kind: still-life, gaussians: 300, views: 6, arc: 1, seed: 1 } }
+camera: { width: 48, height: 32, fx: 50, fy: 50, cx: 24, cy: 16 }
+trajectories:
+  - name: base
+    refine: { window: 2, factor: 2, curve: cubic }
+    speed: { function: \"0.25*sin(t) + 1.1\" }
+sampling: { rate: 2400, between: linear }
+render: { rules: official, antialiased: false, background: [0.1, 0.2, 0.3] }
+sensor:
+  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
+outputs: [events, flow, segmentation]
+flow: { every: 4 }
+segmentation: { every: 4 }
+objects:
+  - name: bowl
+    select: { box: { low: [-0.3, -0.7, -0.7], high: [1, 0, 0.7] } }
+    path: { straight: { velocity: [1, 0, 0.5], spin: [0, 90, 0] } }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
@@ -136,13 +169,14 @@ fn transforms() -> String {
     )
 }
 
-/// The pins of both scenes, built and released.
+/// The pins of all scenes, built and released.
 fn found() -> Vec<Pin> {
     let place = sound();
     place.write("transforms.json", transforms());
     place.write("spelled.yaml", SPELLED);
     assert!(GIVEN.contains("scene: given"), "the other scene is a captured one");
-    place.ok("release -q --to out recipe.yaml spelled.yaml");
+    place.write("moving.yaml", MOVING);
+    place.ok("release -q --to out recipe.yaml spelled.yaml moving.yaml");
     let manifest = std::fs::read(place.path("out/manifest.json")).unwrap();
     let manifest: ReleaseManifest = serde_json::from_slice(&manifest).unwrap();
     let mut pins = Vec::new();

@@ -108,6 +108,17 @@ fn light_is_that_of_the_recipe() {
     ask(&place.path("tree"), &["light", place.path("tree/tiny/base").to_str().unwrap()]);
 }
 
+#[test]
+fn masks_are_numbers_of_objects() {
+    let place = Workspace::new();
+    let objects = "outputs: [events, segmentation]\nobjects:\n  - name: bowl\n    \
+                   select: { box: { low: [-0.3, -0.7, -0.7], high: [1, 0, 0.7] } }\n    \
+                   path: { orbit: { centre: [0.34, 0, 0], axis: [0, -1, 0], degrees_per_second: 90 } }\n";
+    place.write("tiny.yaml", TINY.replace("outputs: [events, sharp]\n", objects));
+    place.ok("release --to tree tiny.yaml");
+    ask(&place.path("tree"), &["masks", place.path("tree/tiny/base").to_str().unwrap()]);
+}
+
 /// Two scenes that the salt deals to different splits.
 #[test]
 fn a_dataset_has_the_scenes_of_a_split() {

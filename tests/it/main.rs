@@ -54,6 +54,7 @@ mod manifest;
 mod memory;
 mod messages;
 mod no_omit;
+mod objects;
 mod one_pass;
 mod other_programs;
 mod paths;

@@ -35,7 +35,8 @@ fn bits(out: &RenderedImages) -> Vec<u32> {
 fn frame(cpu: &mut CpuRenderer, camera: Camera, world_from_camera: Se3) -> (Vec<u32>, RenderWork) {
     let velocity = CameraVelocity { linear: DVec3::new(0.3, -0.1, 0.5), angular: DVec3::new(0.1, 0.4, -0.2) };
     let mut out = RenderedImages::default();
-    let work = cpu.render(&CameraView { camera, world_from_camera, velocity }, EVERYTHING, &mut out).unwrap();
+    let view = CameraView { velocity, ..CameraView::at_rest(camera, world_from_camera) };
+    let work = cpu.render(&view, EVERYTHING, &mut out).unwrap();
     (bits(&out), work)
 }
 

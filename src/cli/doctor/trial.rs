@@ -2,9 +2,7 @@
 
 use crate::image::{Image, likeness};
 use crate::render::backend::Backend;
-use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages,
-};
+use crate::render::{CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages};
 use crate::scene::Gaussians;
 use crate::scene::procedural::{StillLife, still_capture, still_life};
 use std::sync::Arc;
@@ -36,11 +34,8 @@ pub(super) struct TrialPicture {
 impl TrialScene {
     pub(super) fn new() -> Self {
         let life = StillLife::default();
-        let view = |view: crate::source::CapturedView| CameraView {
-            camera: view.camera,
-            world_from_camera: view.world_from_camera,
-            velocity: CameraVelocity::default(),
-        };
+        let view =
+            |view: crate::source::CapturedView| CameraView::at_rest(view.camera, view.world_from_camera);
         let views = still_capture(&life).views.into_iter().map(view).collect();
         Self { scene: Arc::new(still_life(&life)), views }
     }

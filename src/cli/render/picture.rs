@@ -43,6 +43,7 @@ impl ChannelArg {
             depth: self == Self::Depth,
             flow: self == Self::Flow,
             doubtful: self == Self::Doubtful,
+            segments: false,
         }
     }
 

@@ -33,6 +33,7 @@ impl Renderer for Counting {
             flow: want.flow.then(|| Image::filled(SIZE, [x, x])),
             luminance_rate: grey(want.luminance_rate, -x),
             doubtful: grey(want.doubtful, 0.25),
+            segments: None,
         };
         Ok(RenderWork { blended: 7, ..RenderWork::default() })
     }
@@ -42,7 +43,7 @@ fn view(x: f64) -> CameraView {
     let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 2.0, cy: 1.5 };
     let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
     let velocity = CameraVelocity { linear: DVec3::X, angular: DVec3::ZERO };
-    CameraView { camera, world_from_camera: pose, velocity }
+    CameraView { velocity, ..CameraView::at_rest(camera, pose) }
 }
 
 const FRAME: ChannelSet = ChannelSet { luminance: true, luminance_rate: true, ..ChannelSet::NONE };

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: The gs2e authors
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reads a release of gs2e: events, poses, camera, pictures, depth and flow. Needs only numpy and h5py.
+"""Reads a release of gs2e: events, poses, camera, pictures, depth, flow and masks. Needs only numpy and h5py.
 Copy this file next to your own code: if Python imports it from the release, it leaves a `__pycache__` there.
 
     from gs2e import Dataset, Scene, open_events
@@ -30,6 +30,7 @@ the same.
 """
 
 import bisect
+import csv
 import itertools
 import json
 import math
@@ -375,6 +376,11 @@ class Scene(EventFile):
         """Optical flows by time: a list of Array; empty if the recipe asks for none."""
         return self._numbered("flow", ".npy", Array)
 
+    @property
+    def masks(self):
+        """Masks of moving objects by time: a list of Frame; empty if the recipe asks for none."""
+        return self._numbered("segmentation", ".png", Frame)
+
     def _numbered(self, name, end, kind):
         """The files of a folder that are named by the number of a pose."""
         if name not in self._listed:
@@ -442,6 +448,52 @@ class Scene(EventFile):
     def flow(self, index):
         """float32 [H, W, 2]: optical flow at the pose of this number, px/s to the right and down; NaN: undefined."""
         return np.load(os.path.join(self.folder, "flow", f"{index:06d}.npy"))
+
+
+    def segmentation(self, index):
+        """uint8 [H, W]: the number of the moving object that each pixel shows at the pose of this number; 0: what is
+        still."""
+        return read_png(os.path.join(self.folder, "segmentation", f"{index:06d}.png"))
+
+    def event_objects(self, events):
+        """uint8 [N]: the moving object at each of these events; 0: what is still. It is the one of the nearest mask in
+        time. Where that shows what is still, it is the largest number of the eight pixels around, because an edge
+        leaves its mask until the next one."""
+        masks = self.masks
+        if not masks:
+            raise ValueError(f"{self!r} has no masks; the recipe has to ask for segmentation")
+        stamps = np.array([mask.t_us for mask in masks])
+        after = np.clip(np.searchsorted(stamps, events.t), 1, len(stamps) - 1) if len(stamps) > 1 else 0
+        nearest = after - (events.t - stamps[after - 1] < stamps[after] - events.t) if len(stamps) > 1 else after
+        nearest = np.broadcast_to(nearest, events.t.shape)
+        found = np.zeros(len(events.t), np.uint8)
+        for number in np.unique(nearest):
+            mask = masks[number].read()
+            padded = np.pad(mask, 1)
+            height, width = mask.shape
+            near = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+            rows = nearest == number
+            found[rows] = np.where(mask > 0, mask, np.max(near, axis=0))[events.y[rows], events.x[rows]]
+        return found
+
+    def object_poses(self):
+        """The moving objects by name: number in the masks, int64 [N] stamps in us, and float64 [N, 4, 4] poses, world
+        from object. `segmentation/objects.csv` has their velocities too."""
+        found = {}
+        with open(os.path.join(self.folder, "segmentation", "objects.csv"), encoding="utf-8") as file:
+            for row in csv.reader(line for line in file if not line.startswith("#")):
+                number, stamps, poses = found.setdefault(row[2], (int(row[1]), [], []))
+                tx, ty, tz, x, y, z, w = map(float, row[3:10])
+                stamps.append(int(row[0]))
+                poses.append(
+                    [
+                        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), tx],
+                        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), ty],
+                        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), tz],
+                        [0.0, 0.0, 0.0, 1.0],
+                    ]
+                )
+        return {name: (n, np.array(t, dtype=np.int64), np.array(p)) for name, (n, t, p) in found.items()}
 
 
 class _Cut:
@@ -676,7 +728,8 @@ def _manifest_rows(root):
 
 
 def read_png(path, decoder=None):
-    """uint8 [H, W, 3]: the pixels of a PNG of 8-bit RGB without interlacing, the only kind in a release.
+    """uint8 [H, W, 3], or [H, W] for a mask: the pixels of a PNG of 8-bit RGB or grey without interlacing, the only
+    kinds in a release.
 
     `decoder` is "pillow", "opencv" or "numpy"; without it, the first of them that is installed.
     """
@@ -684,8 +737,8 @@ def read_png(path, decoder=None):
         data = file.read()
     if data[:8] != b"\x89PNG\r\n\x1a\n" or data[12:16] != b"IHDR":
         raise ValueError(f"{path} is not a PNG")
-    if tuple(data[24:29]) != (8, 2, 0, 0, 0):
-        raise ValueError(f"{path} is not a PNG of 8-bit RGB without interlacing")
+    if tuple(data[24:29]) not in ((8, 2, 0, 0, 0), (8, 0, 0, 0, 0)):
+        raise ValueError(f"{path} is not a PNG of 8-bit RGB or grey without interlacing")
     for decode in _DECODERS.values() if decoder is None else [_DECODERS[decoder]]:
         try:
             return decode(data)
@@ -706,22 +759,23 @@ def _decode_with_pillow(data):
 def _decode_with_opencv(data):
     import cv2
 
-    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if decoded is None:
         raise ValueError("OpenCV cannot decode the picture")
-    return cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
+    return decoded if decoded.ndim == 2 else cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
 
 
 def _decode_with_numpy(data):
     width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
-    at, parts = 8, []
+    at, parts, channels = 8, [], 3 if data[25] == 2 else 1
     while at < len(data):
         length, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
         if name == b"IDAT":
             parts.append(data[at + 8 : at + 8 + length])
         at += 12 + length
-    raw = np.frombuffer(zlib.decompress(b"".join(parts)), np.uint8).reshape(height, 1 + 3 * width)
-    return _unfiltered(raw[:, 0], raw[:, 1:].reshape(height, width, 3))
+    raw = np.frombuffer(zlib.decompress(b"".join(parts)), np.uint8).reshape(height, 1 + channels * width)
+    pixels = _unfiltered(raw[:, 0], raw[:, 1:].reshape(height, width, channels))
+    return pixels if channels == 3 else pixels[:, :, 0]
 
 
 _DECODERS = {"pillow": _decode_with_pillow, "opencv": _decode_with_opencv, "numpy": _decode_with_numpy}
@@ -731,9 +785,9 @@ _DECODERS = {"pillow": _decode_with_pillow, "opencv": _decode_with_opencv, "nump
 def _unfiltered(filters, sent):
     """Undoes the filters of a PNG's rows (its specification, section 9). A pixel needs the pixels to the left, above,
     and above the left one, so the pixels of one diagonal are independent of each other."""
-    height, width, _ = sent.shape
+    height, width, channels = sent.shape
     # With a row and a column of zeros before the first ones.
-    out = np.zeros((height + 1, width + 1, 3), np.int16)
+    out = np.zeros((height + 1, width + 1, channels), np.int16)
     for diagonal in range(height + width - 1):
         row = np.arange(max(0, diagonal - width + 1), min(height, diagonal + 1))
         column = diagonal - row

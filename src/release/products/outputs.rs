@@ -2,7 +2,9 @@
 
 use super::{FilePresence, FileRow, FileSet, LicenceClass, PictureNumbers, ProductForm, ReleaseProduct};
 use crate::recipe::OutputKind;
-use crate::release::report::{blurred_picture, depth_picture, flow_picture, inertial_picture, sharp_picture};
+use crate::release::report::{
+    blurred_picture, depth_picture, flow_picture, inertial_picture, mask_picture, sharp_picture,
+};
 
 const HDF5: &str = "application/x-hdf5";
 const PNG: &str = "image/png";
@@ -139,6 +141,29 @@ static FLOW: ReleaseProduct = ReleaseProduct {
     picture: Some(flow_picture),
 };
 
+static SEGMENTATION: ReleaseProduct = ReleaseProduct {
+    output: OutputKind::Segmentation,
+    form: ProductForm::Masks(PictureNumbers::Spaced),
+    files: &[material(
+        "segmentation/%06d.png, segmentation/objects.csv",
+        "8-bit grey: the number of the object with the largest blended weight at a pixel, 0 for what is still; and \
+         number, name, pose, velocity and angular velocity of every object at every pose, in world axes",
+        FilePresence::Always,
+        FileSet {
+            id: "segmentation-files",
+            media: PNG,
+            glob: "**/segmentation/*.png",
+            description: "masks of moving objects, 8-bit grey: the number of the object; 0: what is still",
+        },
+    )],
+    noun: "files of masks",
+    instance: "masks of moving objects",
+    content: "8-bit masks of moving objects with their poses",
+    loading: &["mask = scene.segmentation(0)  # [H, W], 0: what is still"],
+    data_type: None,
+    picture: Some(mask_picture),
+};
+
 static IMU: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Imu,
     form: ProductForm::Samples,
@@ -163,7 +188,8 @@ static IMU: ReleaseProduct = ReleaseProduct {
 };
 
 /// The products that have a folder of files, in the order of every listing.
-pub(in crate::release) static FOLDERS: [&ReleaseProduct; 5] = [&SHARP, &BLUR, &DEPTH, &FLOW, &IMU];
+pub(in crate::release) static FOLDERS: [&ReleaseProduct; 6] =
+    [&SHARP, &BLUR, &DEPTH, &FLOW, &SEGMENTATION, &IMU];
 
 /// A row of files that show the scene.
 const fn material(

@@ -7,6 +7,7 @@ use crate::check::geometry::watch::PosedPictures;
 use crate::image::{GreyImage, Image, npy, png};
 use crate::recipe::{OutputKind, Recipe};
 use crate::render::CameraView;
+use crate::render::flow::leave_out_parts;
 use crate::sampling::exposure;
 use std::io::Cursor;
 
@@ -105,6 +106,33 @@ impl ReleasedPictures<'_> {
         Ok(Image::from_vec(self.camera.size, values.as_chunks().0.to_vec()))
     }
 
+    /// The flow at a pose without the pixels of objects, px/s.
+    pub(super) fn still_flow(&self, pose: usize) -> Result<Image<[f32; 2]>, RecheckError> {
+        let mut flow = self.flow(pose)?;
+        self.mask(pose)?.iter().for_each(|mask| leave_out_parts(&mut flow, mask));
+        Ok(flow)
+    }
+
+    /// The depth at a pose without the pixels of objects; `None` if objects move and there is no mask.
+    pub(super) fn still_depth(&self, pose: usize) -> Result<Option<Image<f32>>, RecheckError> {
+        let is_masked = !self.has_objects() || self.tree.has(&self.name("segmentation", pose, "png"))?;
+        is_masked.then(|| self.depth(pose)).transpose()
+    }
+
+    /// Returns true if things move on paths of their own.
+    pub(super) fn has_objects(&self) -> bool {
+        !self.recipe.objects.is_empty()
+    }
+
+    /// The mask at a pose, if objects move and the tree has one.
+    fn mask(&self, pose: usize) -> Result<Option<Image<u8>>, RecheckError> {
+        if !self.has_objects() {
+            return Ok(None);
+        }
+        let Some(mask) = self.colours("segmentation", pose)? else { return Ok(None) };
+        Ok(Some(Image::from_vec(mask.size(), mask.pixels().iter().map(|[number, ..]| *number).collect())))
+    }
+
     pub(super) fn stamp(&self, pose: usize) -> i64 {
         self.motion.trajectory.stamps_us[pose]
     }
@@ -113,7 +141,7 @@ impl ReleasedPictures<'_> {
     pub(super) fn views(&self) -> Vec<CameraView> {
         let poses = self.motion.trajectory.world_from_camera.iter().zip(self.motion.velocities());
         let camera = self.camera;
-        poses.map(|(pose, velocity)| CameraView { camera, world_from_camera: *pose, velocity }).collect()
+        poses.map(|(pose, velocity)| CameraView { velocity, ..CameraView::at_rest(camera, *pose) }).collect()
     }
 
     fn values(&self, kind: &str, pose: usize, rest: &[u64]) -> Result<Vec<f32>, RecheckError> {
@@ -142,6 +170,10 @@ impl PosedPictures for ReleasedPictures<'_> {
     }
 
     fn depth(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
-        Ok(Image::from_vec(self.camera.size, self.values("depth", pose, &[])?))
+        // Pixels of objects have a depth that the poses of the camera do not explain.
+        let mut depth = Image::from_vec(self.camera.size, self.values("depth", pose, &[])?);
+        let mask = self.mask(pose)?;
+        mask.iter().for_each(|mask| leave_out_parts(&mut depth, mask));
+        Ok(depth)
     }
 }

@@ -7,7 +7,7 @@ use super::RecheckError;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
 use crate::check::flow_projection::FlowDifference;
-use crate::check::geometry::watch::{GeometryWatch, PosedPictures as _};
+use crate::check::geometry::watch::GeometryWatch;
 use crate::check::geometry::{GeometryMeasures, Measured, PictureMeasures};
 use crate::check::photometric::align::smooth_picture;
 use crate::image::{GreyImage, Image};
@@ -52,10 +52,10 @@ impl PicturesPresent {
     ) -> Result<DecodedPose, RecheckError> {
         let is_in = |poses: &[usize]| poses.binary_search(&pose).is_ok();
         let frame = if is_in(&self.sharp) { Some(pictures.frame_with_form(pose)?) } else { None };
-        let depth = if is_in(&self.depth) { Some(pictures.depth(pose)?) } else { None };
+        let depth = if is_in(&self.depth) { pictures.still_depth(pose)? } else { None };
         let flow = match &depth {
             Some(depth) if is_in(&self.flow) => {
-                FlowDifference::new(pose, &pictures.flow(pose)?, &flow_rates(depth, &views[pose]))
+                FlowDifference::new(pose, &pictures.still_flow(pose)?, &flow_rates(depth, &views[pose]))
             }
             _ => None,
         };
@@ -101,7 +101,9 @@ pub(super) fn walk_pictures(
         decoded = following?;
     }
     let flows = present.flow_differences(differences);
+    let moves = pictures.has_objects().then(|| "objects move on paths of their own".to_owned());
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
+    let order = moves.map_or(order, Err);
     Ok(GeometryMeasures { pictures, order, depths, flows })
 }
 

@@ -56,7 +56,7 @@ pub(in crate::release) fn flow_picture(
 }
 
 /// The time of a pose, in words.
-fn moment_words(track: &ReportTrajectory<'_>, number: usize) -> String {
+pub(super) fn moment_words(track: &ReportTrajectory<'_>, number: usize) -> String {
     let us = track.published.motion.trajectory.stamps_us.get(number).copied().unwrap_or(0);
     format!("{:.1} ms", us as f64 * 1e-3)
 }

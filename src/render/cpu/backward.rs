@@ -196,7 +196,7 @@ impl GradientRenderer {
             blocks: &self.blocks,
             sh_degree: self.sh_degree,
             style: self.style,
-            eye,
+            eyes: std::slice::from_ref(&eye),
             want: COLOUR,
             sample: None,
             level,

@@ -33,14 +33,14 @@ pub(super) const CHUNK: usize = 4096;
 pub(super) struct ProjectionInput<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
-    /// Gaussians that the view may see, in activated form. All blocks but the last are full.
+    /// Gaussians that the view may see, in activated form. All blocks but the last of each part are full.
     pub(super) blocks: &'a [GaussianBlock],
     /// Highest degree of harmonics that is evaluated.
     pub(super) sh_degree: u8,
     /// Rendering parameters.
     pub(super) style: RenderStyle,
-    /// The view.
-    pub(super) eye: ViewTransform,
+    /// The view, from what is still and from each part.
+    pub(super) eyes: &'a [ViewTransform],
     /// The features that the splats carry.
     pub(super) want: ChannelSet,
     /// The tiles that are read, if not all are. Gaussians that touch none of them are left out.
@@ -142,11 +142,11 @@ impl ProjectionInput<'_> {
         rates: &mut Vec<SplatRates>,
         chunks: &mut Vec<ProjectedChunk>,
     ) {
-        let count = self.blocks.iter().map(|block| block.len).sum();
+        // A place for every lane, also in blocks that are not full.
+        let count = self.blocks.len() * LANES;
         splats.resize(count, Splat::default());
         numbers.resize(count, 0);
-        // All blocks but the last are full, so these chunks of blocks and of splats hold the same
-        // Gaussians.
+        // These chunks of blocks and of splats hold the same Gaussians.
         let drawn = splats.par_chunks_mut(CHUNK).zip(numbers.par_chunks_mut(CHUNK));
         let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
@@ -189,18 +189,19 @@ impl ProjectionInput<'_> {
         (splats, numbers): &mut DrawnSplats<'_>,
         rates: &mut [SplatRates],
     ) {
-        seen.locate(&self.eye, self.style.rules, block);
+        let eye = &self.eyes[block.part];
+        seen.locate(eye, self.style.rules, block);
         if self.style.antialiased {
-            seen.shape::<true>(&self.eye, self.style.rules, block);
+            seen.shape::<true>(eye, self.style.rules, block);
             seen.reach_anew(self.style.rules);
         } else {
-            seen.shape::<false>(&self.eye, self.style.rules, block);
+            seen.shape::<false>(eye, self.style.rules, block);
             seen.reach = block.reach;
         }
         match self.style.rules {
-            RenderRules::Official => seen.bound(RenderRules::Official, self.eye.size),
-            RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, self.eye.size),
-            RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, self.eye.size),
+            RenderRules::Official => seen.bound(RenderRules::Official, eye.size),
+            RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, eye.size),
+            RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, eye.size),
         }
         if let Some(sample) = self.sample {
             seen.leave_out(sample);
@@ -209,7 +210,7 @@ impl ProjectionInput<'_> {
         count_culled(&seen.fate[..block.len], block.promised, &mut done.culled);
         let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
         if coloured {
-            seen.face(&self.eye, block, self.sh_degree, count);
+            seen.face(eye, block, self.sh_degree, count);
         }
         for k in 0..count {
             let i = usize::from(seen.drawn[k]);

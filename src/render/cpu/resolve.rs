@@ -54,6 +54,13 @@ pub(super) fn resolve_tiles(
     });
 }
 
+/// The sum of one feature at each pixel.
+pub(super) fn feature_image(blended: BlendedTiles<'_>, feature: usize) -> Image<f32> {
+    let mut image = None;
+    fill_image(&mut image, 0.0, Some(feature), blended, |pixel, f| pixel.sum(f));
+    image.expect("a feature fills its image")
+}
+
 /// The values of one pixel in the planes of its tile.
 struct ResolvedPixel<'a> {
     tile: &'a [f32],

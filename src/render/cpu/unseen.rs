@@ -83,7 +83,10 @@ pub(super) fn seen_indices(
         return all_indices(scene);
     }
     let hull = PathHull::new(scene.origin, rules, camera, poses);
-    all_indices(scene).into_par_iter().filter(|&i| !hull.excludes(scene, i as usize)).collect()
+    // The poses say nothing of when a part is where, so all Gaussians of parts are kept.
+    let still = scene.part_end(0);
+    let seen = |i: &u32| *i as usize >= still || !hull.excludes(scene, *i as usize);
+    all_indices(scene).into_par_iter().filter(seen).collect()
 }
 
 /// The indices of two ascending lists, ascending and each once.

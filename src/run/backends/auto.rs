@@ -74,6 +74,8 @@ impl RendererPolicy for InformedRenderers<'_> {
         match &self.chosen.by {
             RendererKind::One(backend) => backend.clone(),
             RendererKind::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
+            // Nor moving objects.
+            RendererKind::Auto(_) if !recipe.objects.is_empty() => Backend::Cpu,
             // A record that cannot be read is reported where it is needed.
             RendererKind::Auto(auto) => {
                 auto.of(&recipe.scene, past::last_class(recipe, self.store).unwrap_or_default())

@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::image::light::PictureSum;
 use crate::lights::SceneLights;
-use crate::render::flow::flow_rates;
+use crate::render::flow::flow_of_parts;
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
 };
@@ -118,7 +118,7 @@ impl FrameExposer {
             renderer.keep_also(&self.course.camera, &dense.collect::<Vec<Se3>>());
         }
         match self.moment(centre, k, 1) {
-            SubframeTime::Pose(_) => self.dense_channels(),
+            SubframeTime::Pose(_) => self.dense_channels(renderer),
             // The pose is not a dense frame of the exposure, which renders its own view.
             SubframeTime::Between(_) => ChannelSet::NONE,
         }
@@ -139,9 +139,9 @@ impl FrameExposer {
         let moment = self.moment(centre, k, 1);
         if let SubframeTime::Pose(_) = moment {
             self.work += renderer.work_within(work);
-            self.add(moment, images);
+            self.add(moment, images, renderer);
         } else {
-            self.render(&[moment], self.dense_channels(), renderer, go_on)?;
+            self.render(&[moment], self.dense_channels(renderer), renderer, go_on)?;
         }
         let is_last = k + 1 == self.shutter.frames;
         is_last.then(|| self.close(centre, renderer, go_on)).transpose()
@@ -191,8 +191,9 @@ impl FrameExposer {
     }
 
     /// The images of a dense frame.
-    fn dense_channels(&self) -> ChannelSet {
-        ChannelSet { rgb: true, depth: self.sees_motion(), ..ChannelSet::NONE }
+    fn dense_channels(&self, renderer: &dyn Renderer) -> ChannelSet {
+        let (depth, segments) = (self.sees_motion(), self.sees_motion() && renderer.has_parts());
+        ChannelSet { rgb: true, depth, segments, ..ChannelSet::NONE }
     }
 
     fn open(&self, pose: usize) -> [f64; 2] {
@@ -232,13 +233,13 @@ impl FrameExposer {
             }
             let work = renderer.render(&self.view(*moment), want, &mut rendered)?;
             self.work += renderer.work_within(work);
-            self.add(*moment, &rendered);
+            self.add(*moment, &rendered, renderer);
         }
         Ok(())
     }
 
     /// Adds a picture, and the flow if there is a depth.
-    fn add(&mut self, moment: SubframeTime, images: &RenderedImages) {
+    fn add(&mut self, moment: SubframeTime, images: &RenderedImages, renderer: &dyn Renderer) {
         let lit = self.lights.as_ref().map(|lights| lights.at(self.seconds(moment)));
         let light = self.light.as_mut().expect("the exposure is open");
         let picture = images.rgb.as_ref().expect("colour was asked for");
@@ -248,7 +249,8 @@ impl FrameExposer {
         }
         // Other readers of the same rendering may have asked for the depth.
         let Some(depth) = images.depth.as_ref().filter(|_| self.sees_motion()) else { return };
-        let flow = flow_rates(depth, &self.view(moment));
+        let views = renderer.part_views(&self.view(moment));
+        let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
         // Pixels without a depth have no finite flow.
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
         self.fastest = self.fastest.max(squares.fold(0.0, f32::max).sqrt());
@@ -256,7 +258,12 @@ impl FrameExposer {
 
     fn view(&self, moment: SubframeTime) -> CameraView {
         let (world_from_camera, velocity) = self.at(moment);
-        CameraView { camera: self.course.camera, world_from_camera, velocity }
+        let seconds = match moment {
+            SubframeTime::Pose(j) => self.course.seconds[j],
+            SubframeTime::Between(at) => at,
+        };
+        let still = CameraView::at_rest(self.course.camera, world_from_camera);
+        CameraView { velocity, ..still.at_time(seconds - self.course.seconds[0]) }
     }
 
     /// Time after the first pose, s.

@@ -43,6 +43,7 @@ fn scenes(extent: f64) -> impl Strategy<Value = Gaussians> {
                 sh_degree: degree,
                 antialiased,
                 screening: SceneScreening { read: n as u64, ..SceneScreening::default() },
+                motion: None,
             }
         })
     })
@@ -133,6 +134,7 @@ fn one(position: [f32; 3]) -> Gaussians {
         sh_degree: 1,
         antialiased: Some(true),
         screening: SceneScreening::default(),
+        motion: None,
     }
 }
 

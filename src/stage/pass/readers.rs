@@ -3,6 +3,7 @@
 use super::{PassEnd, PassGround, PoseStage, PoseTaker};
 use crate::camera::Camera;
 use crate::frames::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
+use crate::render::parts::near_warnings;
 use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::stage::shot::ShotParameters;
 use crate::stage::{StageContext, StageError, choose_camera};
@@ -45,6 +46,8 @@ impl<'p, 'c> PoseReaders<'p, 'c> {
         // Each step warns of the camera, as it does alone. All of them choose the same one.
         let camera = choose_camera(stage.shot().camera, &ground.capture, cx);
         self.camera = Some(camera);
+        let rules = stage.shot().render.rules;
+        cx.warnings.extend(near_warnings(&ground.gaussians, &camera, &ground.motion.trajectory, rules));
         let taker = stage.taker(ground, camera);
         let (want, seconds) = (ChannelSet::NONE, ReaderSeconds::default());
         self.steps.push(ReadingStep { index, taker, cx, want, seconds });
@@ -65,7 +68,8 @@ impl<'p, 'c> PoseReaders<'p, 'c> {
             if !self.is_open() {
                 break;
             }
-            let view = CameraView { camera, world_from_camera: *pose, velocity };
+            let seconds = ground.motion.trajectory.seconds(index);
+            let view = CameraView { velocity, ..CameraView::at_rest(camera, *pose).at_time(seconds) };
             let want = self.want(index, &mut *renderer);
             let (began, mut work) = ((self.clock)(), RenderWork::default());
             if !want.is_empty() {

@@ -2,11 +2,12 @@
 
 use crate::support::workspace::Workspace;
 use gs2e::recipe::{self, Recipe, RecipeMeta};
+use gs2e::scene::objects::ObjectSource;
 use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 34] = [
+const CONTEXTS: [(&str, &str); 39] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -54,6 +55,24 @@ const CONTEXTS: [(&str, &str); 34] = [
     ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
     ("lights.flicker", "{ lights: { flicker: { hz: 100, depth: 0.5 } } }"),
     ("lights.level", "{ lights: { level: [{ t: 0, stops: 0 }] } }"),
+    (
+        "objects[]",
+        "{ objects: [{ name: a, select: { sphere: { centre: [0, 0, 0], radius: 1 } }, path: { straight: {} } }] }",
+    ),
+    (
+        "objects[].select.box",
+        "{ objects: [{ name: a, select: { box: { low: [0, 0, 0], high: [1, 1, 1] } }, path: { straight: {} } }] }",
+    ),
+    ("objects[].scene", "{ objects: [{ name: a, scene: { path: s.ply }, path: { straight: {} } }] }"),
+    (
+        "objects[].path.orbit",
+        "{ objects: [{ name: a, scene: { path: s.ply }, path: { orbit: { centre: [0, 0, 0], axis: [0, 1, 0], \
+         degrees_per_second: 9 } } }] }",
+    ),
+    (
+        "objects[].path.keyframes",
+        "{ objects: [{ name: a, scene: { path: s.ply }, path: { keyframes: [{ at: 0 }, { at: 1 }] } }] }",
+    ),
     ("licence", "{ licence: { expression: MIT, holder: H } }"),
     (
         "licence.evidence",
@@ -155,6 +174,11 @@ fn relative(found: &mut Recipe, base: &str) {
     match &mut found.reconstruct {
         Some(recipe::ReconstructMethod::Given(path) | recipe::ReconstructMethod::Newest(path)) => short(path),
         Some(recipe::ReconstructMethod::Command(_) | recipe::ReconstructMethod::Builtin(_)) | None => {}
+    }
+    for object in &mut found.objects {
+        if let ObjectSource::Ids { file } | ObjectSource::Scene { file, .. } = &mut object.from {
+            short(file);
+        }
     }
 }
 

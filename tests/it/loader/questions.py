@@ -392,9 +392,9 @@ def planted_pictures(folder):
     for decoder in installed_decoders():
         found = gs2e.read_png(frame.path, decoder)
         assert np.array_equal(found, image) and found.dtype == np.uint8 and found.flags.writeable, decoder
-    grey = (base / "grey.png")
-    grey.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 7, 11, 8, 0, 0, 0, 0)))
-    refused(lambda: gs2e.read_png(grey), "8-bit RGB")
+    wide = (base / "wide.png")
+    wide.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 7, 11, 16, 0, 0, 0, 0)))
+    refused(lambda: gs2e.read_png(wide), "8-bit RGB")
 
 
 def installed_decoders():
@@ -454,6 +454,31 @@ def inertial(folder):
     with open(f"{folder}/imu/imu.csv", encoding="utf-8") as file:
         rows = [[float(value) for value in line.split(",")] for line in list(file)[1:]]
     assert np.array_equal(np.column_stack([times, rates, forces]), np.array(rows))
+
+
+def masks(folder):
+    scene = gs2e.Scene(folder)
+    for decoder in (*installed_decoders(), None):
+        mask = gs2e.read_png(f"{folder}/segmentation/000003.png", decoder)
+        assert mask.dtype == np.uint8 and mask.ndim == 2 and set(np.unique(mask)) == {0, 1}
+        assert np.array_equal(mask, scene.segmentation(3))
+    events = scene.events(0, scene.duration_us)
+    objects = scene.event_objects(events)
+    stamps = [mask.t_us for mask in scene.masks]
+    masks = [np.pad(mask.read(), 1) for mask in scene.masks]
+    assert len(masks) == len(scene.stamps_us) and {0, 1} == set(objects)
+    for t, x, y, found in zip(events.t[::7], events.x[::7], events.y[::7], objects[::7]):
+        # With two numbers, the largest of a pixel and its neighbours is that of both rules. At equal distance, either.
+        gap = min(abs(int(t) - stamp) for stamp in stamps)
+        near = [mask[y : y + 3, x : x + 3].max() for mask, s in zip(masks, stamps) if abs(int(t) - s) == gap]
+        assert found in near
+    (name, (number, stamps, poses)), = scene.object_poses().items()
+    assert (name, number) == ("bowl", 1) and np.array_equal(stamps, scene.stamps_us)
+    assert np.allclose(poses[0], np.eye(4), atol=1e-12)
+    # It turns by 90 degrees a second about an axis that the last pose leaves alone.
+    turn = poses[-1][:3, :3]
+    assert np.allclose(turn @ [0, -1, 0], [0, -1, 0]) and abs(np.linalg.det(turn) - 1) < 1e-9
+    assert abs(np.degrees(np.arccos((np.trace(turn) - 1) / 2)) - 90e-6 * stamps[-1]) < 1e-6
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ fn planted(index: u64, sh_degree: u8) -> (Gaussians, CameraView) {
         sh_degree,
         antialiased: None,
         screening: SceneScreening::default(),
+        motion: None,
     };
     for _ in 0..count {
         let z = between(1.0, 6.0);

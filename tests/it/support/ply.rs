@@ -41,5 +41,6 @@ pub(crate) fn read(path: &Path) -> Gaussians {
         },
         antialiased: None,
         screening: SceneScreening::default(),
+        motion: None,
     }
 }

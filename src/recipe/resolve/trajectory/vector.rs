@@ -11,7 +11,7 @@ const COORDINATE: RealRange = RealRange::new(-1e12, 1e12);
 
 impl Resolver<'_> {
     /// Resolves the numbers of a list, each within its range.
-    pub(super) fn numbers<const N: usize>(
+    pub(in crate::recipe::resolve) fn numbers<const N: usize>(
         &self,
         list: &[Field<f64>; N],
         range: RealRange,
@@ -21,13 +21,16 @@ impl Resolver<'_> {
     }
 
     /// Resolves an optional point; `None` if it is faulty.
-    pub(super) fn point(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
+    pub(in crate::recipe::resolve) fn point(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
         let Some((list, _)) = field.given() else { return field.is_absent().then_some(None) };
         self.numbers(list, COORDINATE).map(|point| Some(DVec3::from_array(point)))
     }
 
     /// Resolves an optional direction; `None` if it is faulty.
-    pub(super) fn direction(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
+    pub(in crate::recipe::resolve) fn direction(
+        &self,
+        field: &Field<[Field<f64>; 3]>,
+    ) -> Option<Option<DVec3>> {
         let direction = self.point(field)?;
         match (direction, field.place()) {
             (Some(DVec3::ZERO), Some(place)) => {

@@ -1,12 +1,14 @@
-//! Sharp and blurred frames, depth, flow and inertial data. Those that the recipe asks for are named. Every
+//! Sharp and blurred frames, depth, flow, masks and inertial data. Those that the recipe asks for are named. Every
 //! picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
+use crate::artifact::OBJECT_PLACES;
 use crate::files::{self, LinkRule};
 use crate::image::{Image, Size, npy, png};
 use crate::imu::files::{SENSOR, rewritten};
 use crate::release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use crate::sampling::exposure;
+use crate::scene::motion::rewritten_places;
 use rayon::prelude::*;
 use serde_json::Value;
 use std::io::Cursor;
@@ -56,6 +58,8 @@ fn picture_fault(
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             check_numbers(kind, (size, channels), positive, &bytes)
         }
+        Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => rewritten_places(&bytes),
+        Some((_, ProductForm::Masks(_))) => check_mask(size, &bytes),
         // Nothing but its sum speaks of the text on the sensor.
         Some((_, ProductForm::Samples)) if name.ends_with(SENSOR) => Ok(bytes.clone()),
         Some((_, ProductForm::Samples)) => rewritten(&bytes),
@@ -76,6 +80,15 @@ fn picture_fault(
         )),
         Err(message) => Some(folder.fault(FaultCode::Unreadable, name, message)),
     }
+}
+
+/// Decodes a mask and returns its file as this program writes it.
+fn check_mask(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
+    let image = png::read_sized(Cursor::new(bytes), size).map_err(|e| e.to_string())?;
+    let mask = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
+    let mut again = Vec::new();
+    png::write_image(&mask, &mut again).expect("a Vec takes any bytes");
+    Ok(again)
 }
 
 /// The PNG file of an image.

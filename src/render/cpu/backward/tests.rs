@@ -37,6 +37,7 @@ fn planted(scene: u64) -> (Gaussians, CameraView) {
         sh_degree: (scene % 4) as u8,
         antialiased: None,
         screening: SceneScreening::default(),
+        motion: None,
     };
     let turn = DQuat::from_xyzw(between(-0.3, 0.3), between(-0.3, 0.3), between(-0.3, 0.3), 1.0).normalize();
     let pose = Se3 { rotation: turn, translation: gaussians.origin + DVec3::new(0.5, -0.25, 0.125) };

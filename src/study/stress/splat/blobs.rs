@@ -16,6 +16,7 @@ pub const ALL: ChannelSet = ChannelSet {
     flow: false,
     luminance_rate: false,
     doubtful: true,
+    segments: false,
 };
 
 /// The published rules over a black background.
@@ -68,6 +69,7 @@ pub fn blob_scene(blobs: &[ColourBlob]) -> Gaussians {
         sh_degree: 0,
         antialiased: None,
         screening: SceneScreening::default(),
+        motion: None,
     }
 }
 

@@ -16,6 +16,7 @@ const ALPHA: ChannelSet = ChannelSet {
     flow: false,
     luminance_rate: false,
     doubtful: false,
+    segments: false,
 };
 
 /// A needle's value at every pixel relative to that at its mean. In 64 bits, its luminance, because

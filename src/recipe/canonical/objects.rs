@@ -1,0 +1,56 @@
+//! Objects in the merged recipe. Paths of files are shown as written.
+
+use super::written_text;
+use crate::recipe::schema;
+use crate::scene::motion::{PartKeyframe, PartPath};
+use crate::scene::objects::{ObjectSettings, ObjectSource};
+use serde_json::{Value, json};
+
+/// The list of objects; `None` if it is empty.
+pub(super) fn objects_value(raw: &schema::RecipeSchema, objects: &[ObjectSettings]) -> Option<Value> {
+    let items = raw.objects.given().map_or(&[][..], |(items, _)| items);
+    let written = items.iter().filter_map(|item| item.given());
+    let values: Value = written.zip(objects).map(|((raw, _), object)| object_value(raw, object)).collect();
+    (!objects.is_empty()).then_some(values)
+}
+
+fn object_value(raw: &schema::ObjectSection, object: &ObjectSettings) -> Value {
+    let (key, source) = match &object.from {
+        ObjectSource::Box { low, high } => ("select", json!({ "box": { "low": low, "high": high } })),
+        ObjectSource::Sphere { centre, radius } => {
+            ("select", json!({ "sphere": { "centre": centre, "radius": radius } }))
+        }
+        ObjectSource::Ids { .. } => ("select", json!({ "ids": ids_path(raw) })),
+        ObjectSource::Scene { at, turn, scale, .. } => {
+            let path = raw.scene.given().and_then(|(scene, _)| written_text(&scene.path));
+            ("scene", json!({ "path": path, "at": at, "turn": turn, "scale": scale }))
+        }
+    };
+    let mut value = json!({ "name": object.name, key: source, "path": path_value(&object.path) });
+    if let Some(pivot) = object.pivot {
+        value["pivot"] = json!(pivot);
+    }
+    value
+}
+
+fn ids_path(raw: &schema::ObjectSection) -> Option<&str> {
+    match raw.select.given() {
+        Some((schema::SelectSection::Ids(path), _)) => written_text(path),
+        _ => None,
+    }
+}
+
+fn path_value(path: &PartPath) -> Value {
+    match path {
+        PartPath::Keyframes(keys) => {
+            let key = |PartKeyframe { at, shift, turn }: &PartKeyframe| json!({ "at": at, "shift": shift, "turn": turn });
+            json!({ "keyframes": keys.iter().map(key).collect::<Value>() })
+        }
+        PartPath::Orbit { centre, axis, degrees_per_second } => {
+            json!({ "orbit": { "centre": centre, "axis": axis, "degrees_per_second": degrees_per_second } })
+        }
+        PartPath::Straight { velocity, spin } => {
+            json!({ "straight": { "velocity": velocity, "spin": spin } })
+        }
+    }
+}

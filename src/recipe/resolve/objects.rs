@@ -1,0 +1,177 @@
+//! Objects: their Gaussians and their paths.
+
+use super::Resolver;
+use super::number::RealRange;
+use crate::recipe::field::Field;
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::text::TextSpan;
+use crate::recipe::{OutputKind, names, schema};
+use crate::scene::motion::{MAX_PARTS, PartKeyframe, PartPath};
+use crate::scene::objects::{ObjectSettings, ObjectSource};
+use glam::DVec3;
+use std::collections::BTreeSet;
+
+/// Degrees, and degrees per second: a thousand turns.
+const TURN: RealRange = RealRange::new(-360_000.0, 360_000.0);
+/// Seconds: a day.
+const SECONDS: RealRange = RealRange::new(0.0, 86_400.0);
+/// Sizes and ratios of sizes.
+const SIZE: RealRange = RealRange::above(0.0, 1e9);
+
+const SOURCE: &str =
+    "write select: { sphere: { centre: [0, 0, 0], radius: 0.5 } }, or scene: { path: cup.ply }";
+const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit or keyframes";
+
+/// A vector as written.
+type Triple = Field<[Field<f64>; 3]>;
+
+impl Resolver<'_> {
+    pub(super) fn objects(
+        &self,
+        field: &Field<Vec<Field<schema::ObjectSection>>>,
+    ) -> Option<Vec<ObjectSettings>> {
+        let Some((list, place)) = field.given() else { return field.is_absent().then(Vec::new) };
+        if list.len() > MAX_PARTS {
+            let message = format!("has {} objects, wanted at most {MAX_PARTS}", list.len());
+            return self.refuse(FieldProblem::of_field(message).at(place));
+        }
+        let mut seen = BTreeSet::new();
+        for (name, place) in list.iter().filter_map(|item| item.given()?.0.name.given()) {
+            if !seen.insert(name) {
+                let message = format!("is {}, the name of an earlier object", quote_text(name));
+                self.report(FieldProblem::of_field(message).at(place));
+            }
+        }
+        let objects: Vec<Option<ObjectSettings>> = list.iter().map(|item| self.object(item)).collect();
+        objects.into_iter().collect()
+    }
+
+    /// Refuses masks of a scene without objects.
+    pub(super) fn refuse_masks_of_nothing(
+        &self,
+        raw: &schema::RecipeSchema,
+        outputs: Option<&BTreeSet<OutputKind>>,
+        objects: Option<&[ObjectSettings]>,
+    ) {
+        let masks = outputs.into_iter().flatten().any(|output| output.shows_objects());
+        if masks && objects.is_some_and(<[_]>::is_empty) {
+            let problem = FieldProblem::new(
+                "the output segmentation needs objects: it shows which of them a pixel sees",
+            );
+            let help = "write objects: [{ name: ball, select: { … }, path: { … } }]";
+            self.report(problem.help(help).at(raw.outputs.place().unwrap_or(self.root)));
+        }
+    }
+
+    fn object(&self, item: &Field<schema::ObjectSection>) -> Option<ObjectSettings> {
+        let (raw, place) = item.given()?;
+        let name = self.required(&raw.name, "name", place, "write name: ball");
+        let name =
+            name.and_then(|(name, at)| self.named(name, at, names::check_sensor(name), names::OBJECT_HELP));
+        let from = self.object_source(raw, place);
+        let pivot = self.point(&raw.pivot);
+        let path = self.required(&raw.path, "path", place, PATH).and_then(|(path, _)| self.object_path(path));
+        Some(ObjectSettings { name: name?, from: from?, pivot: pivot?, path: path? })
+    }
+
+    fn object_source(&self, raw: &schema::ObjectSection, place: TextSpan) -> Option<ObjectSource> {
+        match (&raw.select, &raw.scene) {
+            (Field::Given(select, _), Field::Absent) => self.selection(select),
+            (Field::Absent, Field::Given(scene, place)) => self.placed(scene, *place),
+            (Field::Absent, Field::Absent) => {
+                self.refuse(FieldProblem::missing_field("select").help(SOURCE).at(place))
+            }
+            (Field::Bad, _) | (_, Field::Bad) => None,
+            (Field::Given(..), Field::Given(..)) => {
+                let problem = FieldProblem::of_field("has both `select` and `scene`");
+                self.refuse(problem.help("keep one of them: an object has one source").at(place))
+            }
+        }
+    }
+
+    fn selection(&self, raw: &schema::SelectSection) -> Option<ObjectSource> {
+        match raw {
+            schema::SelectSection::Box(field) => {
+                let (raw, place) = field.given()?;
+                let [low, high] = [(&raw.low, "low"), (&raw.high, "high")]
+                    .map(|(corner, name)| self.needed_point(corner, name, place));
+                let (low, high) = (low?, high?);
+                if !low.cmple(high).all() {
+                    let problem = FieldProblem::of_field("is empty: `low` is above `high`");
+                    return self.refuse(problem.help("write the least corner first").at(place));
+                }
+                Some(ObjectSource::Box { low, high })
+            }
+            schema::SelectSection::Sphere(field) => {
+                let (raw, place) = field.given()?;
+                let centre = self.needed_point(&raw.centre, "centre", place);
+                let radius = self.required(&raw.radius, "radius", place, "write its radius in scene units");
+                let radius = radius.and_then(|_| self.real(&raw.radius, 1.0, SIZE));
+                Some(ObjectSource::Sphere { centre: centre?, radius: radius? })
+            }
+            schema::SelectSection::Ids(field) => {
+                self.path(field, self.root).map(|file| ObjectSource::Ids { file })
+            }
+        }
+    }
+
+    fn placed(&self, raw: &schema::PlacedSection, place: TextSpan) -> Option<ObjectSource> {
+        let file = self.path(&raw.path, place);
+        let (at, turn) = (self.point(&raw.at), self.turn(&raw.turn));
+        let scale = self.real(&raw.scale, 1.0, SIZE);
+        let file = file?;
+        let splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
+        Some(ObjectSource::Scene { at: at?.unwrap_or_default(), turn: turn?, scale: scale?, splat, file })
+    }
+
+    fn object_path(&self, raw: &schema::ObjectPathSection) -> Option<PartPath> {
+        match raw {
+            schema::ObjectPathSection::Keyframes(field) => {
+                let (list, place) = field.given()?;
+                let keys: Vec<Option<PartKeyframe>> = list.iter().map(|item| self.object_key(item)).collect();
+                let path = PartPath::Keyframes(keys.into_iter().collect::<Option<_>>()?);
+                match path.check() {
+                    Ok(()) => Some(path),
+                    Err(because) => {
+                        self.refuse(FieldProblem::of_field(format!("make no path: {because}")).at(place))
+                    }
+                }
+            }
+            schema::ObjectPathSection::Orbit(field) => {
+                let (raw, place) = field.given()?;
+                let centre = self.needed_point(&raw.centre, "centre", place);
+                self.required(&raw.axis, "axis", place, "write axis: [0, 1, 0]");
+                let axis = self.direction(&raw.axis);
+                let help = "write degrees_per_second: 90";
+                let rate = self.required(&raw.degrees_per_second, "degrees_per_second", place, help);
+                let rate = rate.and_then(|_| self.real(&raw.degrees_per_second, 0.0, TURN));
+                Some(PartPath::Orbit { centre: centre?, axis: axis??, degrees_per_second: rate? })
+            }
+            schema::ObjectPathSection::Straight(field) => {
+                let absent = schema::ObjectStraightSection::default();
+                let raw = self.section(field, &absent)?;
+                let (velocity, spin) = (self.point(&raw.velocity), self.turn(&raw.spin));
+                Some(PartPath::Straight { velocity: velocity?.unwrap_or_default(), spin: spin? })
+            }
+        }
+    }
+
+    fn object_key(&self, item: &Field<schema::ObjectKeySection>) -> Option<PartKeyframe> {
+        let (raw, place) = item.given()?;
+        let at = self.required(&raw.at, "at", place, "write its time in seconds, from the first pose");
+        let at = at.and_then(|_| self.real(&raw.at, 0.0, SECONDS));
+        let (shift, turn) = (self.point(&raw.shift), self.turn(&raw.turn));
+        Some(PartKeyframe { at: at?, shift: shift?.unwrap_or_default(), turn: turn? })
+    }
+
+    fn needed_point(&self, field: &Triple, name: &str, within: TextSpan) -> Option<DVec3> {
+        self.required(field, name, within, "write three coordinates of the world: [0, 0, 0]")?;
+        self.point(field)?
+    }
+
+    /// An axis as long as an angle; no turn if it is absent.
+    fn turn(&self, field: &Triple) -> Option<DVec3> {
+        let Some((list, _)) = field.given() else { return field.is_absent().then_some(DVec3::ZERO) };
+        self.numbers(list, TURN).map(DVec3::from_array)
+    }
+}

@@ -1,0 +1,57 @@
+//! Masks of moving objects as a picture: a colour for each object.
+
+use super::embed::EmbeddedPicture;
+use super::maps::moment_words;
+use super::section::ReportTrajectory;
+use super::seen::{ShownPicture, moment_us, sensor_size};
+use crate::artifact::OBJECT_PLACES;
+use crate::files::{self, LinkRule};
+use crate::image::{Image, png};
+use crate::release::products::ReleaseProduct;
+use crate::release::published::StoredPlaces;
+use crate::scene::motion::read_places;
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+/// Colours of the objects by their numbers, which repeat, with their names.
+const COLOURS: [([u8; 3], &str); 6] = [
+    ([214, 69, 65], "red"),
+    ([63, 127, 191], "blue"),
+    ([230, 170, 50], "yellow"),
+    ([76, 153, 93], "green"),
+    ([140, 90, 170], "violet"),
+    ([70, 180, 180], "cyan"),
+];
+/// Colour of what is still.
+const STILL: [u8; 3] = [40; 3];
+
+/// The mask nearest to the middle of the trajectory.
+pub(in crate::release) fn mask_picture(
+    product: &ReleaseProduct,
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<ShownPicture> {
+    let stamps = &track.published.motion.trajectory.stamps_us;
+    let moment = moment_us(&track);
+    let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
+    let masks = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
+    let (_, number, path) = masks.min()?;
+    let size = sensor_size(&track);
+    // The size comes from a file.
+    size.check_sensor().ok()?;
+    let read = |path: &str| files::read_with(&places(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
+    let mask = png::read_sized(Cursor::new(read(path)?), size).ok()?;
+    let objects = read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
+    let names: BTreeMap<u8, String> =
+        read_places(&objects).ok()?.into_iter().map(|line| (line.number, line.name)).collect();
+    let colour = |[number, ..]: &[u8; 3]| {
+        let index = number.checked_sub(1).map(usize::from);
+        index.map_or(STILL, |index| COLOURS[index % COLOURS.len()].0)
+    };
+    let image = Image::from_vec(size, mask.pixels().iter().map(colour).collect());
+    let shown = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
+    let words =
+        format!("objects at {}: {}", moment_words(&track, number), shown.collect::<Vec<_>>().join(", "));
+    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+}

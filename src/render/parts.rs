@@ -1,0 +1,121 @@
+//! Views of moving parts: each part is seen from the camera's place in the part's own axes.
+//!
+//! Let a point rest in the axes of a part, which moves with the velocity `v` of its origin `T` and the angular velocity
+//! `W`, in world axes. In the axes of a camera at `C` that moves with `v_c` and `w_c`, the point `q` moves by
+//!
+//! ```text
+//! qdot = -(v_c - u) - (w_c - r) x q,    u = R_c^T (v + W x (C - T)),    r = R_c^T W
+//! ```
+//! which is the motion of a point at rest for a camera with the velocities in brackets. The part's projection, the
+//! direction from which its harmonics are seen, and all rates therefore follow from that camera, without a rotation of
+//! covariances or harmonics.
+
+use super::shared::{GSPLAT_NEAR, NEAR};
+use super::{CameraVelocity, CameraView, RenderError, RenderRules};
+use crate::camera::Camera;
+use crate::scene::Gaussians;
+use crate::scene::motion::{MovingPart, PartMotion};
+use crate::se3::Se3;
+use crate::se3::rotation::renormalised;
+use crate::trajectory::Trajectory;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The view as it looks from what is still, and then from the axes of each part.
+///
+/// # Errors
+/// A part has no place at the time of the view.
+pub(super) fn part_views(scene: &Gaussians, view: &CameraView) -> Result<Vec<CameraView>, RenderError> {
+    let Some(motion) = &scene.motion else { return Ok(vec![*view]) };
+    motion.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
+    let seen = motion.parts.iter().map(|part| seen_from(&part.at(view.seconds), view));
+    Ok(std::iter::once(*view).chain(seen).collect())
+}
+
+/// As [`part_views`], with parts after their last keyframe left there.
+pub(super) fn held_part_views(scene: &Gaussians, view: &CameraView) -> Vec<CameraView> {
+    let parts = scene.motion.iter().flat_map(|motion| &motion.parts);
+    std::iter::once(*view).chain(parts.map(|part| seen_from(&part.at(view.seconds), view))).collect()
+}
+
+/// A view in the axes of a part.
+fn seen_from(part: &PartMotion, view: &CameraView) -> CameraView {
+    let Se3 { rotation, translation } = view.world_from_camera;
+    let part_from_world = part.pose.rotation.conjugate();
+    let arm = translation - part.pose.translation;
+    let camera_from_world = rotation.conjugate();
+    let moved = camera_from_world * (part.velocity + part.angular.cross(arm));
+    let velocity = CameraVelocity {
+        linear: view.velocity.linear - moved,
+        angular: view.velocity.angular - camera_from_world * part.angular,
+    };
+    let pose = Se3 { rotation: renormalised(part_from_world * rotation), translation: part_from_world * arm };
+    CameraView { world_from_camera: pose, velocity, ..*view }
+}
+
+/// A warning for each part that reaches the near plane within the view, with the number of poses at which it does: what
+/// is nearer is not drawn. A part counts as the ball about its mean that holds 95 % of its means.
+#[must_use]
+pub fn near_warnings(
+    scene: &Gaussians,
+    camera: &Camera,
+    trajectory: &Trajectory,
+    rules: RenderRules,
+) -> Vec<String> {
+    let near = f64::from(if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR });
+    let poses = trajectory.world_from_camera.len();
+    let warning = |(part, number): (&MovingPart, usize)| {
+        let (centre, radius) = scene.part_ball(number);
+        let reaches = |pose: &usize| {
+            let world_from_part = part.at(trajectory.seconds(*pose)).pose;
+            let Se3 { rotation, translation } = trajectory.world_from_camera[*pose];
+            let world = world_from_part.rotation * centre + world_from_part.translation;
+            reaches_near(rotation.conjugate() * (world - translation), radius, near, camera)
+        };
+        let count = (0..poses).into_par_iter().filter(reaches).count();
+        (count > 0).then(|| {
+            let name = &part.record.name;
+            format!(
+                "object {name} reaches the near plane, {near:.2} units before the camera, at {count} of {poses} poses: \
+                 what is nearer is not drawn"
+            )
+        })
+    };
+    scene.motion.iter().flat_map(|motion| motion.parts.iter().zip(1..)).filter_map(warning).collect()
+}
+
+/// Returns true if a ball touches the rectangle of the near plane that the camera sees.
+fn reaches_near(centre: DVec3, radius: f64, near: f64, camera: &Camera) -> bool {
+    let inside = |at: f64, focal: f64, principal: f64, edge: u32| {
+        let ends = [-principal, f64::from(edge) - principal].map(|px| px / focal * near);
+        at.clamp(ends[0].min(ends[1]), ends[1].max(ends[0]))
+    };
+    let nearest = DVec3::new(
+        inside(centre.x, camera.fx, camera.cx, camera.size.width),
+        inside(centre.y, camera.fy, camera.cy, camera.size.height),
+        near,
+    );
+    (centre - nearest).length() < radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Size;
+
+    /// At 0.2 units, a camera of 90 degrees sees 0.4 units in width.
+    #[test]
+    fn a_ball_reaches_the_near_plane_only_within_the_view() {
+        let camera =
+            Camera { size: Size { width: 100, height: 100 }, fx: 50.0, fy: 50.0, cx: 50.0, cy: 50.0 };
+        let t = |centre: [f64; 3], wanted: bool| {
+            assert_eq!(reaches_near(centre.into(), 0.1, 0.2, &camera), wanted, "{centre:?}");
+        };
+        t([0.0, 0.0, 0.31], false);
+        t([0.0, 0.0, 0.29], true);
+        t([0.15, -0.15, 0.11], true);
+        t([0.29, 0.0, 0.2], true);
+        t([0.31, 0.0, 0.2], false);
+        t([0.0, 0.0, 0.09], false);
+    }
+}

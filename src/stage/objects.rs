@@ -1,0 +1,42 @@
+//! Stage `objects`: the scene with its objects as moving parts.
+
+use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use crate::artifact::{SCENE_PARTS, write_json};
+use crate::scene::Gaussians;
+use crate::scene::motion::PartRecord;
+use crate::scene::objects::{ObjectSettings, add_objects};
+use crate::scene::ply::write_ply;
+use serde::Serialize;
+use std::fs::File;
+
+/// Parameters: the objects. Their files enter the key by their digests.
+#[derive(Debug, Serialize)]
+pub struct ObjectsStage {
+    /// The objects.
+    pub objects: Vec<ObjectSettings>,
+}
+
+impl Stage for ObjectsStage {
+    const NAME: &'static str = "objects";
+    const REVISION: u32 = 1;
+    type Inputs = StepTarget<Gaussians>;
+    type Output = Gaussians;
+
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let file = |object: &ObjectSettings| {
+            let path = object.from.file()?.to_owned();
+            Some(SourceFile { name: object.name.clone(), path })
+        };
+        Ok(self.objects.iter().filter_map(file).collect())
+    }
+
+    fn run(&self, scene: Gaussians, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let made =
+            add_objects(&scene, &self.objects).map_err(StageError::work_failed("place the objects"))?;
+        let out = cx.out.join("scene.ply");
+        File::create(&out).and_then(|file| write_ply(&made, file)).map_err(StageError::io_error(&out))?;
+        let records: Vec<&PartRecord> = made.motion.iter().flat_map(|motion| motion.records()).collect();
+        let out = cx.out.join(SCENE_PARTS);
+        write_json(&out, &records).map_err(StageError::io_error(&out))
+    }
+}

@@ -1,0 +1,110 @@
+//! Stage `segmentation`: the object that each pixel shows, one PNG per pose, and the places of the objects.
+
+use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{ArtifactFiles, OBJECT_PLACES, PictureSet, TrajectoryProduct};
+use crate::camera::Camera;
+use crate::frames::rendered::RenderedPose;
+use crate::image::{Image, png};
+use crate::render::{ChannelSet, RenderedImages, Renderer};
+use crate::sampling::exposure;
+use crate::scene::Gaussians;
+use crate::scene::motion::write_places;
+use crate::source::Capture;
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
+use std::sync::Arc;
+
+/// Parameters: camera, rendering, and the spacing of masks.
+#[derive(Debug, Serialize)]
+pub struct SegmentationStage {
+    /// Camera and rendering.
+    #[serde(flatten)]
+    pub shot: ShotParameters,
+    /// Spacing of masks, in poses.
+    pub every: u32,
+}
+
+/// Memory per pixel of a batch of masks, of the weights of the objects, and of the encoders, bytes.
+const BYTES_A_PIXEL: u64 = 48;
+
+impl Stage for SegmentationStage {
+    const NAME: &'static str = "segmentation";
+    const REVISION: u32 = 1;
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
+    type Output = PictureSet;
+
+    fn class(&self) -> Option<String> {
+        Some(self.shot.backend.class())
+    }
+
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn role(&self) -> Option<PassRole<'_>> {
+        Some(PassRole::Poses(self))
+    }
+
+    fn run(
+        &self,
+        inputs: (Capture, Gaussians, TrajectoryProduct),
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        pass::run_alone(self, inputs, cx)
+    }
+}
+
+impl PoseStage for SegmentationStage {
+    fn shot(&self) -> &ShotParameters {
+        &self.shot
+    }
+
+    fn bytes_a_pixel(&self) -> u64 {
+        BYTES_A_PIXEL
+    }
+
+    fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+        let kept = exposure::kept_poses(ground.poses(), self.every, None);
+        let want = ChannelSet { segments: true, ..ChannelSet::NONE };
+        let form = PoseFileForm {
+            extension: "png",
+            keep: Box::new(|images: &RenderedImages, _| {
+                images.segments.clone().expect("the parts were asked for")
+            }),
+            write: |mask, file| png::write_image(mask, file),
+            is_encoded: true,
+        };
+        let stamps_us = ground.motion.trajectory.stamps_us.clone();
+        let masks = FileTaker::new(kept, want, form);
+        Ok(Box::new(MaskTaker { masks, scene: ground.gaussians.clone(), stamps_us }))
+    }
+}
+
+/// The masks of a trajectory, and the places of its objects.
+struct MaskTaker {
+    masks: FileTaker<Image<u8>>,
+    scene: Arc<Gaussians>,
+    stamps_us: Vec<i64>,
+}
+
+impl PoseTaker for MaskTaker {
+    fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
+        self.masks.want(pose, renderer)
+    }
+
+    fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {
+        self.masks.take(pose, cx)
+    }
+
+    fn finish(self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let out = cx.out.join(OBJECT_PLACES);
+        let written = File::create(&out).and_then(|file| {
+            write_places(self.scene.motion.as_deref(), &self.stamps_us, BufWriter::new(file))
+        });
+        written.map_err(StageError::io_error(&out))?;
+        Box::new(self.masks).finish(cx)
+    }
+}
