@@ -64,22 +64,20 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
             add(output.name(), settings);
         }
     }
-    if let Some(imu) = &recipe.imu {
-        add("scale", json!({ "metres_per_unit": imu.metres_per_unit }));
-    }
-    if let Some(lights) = &recipe.lights {
-        add("lights", json!(lights));
-    }
-    objects::objects_value(raw, &recipe.objects).into_iter().for_each(|value| add("objects", value));
-    if let Some(scale) = recipe.scale {
-        add("attributes", json!({ "scene_scale": scale.name() }));
-    }
-    if let Some(group) = &recipe.group {
-        add("group", json!(group));
-    }
-    if let Some(licence) = &recipe.licence {
-        add("licence", licence_value(licence));
-    }
+    let unit = recipe.imu.as_ref().map(|imu| json!({ "metres_per_unit": imu.metres_per_unit }));
+    let lights = recipe.lights.as_ref().map(|lights| json!(lights));
+    let attributes = recipe.scale.map(|scale| json!({ "scene_scale": scale.name() }));
+    let group = recipe.group.as_ref().map(|group| json!(group));
+    let licence = recipe.licence.as_ref().map(licence_value);
+    let given = [
+        ("scale", unit),
+        ("lights", lights),
+        ("objects", objects::objects_value(raw, &recipe.objects)),
+        ("attributes", attributes),
+        ("group", group),
+        ("licence", licence),
+    ];
+    given.into_iter().filter_map(|(key, value)| Some((key, value?))).for_each(|(key, value)| add(key, value));
     out
 }
 

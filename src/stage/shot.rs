@@ -64,12 +64,15 @@ pub(super) struct FileTaker<K> {
     pub(super) work: RenderWork,
 }
 
+/// Takes the part of a pose's images that is kept; the number is that of the pose.
+pub(super) type KeptPart<K> = Box<dyn Fn(&RenderedImages, usize) -> K>;
+
 /// The form of a pose's file. `keep` takes the number of the pose.
 pub(super) struct PoseFileForm<K> {
     /// The extension of its name.
     pub(super) extension: &'static str,
     /// The part of the images that is kept until the file is written.
-    pub(super) keep: Box<dyn Fn(&RenderedImages, usize) -> K>,
+    pub(super) keep: KeptPart<K>,
     /// Writes the file.
     pub(super) write: fn(&K, BufWriter<File>) -> io::Result<()>,
     /// True if writing costs more than a copy, so that several cores should write at once.

@@ -72,11 +72,12 @@ fn points() -> Vec<[f32; 3]> {
     (0..63).map(place).collect()
 }
 
-/// Small white blobs: a deviation of 0.6 px, and the dilation of 0.3 px² on top.
+/// White blobs with a deviation of 1.3 px. Smaller ones, which the lens makes smaller still towards the border, are too
+/// narrow for the centroid of their samples.
 fn dots() -> Gaussians {
     let blob = |position: [f32; 3]| ColourBlob {
         position,
-        deviations: [position[2] * 0.003; 3],
+        deviations: [position[2] * 0.006; 3],
         opacity: 0.9,
         ..ColourBlob::default()
     };

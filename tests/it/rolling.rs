@@ -71,9 +71,8 @@ fn a_vertical_line_under_a_pan_leans_by_the_closed_form() {
 fn rolling(readout_us: Value) -> Value {
     let mut value = recipe("tiny");
     value["outputs"] = json!(["events", "sharp", "blur", "depth"]);
-    value["trajectories"][0]["refine"] = json!({ "duration": 0.02 });
-    value["blur"] = json!({ "frames": 5 });
-    value["sharp"] = json!({ "every": 8 });
+    value["blur"] = json!({ "frames": 3 });
+    value["sharp"] = json!({ "every": 2 });
     if !readout_us.is_null() {
         value["sharp"]["readout_us"] = readout_us;
     }
@@ -90,7 +89,7 @@ fn a_release_has_rolling_frames_and_the_same_of_everything_else() {
     let place = Workspace::new();
     place.write("recipes/tiny.yaml", rolling(Value::Null).to_string());
     place.ok("release --to global");
-    place.write("recipes/tiny.yaml", rolling(json!(8000)).to_string());
+    place.write("recipes/tiny.yaml", rolling(json!(3000)).to_string());
     let stale: Vec<String> = steps(&place, "recipes")
         .into_iter()
         .filter(|(_, step)| step.action != "keep")
@@ -103,11 +102,11 @@ fn a_release_has_rolling_frames_and_the_same_of_everything_else() {
     assert!(said.contains("before the first pose or after the last"), "{said}");
     place.ok("audit rolled");
     place.ok("check --tree rolled");
-    for name in ["events.h5", "blur/000003.png", "depth/000000.npy", "poses.txt"] {
+    for name in ["events.h5", "blur/000002.png", "depth/000000.npy", "poses.txt"] {
         let bytes = |tree: &str| std::fs::read(place.path(&format!("{tree}/tiny/base/{name}"))).unwrap();
         assert!(bytes("global") == bytes("rolled"), "{name}");
     }
-    let frame = |tree: &str| picture(&place, &format!("{tree}/tiny/base/sharp/000024.png"));
+    let frame = |tree: &str| picture(&place, &format!("{tree}/tiny/base/sharp/000006.png"));
     let (global, rolled) = (frame("global"), frame("rolled"));
     let off = |row: usize| -> u32 {
         let row = row * 48..(row + 1) * 48;
@@ -118,11 +117,11 @@ fn a_release_has_rolling_frames_and_the_same_of_everything_else() {
     assert!(edges > middle, "the middle is that of the pose: {edges} {middle}");
     let transforms = std::fs::read_to_string(place.path("rolled/tiny/base/transforms.json")).unwrap();
     let transforms: Value = serde_json::from_str(&transforms).unwrap();
-    assert_eq!(transforms["readout_us"], 8000);
+    assert_eq!(transforms["readout_us"], 3000);
     let card = std::fs::read_to_string(place.path("rolled/README.md")).unwrap();
-    assert!(card.contains("| tiny | 8000 |"), "{card}");
+    assert!(card.contains("| tiny | 3000 |"), "{card}");
     let report = std::fs::read_to_string(place.path("rolled/report.html")).unwrap();
-    assert!(report.contains("rolling shutter of sharp frames: 8000 us"));
+    assert!(report.contains("rolling shutter of sharp frames: 3000 us"));
     let refused = place.gs2e("export rolled --to mcap --out recording");
     assert!(refused.code != 0 && refused.stderr.contains("shutter"), "{}", refused.stderr);
     place.ok("export rolled --to mcap --out recording --lossy");
