@@ -235,7 +235,7 @@ fn a_tolerance_sees_the_light() {
         place.ok("release --replace --to out");
         let scene = std::fs::read_to_string(place.path("out/tiny/scene.json")).unwrap();
         let scene: Value = serde_json::from_str(&scene).unwrap();
-        let chosen = &scene["trajectories"][0]["sampling"];
+        let chosen = &scene["trajectories"][0]["sampling"]["tolerance"];
         assert!(chosen["achieved"].as_f64().unwrap() <= 0.1, "{chosen}");
         frames.push(chosen["frames"].as_u64().unwrap());
     }
