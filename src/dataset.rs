@@ -183,6 +183,7 @@ fn read_stream(
         views: None,
         geometry: None,
         crossings: None,
+        light_changes: false,
         is_release: true,
         flow: None,
         tolerance: None,

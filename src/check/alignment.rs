@@ -63,7 +63,7 @@ impl ValidationPass for AlignmentPass {
             Ok(tally) => tally,
             Err(because) => return vec![subject.not_run(NAME, "", because)],
         };
-        if let Some(because) = hidden(subject) {
+        if let Some(because) = subject.moved_together().or_else(|| hidden(subject)) {
             return vec![subject.not_run(NAME, "", because)];
         }
         let places = &tally.compared.places;

@@ -45,7 +45,7 @@ impl ValidationPass for CompletenessPass {
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let compared = subject.compared_at_once().and_then(|(tally, law)| law.loose.map_or(Ok(tally), Err));
-        match compared {
+        match subject.moved_together().map_or(compared, Err) {
             Ok(tally) => vec![judge_time(subject, tally), judge_place(subject, tally)],
             Err(because) => vec![subject.not_run(NAME, "", because)],
         }

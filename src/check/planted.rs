@@ -185,6 +185,7 @@ impl PlantedWorld {
             geometry: None,
             crossings: None,
             foreign: Some(&self.foreign),
+            light_changes: false,
             is_release: false,
             limits: &self.limits,
         };

@@ -63,6 +63,9 @@ impl ValidationPass for OnShare {
             let because = format!("{} events are too few to measure the share of ON events", tally.events);
             return vec![subject.not_run(NAME, "", because)];
         };
+        if let Some(because) = subject.moved_together() {
+            return vec![subject.not_run(NAME, "", because)];
+        }
         vec![judge_share(subject, tally, share), judge_contrary(subject)]
     }
 }

@@ -58,6 +58,8 @@ pub struct TrajectorySubject<'a> {
     pub crossings: Option<&'a Result<StreamClock, String>>,
     /// Reports of other programs, if the recipe requests them.
     pub foreign: Option<&'a ExternalReport>,
+    /// True if the light of the scene changes.
+    pub light_changes: bool,
     /// True if the files of a release are all that is known.
     pub is_release: bool,
     /// The recipe's limits.
@@ -99,6 +101,11 @@ impl TrajectorySubject<'_> {
             Some(because) => Err(because),
             None => Ok((tally, law)),
         }
+    }
+
+    /// The reason why passes that expect pixels to change one by one do not apply, if there is one.
+    pub(super) fn moved_together(&self) -> Option<&'static str> {
+        self.light_changes.then_some("the light of the scene changes, which moves all pixels alike")
     }
 
     /// A finding of `check`; `part` names the statement if the pass makes several.

@@ -194,7 +194,8 @@ fn wire_trajectory(
     let MadeOutputs { events, sharp } = made;
     let foreign =
         asking.map(|asking| wiring.add(name("foreign"), asking.clone(), (capture, motion, sharp, events)));
-    let checking = ChecksStage { limits: recipe.checks.of_trajectory() };
+    let checking =
+        ChecksStage { limits: recipe.checks.of_trajectory(), light_changes: recipe.lights.is_some() };
     wiring.add(name("checks"), checking, (motion, events, foreign));
     motion
 }

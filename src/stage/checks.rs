@@ -32,6 +32,9 @@ pub const NAME: &str = "checks";
 pub struct ChecksStage {
     /// Limits and waivers.
     pub limits: Limits,
+    /// True if the light of the scene changes.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub light_changes: bool,
 }
 
 impl Stage for ChecksStage {
@@ -85,6 +88,7 @@ impl Stage for ChecksStage {
             geometry: None,
             crossings: None,
             foreign: foreign.as_ref(),
+            light_changes: self.light_changes,
             is_release: false,
             limits: &self.limits,
         };

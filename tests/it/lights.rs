@@ -220,9 +220,6 @@ fn a_tolerance_sees_the_light() {
     let mut value = lit(flicker());
     value["outputs"] = json!(["events"]);
     value["sensor"] = json!({ "voltmeter": { "preset": "evk4", "front_end": { "decode": "srgb" } } });
-    // Twenty periods and the dead time of the sensor leave little of the net change between kept frames.
-    let because = "the light flickers";
-    value["checks"] = json!({ "waive": [{ "check": "alignment", "because": because }] });
     value["sampling"] = json!({ "tolerance": 0.1 });
     value["lights"]["flicker"]["hz"] = json!(400);
     let mut frames = Vec::new();

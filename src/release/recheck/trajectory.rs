@@ -112,6 +112,7 @@ impl ReleasedTrajectory<'_> {
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
             coverage: measured.coverage,
             doubtful_share: None,
+            light_changes: self.recipe.lights.is_some(),
             is_release: true,
             limits: &self.recipe.checks.of_trajectory(),
         };
