@@ -59,11 +59,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     if let Some(camera) = recipe.camera {
         add("camera", camera_value(camera));
     }
-    for output in OutputKind::ALL {
-        if let Some(settings) = output.settings(recipe) {
-            add(output.name(), settings);
-        }
-    }
+    let settings =
+        OutputKind::ALL.into_iter().filter_map(|output| Some((output.name(), output.settings(recipe)?)));
+    settings.for_each(|(name, value)| add(name, value));
     let unit = recipe.imu.as_ref().map(|imu| json!({ "metres_per_unit": imu.metres_per_unit }));
     let lights = recipe.lights.as_ref().map(|lights| json!(lights));
     let attributes = recipe.scale.map(|scale| json!({ "scene_scale": scale.name() }));

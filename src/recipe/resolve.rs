@@ -71,8 +71,7 @@ impl Resolver<'_> {
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
         let lights = self.lights(raw, rate, outputs.as_ref());
-        let objects = self.objects(&raw.objects);
-        self.refuse_masks_of_nothing(raw, outputs.as_ref(), objects.as_deref());
+        let objects = self.objects_and_masks(raw, outputs.as_ref());
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.

@@ -250,11 +250,8 @@ impl CpuRenderer {
             };
             pass.run(&mut frame.splats, &mut frame.lists, &mut frame.tiles)
         });
-        out.flow = out
-            .depth
-            .as_ref()
-            .filter(|_| want.flow)
-            .map(|depth| flow::flow_of_parts(depth, out.segments.as_ref(), &views));
+        let depth = out.depth.as_ref().filter(|_| want.flow);
+        out.flow = depth.map(|depth| flow::flow_of_parts(depth, out.segments.as_ref(), &views));
         // Depth and parts may have been made for flow alone.
         out.depth = out.depth.take().filter(|_| want.depth);
         out.segments = out.segments.take().filter(|_| want.segments);

@@ -138,11 +138,11 @@ mod tests {
         assert!(pixels.windows(2).all(|pair| pair[0] < pair[1]) && pixels.len() < 330 * 250 / 3);
         let has = |x: u16, y: u16| pixels.binary_search(&(usize::from(y) * 330 + usize::from(x))).is_ok();
         // A rectangle touches every tile that it shares a pixel with, so whole tiles are compared.
-        for (left, right) in [(0, 1), (15, 17), (100, 130), (320, 330), (0, 330)] {
-            for (top, bottom) in [(0, 1), (31, 33), (60, 90), (249, 250), (0, 250)] {
+        for (left, right) in [(0, 1_u16), (15, 17), (100, 130), (320, 330), (0, 330)] {
+            for (top, bottom) in [(0, 1_u16), (31, 33), (60, 90), (249, 250), (0, 250)] {
                 let mut any = false;
-                for x in left / 16 * 16..(right as u16).next_multiple_of(16).min(330) {
-                    for y in top / 16 * 16..(bottom as u16).next_multiple_of(16).min(250) {
+                for x in left / 16 * 16..right.next_multiple_of(16).min(330) {
+                    for y in top / 16 * 16..bottom.next_multiple_of(16).min(250) {
                         any |= has(x, y);
                     }
                 }

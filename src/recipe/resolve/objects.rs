@@ -26,10 +26,18 @@ const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit 
 type Triple = Field<[Field<f64>; 3]>;
 
 impl Resolver<'_> {
-    pub(super) fn objects(
+    /// The objects. Masks of a scene without objects are refused.
+    pub(super) fn objects_and_masks(
         &self,
-        field: &Field<Vec<Field<schema::ObjectSection>>>,
+        raw: &schema::RecipeSchema,
+        outputs: Option<&BTreeSet<OutputKind>>,
     ) -> Option<Vec<ObjectSettings>> {
+        let objects = self.objects(&raw.objects);
+        self.refuse_masks_of_nothing(raw, outputs, objects.as_deref());
+        objects
+    }
+
+    fn objects(&self, field: &Field<Vec<Field<schema::ObjectSection>>>) -> Option<Vec<ObjectSettings>> {
         let Some((list, place)) = field.given() else { return field.is_absent().then(Vec::new) };
         if list.len() > MAX_PARTS {
             let message = format!("has {} objects, wanted at most {MAX_PARTS}", list.len());
@@ -46,8 +54,7 @@ impl Resolver<'_> {
         objects.into_iter().collect()
     }
 
-    /// Refuses masks of a scene without objects.
-    pub(super) fn refuse_masks_of_nothing(
+    fn refuse_masks_of_nothing(
         &self,
         raw: &schema::RecipeSchema,
         outputs: Option<&BTreeSet<OutputKind>>,
