@@ -1,4 +1,4 @@
-//! What one core of this machine can do: the limits next to which `docs/performance.md` puts the raster and the sensor.
+//! Limits of one core of this machine. `docs/performance.md` compares the raster and the sensor with them.
 
 use super::amount;
 use crate::measure::{Workload, timed};

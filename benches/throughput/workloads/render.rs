@@ -196,8 +196,8 @@ fn workload(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelS
     Workload { part: "render", what, rival: false, run: Box::new(run) }
 }
 
-/// The same view, of which only a sample of the tiles is read: a frame of the pilot of a tolerance. As the rival of the
-/// whole frame, it shows which share of a frame it costs.
+/// The same view with a sample of the tiles, as in the pilot of a tolerance. Its rival is the whole frame, so the ratio
+/// is the share of a frame that it costs.
 fn sampled(name: &str, scene: &Arc<Gaussians>, view: CameraView, want: ChannelSet) -> Workload {
     let sample = Arc::new(TileSample::spread(view.camera.size, || 0.5));
     let pixels = sample.pixels().len();
