@@ -20,7 +20,7 @@ const EDGES: std::ops::RangeInclusive<usize> = 1..=8;
 
 impl TileSample {
     /// One tile from each square of tiles, drawn by numbers in 0..1. The squares are as large as leaves about
-    /// [`ENOUGH`] tiles, so a small image is sampled as a whole. Every tile is drawn with the same probability:
+    /// 48 tiles, so a small image is sampled as a whole. Every tile is drawn with the same probability:
     /// where a square reaches beyond the image, it may yield none.
     pub fn spread(size: Size, mut draw: impl FnMut() -> f64) -> Self {
         let [columns, rows] = [size.width, size.height].map(|edge| (edge as usize).div_ceil(TILE));
