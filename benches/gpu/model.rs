@@ -11,7 +11,7 @@ const OF_BANDWIDTH: f64 = 0.7;
 /// Share of the processors' rate that a pass achieves. The rate counts a fused product and sum as two
 /// operations, and [`StageWork::operations`] does not fuse; threads of a tile wait for each other.
 const OF_RATE: f64 = 0.3;
-/// Time between the begin of a dispatch and that of the next, of which each needs the results, s.
+/// Time from the start of a dispatch to the start of the next one, which needs its results, s.
 const DISPATCH: f64 = 4e-6;
 /// Time of a round of a scan, s: 16 loads in a row, a sum over 256 threads, and 16 stores.
 const ROUND: f64 = 4e-6;

@@ -218,7 +218,7 @@ SHAPE = re.compile(
     r"|is a list of|has no value|takes no value|is an empty list|has \d+ keys|no check is named|a limit is|not supported yet"
 )
 # A key that is missing may come from the defaults file, so the schema does not ask for it. A text in the place of a number,
-# such as 1/2, has a range of its own. An object has `select` or `scene`, of which the schema asks for neither.
+# such as 1/2, has a range of its own. An object needs `select` or `scene`; the schema asks for neither.
 MAY_BE = re.compile(r'missing field "[^"]*(reconstruct|camera|units|orbit|floor|evidence|objects\[\d+\]\.select)|wanted a number.* such as')
 
 

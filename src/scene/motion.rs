@@ -25,7 +25,7 @@ const SLACK: f64 = 1e-6;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum PartPath {
-    /// C2 splines through keyframes, of which the first is at 0 s. The part has no place after the last one.
+    /// C2 splines through keyframes; the first is at 0 s. The part has no place after the last one.
     Keyframes(Vec<PartKeyframe>),
     /// A rotation about a fixed axis, at a constant rate.
     Orbit {

@@ -84,7 +84,7 @@ pub(in crate::recipe) struct PlacedSection {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::recipe) enum ObjectPathSection {
-    /// C2 splines through at least two keyframes, of which the first is at 0 s. They must last as long as the
+    /// C2 splines through at least two keyframes; the first is at 0 s. They must last as long as the
     /// trajectory.
     Keyframes(Field<Vec<Field<ObjectKeySection>>>),
     /// A rotation about a fixed axis.
