@@ -6,7 +6,9 @@
 //! defined. Errors are below 1 ulp.
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "constants as published")]
 
-use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f64x8, u64x8};
+use fearless_simd::{
+    Level, Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _, dispatch, f64x8, u64x8,
+};
 
 const LN2_HIGH: f64 = 6.93147180369123816490e-01;
 const LN2_LOW: f64 = 1.90821492927058770002e-10;
@@ -55,6 +57,20 @@ pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     // From small terms to large ones, in the order of `e_log.c`: another order changes the last
     // bit.
     s * (half_square + (odd + even)) + exponent * LN2_LOW - half_square + f + exponent * LN2_HIGH
+}
+
+/// Replaces positive finite numbers by their natural logarithms.
+pub(crate) fn ln_each(values: &mut [f64]) {
+    #[inline(always)]
+    fn eights<S: Simd>(simd: S, values: &mut [f64]) {
+        for start in (0..values.len()).step_by(8) {
+            store_eight(ln_eight(load_eight(simd, values, start)), values, start);
+        }
+    }
+    let (whole, rest) = values.split_at_mut(values.len() / 8 * 8);
+    dispatch!(Level::new(), simd => eights(simd, whole));
+    // The bits are the same.
+    rest.iter_mut().for_each(|value| *value = libm::log(*value));
 }
 
 /// Bound on `(b - a)/(b + a)` below which `ln` of a ratio is a series. Its first omitted term is
@@ -154,7 +170,6 @@ pub(crate) fn to_float<S: Simd>(x: u64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fearless_simd::{Level, dispatch};
 
     fn check(
         wide: impl Fn([f64; 8]) -> [f64; 8],
@@ -185,6 +200,16 @@ mod tests {
         check(ln, libm::log, spread(0.5, 1.5));
         check(ln, libm::log, spread(-700.0, 700.0).map(libm::exp));
         check(ln, libm::log, spread(1.0, f64::from(1 << 20)).map(|i| i * f64::from_bits(1)));
+    }
+
+    #[test]
+    fn a_slice_of_any_length_gets_its_logarithms() {
+        for len in [0, 1, 7, 8, 9, 23] {
+            let values: Vec<f64> = spread(0.0, 300.0).take(len).collect();
+            let mut found = values.clone();
+            ln_each(&mut found);
+            assert_eq!(found, values.into_iter().map(libm::log).collect::<Vec<_>>());
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{CellDraws, DrawSpace, Seed, SeedCell, normal, philox, space_tag};
 use crate::elementary::{self, load_eight, mask_bits, set_lanes, store_eight, to_float};
-use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
+use fearless_simd::{Level, Simd, SimdBase as _, SimdFloat as _, dispatch, f64x8, u64x8};
 
 /// Cells of eight pixels that differ in the pixel only.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +24,24 @@ impl SeedCells {
         let [a, b, c, d] = philox::philox_eight(counter, self.seed.key());
         // Low word first, as in `half_block`.
         [b << 32 | a, d << 32 | c]
+    }
+
+    /// The first draw of each of these pixels as a standard normal deviate, with the bits of [`CellDraws::normal`].
+    pub(crate) fn first_normals(self, pixels: &[u64], normals: &mut Vec<f64>) {
+        #[inline(always)]
+        fn fill<S: Simd>(simd: S, cells: SeedCells, pixels: &[u64], normals: &mut [f64]) {
+            for (i, pixels) in (0..).step_by(8).zip(pixels.chunks(8)) {
+                // Lanes beyond the last pixel repeat it.
+                let place = |lane: usize| pixels[lane.min(pixels.len() - 1)];
+                let [draw, _] = cells.pair(u64x8::from_fn(simd, place), 0);
+                store_eight(uniform_eight(draw), normals, i);
+            }
+            normal_deviates(simd, normals);
+        }
+        normals.clear();
+        normals.resize(pixels.len().next_multiple_of(8), 0.0);
+        dispatch!(Level::new(), simd => fill(simd, self, pixels, normals));
+        normals.truncate(pixels.len());
     }
 
     /// The draws of one of these cells, with the first four computed in advance.
@@ -103,7 +121,22 @@ fn tail_eight<S: Simd>(p: f64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fearless_simd::{Level, dispatch};
+
+    #[test]
+    fn first_normals_are_those_of_one_at_a_time() {
+        let cells = SeedCells { seed: Seed(9), space: DrawSpace::Leak, level: 0, index: 70_000_000_000 };
+        for count in [0, 1, 8, 700] {
+            let pixels: Vec<u64> = (0..count).map(|i| (i % 41) << 16 | i).collect();
+            let mut found = vec![1.0; 3];
+            cells.first_normals(&pixels, &mut found);
+            let cell = |pixel: &u64| {
+                let [x, y] = [pixel & 0xffff, pixel >> 16].map(|v| u16::try_from(v).expect("small"));
+                SeedCell { x, y, level: 0, index: cells.index }
+            };
+            let one = |pixel: &u64| cells.seed.draws(cell(pixel), cells.space).normal();
+            assert_eq!(found, pixels.iter().map(one).collect::<Vec<f64>>());
+        }
+    }
 
     #[test]
     fn draws_are_those_of_one_at_a_time() {

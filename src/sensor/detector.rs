@@ -50,6 +50,14 @@ impl DetectorPixel {
         Self { thresholds, reference, leaked: 0.0, dead: 0 }
     }
 
+    /// Returns true if a brightness that moves on a straight line makes no event. The pixel may then go on to the
+    /// later frame as it is, if it has no leak and no events of its own.
+    #[inline(always)]
+    pub(super) fn rests(&self, from: f64, to: f64) -> bool {
+        let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);
+        self.dead == 0 && from < high && from > low && to < high && to > low
+    }
+
     /// Follows the course to the later frame and makes events in order of time.
     pub(super) fn cross(
         &mut self,

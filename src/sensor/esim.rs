@@ -37,6 +37,7 @@ use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::readout::{ReadoutBus, read_out};
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
+use crate::elementary;
 use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
@@ -157,12 +158,14 @@ impl EsimModel {
         }
         Ok(())
     }
+}
 
+impl EsimModel {
+    /// The brightness of one pixel.
     fn seen(&self, luminance: f64) -> f64 {
-        match self.intensity {
-            IntensityScale::Log => libm::log(self.eps + luminance / WHITE),
-            IntensityScale::Linear => luminance / WHITE,
-        }
+        let mut one = [luminance];
+        self.to_brightness(&mut one);
+        one[0]
     }
 }
 
@@ -216,8 +219,17 @@ pub(super) struct EsimPixel {
 impl FrameLaw for EsimModel {
     type Pixel = EsimPixel;
 
-    fn begin(&self, site: PixelSite, luminance: f64) -> EsimPixel {
-        let seen = self.seen(luminance);
+    fn to_brightness(&self, luminance: &mut [f64]) {
+        match self.intensity {
+            IntensityScale::Log => {
+                luminance.iter_mut().for_each(|l| *l = self.eps + *l / WHITE);
+                elementary::ln_each(luminance);
+            }
+            IntensityScale::Linear => luminance.iter_mut().for_each(|l| *l /= WHITE),
+        }
+    }
+
+    fn begin(&self, site: PixelSite, _: f64, seen: f64) -> EsimPixel {
         let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
         EsimPixel {
             detector,
@@ -230,13 +242,16 @@ impl FrameLaw for EsimModel {
     }
 
     fn cross(&self, pixel: &mut EsimPixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
-        let PixelPair { site, frame, length, luminance } = *pair;
-        let seen = if pair.is_still() { pixel.seen } else { self.seen(luminance[1]) };
-        let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
-        pixel.seen = seen;
+        let PixelPair { site, frame, length, brightness: seen, .. } = *pair;
         if self.mismatch == RedrawRule::PerFrame {
             pixel.detector.thresholds = self.threshold.at(site, frame);
         }
+        if pixel.own.is_silent() && pixel.detector.rests(pixel.seen, seen) {
+            pixel.seen = seen;
+            return ControlFlow::Continue(());
+        }
+        let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
+        pixel.seen = seen;
         let rates = LinearRate { ends: [self.hot_pixels.per_ns(site); 2], length };
         let source = |train, space| OwnEventKind { train, rates, site, space, on_share: 1.0, resets: false };
         let mut sources = [source(&mut pixel.own, DrawSpace::Hot), source(&mut pixel.shot, DrawSpace::Shot)];

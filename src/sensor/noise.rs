@@ -24,6 +24,11 @@ pub(super) struct PixelSite {
 }
 
 impl PixelSite {
+    /// The coordinates as one number, as [`crate::seed::eight::SeedCells`] takes them.
+    pub(super) fn number(self) -> u64 {
+        u64::from(self.y) << 16 | u64::from(self.x)
+    }
+
     /// The pixel's draws for this purpose and index.
     pub(super) fn draws(self, space: DrawSpace, index: u64) -> CellDraws {
         self.seed.draws(SeedCell { x: self.x, y: self.y, level: 0, index }, space)

@@ -15,10 +15,14 @@ use super::{SensorError, SensorPixels, SimulationAccount, input};
 use crate::event::{EventLabel, EventSink, Polarity};
 use crate::frames::DenseFrame;
 use crate::image::Size;
-use crate::seed::Seed;
+use crate::seed::eight::SeedCells;
+use crate::seed::{DrawSpace, Seed};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
+
+/// Nanoseconds in a second.
+const NS: f64 = 1e9;
 
 /// Number of pixels that one thread takes at a time. The last band may be shorter.
 const BAND: usize = 4096;
@@ -28,8 +32,17 @@ pub(super) trait FrameLaw: Debug + Send + Sync {
     /// State of one pixel.
     type Pixel: Debug + Send + Sync;
 
-    /// The pixel at its first frame.
-    fn begin(&self, site: PixelSite, luminance: f64) -> Self::Pixel;
+    /// Turns the luminance of pixels, 0..255, into the brightness that they compare. The pixels of a band come at
+    /// once, so that a logarithm can be computed for several of them.
+    fn to_brightness(&self, luminance: &mut [f64]);
+
+    /// The draws whose first one each pixel uses in each frame as a normal deviate, if the law has such draws.
+    fn deviates(&self) -> Option<DrawSpace> {
+        None
+    }
+
+    /// The pixel at its first frame, of this luminance and brightness.
+    fn begin(&self, site: PixelSite, luminance: f64, brightness: f64) -> Self::Pixel;
 
     /// Moves a pixel from one frame to the next, and notes its events. Breaks if the writer breaks.
     fn cross(
@@ -55,15 +68,14 @@ pub(super) struct PixelPair {
     pub(super) frame: u64,
     /// Time between the frames, ns, as a whole number.
     pub(super) length: f64,
+    /// The same, s.
+    pub(super) seconds: f64,
     /// Luminance at both frames, 0..255.
     pub(super) luminance: [f64; 2],
-}
-
-impl PixelPair {
-    /// Returns true if both frames have the same luminance, to the bit.
-    pub(super) fn is_still(&self) -> bool {
-        self.luminance[0].to_bits() == self.luminance[1].to_bits()
-    }
+    /// Brightness at the later frame ([`FrameLaw::to_brightness`]).
+    pub(super) brightness: f64,
+    /// The normal deviate of [`FrameLaw::deviates`]; 0 for a law without them.
+    pub(super) deviate: f64,
 }
 
 /// Limit on the events of a pixel between two frames.
@@ -170,6 +182,11 @@ struct LatestFrame {
 #[derive(Debug, Default)]
 struct PairBand {
     events: Vec<NotedEvent>,
+    /// Brightness of each pixel at the later frame.
+    brightness: Vec<f64>,
+    /// Coordinates of each pixel, and its normal deviate; empty for a law without deviates.
+    sites: Vec<u64>,
+    deviates: Vec<f64>,
     most: u32,
     left_out: u64,
     /// The first pixel above the cap.
@@ -217,8 +234,11 @@ impl<L: FrameLaw> PairPixels<L> {
     }
 
     fn begin(&mut self, luminance: &[f32]) {
-        let pixel = |(i, l): (usize, &f32)| self.law.begin(self.site(i), f64::from(l.max(0.0)));
-        self.pixels = luminance.par_iter().enumerate().map(pixel).collect();
+        let seen: Vec<f64> = luminance.iter().map(|l| f64::from(l.max(0.0))).collect();
+        let mut brightness = seen.clone();
+        self.law.to_brightness(&mut brightness);
+        let pixel = |(i, (l, b)): (usize, (&f64, &f64))| self.law.begin(self.site(i), *l, *b);
+        self.pixels = seen.par_iter().zip(&brightness).enumerate().map(pixel).collect();
     }
 
     /// Crosses the time between two frames.
@@ -251,9 +271,28 @@ impl<L: FrameLaw> PairPixels<L> {
 
     fn cross_band(&self, slice: PixelRun<'_, L::Pixel>, frame: u64, length: f64, band: &mut PairBand) {
         let PixelRun { first, pixels, tally, luminance: [from, to] } = slice;
+        band.brightness.clear();
+        band.brightness.extend(to.iter().map(|l| f64::from(l.max(0.0))));
+        self.law.to_brightness(&mut band.brightness);
+        if let Some(space) = self.law.deviates() {
+            band.sites.clear();
+            band.sites.extend((first..first + pixels.len()).map(|i| self.site(i).number()));
+            let cells = SeedCells { seed: self.seed, space, level: 0, index: frame };
+            cells.first_normals(&band.sites, &mut band.deviates);
+        }
+        let seconds = length / NS;
         for (i, (pixel, tally)) in pixels.iter_mut().zip(tally).enumerate() {
             let luminance = [from[i], to[i]].map(|l| f64::from(l.max(0.0)));
-            let pair = PixelPair { site: self.site(first + i), frame, length, luminance };
+            let (brightness, deviate) = (band.brightness[i], band.deviates.get(i).copied().unwrap_or(0.0));
+            let pair = PixelPair {
+                site: self.site(first + i),
+                frame,
+                length,
+                seconds,
+                luminance,
+                brightness,
+                deviate,
+            };
             let mut writer = PairWriter::new(&mut band.events, tally, self.cap, self.at(first + i));
             let broken = self.law.cross(pixel, &pair, &mut writer).is_break();
             band.most = band.most.max(writer.made);

@@ -50,10 +50,12 @@ use super::screening::{
     ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
 };
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
+use crate::elementary::{ln_eight, load_eight, store_eight};
 use crate::event::EventLabel;
 use crate::image::Size;
 use crate::seed::{DrawSpace, Seed};
 use crate::units::Hertz;
+use fearless_simd::{Level, Select as _, Simd, SimdBase as _, dispatch};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 use std::ops::ControlFlow;
@@ -129,6 +131,22 @@ const NS: f64 = 1e9;
 #[must_use]
 pub fn lin_log(luminance: f64) -> f64 {
     if luminance <= LINEAR { luminance * (libm::log(LINEAR) / LINEAR) } else { libm::log(luminance) }
+}
+
+/// [`lin_log`] of many greys, to the same bits.
+#[inline(always)]
+fn lin_log_each<S: Simd>(simd: S, greys: &mut [f64]) {
+    let (whole, rest) = greys.split_at_mut(greys.len() / 8 * 8);
+    for start in (0..whole.len()).step_by(8) {
+        let grey = load_eight(simd, whole, start);
+        let dark = grey.simd_le(LINEAR);
+        // The logarithm needs a positive number in each lane.
+        let bright = ln_eight(grey.max(LINEAR));
+        store_eight(dark.select(grey * (libm::log(LINEAR) / LINEAR), bright), whole, start);
+    }
+    for grey in rest {
+        *grey = lin_log(*grey);
+    }
 }
 
 /// Intensity on which rates depend; never 0.
@@ -270,8 +288,12 @@ impl V2eModel {
         if rate == 0.0 {
             return 0.0;
         }
-        let z = if jitter == 0.0 { 0.0 } else { pair.site.draws(DrawSpace::Leak, pair.frame).normal() };
-        rate * pixel.leakiness * (1.0 - jitter * z) * pixel.detector.thresholds[0] * (pair.length / NS)
+        rate * pixel.leakiness * (1.0 - jitter * pair.deviate) * pixel.detector.thresholds[0] * pair.seconds
+    }
+
+    /// Shot noise of both polarities at this luminance, events per ns.
+    fn shot_rate(&self, [on, off]: [f64; 2], luminance: f64) -> f64 {
+        if self.shot == 0.0 { 0.0 } else { 0.5 * (on + off) * self.shots_per_second(luminance) / NS }
     }
 }
 
@@ -317,6 +339,10 @@ pub(super) struct V2ePixel {
     input: f64,
     /// The pixel's leak, relative to the nominal leak.
     leakiness: f64,
+    /// Shot noise of both polarities at the previous frame, events per ns.
+    shots: f64,
+    /// Shot noise of ON and OFF, relative to that of nominal thresholds.
+    shot_shares: [f64; 2],
     shot: PoissonTrain,
     own: PoissonTrain,
 }
@@ -324,19 +350,32 @@ pub(super) struct V2ePixel {
 impl FrameLaw for V2eModel {
     type Pixel = V2ePixel;
 
-    fn begin(&self, site: PixelSite, luminance: f64) -> V2ePixel {
-        let seen = lin_log(luminance);
+    fn to_brightness(&self, luminance: &mut [f64]) {
+        dispatch!(Level::new(), simd => lin_log_each(simd, luminance));
+    }
+
+    fn deviates(&self) -> Option<DrawSpace> {
+        (self.leak.rate != 0.0 && self.leak.jitter != 0.0).then_some(DrawSpace::Leak)
+    }
+
+    fn begin(&self, site: PixelSite, luminance: f64, seen: f64) -> V2ePixel {
+        let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
+        // Shot noise is stronger in a pixel with a lower threshold, in proportion.
+        let [on, off] = detector.thresholds;
+        let shot_shares = [self.threshold.on / on, self.threshold.off / off];
         let leakiness = if self.leak.cov == 0.0 {
             1.0
         } else {
             libm::exp(LN_10 * self.leak.cov * site.draws(DrawSpace::Initial, 0).normal())
         };
         V2ePixel {
-            detector: DetectorPixel::new(self.threshold.at(site, 0), seen),
+            detector,
             first: seen,
             seen,
             input: seen,
             leakiness,
+            shots: self.shot_rate(shot_shares, luminance),
+            shot_shares,
             shot: if self.shot == 0.0 {
                 PoissonTrain::silent()
             } else {
@@ -347,15 +386,21 @@ impl FrameLaw for V2eModel {
     }
 
     fn cross(&self, pixel: &mut V2ePixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
-        let PixelPair { site, length, luminance, .. } = *pair;
-        // The logarithm is a third of the work, and many pixels keep their light.
-        let input = if pair.is_still() { pixel.input } else { lin_log(luminance[1]) };
+        let PixelPair { site, length, luminance, brightness: input, .. } = *pair;
+        let is_quiet = self.cutoff == 0.0 && self.leak.rate == 0.0;
+        if is_quiet
+            && pixel.shot.is_silent()
+            && pixel.own.is_silent()
+            && pixel.detector.rests(pixel.seen, input)
+        {
+            (pixel.seen, pixel.input) = (input, input);
+            return ControlFlow::Continue(());
+        }
         let (plain, leaked) = (self.course(pixel, input, pair), self.leaked(pixel, pair));
-        let [on, off] = pixel.detector.thresholds;
-        // Shot noise is stronger in a pixel with a lower threshold, in proportion.
-        let [on, off] = [self.threshold.on / on, self.threshold.off / off];
-        let shots = luminance.map(|l| 0.5 * (on + off) * self.shots_per_second(l) / NS);
-        let own = [self.hot_pixels.per_ns(site); 2];
+        let [on, off] = pixel.shot_shares;
+        let shots = [pixel.shots, self.shot_rate([on, off], luminance[1])];
+        pixel.shots = shots[1];
+        let own = if pixel.own.is_silent() { [0.0; 2] } else { [self.hot_pixels.per_ns(site); 2] };
         let mut sources = [
             OwnEventKind {
                 train: &mut pixel.shot,

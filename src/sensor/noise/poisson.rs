@@ -53,10 +53,15 @@ impl PoissonTrain {
         Self { left: f64::INFINITY, next: 0 }
     }
 
+    /// Returns true if there are no events.
+    pub(in crate::sensor) fn is_silent(&self) -> bool {
+        self.left == f64::INFINITY
+    }
+
     /// Moves from `start` to the next event. If that lies after the second instant, moves to the
     /// second instant and returns no event.
     pub(in crate::sensor) fn advance(&mut self, rates: &LinearRate, start: f64) -> Option<f64> {
-        if self.left == f64::INFINITY {
+        if self.is_silent() {
             return None;
         }
         let ahead = rates.exposure(rates.length) - rates.exposure(start);

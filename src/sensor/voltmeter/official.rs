@@ -137,7 +137,10 @@ impl OfficialSampler {
 impl FrameLaw for OfficialSampler {
     type Pixel = OfficialPixel;
 
-    fn begin(&self, site: PixelSite, luminance: f64) -> OfficialPixel {
+    /// The drift follows the luminance itself.
+    fn to_brightness(&self, _: &mut [f64]) {}
+
+    fn begin(&self, site: PixelSite, luminance: f64, _: f64) -> OfficialPixel {
         let thresholds = thresholds::drawn_pair(self.thresholds, self.spread, site);
         let log = if self.labels { libm::log(luminance + self.process.k2) } else { 0.0 };
         OfficialPixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
