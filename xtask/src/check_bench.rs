@@ -121,10 +121,15 @@ fn measure_streams(gs2e: &Path, folder: &Path, most: u64) -> Outcome {
 
 /// Runs the program, which must end with one of these codes.
 pub(crate) fn watch(gs2e: &Path, args: &[&str], codes: &[i32]) -> Outcome<Cost> {
+    watch_messages(gs2e, args, codes, Stdio::null())
+}
+
+/// [`watch`], with the messages of the program going to `messages`.
+pub(crate) fn watch_messages(gs2e: &Path, args: &[&str], codes: &[i32], messages: Stdio) -> Outcome<Cost> {
     let what = format!("gs2e {}", args.join(" "));
     let begun = Instant::now();
     let mut command = Command::new(gs2e);
-    command.args(args).current_dir(root()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command.args(args).current_dir(root()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(messages);
     let mut child = command.spawn().map_err(|e| format!("`{what}` cannot be started: {e}"))?;
     let [status, stat] = ["status", "stat"].map(|name| format!("/proc/{}/{name}", child.id()));
     let mut peak_kib = 0_u64;

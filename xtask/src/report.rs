@@ -49,6 +49,8 @@ share per frame, pixel or Gaussian.
 struct Options {
     quick: bool,
     scenes: Vec<String>,
+    /// A program that is built already, for the comparison of a tolerance with a rate.
+    program: Option<PathBuf>,
 }
 
 /// A study that is made of each scene.
@@ -147,7 +149,7 @@ fn studies(options: &Options) -> Outcome {
 }
 
 fn options(args: &[String]) -> Outcome<Options> {
-    let mut options = Options { quick: false, scenes: Vec::new() };
+    let mut options = Options { quick: false, scenes: Vec::new(), program: None };
     let mut args = args.iter();
     while let Some(arg) = args.next() {
         match arg.as_str() {
@@ -159,7 +161,12 @@ fn options(args: &[String]) -> Outcome<Options> {
                     .scenes
                     .push(name.ok_or(format!("--scene wants one of {}", names.join(", ")))?.clone());
             }
-            _ => return Err(format!("found `{arg}`, wanted tolerance first, --quick or --scene NAME")),
+            "--program" => options.program = Some(args.next().ok_or("--program wants a file")?.into()),
+            _ => {
+                return Err(format!(
+                    "found `{arg}`, wanted tolerance first, --quick, --scene NAME or --program FILE"
+                ));
+            }
         }
     }
     Ok(options)

@@ -44,6 +44,7 @@ pub(super) const SCENES: [Scene; 3] = [
 /// Speed of the picture at the full size, px/s.
 const BASE: u32 = 300;
 const FAST: u32 = 1200;
+const FASTER: u32 = 4800;
 /// Multiples of the speed, and duration of each, s.
 const BURSTS: [&str; 4] = ["0.1", "1.9", "0.4", "1.6"];
 const BURST_S: f64 = 0.02;
@@ -73,11 +74,21 @@ impl Scene {
         self.recipe(smaller, &trajectories, "sampling: { rate: 2400 }\noutputs: []")
     }
 
-    /// The recipe of the events of `base` or `fast`, with this sampling.
-    pub(super) fn events(&self, quick: bool, trajectory: &str, sampling: &str) -> String {
+    /// The trajectories of the comparison of a tolerance with a rate.
+    pub(super) fn compared(&self) -> &'static [&'static str] {
+        // The shortest paths are where the frames that choose a sampling weigh most.
+        if self.name == "playbot" { &["base", "fast"] } else { &["base", "fast", "faster"] }
+    }
+
+    /// The recipe of one of these trajectories with this sampling and these outputs.
+    pub(super) fn sampled(&self, quick: bool, trajectory: &str, sampling: &str, outputs: &str) -> String {
         let smaller = if quick { SMALLER } else { 1 };
-        let made = format!("sampling: {{ {sampling} }}\noutputs: [events]");
-        let px_s = if trajectory == "fast" { FAST } else { BASE };
+        let made = format!("{sampling}\noutputs: [{outputs}]");
+        let px_s = match trajectory {
+            "faster" => FASTER,
+            "fast" => FAST,
+            _ => BASE,
+        };
         self.recipe(smaller, &[at(trajectory, px_s / smaller)], &made)
     }
 
