@@ -17,6 +17,7 @@ pub(super) fn of(name: &str, members: &[Member]) -> Vec<Value> {
             one_of(&["refine", "novel", "orbit", "keyframes"]),
             json!({ "properties": { "name": device_free() } }),
         ],
+        "ObjectSection" => vec![one_of(&["select", "scene"])],
         "PoseSection" => vec![
             exclude("rotation", "look_at"),
             exclude("rotation", "up"),
