@@ -8,7 +8,6 @@ pub(super) use end::{exit_kind, tell_end};
 
 pub(super) use store::{open_store, option_tag, store_options, tell_notices};
 
-use super::BackendArg;
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
@@ -432,8 +431,8 @@ fn run_options(
         budget: ResourceBudget {
             cores,
             memory,
-            // At most one GPU is opened, and each serves one step at a time.
-            gpus: usize::from(matches!(common.backend, BackendArg::Gpu | BackendArg::Auto)),
+            // Each GPU serves one step at a time.
+            gpus: chosen.gpu_count(),
         },
         keep_going: common.keep_going,
         recheck: care.recheck.map(|share| RecheckPolicy { share, seed }),

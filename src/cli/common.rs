@@ -31,8 +31,9 @@ pub(super) struct CommonArgs {
     /// Renderer
     #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
     pub(super) backend: BackendArg,
-    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name
-    #[arg(long, value_name = "NAME or INDEX", global = true)]
+    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name, or `all`, so that each GPU
+    /// of the most capable kind renders a scene
+    #[arg(long, value_name = "NAME, INDEX or all", global = true)]
     pub(super) gpu: Option<gpu::DeviceChoice>,
     /// Features of the GPU to leave out, separated by commas: subgroups, timestamps
     #[arg(long, value_name = "FEATURES", global = true)]
@@ -114,7 +115,9 @@ impl CommonArgs {
     pub(super) fn backend(&self) -> Result<Backend, VerbError> {
         match self.backend {
             BackendArg::Gpu => {
-                self.device(&gpu::DeviceChoice::Any).map(Backend::Gpu).map_err(|e| no_adapter(&e))
+                let choice = self.gpu.clone().unwrap_or(gpu::DeviceChoice::Any);
+                let pool = gpu::GpuPool::open(&choice, self.features_left_out());
+                pool.map(Backend::Gpu).map_err(|e| no_adapter(&e))
             }
             _ if self.gpu.is_some() => Err(VerbError::usage(
                 "no-adapter",

@@ -202,7 +202,7 @@ fn store(path: &Path, page: &mut DoctorPage) {
 /// The trial of a GPU, compared with the picture of the CPU.
 fn try_gpu(scene: &TrialScene, on_cpu: &Result<TrialPicture, String>, gpu: &ListedGpu) -> String {
     let Ok(device) = &gpu.opened else { return "not tried".to_owned() };
-    match (scene.render(&Backend::Gpu(device.clone())), on_cpu) {
+    match (scene.render(&Backend::Gpu(device.clone().into())), on_cpu) {
         (Err(because), _) => because,
         (Ok(picture), Ok(on_cpu)) => format!("{}, {}", picture.rate(), picture.likeness(on_cpu)),
         (Ok(picture), Err(_)) => picture.rate(),
@@ -215,8 +215,8 @@ fn used_renderer(common: &CommonArgs) -> Result<String, VerbError> {
         return Ok(common.backend()?.class());
     }
     let choice = common.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware);
-    Ok(match gpu::GpuDevice::open_without(&choice, common.features_left_out()) {
-        Ok(device) => device.name().to_owned(),
+    Ok(match gpu::GpuPool::open(&choice, common.features_left_out()) {
+        Ok(pool) => pool.name(),
         Err(because) => format!("the CPU, because {because}"),
     })
 }

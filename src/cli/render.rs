@@ -253,7 +253,7 @@ impl RenderArgs {
         // A software GPU is slower than the CPU renderer.
         let device = common.device(&gpu::DeviceChoice::Hardware).map_err(RenderError::from);
         // Only a failure of the GPU itself is tried again; a wrong view fails on the CPU too.
-        let done = device.and_then(|device| by(&Backend::Gpu(device))).or_else(|error| {
+        let done = device.and_then(|device| by(&Backend::Gpu(device.into()))).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
             console.say(&format!("rendering on the CPU, because {because}"));
             by(&Backend::Cpu)

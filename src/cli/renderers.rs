@@ -19,7 +19,7 @@ mod tests {
     use crate::programs::ProgramFinder;
     use crate::render::OmissionPolicy;
     use crate::render::backend::Backend;
-    use crate::render::gpu::{DeviceChoice, GpuDevice};
+    use crate::render::gpu::{DeviceChoice, GpuDevice, GpuPool};
     use crate::run::RunSummary;
     use crate::run::backends::{AutoRenderers, RendererKind};
     use clap::Parser as _;
@@ -34,11 +34,8 @@ mod tests {
 
     /// Builds a scene in `dir` on a GPU that `spoil` makes unusable. Returns the result and the
     /// classes of the steps.
-    fn built(
-        dir: &Path,
-        spoil: impl FnOnce(GpuDevice) -> GpuDevice,
-    ) -> Option<(RunSummary, BTreeSet<String>)> {
-        let device = match GpuDevice::open(&DeviceChoice::Any) {
+    fn built(dir: &Path, spoil: impl FnOnce(GpuDevice) -> GpuPool) -> Option<(RunSummary, BTreeSet<String>)> {
+        let pool = match GpuDevice::open(&DeviceChoice::Any) {
             Ok(device) => spoil(device),
             Err(because) => {
                 assert!(std::env::var("REQUIRE_GPU").as_deref() != Ok("1"), "{because}");
@@ -49,7 +46,7 @@ mod tests {
         std::fs::write(&recipe, RECIPE).unwrap();
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
-        let auto = AutoRenderers::with_device(device);
+        let auto = AutoRenderers::with_pool(pool);
         let console = Console::new(crate::cli::ConsoleStreams::of_process(), false, true);
         let care = TrustOptions::default();
         let chosen = RendererChoice::new(
@@ -81,12 +78,12 @@ mod tests {
     fn what_a_gpu_has_no_room_for_is_lost_at_or_spoils_is_rendered_on_the_cpu() {
         let lost = |device: GpuDevice| {
             device.destroy();
-            device
+            device.into()
         };
-        let full = |device: GpuDevice| device.with_room(100);
+        let full = |device: GpuDevice| device.with_room(100).into();
         // The first picture is not finite, so no step is made of it.
-        let faulty = GpuDevice::with_spoilt_pictures;
-        let spoils: [&dyn Fn(GpuDevice) -> GpuDevice; 3] = [&lost, &full, &faulty];
+        let faulty = |device: GpuDevice| device.with_spoilt_pictures().into();
+        let spoils: [&dyn Fn(GpuDevice) -> GpuPool; 3] = [&lost, &full, &faulty];
         for spoil in spoils {
             let dir = tempfile::tempdir().unwrap();
             let Some((summary, classes)) = built(dir.path(), spoil) else { return };
@@ -98,9 +95,39 @@ mod tests {
     }
 
     #[test]
+    fn a_lost_gpu_leaves_its_scenes_to_the_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let with_another = |device: GpuDevice| {
+            let other = GpuDevice::open(&DeviceChoice::Any).unwrap();
+            device.destroy();
+            GpuPool::new(vec![device, other])
+        };
+        let Some((summary, classes)) = built(dir.path(), with_another) else { return };
+        assert_eq!((summary.made, summary.failures.len()), (6, 0));
+        assert!(classes.iter().all(|class| Backend::is_gpu(class)), "{classes:?}");
+    }
+
+    #[test]
+    fn renderers_spread_over_the_gpus_of_a_pool() {
+        let Ok(device) = GpuDevice::open(&DeviceChoice::Any) else { return };
+        let second = GpuDevice::open(&DeviceChoice::Any).unwrap();
+        let pool = GpuPool::new(vec![device.with_room(1), second.with_room(2)]);
+        let rooms =
+            |taken: &[GpuDevice]| taken.iter().map(|device| device.room().unwrap()).collect::<Vec<_>>();
+        let mut taken: Vec<GpuDevice> = (0..4).map(|_| pool.take().unwrap()).collect();
+        assert_eq!(rooms(&taken), [1, 2, 1, 2]);
+        // A clone keeps the place until it is dropped too.
+        let clone = taken[1].clone();
+        taken.remove(1);
+        assert_eq!(pool.take().unwrap().room(), Some(1));
+        drop(clone);
+        assert_eq!(pool.take().unwrap().room(), Some(2));
+    }
+
+    #[test]
     fn what_a_gpu_has_room_for_it_renders() {
         let dir = tempfile::tempdir().unwrap();
-        let Some((summary, classes)) = built(dir.path(), |device| device) else { return };
+        let Some((summary, classes)) = built(dir.path(), GpuPool::from) else { return };
         assert_eq!((summary.made, summary.failures.len()), (6, 0));
         assert!(classes.len() == 1 && classes.iter().all(|class| Backend::is_gpu(class)), "{classes:?}");
     }

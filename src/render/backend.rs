@@ -1,7 +1,7 @@
 //! Choice of a back end, and the numerical class that it adds to the keys of steps.
 
 use super::cpu::{self, CpuRenderer};
-use super::gpu::{self, GpuDevice, GpuError, GpuRenderer};
+use super::gpu::{self, GpuError, GpuPool, GpuRenderer};
 use super::reference::{self, ReferenceRenderer};
 use super::{RenderError, RenderStyle, Renderer};
 use crate::image::Size;
@@ -16,8 +16,8 @@ pub enum Backend {
     Cpu,
     /// The CPU in f64: slow.
     Reference,
-    /// A GPU.
-    Gpu(GpuDevice),
+    /// A GPU, or several of one kind.
+    Gpu(GpuPool),
     /// A GPU that was not opened, known by its numerical class. It is enough for keys, but it
     /// cannot render.
     Unopened(String),
@@ -30,7 +30,7 @@ impl Backend {
         match self {
             Self::Cpu => cpu::FINGERPRINT.to_owned(),
             Self::Reference => reference::FINGERPRINT.to_owned(),
-            Self::Gpu(device) => device.fingerprint().to_owned(),
+            Self::Gpu(pool) => pool.fingerprint().to_owned(),
             Self::Unopened(class) => class.clone(),
         }
     }
@@ -47,7 +47,7 @@ impl Backend {
         Ok(match self {
             Self::Cpu => Box::new(CpuRenderer::new(scene, style)?),
             Self::Reference => Box::new(ReferenceRenderer::new(scene, style)?),
-            Self::Gpu(device) => Box::new(GpuRenderer::new(device.clone(), &scene, style)?),
+            Self::Gpu(pool) => Box::new(GpuRenderer::new(pool.take()?, &scene, style)?),
             Self::Unopened(class) => return Err(GpuError::None(format!("{class} was not opened")).into()),
         })
     }

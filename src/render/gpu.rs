@@ -17,6 +17,7 @@ mod features;
 mod frame;
 mod gradients;
 mod passes;
+mod pool;
 mod readback;
 mod scene;
 mod shader;
@@ -28,6 +29,7 @@ pub use clock::TimedStage;
 pub use device::{DeviceChoice, GpuDevice, GpuError, ListedGpu, list_gpus};
 pub use features::{FeatureSet, GpuFeature};
 pub use gradients::GpuGradientRenderer;
+pub use pool::GpuPool;
 pub use work::{FrameWork, StageWork};
 
 use super::shared::TILE;

@@ -14,7 +14,7 @@ use crate::plan::Plan;
 use crate::programs::ProgramFinder;
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::GpuError;
+use crate::render::gpu::{GpuError, GpuPool};
 use crate::store::Store;
 
 /// The back ends of a command, and the work that they leave out.
@@ -78,6 +78,20 @@ impl RendererChoice {
         matches!(self.by, RendererKind::Auto(_))
     }
 
+    /// Number of GPUs that may render at once.
+    #[must_use]
+    pub fn gpu_count(&self) -> usize {
+        match &self.by {
+            RendererKind::One(Backend::Gpu(pool)) => pool.device_count(),
+            RendererKind::One(_) => 0,
+            // A recorded class may be rendered by a GPU that is opened later.
+            RendererKind::Auto(auto) => match auto.gpu.borrow().as_ref() {
+                Some(Ok(pool)) => pool.device_count(),
+                _ => 1,
+            },
+        }
+    }
+
     /// The error of a GPU that is needed and cannot be used.
     #[must_use]
     pub fn gpu_error(&self) -> Option<GpuError> {
@@ -97,10 +111,12 @@ impl RendererChoice {
             let Some(because) = failure.of_gpu() else { continue };
             let scene = plan.scene_of(&plan.steps()[failure.step.0]);
             auto.on_cpu.borrow_mut().insert(scene.to_owned());
-            // A lost device fails every later scene too. A device without room for one scene may
+            // Without a device that is sound, every later scene fails too. A device without room for one scene may
             // have room for the others.
-            if matches!(because, GpuError::Lost { .. }) {
-                *auto.gpu.borrow_mut() = Some(Err(because.clone()));
+            let mut gpu = auto.gpu.borrow_mut();
+            let is_lost = gpu.as_ref().is_some_and(|pool| pool.as_ref().is_ok_and(GpuPool::is_lost));
+            if matches!(because, GpuError::Lost { .. }) && is_lost {
+                *gpu = Some(Err(because.clone()));
             }
             any = true;
         }

@@ -18,8 +18,8 @@ impl TrainingRenderer {
     pub(super) fn new(backend: &Backend, scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
         match backend {
             Backend::Cpu => Ok(Self::Cpu(Box::new(GradientRenderer::new(scene, style)?))),
-            Backend::Gpu(device) => {
-                Ok(Self::Gpu(Box::new(GpuGradientRenderer::new(device.clone(), scene, style)?)))
+            Backend::Gpu(pool) => {
+                Ok(Self::Gpu(Box::new(GpuGradientRenderer::new(pool.take()?, scene, style)?)))
             }
             Backend::Reference | Backend::Unopened(_) => {
                 Err(RenderError::Style(format!("{} has no gradients", backend.class())))

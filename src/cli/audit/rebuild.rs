@@ -161,17 +161,16 @@ fn class_of(manifest: &ReleaseManifest, scene: &str) -> String {
 
 /// The back end of a class.
 fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> {
-    let backend =
-        match class {
-            class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
-            class if Backend::is_gpu(class) => {
-                let device = common.device(&gpu::DeviceChoice::Any);
-                Backend::Gpu(device.map_err(|e| {
-                    VerbError::failed("no-adapter", format!("{class} rendered the release: {e}"))
-                })?)
-            }
-            _ => Backend::Reference,
-        };
+    let backend = match class {
+        class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
+        class if Backend::is_gpu(class) => {
+            let device = common.device(&gpu::DeviceChoice::Any);
+            let device = device
+                .map_err(|e| VerbError::failed("no-adapter", format!("{class} rendered the release: {e}")))?;
+            Backend::Gpu(device.into())
+        }
+        _ => Backend::Reference,
+    };
     // Only the bytes of a GPU depend on the machine.
     if backend.takes_gpu() && backend.class() != class {
         let message = format!(

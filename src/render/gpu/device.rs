@@ -1,6 +1,7 @@
 //! Enumeration of the machine's GPUs, and opening one of them.
 
 use super::features::{FeatureSet, GpuFeature};
+use super::pool::PoolPlace;
 use super::shader::{GROUP, LEAST_SUBGROUP};
 use crate::render::RenderStyle;
 use std::pin::pin;
@@ -17,6 +18,9 @@ pub enum DeviceChoice {
     Any,
     /// The most capable hardware GPU. Software implementations are slower than the CPU renderer.
     Hardware,
+    /// Like [`Self::Any`], and all others of the same kind with the same driver, for many scenes at once. A single
+    /// scene is rendered by one.
+    All,
     /// The GPU at this index in the list of all, from 0.
     Index(usize),
     /// The GPU with this text in its name, ignoring case.
@@ -27,6 +31,9 @@ impl FromStr for DeviceChoice {
     type Err = std::convert::Infallible;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
         Ok(text.parse().map_or_else(|_| Self::Name(text.to_owned()), Self::Index))
     }
 }
@@ -152,6 +159,8 @@ pub struct GpuDevice {
     /// The pictures are spoilt, as by a faulty driver.
     is_spoilt: bool,
     trouble: Arc<Mutex<Option<String>>>,
+    /// Held, and given back when the last clone is dropped.
+    place: Option<Arc<PoolPlace>>,
 }
 
 /// The part of the numerical class that does not depend on the GPU and its driver. Raise it with
@@ -179,6 +188,26 @@ impl GpuDevice {
         let infos: Vec<AdapterInfo> = adapters.iter().map(Adapter::get_info).collect();
         let at = choose_adapter(&infos, choice)?;
         Self::from_adapter(&adapters.swap_remove(at), without)
+    }
+
+    /// Opens all GPUs that a choice means, the most capable one first: several for [`DeviceChoice::All`] only.
+    pub(super) fn open_all(choice: &DeviceChoice, without: FeatureSet) -> Result<Vec<Self>, GpuError> {
+        if *choice != DeviceChoice::All {
+            return Self::open_without(choice, without).map(|device| vec![device]);
+        }
+        let adapters = list_adapters()?;
+        let infos: Vec<AdapterInfo> = adapters.iter().map(Adapter::get_info).collect();
+        let first = choose_adapter(&infos, choice)?;
+        let mut devices = vec![Self::from_adapter(&adapters[first], without)?];
+        // A GPU that cannot be opened is no reason to leave the others idle.
+        let others = like(&infos, first).filter_map(|at| Self::from_adapter(&adapters[at], without).ok());
+        devices.extend(others);
+        Ok(devices)
+    }
+
+    pub(super) fn at_place(mut self, place: PoolPlace) -> Self {
+        self.place = Some(Arc::new(place));
+        self
     }
 
     fn from_adapter(adapter: &Adapter, without: FeatureSet) -> Result<Self, GpuError> {
@@ -210,7 +239,18 @@ impl GpuDevice {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| note(&noted, error.to_string())));
         let driver = [info.driver.as_str(), info.driver_info.as_str()].join(" ");
         let fingerprint = format!("{CLASS} {} {} {driver}", info.backend, info.name).trim().to_owned();
-        Ok(Self { device, queue, name, fingerprint, limit, room: None, features, is_spoilt: false, trouble })
+        Ok(Self {
+            device,
+            queue,
+            name,
+            fingerprint,
+            limit,
+            room: None,
+            features,
+            is_spoilt: false,
+            trouble,
+            place: None,
+        })
     }
 
     /// Name and interface of the GPU.
@@ -238,6 +278,12 @@ impl GpuDevice {
     pub fn with_room(mut self, bytes: u64) -> Self {
         self.room = Some(bytes);
         self
+    }
+
+    /// The limit of [`Self::with_room`].
+    #[must_use]
+    pub fn room(&self) -> Option<u64> {
+        self.room
     }
 
     /// Spoils the pictures, as a faulty driver does.
@@ -361,7 +407,7 @@ fn refuse_small(name: &str, limits: &Limits) -> Result<(), GpuError> {
 /// The index of the adapter that the choice means.
 fn choose_adapter(infos: &[AdapterInfo], choice: &DeviceChoice) -> Result<usize, GpuError> {
     let fits = |info: &AdapterInfo, i: usize| match choice {
-        DeviceChoice::Any => true,
+        DeviceChoice::Any | DeviceChoice::All => true,
         DeviceChoice::Hardware => info.device_type != DeviceType::Cpu,
         DeviceChoice::Index(wanted) => i == *wanted,
         DeviceChoice::Name(part) => info.name.to_lowercase().contains(&part.to_lowercase()),
@@ -370,7 +416,7 @@ fn choose_adapter(infos: &[AdapterInfo], choice: &DeviceChoice) -> Result<usize,
     let Some((at, chosen)) = matching.next() else {
         let found = infos.iter().map(adapter_name).collect::<Vec<_>>().join(", ");
         let wanted = match choice {
-            DeviceChoice::Any | DeviceChoice::Hardware => "a hardware device".to_owned(),
+            DeviceChoice::Any | DeviceChoice::All | DeviceChoice::Hardware => "a hardware device".to_owned(),
             DeviceChoice::Index(i) => format!("number {i}"),
             DeviceChoice::Name(part) => format!("called `{part}`"),
         };
@@ -386,6 +432,15 @@ fn choose_adapter(infos: &[AdapterInfo], choice: &DeviceChoice) -> Result<usize,
         }
         _ => Ok(at),
     }
+}
+
+/// The other adapters of the same kind: name, interface and driver are the same.
+fn like(infos: &[AdapterInfo], chosen: usize) -> impl Iterator<Item = usize> {
+    let kind = |info: &AdapterInfo| {
+        (info.name.clone(), info.backend, info.driver.clone(), info.driver_info.clone(), info.device_type)
+    };
+    let wanted = kind(&infos[chosen]);
+    (0..infos.len()).filter(move |at| *at != chosen && kind(&infos[*at]) == wanted)
 }
 
 /// A GPU of this machine.
@@ -504,6 +559,7 @@ mod tests {
     #[test]
     fn a_gpu_is_chosen_by_place_or_by_name() {
         assert_eq!("1".parse(), Ok(DeviceChoice::Index(1)));
+        assert_eq!("all".parse(), Ok(DeviceChoice::All));
         assert_eq!("RTX 4090".parse(), Ok(DeviceChoice::Name("RTX 4090".to_owned())));
     }
 
@@ -529,6 +585,26 @@ mod tests {
         let twice =
             [info("M1", DeviceType::IntegratedGpu, metal), info("M1", DeviceType::IntegratedGpu, vulkan)];
         assert_eq!(choose_adapter(&twice, &"m1".parse().unwrap()), Ok(0));
+    }
+
+    #[test]
+    fn all_gpus_are_those_of_the_first_kind() {
+        let info = |name: &str, device_type, backend, driver: &str| AdapterInfo {
+            name: name.to_owned(),
+            driver: driver.to_owned(),
+            ..AdapterInfo::new(device_type, backend)
+        };
+        let (gpu, vulkan, dx12) = (DeviceType::DiscreteGpu, wgpu::Backend::Vulkan, wgpu::Backend::Dx12);
+        let infos = [
+            info("RTX A", gpu, vulkan, "1"),
+            info("RTX B", gpu, vulkan, "1"),
+            info("RTX A", gpu, vulkan, "1"),
+            info("RTX A", gpu, dx12, "1"),
+            info("RTX A", gpu, vulkan, "2"),
+            info("RTX A", gpu, vulkan, "1"),
+        ];
+        let first = choose_adapter(&infos, &DeviceChoice::All).unwrap();
+        assert_eq!((first, like(&infos, first).collect()), (0, vec![2, 5]));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::plan::{Plan, RendererPolicy, past};
 use crate::recipe::Recipe;
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, DeviceChoice, FeatureSet, GpuDevice, GpuError};
+use crate::render::gpu::{self, DeviceChoice, FeatureSet, GpuError, GpuPool};
 use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -18,8 +18,8 @@ use std::collections::BTreeSet;
 pub struct AutoRenderers {
     choice: DeviceChoice,
     without: FeatureSet,
-    /// The GPU, or the error of opening it; `None` if it was not opened yet.
-    pub(super) gpu: RefCell<Option<Result<GpuDevice, GpuError>>>,
+    /// The GPUs, or the error of opening them; `None` if they were not opened yet.
+    pub(super) gpu: RefCell<Option<Result<GpuPool, GpuError>>>,
     /// Scenes that the GPU failed.
     pub(super) on_cpu: RefCell<BTreeSet<String>>,
 }
@@ -31,17 +31,17 @@ impl AutoRenderers {
         Self { choice, without, gpu: RefCell::default(), on_cpu: RefCell::default() }
     }
 
-    /// Renders by a GPU that is open already.
+    /// Renders by GPUs that are open already.
     #[cfg(test)]
-    pub(crate) fn with_device(device: GpuDevice) -> Self {
-        Self { gpu: RefCell::new(Some(Ok(device))), ..Self::new(DeviceChoice::Any, FeatureSet::NONE) }
+    pub(crate) fn with_pool(pool: GpuPool) -> Self {
+        Self { gpu: RefCell::new(Some(Ok(pool))), ..Self::new(DeviceChoice::Any, FeatureSet::NONE) }
     }
 
     /// The GPU, opened if necessary, or else the CPU.
     fn best(&self) -> Backend {
         let mut gpu = self.gpu.borrow_mut();
-        match gpu.get_or_insert_with(|| GpuDevice::open_without(&self.choice, self.without)) {
-            Ok(device) => Backend::Gpu(device.clone()),
+        match gpu.get_or_insert_with(|| GpuPool::open(&self.choice, self.without)) {
+            Ok(pool) => Backend::Gpu(pool.clone()),
             Err(_) => Backend::Cpu,
         }
     }
