@@ -21,6 +21,7 @@ mod preset;
 mod problem;
 mod reader;
 mod resolve;
+mod rig;
 mod schema;
 mod source;
 mod text;
@@ -40,6 +41,7 @@ pub use fragment::{
     read_sensor, sensor_from_text,
 };
 pub use output::{OutputKind, PictureSpacing};
+pub use rig::{MountedPath, RigCamera, StereoPartner};
 pub use source::SceneSource;
 pub use upstream::UpstreamOrigin;
 
@@ -84,10 +86,12 @@ pub struct Recipe {
     /// The source of the Gaussians. `None` for procedural sources, which bring their own, and for
     /// recipes that render nothing.
     pub reconstruct: Option<ReconstructMethod>,
-    /// The camera, if it differs from the camera of the source.
+    /// The camera, if it differs from the camera of the source. Of a rig, it is the first one.
     pub camera: Option<CameraChoice>,
+    /// The cameras on the body that follows the trajectories; empty for one camera.
+    pub rig: Vec<RigCamera>,
     /// The trajectories, in recipe order and with unique names. Each group of a novel trajectory is
-    /// a trajectory.
+    /// a trajectory, and so is the path of each camera of a rig, after that of its body.
     pub trajectories: Vec<TrajectoryRecipe>,
     /// Frame rate.
     pub rate: Hertz,
@@ -128,7 +132,9 @@ impl Recipe {
     #[must_use]
     pub fn sensors_of(&self, trajectory: &str) -> &SensorSet {
         let named = self.trajectories.iter().find(|own| own.name == trajectory);
-        named.and_then(|own| own.drawn.as_ref()).map_or(&self.sensors, |drawn| &drawn.sensors)
+        let own = self.mounted(trajectory).and_then(|mounted| mounted.camera.sensors.as_ref());
+        let drawn = named.and_then(|own| own.drawn.as_ref()).map(|drawn| &drawn.sensors);
+        own.or(drawn).unwrap_or(&self.sensors)
     }
 }
 
@@ -189,14 +195,16 @@ pub enum ReconstructMethod {
 /// One trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryRecipe {
-    /// Name of the trajectory, which is also its folder in the release.
+    /// Name of the trajectory, which is also its folder in the release: `base`, or `base/left` for a camera of a rig.
     pub name: String,
-    /// Name of the trajectory in the recipe. All groups of a novel trajectory share it.
+    /// Name of the trajectory in the recipe. All groups of a novel trajectory share it, and all cameras of a rig.
     pub written: String,
     /// The path of the camera.
     pub path: CameraPath,
     /// The trajectory from which the key poses of a novel trajectory are drawn.
     pub base: Option<String>,
+    /// The camera of a rig whose path it is, on a body that follows `path`.
+    pub mounted: Option<Box<MountedPath>>,
     /// Speed along the path.
     pub speed: SpeedChoice,
     /// The sensors of this trajectory, if numbers of them are drawn.

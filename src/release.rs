@@ -8,6 +8,7 @@
 
 pub mod audit;
 mod built;
+mod calibration;
 mod card;
 mod checksum;
 mod compose;

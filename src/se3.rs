@@ -45,10 +45,29 @@ impl Se3 {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
+    /// This motion after another: `a_from_c` for this `a_from_b` and a `b_from_c`. Nothing is renormalised, so that a
+    /// motion without a rotation leaves the bits of the other rotation.
+    #[must_use]
+    pub fn compose(&self, b_from_c: &Self) -> Self {
+        Self {
+            rotation: self.rotation * b_from_c.rotation,
+            translation: self.rotation * b_from_c.translation + self.translation,
+        }
+    }
+
     /// The rotation as a matrix.
     #[must_use]
     pub fn rotation_matrix(&self) -> DMat3 {
         DMat3::from_quat(self.rotation)
+    }
+
+    /// Rows of the 4x4 matrix that maps homogeneous points.
+    #[must_use]
+    pub fn matrix_rows(&self) -> [[f64; 4]; 4] {
+        let columns = self.rotation_matrix().to_cols_array_2d();
+        let t = self.translation.to_array();
+        let row = |i: usize| [columns[0][i], columns[1][i], columns[2][i], t[i]];
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
     }
 
     /// Returns true if every component is finite.

@@ -18,6 +18,7 @@ pub mod flow;
 pub mod keyframes;
 pub mod knots;
 pub mod metric;
+pub mod mount;
 pub mod novel;
 pub mod orbit;
 pub mod order;

@@ -144,6 +144,7 @@ fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
         CourseKind::Orbit => return Ok(()),
         CourseKind::Novel => Some(report.keyframes.len()),
         CourseKind::Refine | CourseKind::Keyframes => subject.views,
+        CourseKind::Mounted => subject.views.or(Some(report.keyframes.len()).filter(|n| *n > 0)),
     };
     let per_view = gamma.map(|g| g.numerator() as f64 / g.denominator() as f64);
     let Some(per_view) = per_view.or(views.map(|n| poses / n.max(1) as f64)) else {

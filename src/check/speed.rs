@@ -5,10 +5,12 @@
 //! measure, because the poses alone do not determine the curve; a release does not make the
 //! statement. Measured as chords between neighbouring poses, the metric follows the law within 3 %:
 //! a warning. The sum of the chords is the length of the curve within 3 %: a gate. Both are measured
-//! from the poses. Linear and angular speed need not follow the law, and are reported.
+//! from the poses. Linear and angular speed need not follow the law, and are reported. The law of a rig is that of its
+//! body, so nothing is asked of its cameras.
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
+use crate::trajectory::CourseKind;
 use crate::trajectory::report::{ChordFollow, FollowError, SpeedReport};
 use serde::{Deserialize, Serialize};
 
@@ -43,6 +45,13 @@ impl ValidationPass for SpeedPass {
         let Some(report) = subject.speed else {
             return vec![subject.not_run(NAME, "", "the trajectory has no speed report")];
         };
+        if report.kind == CourseKind::Mounted {
+            return vec![subject.not_run(
+                NAME,
+                "",
+                "the speed law is that of the body that carries the camera",
+            )];
+        }
         let Some(chords) = report.measure_chords(&subject.trajectory.world_from_camera) else {
             let because = format!(
                 "speed.json has {} steps for {} poses",

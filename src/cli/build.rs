@@ -275,7 +275,7 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
 fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
     let mut reported: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
-        for (name, sensor) in recipe.sensors.iter() {
+        for (name, sensor) in recipe.every_sensor() {
             if !reported.contains(&sensor) {
                 reported.push(sensor);
                 let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));

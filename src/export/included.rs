@@ -165,7 +165,8 @@ fn promised_subject(
         let because = format!("found {found}, wanted `sensor:` with one of: {wanted}");
         return Err(ExportError::Selection(because));
     };
-    let has = |name: &str| recipe.outputs.iter().any(|output| output.name() == name);
+    let outputs = recipe.outputs_of(trajectory);
+    let has = |name: &str| outputs.iter().any(|output| output.name() == name);
     let poses = |output: &str| if has(output) { (0..PROMISED_POSES).collect() } else { Vec::new() };
     let stamp = |pose: usize| i64::try_from(pose).unwrap_or_default() * PROMISED_STEP_US;
     let exposure = |pose: usize| Exposure { pose, open_us: [stamp(pose - 1), stamp(pose + 1)] };
@@ -177,7 +178,7 @@ fn promised_subject(
         scene: recipe.scene.clone(),
         trajectory: trajectory.to_owned(),
         sensor_name: sensor_name.map(str::to_owned),
-        camera: choose_camera(recipe.camera, Some(&usual)).unwrap_or(usual),
+        camera: choose_camera(recipe.camera_along(trajectory), Some(&usual)).unwrap_or(usual),
         poses: Trajectory {
             world_from_camera: vec![still; PROMISED_POSES],
             stamps_us: (0..PROMISED_POSES).map(stamp).collect(),

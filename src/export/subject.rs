@@ -143,6 +143,13 @@ impl ExportSubject {
         let names: Vec<&str> = record.trajectories.iter().map(|part| part.name.as_str()).collect();
         let at = choose(&names, choice.trajectory.as_deref(), "trajectory", &id)?;
         let part = &record.trajectories[at];
+        if !part.cameras.is_empty() {
+            let cameras: Vec<String> =
+                part.cameras.iter().map(|name| format!("{}/{name}", part.name)).collect();
+            let because =
+                format!("{} is the path of a body, wanted one of: {}", part.name, cameras.join(", "));
+            return Err(ExportError::Selection(because));
+        }
         // Names of a release that others made may hold anything; each file is opened below its folder.
         let folder = format!("{id}/{}", part.name);
         let (sensor_name, sensor) = choose_sensor(record, &part.name, choice.sensor.as_deref())?;
@@ -153,7 +160,7 @@ impl ExportSubject {
         let mut subject = Self {
             release,
             trajectory: part.name.clone(),
-            camera: camera_of(record, &files.shown(&format!("{id}/scene.json")))?,
+            camera: checked(record.camera_of(part).pinhole(), &files.shown(&format!("{id}/scene.json")))?,
             scene: id,
             sensor_name,
             poses: Trajectory { world_from_camera: Vec::new(), stamps_us: Vec::new() },
@@ -371,12 +378,10 @@ impl ExportSubject {
 }
 
 /// The camera of a scene, whose description is at `path`.
-fn camera_of(record: &SceneRecord, path: &Path) -> Result<Camera, ExportError> {
-    let part = &record.camera;
-    let size = Size { width: part.width, height: part.height };
+fn checked(camera: Camera, path: &Path) -> Result<Camera, ExportError> {
     // The size is a claim of a file, and memory grows with it.
-    size.check_sensor().map_err(|e| ExportError::unreadable(path, e))?;
-    Ok(Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy })
+    camera.size.check_sensor().map_err(|e| ExportError::unreadable(path, e))?;
+    Ok(camera)
 }
 
 /// The index of the chosen name.

@@ -16,12 +16,14 @@ use crate::stage::StepTarget;
 use crate::stage::blur::BlurStage;
 use crate::stage::capture::{CaptureStage, SolvingInputs};
 use crate::stage::checks::ChecksStage;
+use crate::stage::disparity::DisparityStage;
 use crate::stage::events::EventsStage;
 use crate::stage::fidelity::FidelityStage;
 use crate::stage::foreign::ExternalToolsStage;
 use crate::stage::frames::FramesStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, GeometryStage};
 use crate::stage::imu::ImuStage;
+use crate::stage::mount::MountStage;
 use crate::stage::objects::ObjectsStage;
 use crate::stage::poses::PosesStage;
 use crate::stage::reconstruct::ReconstructStage;
@@ -50,15 +52,30 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     // Only renderings of trajectories see the objects; photos and speeds are those of the scene at rest.
     let seen =
         gaussians.map(|scene| moving.map_or(scene, |moving| wiring.add("objects".into(), moving, scene)));
-    let ground = SceneGround { capture, solving, gaussians, seen, backend, omit, asking: asking.as_ref() };
+    let ground = SceneGround { capture, solving, gaussians, seen, backend, omit };
     // Trajectories that others are drawn from come first; otherwise the order of the recipe is
     // kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
     let mut motions = BTreeMap::new();
     for trajectory in own.into_iter().chain(drawn) {
-        let base = trajectory.base.as_deref().map(|base| motions[base]);
-        let motion = self::wire_trajectory(recipe, trajectory, base, ground, wiring);
+        let motion = match &trajectory.mounted {
+            Some(mounted) => {
+                let mounting = MountStage { mount: mounted.camera.mount };
+                wiring.add(
+                    format!("{}/trajectory", trajectory.name),
+                    mounting,
+                    motions[mounted.body.as_str()],
+                )
+            }
+            None => {
+                let base = trajectory.base.as_deref().map(|base| motions[base]);
+                wire_motion(recipe, trajectory, base, ground, wiring)
+            }
+        };
         motions.insert(trajectory.name.as_str(), motion);
+        let camera = recipe.camera_along(&trajectory.name);
+        let asking = asking.clone().map(|asking| ExternalToolsStage { camera, ..asking });
+        wire_outputs(recipe, &trajectory.name, (motion, asking), ground, wiring);
     }
     if recipe.source.has_photos() {
         wire_photo_checks(recipe, ground, wiring);
@@ -147,25 +164,24 @@ struct SceneGround<'a> {
     seen: Option<StepTarget<Gaussians>>,
     backend: &'a Backend,
     omit: OmissionPolicy,
-    /// The other programs that trajectories are compared with.
-    asking: Option<&'a ExternalToolsStage>,
 }
 
 const RENDERED: &str = "recipes that have something rendered say where the Gaussians come from";
 
-fn wire_trajectory(
+/// Adds the step of the path of a trajectory.
+fn wire_motion(
     recipe: &Recipe,
     trajectory: &TrajectoryRecipe,
     base: Option<StepTarget<TrajectoryProduct>>,
     ground: SceneGround<'_>,
     wiring: &mut SceneWiring<'_>,
 ) -> StepTarget<TrajectoryProduct> {
-    let SceneGround { capture, gaussians, asking, .. } = ground;
-    let name = |step: &str| format!("{}/{step}", trajectory.name);
+    let SceneGround { capture, gaussians, .. } = ground;
     // Only a speed in image flow needs renderings to make the trajectory.
     let seeing = matches!(trajectory.speed, SpeedChoice::Flow(_)).then(|| ViewingSetup {
         camera: recipe.camera,
         render: recipe.render,
+        mount: recipe.rig.first().map(|first| first.mount),
         backend: ground.backend.clone(),
     });
     // Without a capture, an orbit that leaves something open is laid about the scene.
@@ -182,22 +198,33 @@ fn wire_trajectory(
     // Inputs that the path does not use stay out of the key, so a change of them makes no new
     // trajectory.
     let captured = (sees || trajectory.path.needs_views()).then_some(capture);
-    let motion = wiring.add(
-        name("trajectory"),
+    wiring.add(
+        format!("{}/trajectory", trajectory.name),
         moving,
         (captured, base, gaussians.filter(|_| sees || framing.is_some())),
-    );
+    )
+}
+
+/// Adds the steps of the products of a trajectory, and of its checks.
+fn wire_outputs(
+    recipe: &Recipe,
+    trajectory: &str,
+    (motion, asking): (StepTarget<TrajectoryProduct>, Option<ExternalToolsStage>),
+    ground: SceneGround<'_>,
+    wiring: &mut SceneWiring<'_>,
+) {
+    let name = |step: &str| format!("{trajectory}/{step}");
     let mut made = MadeOutputs::default();
-    for output in &recipe.outputs {
-        wire_output(*output, (recipe, &trajectory.name), (motion, ground), &mut made, wiring);
+    for output in recipe.outputs_of(trajectory) {
+        wire_output(output, (recipe, trajectory), (motion, ground), &mut made, wiring);
     }
     let MadeOutputs { events, sharp } = made;
+    let asking = asking.filter(|_| !recipe.is_of_body(trajectory));
     let foreign =
-        asking.map(|asking| wiring.add(name("foreign"), asking.clone(), (capture, motion, sharp, events)));
+        asking.map(|asking| wiring.add(name("foreign"), asking, (ground.capture, motion, sharp, events)));
     let checking =
         ChecksStage { limits: recipe.checks.of_trajectory(), light_changes: recipe.lights.is_some() };
     wiring.add(name("checks"), checking, (motion, events, foreign));
-    motion
 }
 
 /// The outputs of a trajectory that other steps read.
@@ -217,7 +244,8 @@ fn wire_output(
 ) {
     let SceneGround { capture, seen, backend, omit, .. } = ground;
     let backend = || backend.clone();
-    let shot = || ShotParameters { camera: recipe.camera, render: recipe.render, omit, backend: backend() };
+    let camera = recipe.camera_along(trajectory);
+    let shot = || ShotParameters { camera, render: recipe.render, omit, backend: backend() };
     let name = format!("{trajectory}/{}", output.name());
     let every = recipe.every.poses(output);
     if output == OutputKind::Imu {
@@ -238,13 +266,13 @@ fn wire_output(
                 backend: backend(),
                 tolerance: recipe.tolerance,
                 lights: recipe.lights.clone(),
-                ..EventsStage::new(recipe.sensors_of(trajectory), seed, (recipe.camera, recipe.render))
+                ..EventsStage::new(recipe.sensors_of(trajectory), seed, (camera, recipe.render))
             };
             made.events = Some(wiring.add(name, simulating, inputs));
         }
         OutputKind::Sharp => {
             // If every frame is kept, the middle frames of exposures are among them.
-            let exposed = recipe.exposed().filter(|_| every > 1);
+            let exposed = recipe.exposed_along(trajectory).filter(|_| every > 1);
             let (lights, readout_us) = (recipe.lights.clone(), recipe.readout_us);
             let stage = SharpStage { shot: shot(), every, lights, readout_us, exposed };
             made.sharp = Some(wiring.add(name, stage, inputs));
@@ -259,9 +287,25 @@ fn wire_output(
         OutputKind::Flow => {
             wiring.add(name, GeometryStage::<FlowQuantity>::new(shot(), every), inputs);
         }
+        OutputKind::Disparity => {
+            let Some(stage) = disparity_stage(recipe, trajectory, (shot(), every)) else { return };
+            wiring.add(name, stage, inputs);
+        }
         OutputKind::Segmentation => {
             wiring.add(name, SegmentationStage { shot: shot(), every }, inputs);
         }
         OutputKind::Imu => unreachable!("it was wired above"),
     }
+}
+
+/// The stage of the disparity of the stereo pair whose first camera sees along a trajectory.
+fn disparity_stage(
+    recipe: &Recipe,
+    trajectory: &str,
+    (shot, every): (ShotParameters, u32),
+) -> Option<DisparityStage> {
+    let first = &recipe.mounted(trajectory)?.camera;
+    let (second, second_from_first) = (first.second.as_ref()?, first.second_from_first()?);
+    let mounts = [first.mount, second.mount];
+    Some(DisparityStage { shot, every, second: second.camera, mounts, second_from_first })
 }

@@ -3,6 +3,7 @@
 
 mod objects;
 mod reconstruct;
+mod rig;
 mod trajectory;
 
 use super::field::Field;
@@ -71,6 +72,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         ("scale", unit),
         ("lights", lights),
         ("objects", objects::objects_value(raw, &recipe.objects)),
+        ("rig", rig::rig_value(raw, &recipe.rig)),
         ("attributes", attributes),
         ("group", group),
         ("licence", licence),

@@ -16,7 +16,7 @@ use super::reader::{Problems, TreeReader};
 use super::resolve::Resolver;
 use super::text::TextSpan;
 use super::tree::{MappingEntry, NodeKind, TreeNode};
-use super::{Recipe, schema};
+use super::{MountedPath, Recipe, schema};
 use crate::seed::Seed;
 use crate::seed::range::RangeLaw;
 use crate::sensor::SensorSet;
@@ -145,7 +145,10 @@ impl SensorDraws {
         // All sensors have the same interpolation.
         let between = recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next()?;
         let (seed, scene, rate) = (recipe.seed, &recipe.scene, recipe.rate);
-        for trajectory in &mut recipe.trajectories {
+        let own = |mounted: &MountedPath| mounted.camera.sensors.is_some();
+        let (_, drawn): (Vec<_>, Vec<_>) =
+            recipe.trajectories.iter_mut().partition(|t| t.mounted.as_deref().is_some_and(own));
+        for trajectory in drawn {
             let stream = |number: &DrawnNumber| {
                 Seed::for_parameter(seed, scene, &trajectory.name, &number.sensor, &number.path())
             };

@@ -79,6 +79,7 @@ fn trajectories_of(parts: RecipeParts) -> Result<TrajectoryFragment, Vec<RecipeF
     let resolved = parts.standing_in(&all_but(&OF_TRAJECTORIES), STAND_IN).resolved()?;
     Ok(TrajectoryFragment {
         camera: resolved.camera,
+        // Steps by themselves have no rig, which is not among the keys.
         trajectories: resolved.trajectories,
         rate: resolved.rate,
         law: resolved.law,

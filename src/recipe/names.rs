@@ -1,5 +1,7 @@
 //! Names that become folders and files: scene ids, trajectory names, sensors.
 
+use super::OutputKind;
+
 /// Help text for scene ids.
 pub(super) const SCENE_HELP: &str =
     "a scene id is made of letters, digits, \".\", \"_\" and \"-\", in parts separated by \"/\"";
@@ -10,6 +12,9 @@ pub(super) const TRAJECTORY_HELP: &str =
 
 /// Help text for names of several sensors.
 pub(super) const SENSOR_HELP: &str = "a sensor's name is made of letters, digits, \".\", \"_\" and \"-\"";
+
+/// Help text for names of the cameras of a rig.
+pub(super) const CAMERA_HELP: &str = "a camera's name is made of letters, digits, \".\", \"_\" and \"-\"";
 
 /// Help text for names of objects.
 pub(super) const OBJECT_HELP: &str = "an object's name is made of letters, digits, \".\", \"_\" and \"-\"";
@@ -33,6 +38,20 @@ const TAKEN_AT_TOP: [&str; 13] = [
 
 /// Names reserved in a scene's folder.
 const TAKEN_IN_SCENE: [&str; 2] = ["scene.json", "checks.json"];
+
+/// Names reserved in a trajectory's folder, apart from those of the outputs.
+const TAKEN_IN_TRAJECTORY: [&str; 10] = [
+    "calibration",
+    "checks",
+    "checks.json",
+    "events.h5",
+    "exports",
+    "poses.txt",
+    "speed.json",
+    "timestamps_us.txt",
+    "trajectory.png",
+    "trajectory.svg",
+];
 
 /// Device names that Windows reserves in every folder.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
@@ -61,6 +80,13 @@ pub(super) fn id_parts(id: &str) -> Result<(), String> {
 pub(super) fn check_trajectory(name: &str) -> Result<(), String> {
     check_sensor(name)?;
     not_taken(name, &TAKEN_IN_SCENE)
+}
+
+/// Checks the name of a camera of a rig, which is a folder inside that of a trajectory. The error says what is wrong.
+pub(super) fn check_camera(name: &str) -> Result<(), String> {
+    check_trajectory(name)?;
+    let outputs = OutputKind::ALL.map(OutputKind::name);
+    not_taken(name, &outputs).and_then(|()| not_taken(name, &TAKEN_IN_TRAJECTORY))
 }
 
 /// Checks the name of a sensor, which becomes a file name in the release.
@@ -153,6 +179,14 @@ mod tests {
         assert_eq!(check_trajectory("base-0"), Ok(()));
         for bad in ["", "a/b", "..", "scene.json", "Scene.JSON", "aux", "a*"] {
             assert!(check_trajectory(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn cameras_are_no_files_of_a_trajectory() {
+        assert_eq!(check_camera("left"), Ok(()));
+        for bad in ["", "a/b", "scene.json", "depth", "Events", "imu", "events.h5", "exports", "poses.txt"] {
+            assert!(check_camera(bad).is_err(), "{bad}");
         }
     }
 }

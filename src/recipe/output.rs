@@ -24,6 +24,8 @@ pub enum OutputKind {
     Depth,
     /// Optical flow images, float32 `.npy`.
     Flow,
+    /// Disparity of the stereo pairs of a rig, float32 `.npy`, for the first camera of each.
+    Disparity,
     /// The object that each pixel shows, 8-bit grey PNG.
     Segmentation,
     /// Inertial data, CSV in the form of EuRoC.
@@ -32,8 +34,16 @@ pub enum OutputKind {
 
 impl OutputKind {
     /// All outputs, in the order of their steps.
-    pub const ALL: [Self; 7] =
-        [Self::Events, Self::Sharp, Self::Blur, Self::Depth, Self::Flow, Self::Segmentation, Self::Imu];
+    pub const ALL: [Self; 8] = [
+        Self::Events,
+        Self::Sharp,
+        Self::Blur,
+        Self::Depth,
+        Self::Flow,
+        Self::Disparity,
+        Self::Segmentation,
+        Self::Imu,
+    ];
 
     /// Outputs of a recipe that names none.
     pub(super) const DEFAULT: [Self; 2] = [Self::Events, Self::Sharp];
@@ -48,6 +58,7 @@ impl OutputKind {
             Self::Blur => "blur",
             Self::Depth => "depth",
             Self::Flow => "flow",
+            Self::Disparity => "disparity",
             Self::Segmentation => "segmentation",
             Self::Imu => "imu",
         }
@@ -65,6 +76,12 @@ impl OutputKind {
         self == Self::Events
     }
 
+    /// Returns true if it compares the cameras of a stereo pair, and belongs to the first one.
+    #[must_use]
+    pub fn is_of_pair(self) -> bool {
+        self == Self::Disparity
+    }
+
     /// Returns true if it shows the objects of a scene, without which it is empty.
     #[must_use]
     pub fn shows_objects(self) -> bool {
@@ -79,7 +96,7 @@ impl OutputKind {
             Self::Events => None,
             Self::Blur => asked.then(|| json!(recipe.shutter)),
             Self::Imu => recipe.imu.as_ref().map(imu_value),
-            Self::Sharp | Self::Depth | Self::Flow | Self::Segmentation => {
+            Self::Sharp | Self::Depth | Self::Flow | Self::Disparity | Self::Segmentation => {
                 let shown = asked || self == Self::Sharp;
                 let mut settings = json!({ "every": recipe.every.poses(self) });
                 if let Some(readout_us) = recipe.readout_us.filter(|_| self == Self::Sharp) {
@@ -123,11 +140,12 @@ pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
 
 impl PictureSpacing {
     /// The spacings that a recipe writes; `None` for one whose section is faulty.
-    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 4] {
+    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 5] {
         [
             (OutputKind::Sharp, field_of(&raw.sharp, |section| &section.every)),
             (OutputKind::Depth, field_of(&raw.depth, |section| &section.every)),
             (OutputKind::Flow, field_of(&raw.flow, |section| &section.every)),
+            (OutputKind::Disparity, field_of(&raw.disparity, |section| &section.every)),
             (OutputKind::Segmentation, field_of(&raw.segmentation, |section| &section.every)),
         ]
     }
@@ -144,21 +162,21 @@ impl PictureSpacing {
 }
 
 impl Recipe {
-    /// Returns true if events are simulated.
-    #[must_use]
-    pub fn has_events(&self) -> bool {
-        self.outputs.contains(&OutputKind::Events)
-    }
-
     /// Returns true if sharp frames are made.
     #[must_use]
     pub fn has_sharp(&self) -> bool {
         self.outputs.contains(&OutputKind::Sharp)
     }
 
-    /// Dense frames per exposure, if blurred frames are made.
+    /// Returns true if sharp frames are made along a trajectory.
     #[must_use]
-    pub fn exposed(&self) -> Option<u32> {
-        self.outputs.contains(&OutputKind::Blur).then_some(self.shutter.frames)
+    pub fn has_sharp_along(&self, trajectory: &str) -> bool {
+        self.outputs_of(trajectory).contains(&OutputKind::Sharp)
+    }
+
+    /// Dense frames per exposure, if blurred frames are made along a trajectory.
+    #[must_use]
+    pub fn exposed_along(&self, trajectory: &str) -> Option<u32> {
+        self.outputs_of(trajectory).contains(&OutputKind::Blur).then_some(self.shutter.frames)
     }
 }

@@ -8,6 +8,7 @@ mod objects;
 mod outputs;
 mod picture;
 mod reconstruct;
+mod rig;
 mod sampling;
 mod sensor;
 mod source;
@@ -17,11 +18,13 @@ use super::field::{Field, UnsupportedField};
 use super::problem::{FieldProblem, quote_text};
 use super::reader::Problems;
 use super::text::TextSpan;
-use super::{OutputKind, Recipe, RecipeMeta, SceneScale, TrajectoryRecipe, names, schema};
+use super::{OutputKind, Recipe, RecipeMeta, SceneScale, SceneSource, TrajectoryRecipe, names, schema};
+use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderRules;
 use crate::speed::SpeedChoice;
 use reconstruct::ReconstructContext;
+use rig::RigContext;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use trajectory::TrajectoryContext;
@@ -45,17 +48,12 @@ impl Resolver<'_> {
         let seed = self.or(&raw.seed, 0);
         let source = self.source(&raw.source);
         let group = self.group(&raw.group);
-        let camera = self.camera(&raw.camera, source.as_ref());
+        let camera = self.recipe_camera(raw, source.as_ref());
         let rate = self.rate(&raw.sampling);
         let law = self.summation(&raw.sampling);
-        let setting = TrajectoryContext {
-            scene: scene.as_deref(),
-            seed,
-            source: source.as_ref(),
-            rate,
-            law,
-            has_scene: !raw.reconstruct.is_absent(),
-        };
+        let has_scene = !raw.reconstruct.is_absent();
+        let (scene_id, of) = (scene.as_deref(), source.as_ref());
+        let setting = TrajectoryContext { scene: scene_id, seed, source: of, rate, law, has_scene };
         let trajectories = self.trajectories(&raw.trajectories, setting);
         let render = self.render(&raw.render, usual_rules(&raw.sampling));
         let between = self.between(&raw.sampling);
@@ -65,6 +63,8 @@ impl Resolver<'_> {
         let renders = renders(outputs.as_ref(), trajectories.as_deref());
         let ground = ReconstructContext { source: source.as_ref(), seed, renders };
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
+        let around = RigContext { source: source.as_ref(), camera, between, rate, outputs: outputs.as_ref() };
+        let rig = self.rig(raw, around);
         let every = self.spacing(raw);
         let readout_us = self.readout_us(&raw.sharp);
         let shutter = self.shutter(&raw.blur);
@@ -82,8 +82,10 @@ impl Resolver<'_> {
             source: source?,
             group: group?,
             reconstruct: reconstruct?,
-            camera: camera?,
-            trajectories: trajectories?,
+            // The first camera of a rig measures the speeds in pixels.
+            camera: rig.as_ref()?.first().map_or(camera?, |first| first.camera),
+            trajectories: rig::with_cameras(trajectories?, rig.as_ref()?),
+            rig: rig?,
             rate: rate?,
             law: law?,
             tolerance: tolerance?,
@@ -100,6 +102,22 @@ impl Resolver<'_> {
             checks: checks?,
             licence: licence?,
         })
+    }
+
+    /// The camera of the recipe. Without views it is required, unless every camera of a rig has its own.
+    fn recipe_camera(
+        &self,
+        raw: &schema::RecipeSchema,
+        source: Option<&SceneSource>,
+    ) -> Option<Option<CameraChoice>> {
+        let cameras = raw.rig.given().and_then(|(rig, _)| rig.cameras.given());
+        let has_own = |item: &Field<schema::RigCameraSection>| {
+            item.given().is_some_and(|(camera, _)| !camera.camera.is_absent())
+        };
+        if raw.camera.is_absent() && cameras.is_some_and(|(list, _)| list.iter().all(has_own)) {
+            return Some(None);
+        }
+        self.camera(&raw.camera, source)
     }
 
     fn scene_scale(&self, field: &Field<schema::AttributesSection>) -> Option<Option<SceneScale>> {

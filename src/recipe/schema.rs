@@ -15,6 +15,7 @@
 
 mod objects;
 mod reconstruct;
+mod rig;
 mod sensor;
 mod source;
 mod trajectory;
@@ -25,6 +26,7 @@ pub(super) use objects::{
 pub(super) use reconstruct::{
     BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
 };
+pub(super) use rig::{ExtrinsicSection, RigCameraSection, RigSection};
 pub(super) use sensor::{
     EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, LeakSection,
     LuminanceSection, RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection,
@@ -100,10 +102,14 @@ pub(super) struct RecipeSchema {
     pub depth: Field<EverySection>,
     /// Spacing of the optical flow images. Default: `{}`.
     pub flow: Field<EverySection>,
+    /// Spacing of the disparity images. Default: `{}`.
+    pub disparity: Field<EverySection>,
     /// Spacing of the masks of the output `segmentation`. Default: `{}`.
     pub segmentation: Field<EverySection>,
     /// Things that move on paths of their own. Default: `[]`.
     pub objects: Field<Vec<Field<ObjectSection>>>,
+    /// Cameras on one body, which follows the trajectories. Default: none, for one camera.
+    pub rig: Field<RigSection>,
     /// Inertial sensor of the output `imu`. Default: `{}`.
     pub imu: Field<ImuSection>,
     /// Size of the scene's unit, which inertial data need. Default: none.
@@ -211,7 +217,7 @@ pub(super) struct SharpSection {
     pub readout_us: Field<u64>,
 }
 
-/// Spacing of the pictures of `depth`, `flow` or `segmentation`.
+/// Spacing of the pictures of `depth`, `flow`, `disparity` or `segmentation`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {

@@ -7,7 +7,7 @@ use crate::artifact::{
     Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
     TRAINING_FILE, TrajectoryProduct, VerdictsRecord,
 };
-use crate::camera::{self, Camera};
+use crate::camera::{self, Camera, CameraChoice};
 use crate::check::Finding;
 use crate::licence::ComposedTerms;
 use crate::plan::Plan;
@@ -134,8 +134,8 @@ impl BuiltProducts<'_> {
     /// Work that the steps of a trajectory left out.
     fn left_out(&self, trajectory: &str) -> Result<Vec<OmissionRow>, GatherError> {
         let own =
-            // The `/` keeps `base` from claiming the steps of `base-2`.
-            |step: &&BuiltStep| step.name.strip_prefix(trajectory).is_some_and(|rest| rest.starts_with('/'));
+            // Not by a prefix: `base/left` is a trajectory too.
+            |step: &&BuiltStep| step.name.rsplit_once('/').is_some_and(|(of, _)| of == trajectory);
         let mut rows = Vec::new();
         for step in self.steps.iter().filter(own) {
             let class = match &step.description {
@@ -246,10 +246,18 @@ impl BuiltScene<'_> {
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 
-    /// The camera that was used for rendering.
+    /// The camera that was used for rendering; of a rig, the first one.
     pub(super) fn camera(&self) -> Camera {
+        self.chosen(self.recipe.camera)
+    }
+
+    /// The camera that sees along a trajectory.
+    pub(super) fn camera_along(&self, trajectory: &str) -> Camera {
+        self.chosen(self.recipe.camera_along(trajectory))
+    }
+
+    fn chosen(&self, choice: Option<CameraChoice>) -> Camera {
         let own = self.capture.camera().map(|(own, _)| own);
-        camera::choose_camera(self.recipe.camera, own.as_ref())
-            .expect("recipes without views write a whole camera")
+        camera::choose_camera(choice, own.as_ref()).expect("recipes without views write a whole camera")
     }
 }

@@ -10,8 +10,8 @@ use super::scene::SceneRecord;
 use super::scene::{SplitPart, TrajectoryPart};
 use super::tree::{FileContent, ReleaseTree};
 use super::{
-    ReleaseContext, ReleaseError, TOOL, card, checksum, croissant, datasheet, index, layout, loader,
-    manifest, path_picture, products, published, report, reuse, scene, split, standing,
+    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, index, layout,
+    loader, manifest, path_picture, products, published, report, reuse, scene, split, standing,
 };
 use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
@@ -173,7 +173,7 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
-        for (name, content) in trajectory_files(scene, (trajectory, part), store) {
+        for (name, content) in trajectory_files((scene, file), (trajectory, part), store) {
             if shown(&name) {
                 tree.add(at(&name), content);
             }
@@ -191,7 +191,7 @@ fn stored_file(output: &StoredOutput, store: &Store) -> FileContent {
 /// The files of a trajectory by their names in its folder. Internal files of the store (the
 /// brightness that the sensor saw, the counts of the simulation) stay there.
 fn trajectory_files(
-    scene: &BuiltScene<'_>,
+    (scene, file): (&BuiltScene<'_>, &SceneRecord),
     (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
     store: &Store,
 ) -> BTreeMap<String, FileContent> {
@@ -204,8 +204,14 @@ fn trajectory_files(
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let sharp: Vec<&str> = outputs(products::SHARP.name()).iter().map(|o| o.name.as_str()).collect();
     let readout_us = scene.recipe.readout_us;
-    let transforms = transforms_of(&scene.camera(), (part, readout_us), &trajectory.motion, &sharp);
-    files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
+    let calibration = calibration::compose(scene.recipe, file, part);
+    files.extend(calibration.into_iter().map(|(name, bytes)| (name, FileContent::Bytes(bytes))));
+    // A body sees nothing.
+    if part.cameras.is_empty() {
+        let camera = scene.camera_along(&trajectory.name);
+        let transforms = transforms_of(&camera, (part, readout_us), &trajectory.motion, &sharp);
+        files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
+    }
     files
 }
 

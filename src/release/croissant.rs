@@ -196,7 +196,8 @@ fn distribution_entries(of: &DescribedRelease<'_>) -> Vec<Value> {
 /// The sets of files that a release can have.
 fn file_sets() -> impl Iterator<Item = &'static FileSet> {
     let made = products().flat_map(|product| product.files);
-    let others = products::PATH.iter().chain(&products::CHECKS).chain(&products::SCENE);
+    let others =
+        products::PATH.iter().chain(&products::CALIBRATION).chain(&products::CHECKS).chain(&products::SCENE);
     made.chain(others).filter_map(|row| row.set.as_ref())
 }
 

@@ -108,7 +108,9 @@ pub fn foresee_exports(
                 let because = "found a scene id or a trajectory with the name `exports`, wanted another name: exports have this folder";
                 return Err(refused(recipe.scene.clone(), because.to_owned()));
             }
-            for trajectory in recipe.trajectories.iter().filter(|path| entry.covers(&path.name)) {
+            // The body of a rig sees nothing that a method could read.
+            let seeing = recipe.trajectories.iter().filter(|path| !recipe.is_of_body(&path.name));
+            for trajectory in seeing.filter(|path| entry.covers(&path.name)) {
                 covered += 1;
                 exporter.foresee(recipe, &trajectory.name, entry)?;
             }
@@ -212,7 +214,7 @@ impl ReleaseExports<'_> {
         let files = files.contents().map(composed).collect();
         let scene =
             Arc::new(ComposedScene { release, version, tool: super::TOOL, record: record.clone(), files });
-        for part in &record.trajectories {
+        for part in record.trajectories.iter().filter(|part| part.cameras.is_empty()) {
             for entry in self.include.iter().filter(|entry| entry.covers(&part.name)) {
                 let (key, outputs) = self.outputs(&scene, &part.name, entry, inputs)?;
                 keys.push(key);

@@ -126,10 +126,10 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
         r.scene.licence.gated.into()
     }),
     index_column("width", ColumnKind::Whole, "width of the sensor, px", |r| {
-        u64::from(r.scene.camera.width).into()
+        u64::from(r.scene.camera_of(r.part).width).into()
     }),
     index_column("height", ColumnKind::Whole, "height of the sensor, px", |r| {
-        u64::from(r.scene.camera.height).into()
+        u64::from(r.scene.camera_of(r.part).height).into()
     }),
     index_column(
         "frames",
@@ -238,7 +238,9 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
 /// The rows of a scene. The second argument has one element per trajectory, in their order.
 pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, sources: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
-    for (part, sources) in scene.trajectories.iter().zip(sources) {
+    // The body of a rig sees nothing; its cameras have rows.
+    let seen = scene.trajectories.iter().zip(sources).filter(|(part, _)| part.cameras.is_empty());
+    for (part, sources) in seen {
         let mut add = |named| rows.push(IndexRow { scene, part, named, sources: *sources });
         // One sensor alone has no name. A trajectory without events has a row too.
         if part.sensors.is_empty() {

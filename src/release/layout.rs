@@ -103,9 +103,11 @@ pub(super) fn made_of_scene<'o>(
 
 /// Returns true if a file of the scene `id` belongs to an export.
 pub(super) fn is_export(id: &str, path: &str) -> bool {
-    // After the scene comes the trajectory.
+    // After the scene comes the trajectory, and after that of a body, the camera.
+    let below = |path: &'_ str| path.split_once('/').map(|(_, path)| path.to_owned());
     let within = path.strip_prefix(id).and_then(|path| path.strip_prefix('/'));
-    within.and_then(|path| path.split_once('/')).is_some_and(|(_, path)| path.starts_with(EXPORTS))
+    let Some(path) = within.and_then(below) else { return false };
+    path.starts_with(EXPORTS) || below(&path).is_some_and(|path| path.starts_with(EXPORTS))
 }
 
 /// Returns true if a file is `<check>.png`, or `<sensor>.<check>.png` of one of several streams.

@@ -146,6 +146,7 @@ fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<Qu
 mod tests {
     use super::*;
     use crate::stage::blur::BlurStage;
+    use crate::stage::disparity::DisparityStage;
     use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
     use crate::stage::imu::ImuStage;
     use crate::stage::segmentation::SegmentationStage;
@@ -159,6 +160,7 @@ mod tests {
             BlurStage::NAME,
             DepthQuantity::NAME,
             FlowQuantity::NAME,
+            DisparityStage::NAME,
             SegmentationStage::NAME,
             ImuStage::NAME,
         ];

@@ -7,7 +7,7 @@ mod outputs;
 mod plain;
 
 pub(super) use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
-pub(super) use plain::{CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
+pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
 use super::report::{ReportTrajectory, ShownPicture};
@@ -105,6 +105,10 @@ pub(super) enum FilePresence {
     WithSeveralSensors,
     /// A scene has photos of held-out views.
     WithHeldOut,
+    /// A scene has a rig.
+    WithRig,
+    /// A rig has a stereo pair.
+    WithStereo,
     /// The release includes exports.
     WithExports,
 }
@@ -128,8 +132,9 @@ pub(super) fn products() -> impl Iterator<Item = &'static ReleaseProduct> {
 /// Returns true if a file of a scene's folder shows nothing of the scene.
 pub(super) fn is_metadata(path: &str) -> bool {
     let last = |path: &'static str| path.rsplit('/').next().unwrap_or(path);
-    let rows = SCENE.iter().chain(&PATH).chain(&CHECKS);
-    let mut names = rows.filter(|row| row.class == LicenceClass::Metadata).map(|row| last(row.name));
+    let rows = SCENE.iter().chain(&PATH).chain(&CALIBRATION).chain(&CHECKS);
+    let metadata = rows.filter(|row| row.class == LicenceClass::Metadata);
+    let mut names = metadata.flat_map(|row| row.name.split(", ")).map(last);
     names.any(|name| path.rsplit('/').next() == Some(name))
 }
 
@@ -207,7 +212,13 @@ mod tests {
 
     #[test]
     fn files_that_show_nothing_of_a_scene_are_known() {
-        for path in ["a/b/base/poses.txt", "scene.json", "a/checks.json", "a/base/trajectory.png"] {
+        for path in [
+            "a/b/base/poses.txt",
+            "scene.json",
+            "a/checks.json",
+            "a/base/trajectory.png",
+            "a/base/calibration/camchain.yaml",
+        ] {
             assert!(is_metadata(path), "{path}");
         }
         for path in ["base/events.h5", "base/sharp/000000.png", "base/checks/motion.png", "README.md"] {

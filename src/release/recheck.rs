@@ -19,9 +19,7 @@ mod walk;
 
 use super::published;
 use super::{ReleaseManifest, SceneRecord};
-use crate::camera::Camera;
 use crate::check::{Finding, records};
-use crate::image::Size;
 use crate::recipe::{Recipe, RecipeFaults};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -87,14 +85,12 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, Reche
 fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
     let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
-    let stated = &scene.camera;
-    let size = Size { width: stated.width, height: stated.height };
-    // The size is a claim of a tree that may be forged, and memory grows with it.
-    size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
-    let camera = Camera { size, fx: stated.fx, fy: stated.fy, cx: stated.cx, cy: stated.cy };
     let photos = scene.images.iter().filter(|image| image.used).count();
     let mut findings = Vec::new();
     for part in &scene.trajectories {
+        let camera = scene.camera_of(part).pinhole();
+        // The size is a claim of a tree that may be forged, and memory grows with it.
+        camera.size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
         let folder = format!("{id}/{}", part.name);
         let name = format!("{}/{}", scene.id, part.name);
         let released =

@@ -18,6 +18,9 @@ use attributes::scene_attributes;
 
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
+use crate::camera::Camera;
+use crate::image::Size;
+use crate::recipe::MountedPath;
 use crate::render::fidelity::PsnrFigures;
 use crate::sensor::latency::LatencyAccount;
 use crate::sensor::readout::ReadoutAccount;
@@ -40,7 +43,7 @@ pub struct SceneRecord {
     pub source: SourcePart,
     /// The photos, by name and hash.
     pub images: Vec<ImagePart>,
-    /// The camera that was rendered.
+    /// The camera that was rendered; of a rig, the first one.
     pub camera: CameraPart,
     /// Conventions for reading the numbers.
     pub conventions: SceneConventions,
@@ -109,6 +112,14 @@ pub struct ImagePart {
     pub why_not: Option<String>,
 }
 
+impl SceneRecord {
+    /// The camera that sees along a trajectory.
+    #[must_use]
+    pub fn camera_of<'a>(&'a self, part: &'a TrajectoryPart) -> &'a CameraPart {
+        part.mounted.as_ref().map_or(&self.camera, |mounted| &mounted.camera)
+    }
+}
+
 /// The camera that was rendered.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -127,6 +138,21 @@ pub struct CameraPart {
     pub cy: f64,
     /// The distortion of the capture's photos, which the rendered camera does not have.
     pub undistorted_from: Option<Value>,
+}
+
+impl CameraPart {
+    /// The part of a camera.
+    pub(super) fn new(camera: Camera, undistorted_from: Option<Value>) -> Self {
+        let Camera { size, fx, fy, cx, cy } = camera;
+        Self { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
+    }
+
+    /// The camera.
+    #[must_use]
+    pub fn pinhole(&self) -> Camera {
+        let size = Size { width: self.width, height: self.height };
+        Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy }
+    }
 }
 
 /// Conventions for reading the numbers.
@@ -151,7 +177,10 @@ impl SceneConventions {
         let sensors = recipe.get("sensors").and_then(Value::as_object).map(|named| named.values().collect());
         // A recipe has one `sensor`, or several named `sensors`.
         let sensors: Vec<&Value> = sensors.unwrap_or_else(|| recipe.get("sensor").into_iter().collect());
-        let models = sensors.into_iter().filter_map(Value::as_object).flat_map(|sensor| sensor.values());
+        let cameras = recipe.pointer("/rig/cameras").and_then(Value::as_array);
+        let own = cameras.into_iter().flatten().filter_map(|camera| camera.get("sensor"));
+        let models =
+            sensors.into_iter().chain(own).filter_map(Value::as_object).flat_map(|sensor| sensor.values());
         let decoded: Vec<bool> =
             models.map(|model| model.pointer("/front_end/decode") == Some(&json!("srgb"))).collect();
         let brightness = match (decoded.contains(&true), decoded.contains(&false)) {
@@ -211,8 +240,14 @@ pub struct ReconstructionPart {
 pub struct TrajectoryPart {
     /// Its name.
     pub name: String,
-    /// `refine`, `novel`, `orbit` or `keyframes`.
+    /// `refine`, `novel`, `orbit`, `keyframes`, or `mounted` for a camera of a rig.
     pub kind: String,
+    /// Names of the cameras of the rig, if the path is that of a body.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<String>,
+    /// The camera of a rig, if the path is that of one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mounted: Option<MountedPart>,
     /// Path, by its kind, and speed, as in the recipe.
     pub parameters: Value,
     /// Poses of another trajectory that were drawn as key poses, by number from 0.
@@ -240,6 +275,32 @@ pub struct TrajectoryPart {
     pub blur: Option<Value>,
     /// Statistics.
     pub statistics: TrajectoryStatistics,
+}
+
+/// A camera of a rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountedPart {
+    /// The trajectory of its body.
+    pub body: String,
+    /// Its name.
+    pub name: String,
+    /// The camera.
+    pub camera: CameraPart,
+    /// Rows of the matrix that maps points of the body to points of the camera, scene units.
+    pub camera_from_body: [[f64; 4]; 4],
+}
+
+impl MountedPart {
+    /// The part of a camera.
+    pub(super) fn new(mounted: &MountedPath, camera: CameraPart) -> Self {
+        Self {
+            body: mounted.body.clone(),
+            name: mounted.camera.name.clone(),
+            camera,
+            camera_from_body: mounted.camera.mount.body_from_camera().inverse().matrix_rows(),
+        }
+    }
 }
 
 /// One of several sensors.

@@ -13,10 +13,12 @@ use crate::scene::survey::SceneSurvey;
 use crate::source::Capture;
 use crate::speed::SpeedChoice;
 use crate::trajectory::flow::FlowMeter;
+use crate::trajectory::mount::{CameraMount, MountedMeter};
 use crate::trajectory::novel::BaseTrajectory;
 use crate::trajectory::path::{CameraPath, PathInputs, SceneFraming};
+use crate::trajectory::report::SpeedReport;
 use crate::trajectory::sample::SummationRule;
-use crate::trajectory::{NamedPose, PoseTiming, picture};
+use crate::trajectory::{NamedPose, PoseTiming, Trajectory, picture};
 use crate::units::Hertz;
 use serde::Serialize;
 use std::fs::File;
@@ -50,6 +52,9 @@ pub struct ViewingSetup {
     pub camera: Option<CameraChoice>,
     /// The rendering.
     pub render: RenderChoice,
+    /// Place of the camera on a body whose path it measures, if there is a body.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mount: Option<CameraMount>,
     /// The back end.
     #[serde(skip)]
     pub backend: Backend,
@@ -100,28 +105,42 @@ impl Stage for TrajectoryStage {
         });
         let scene = self.framing(gaussians.as_ref());
         let mut meter = self.meter(capture.as_ref(), gaussians, cx)?;
-        let meter = meter.as_mut().map(|meter| meter as &mut dyn FlowMeter);
+        let mount = self.seeing.as_ref().and_then(|seeing| seeing.mount);
+        let mut mounted = match (&mut meter, mount) {
+            (Some(meter), Some(mount)) => Some(MountedMeter { meter, mount }),
+            _ => None,
+        };
+        let meter = match &mut mounted {
+            Some(mounted) => Some(mounted as &mut dyn FlowMeter),
+            None => meter.as_mut().map(|meter| meter as &mut dyn FlowMeter),
+        };
         let timing = PoseTiming { speed: &self.speed, rate: self.rate, law: self.law };
         let made = self.path.make(PathInputs { views: &views, base, scene }, timing, meter);
         let made = made.map_err(StageError::work_failed("make the trajectory"))?;
         cx.warnings.extend(made.report.warnings.iter().cloned());
-        let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
-            let out = cx.out.join(name);
-            let written = File::create(&out).map(BufWriter::new).and_then(|mut file| {
-                fill(&mut file)?;
-                // Dropping the writer would flush it too, but lose the error.
-                file.flush()
-            });
-            written.map_err(StageError::io_error(&out))
-        };
-        write("poses.txt", &|file| made.trajectory.write_poses(file))?;
-        write("timestamps_us.txt", &|file| made.trajectory.write_stamps(file))?;
-        write("trajectory.svg", &|file| {
-            file.write_all(picture::trajectory_svg(&made.trajectory, &made.report).as_bytes())
-        })?;
-        let out = cx.out.join("speed.json");
-        write_json(&out, &made.report).map_err(StageError::io_error(&out))
+        write_trajectory((&made.trajectory, &made.report), cx)
     }
+}
+
+/// Writes the files of a trajectory.
+pub(super) fn write_trajectory(
+    (trajectory, report): (&Trajectory, &SpeedReport),
+    cx: &StageContext<'_>,
+) -> Result<(), StageError> {
+    let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
+        let out = cx.out.join(name);
+        let written = File::create(&out).map(BufWriter::new).and_then(|mut file| {
+            fill(&mut file)?;
+            // Dropping the writer would flush it too, but lose the error.
+            file.flush()
+        });
+        written.map_err(StageError::io_error(&out))
+    };
+    write("poses.txt", &|file| trajectory.write_poses(file))?;
+    write("timestamps_us.txt", &|file| trajectory.write_stamps(file))?;
+    write("trajectory.svg", &|file| file.write_all(picture::trajectory_svg(trajectory, report).as_bytes()))?;
+    let out = cx.out.join("speed.json");
+    write_json(&out, report).map_err(StageError::io_error(&out))
 }
 
 impl TrajectoryStage {

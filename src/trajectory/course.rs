@@ -28,6 +28,8 @@ pub enum CourseKind {
     Orbit,
     /// Between given poses.
     Keyframes,
+    /// That of a camera on a body that follows another path.
+    Mounted,
 }
 
 /// A path of poses, with its properties.

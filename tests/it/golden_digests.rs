@@ -43,6 +43,15 @@ moving/base/events events 6 cpu/1 58485a3c432aeaa68c7ac4892ebbab968197b0ccadba42
 moving/base/flow flow 1 cpu/1 e1a00f7bc5712ba9c4f1a62e8e58f314cb13180c36515b2abacda81dd8791780 95be39dd5ed5e900d65aa13319aa066c14820f72f3da84098c23ebe5ad6533b4
 moving/base/segmentation segmentation 1 cpu/1 5adbba8a295a0c721ac5e1daa6c16ac03a15ad6f1be1641bb3ebed45a5f7e7e6 16dadf7747233891de1a924dbbffef076f6224681a9b70ceb11ec3e05f4f2cd9
 moving/base/checks checks 12 - 5bd0f1093af19bd062d366ad59a0b11e0bd35a48fcd48aea2e2422f874cf973e cfd9634f2708feb09aba9e2facc27113d41b7150cd93c86df4d46b69922384ca
+rigged/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419e0289d83b99e 87d60d8cc2c95af711b2471be4c4b464bb222c0187ecceb1c46f2caf068a3e0b
+rigged/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
+rigged/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
+rigged/base/checks checks 12 - 498957fe7aedf07233fdd2dd6a779370fa3cc3c693571bdb2b2b4417520018a8 6fb40fbbcb99b941a47efb9de42440ff715189e56b32f0e815de09b89b00c154
+rigged/base/left/trajectory mount 1 - 7ba7dee357ae3acfa6747aeb63c585ed5768a70d3dd96ddbd8deefa7fbd27260 1123c570d485f7ce61a793ddd54cb411fdc87ae2371e860f5bf8beb25e66cc20
+rigged/base/left/disparity disparity 1 cpu/1 ae9e77c698ebed71b028e5935ea5a00cfd7c60f0261aea28cbfaeb809e4e0b31 13e5c45b49276a6c2873c460656db5d99b70ae106b1dc04a44079671bac06117
+rigged/base/left/checks checks 12 - 93bd6bfb75b5519b88aec2c8ab995472f863dce26cddbf3c6185839b95c76cc8 398cb440d77e795119de5aec42827008ad17f45b3a07c081df8a52b361d02f35
+rigged/base/right/trajectory mount 1 - 711995a320980f9f92883c6ad7e5e91abe0ac6cbf2f2820f20ba7751a34ae974 1c29e24ee7aa8dabc0f068f0227be5e0e3efb39f716c5818bb4336cf2caed8c6
+rigged/base/right/checks checks 12 - 1e2d1f1ef73a33df54e4b2de95d7fafbad12b34f032608f8e5ac30d0185cd644 e515c0b0bc5f498dce27fd69e833bc6efd66e0c730dc716669de00156e1b3a21
 spelled/capture capture 1 - 8fbda1239547ab3a4bfa6a46f504f7a88dd613ab58b5545cd419e0289d83b99e 87d60d8cc2c95af711b2471be4c4b464bb222c0187ecceb1c46f2caf068a3e0b
 spelled/reconstruct reconstruct 1 - bb522cd35603c8faa21430c3e65be173ba1e0af66737cadcfdaf000c44de2c8e 992bae2d6968045bc8f05e821f5414130d32cd1806221cc0e17cca847572c39d
 spelled/base/trajectory trajectory 2 - a124f5048c89e3ed2c5e8d13167dfa3ab52a94c54b0f3fb6cdf4ed1393f82e78 bc3d6236918fdd1d0589e995cceb31a15871308727960a6c385e233ed2e1c640
@@ -107,6 +116,29 @@ objects:
   - name: bowl
     select: { box: { low: [-0.3, -0.7, -0.7], high: [1, 0, 0.7] } }
     path: { straight: { velocity: [1, 0, 0.5], spin: [0, 90, 0] } }
+licence: { expression: CC0-1.0, holder: Nobody }
+";
+
+/// A scene with a rig.
+const RIGGED: &str = "\
+version: 1
+scene: rigged
+seed: 7
+source: { procedural: { kind: still-life, gaussians: 300, views: 6, arc: 1, seed: 1 } }
+camera: { width: 48, height: 32, fx: 50, fy: 50, cx: 24, cy: 16 }
+trajectories:
+  - name: base
+    refine: { window: 2, factor: 2, curve: cubic }
+    speed: { function: \"0.25*sin(t) + 1.1\" }
+sampling: { rate: 2400, between: linear }
+render: { rules: official, antialiased: false, background: [0.1, 0.2, 0.3] }
+rig:
+  cameras:
+    - { name: left }
+    - { name: right, extrinsic: { position: [0.1, 0.01, 0], rotation: [0, 0.02, 0, 0.9998] } }
+  stereo: [[left, right]]
+outputs: [disparity]
+disparity: { every: 4 }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
@@ -176,7 +208,8 @@ fn found() -> Vec<Pin> {
     place.write("spelled.yaml", SPELLED);
     assert!(GIVEN.contains("scene: given"), "the other scene is a captured one");
     place.write("moving.yaml", MOVING);
-    place.ok("release -q --to out recipe.yaml spelled.yaml moving.yaml");
+    place.write("rigged.yaml", RIGGED);
+    place.ok("release -q --to out recipe.yaml spelled.yaml moving.yaml rigged.yaml");
     let manifest = std::fs::read(place.path("out/manifest.json")).unwrap();
     let manifest: ReleaseManifest = serde_json::from_slice(&manifest).unwrap();
     let mut pins = Vec::new();

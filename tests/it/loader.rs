@@ -23,7 +23,7 @@ fn python(release: &Path, args: &[&str]) -> Option<Output> {
 }
 
 /// Asks one question of a release's loader; the script asserts the answer.
-fn ask(release: &Path, question: &[&str]) {
+pub(crate) fn ask(release: &Path, question: &[&str]) {
     if !python(release, &["-c", "import numpy, h5py"]).is_some_and(|output| output.status.success()) {
         return absent("REQUIRE_READERS", "python3 with numpy and h5py is absent");
     }

@@ -81,6 +81,7 @@ mod render_stress;
 mod render_verb;
 mod report;
 mod restricted;
+mod rigs;
 mod rolling;
 mod scenes;
 mod several_sensors;

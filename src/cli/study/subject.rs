@@ -28,9 +28,10 @@ pub(super) fn single_recipe(path: &Path) -> Result<Recipe, VerbError> {
     }
 }
 
-/// The name of the requested trajectory; the first one by default.
+/// The name of the requested trajectory of a camera; the first one by default.
 pub(super) fn trajectory_name(recipe: &Recipe, wanted: Option<&str>) -> Result<String, VerbError> {
-    let names: Vec<&str> = recipe.trajectories.iter().map(|t| t.name.as_str()).collect();
+    let names = recipe.trajectories.iter().map(|t| t.name.as_str());
+    let names: Vec<&str> = names.filter(|name| !recipe.is_of_body(name)).collect();
     let wanted = wanted.unwrap_or(names[0]);
     if names.contains(&wanted) {
         return Ok(wanted.to_owned());
@@ -67,7 +68,7 @@ impl StudySubject {
         common: &CommonArgs,
     ) -> Result<Self, VerbError> {
         let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
-        let (scene, camera) = (recipe.scene.clone(), recipe.camera);
+        let (scene, camera) = (recipe.scene.clone(), recipe.camera_along(trajectory));
         let plan = Plan::new(vec![recipe], &common.renderers()?.knowing(&store));
         let assessed = assess_plan(&plan, &store)?;
         let shelf = StudyProducts { scene: &scene, plan: &plan, assessed: &assessed, store: &store };

@@ -4,6 +4,7 @@ use super::Resolver;
 use super::number::RealRange;
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
+use crate::recipe::rig::RigCamera;
 use crate::recipe::schema;
 use crate::sampling::{ErrorTolerance, PilotMethod};
 use crate::sensor::SensorSet;
@@ -59,11 +60,24 @@ impl Resolver<'_> {
         };
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
         if sensors?.iter().any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
-            let problem = FieldProblem::of_key("applies only to the sensor voltmeter with the law exact");
-            return self.refuse(problem.help("remove it, and write a rate").at(place));
+            return self.refuse(intolerant().at(place));
         }
         // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
         Some(Some(ErrorTolerance { rms, between, pilot: PilotMethod::default() }))
     }
+
+    /// Refuses a tolerance for own sensors of cameras for which it is not defined.
+    pub(super) fn refuse_intolerant(&self, field: &Field<schema::SamplingSection>, rig: &[RigCamera]) {
+        let Some(place) = field.given().and_then(|(raw, _)| raw.tolerance.place()) else { return };
+        let mut own = rig.iter().flat_map(|camera| &camera.sensors).flat_map(SensorSet::iter);
+        if own.any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
+            self.report(intolerant().at(place));
+        }
+    }
+}
+
+fn intolerant() -> FieldProblem {
+    FieldProblem::of_key("applies only to the sensor voltmeter with the law exact")
+        .help("remove it, and write a rate")
 }

@@ -117,7 +117,7 @@ impl Resolver<'_> {
         Some(noisy.without_noise())
     }
 
-    fn sensor(
+    pub(in crate::recipe) fn sensor(
         &self,
         field: &Field<schema::SensorSection>,
         between: Option<BetweenFrames>,

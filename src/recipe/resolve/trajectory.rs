@@ -121,7 +121,15 @@ impl Resolver<'_> {
         }
         let path = self.path_of(raw, place, around);
         let (name, path, speed) = (name?, path?, speed?);
-        Some(vec![TrajectoryRecipe { written: name.clone(), name, path, base: None, speed, drawn: None }])
+        Some(vec![TrajectoryRecipe {
+            written: name.clone(),
+            name,
+            path,
+            base: None,
+            mounted: None,
+            speed,
+            drawn: None,
+        }])
     }
 
     /// Returns true, after reporting it, if there is more than one path.
@@ -175,6 +183,7 @@ impl Resolver<'_> {
                 written,
                 path: CameraPath::Novel(path),
                 base,
+                mounted: None,
                 speed: speed.clone(),
                 drawn: None,
             })

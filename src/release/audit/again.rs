@@ -9,7 +9,7 @@ use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifes
 use crate::release::published::{self, PublishedScene, PublishedTrajectory};
 use crate::release::scene::{self, SceneRecord, TrajectoryPart};
 use crate::release::tree::FileContent;
-use crate::release::{checksum, layout, loader, path_picture, products};
+use crate::release::{calibration, checksum, layout, loader, path_picture, products};
 use crate::speed::SpeedChoice;
 use crate::trajectory::sample::PoseSchedule;
 use crate::trajectory::{Trajectory, picture};
@@ -85,7 +85,7 @@ pub(super) fn scene(
         faults.extend(
             trajectory(tree, scene, (part, &of.motion))
                 .into_iter()
-                .filter_map(|(name, wanted)| compare(tree, &path(name), &wanted)),
+                .filter_map(|(name, wanted)| compare(tree, &path(&name), &wanted)),
         );
     }
     faults.extend(counts(listed, scene));
@@ -137,15 +137,13 @@ fn trajectory(
     tree: &TrustedTree<'_>,
     scene: &PublishedScene,
     (part, motion): (&TrajectoryPart, &TrajectoryProduct),
-) -> Vec<(&'static str, Vec<u8>)> {
+) -> Vec<(String, Vec<u8>)> {
     let text = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
         let mut bytes = Vec::new();
         write(&mut bytes).expect("a Vec takes any bytes");
         bytes
     };
-    let file = &scene.file.camera;
-    let size = crate::image::Size { width: file.width, height: file.height };
-    let camera = crate::camera::Camera { size, fx: file.fx, fy: file.fy, cx: file.cx, cy: file.cy };
+    let camera = scene.file.camera_of(part).pinhole();
     let frames = products::SHARP.name();
     let sharp = scene.in_folder(&part.name, frames).filter_map(|path| path.rsplit('/').next());
     // The tree lacks the frames of a withheld scene, but its `transforms.json` lists their poses.
@@ -153,11 +151,20 @@ fn trajectory(
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
     let transforms = crate::release::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
-    let mut wanted = vec![
-        ("poses.txt", text(&|out| motion.trajectory.write_poses(out))),
-        ("timestamps_us.txt", text(&|out| motion.trajectory.write_stamps(out))),
-        (layout::TRANSFORMS, FileContent::json_bytes(&transforms)),
-    ];
+    // The path of a camera follows from that of its body.
+    let carried = scene.recipe.mounted(&part.name).and_then(|mounted| {
+        let (_, body) = scene.paths().find(|(other, _)| other.name == mounted.body)?;
+        Some(body.motion.trajectory.of_mounted(&mounted.camera.mount))
+    });
+    let path = carried.as_ref().unwrap_or(&motion.trajectory);
+    let calibration = calibration::compose(&scene.recipe, &scene.file, part);
+    let mut wanted: Vec<(String, Vec<u8>)> = calibration.into_iter().collect();
+    let mut want = |name: &str, bytes: Vec<u8>| wanted.push((name.to_owned(), bytes));
+    want("poses.txt", text(&|out| path.write_poses(out)));
+    want("timestamps_us.txt", text(&|out| path.write_stamps(out)));
+    if part.cameras.is_empty() {
+        want(layout::TRANSFORMS, FileContent::json_bytes(&transforms));
+    }
     let asked = scene.recipe.trajectories.iter().find(|asked| asked.name == part.name);
     // A speed in pixels depends on the rendered scene, so the tree alone does not give its
     // schedule.
@@ -169,12 +176,12 @@ fn trajectory(
     // No trajectory of these poses has a report with another number of steps. The report cannot be
     // drawn, and the empty bytes wanted here make it a fault.
     let Some(speed) = speed else {
-        wanted.push(("speed.json", Vec::new()));
+        want("speed.json", Vec::new());
         return wanted;
     };
-    wanted.push(("speed.json", FileContent::json_bytes(&speed)));
-    wanted.push(("trajectory.svg", picture::trajectory_svg(&motion.trajectory, &motion.report).into_bytes()));
-    wanted.extend(path_picture::compose_picture(motion).map(|picture| (path_picture::NAME, picture)));
+    want("speed.json", FileContent::json_bytes(&speed));
+    want("trajectory.svg", picture::trajectory_svg(&motion.trajectory, &motion.report).into_bytes());
+    path_picture::compose_picture(motion).into_iter().for_each(|picture| want(path_picture::NAME, picture));
     wanted
 }
 

@@ -8,12 +8,13 @@ use super::{AuditFault, FaultCode, TrustedTree, claims};
 use crate::artifact::EventStream;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
-use crate::image::Size;
+use crate::release::calibration;
 use crate::release::layout::{self, CHECKS};
 use crate::release::path_picture;
 use crate::release::products::{self, ReleaseProduct};
 use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use rayon::prelude::*;
+use serde_json::Value;
 use std::path::PathBuf;
 
 const ABSENT: &str = "the scene needs this file; it is missing or damaged";
@@ -48,13 +49,10 @@ impl TrajectoryFolder<'_> {
 
 /// Audits the contents of a scene's files. An absent file is one fault and is not opened.
 pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
-    let part = &scene.camera;
-    let size = Size { width: part.width, height: part.height };
-    let camera = Camera { size, fx: part.fx, fy: part.fy, cx: part.cx, cy: part.cy };
     let mut faults = photo_faults(tree, scene);
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
-        let folder = TrajectoryFolder { tree, path: &path, part, camera };
+        let folder = TrajectoryFolder { tree, path: &path, part, camera: scene.camera_of(part).pinhole() };
         faults.extend(missing_files(&folder, scene));
         let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
         let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));
@@ -102,20 +100,36 @@ pub(super) fn pictures_planned(
     let poses = tree.path_of(&format!("{}/{}/poses.txt", scene.id, part.name));
     let lines = std::fs::metadata(poses).map_or(0, |file| file.len() / 16);
     let poses = part.poses.min(usize::try_from(lines).unwrap_or(usize::MAX));
-    pictures::wanted_names(poses, &scene.recipe, &|product| asks(scene, product))
+    pictures::wanted_names(poses, &scene.recipe, &|product| asks(scene, part, product))
 }
 
-/// Returns true if the recipe of a scene asks for a product.
-fn asks(scene: &SceneRecord, product: &ReleaseProduct) -> bool {
-    let outputs = scene.recipe.get("outputs").and_then(|outputs| outputs.as_array());
-    outputs.is_some_and(|outputs| outputs.iter().any(|output| output == product.name()))
+/// Returns true if the recipe of a scene asks for a product of a trajectory.
+fn asks(scene: &SceneRecord, part: &TrajectoryPart, product: &ReleaseProduct) -> bool {
+    let has = |outputs: Option<&Value>| {
+        let mut outputs = outputs.and_then(Value::as_array).into_iter().flatten();
+        outputs.any(|output| output == product.name())
+    };
+    match &part.mounted {
+        Some(mounted) => {
+            let cameras = scene.recipe.pointer("/rig/cameras").and_then(Value::as_array);
+            let mut cameras = cameras.into_iter().flatten();
+            has(cameras
+                .find(|camera| camera["name"] == *mounted.name)
+                .and_then(|camera| camera.get("outputs")))
+        }
+        // A body has what is measured on its path.
+        None => has(scene.recipe.get("outputs")) && (part.cameras.is_empty() || product.output.is_measured()),
+    }
 }
 
 /// Returns faults for the files that the scene's own description asks for and that are absent.
 fn missing_files(folder: &TrajectoryFolder<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let mut wanted: Vec<String> = layout::MOTION.map(str::to_owned).to_vec();
-    wanted.extend([layout::TRANSFORMS, path_picture::NAME, CHECKS].map(str::to_owned));
-    if asks(scene, &products::EVENTS) && !scene.licence.withheld {
+    wanted.extend([path_picture::NAME, CHECKS].map(str::to_owned));
+    // A body sees nothing.
+    wanted.extend(folder.part.cameras.is_empty().then(|| layout::TRANSFORMS.to_owned()));
+    wanted.extend(calibration::names(scene, folder.part));
+    if asks(scene, folder.part, &products::EVENTS) && !scene.licence.withheld {
         wanted.extend(stream_files(folder.part).into_iter().map(|(name, _)| name));
     }
     wanted.extend(pictures_wanted(folder.tree, scene, folder.part));

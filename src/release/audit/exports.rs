@@ -15,7 +15,7 @@ pub(super) fn folders<'a>(
     manifest: &'a ReleaseManifest,
     scene: &'a SceneRecord,
 ) -> impl Iterator<Item = (String, &'a str, &'a str)> {
-    let shown = scene.trajectories.iter().filter(|_| !scene.licence.withheld);
+    let shown = scene.trajectories.iter().filter(|part| !scene.licence.withheld && part.cameras.is_empty());
     shown.flat_map(|part| {
         let covering = manifest.include.iter().filter(|entry| entry.covers(&part.name));
         covering.map(|entry| {

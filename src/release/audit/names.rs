@@ -7,7 +7,7 @@ use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use crate::release::products::FOLDERS;
 use crate::release::published::stream_names;
 use crate::release::scene::{SceneRecord, TrajectoryPart};
-use crate::release::{checksum, path_picture};
+use crate::release::{calibration, checksum, path_picture};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Reports files at the top and in scenes that the format does not have, and required files at the
@@ -85,5 +85,6 @@ fn of_trajectory(
     // accepted.
     let uncounted = !tree.has(&format!("{}/{}/poses.txt", scene.id, part.name));
     let made = made.into_keys().filter(|name| uncounted || !is_counted(name));
-    composed.map(str::to_owned).chain(pictures).chain(made).collect()
+    let calibration = calibration::names(scene, part);
+    composed.map(str::to_owned).chain(calibration).chain(pictures).chain(made).collect()
 }

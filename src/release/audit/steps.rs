@@ -2,6 +2,7 @@
 //! the scene. Each file that a step made has the bytes of its output.
 
 use super::{AuditFault, FaultCode};
+use crate::release::calibration;
 use crate::release::layout;
 use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
 use crate::release::products::is_metadata;
@@ -78,10 +79,16 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
         }
         // The release composes these files, so they are outputs of no step.
         let composed = [layout::CHECKS, layout::TRANSFORMS, crate::release::path_picture::NAME]
-            .map(|name| format!("{}/{}/{name}", scene.id, part.name));
+            .map(str::to_owned)
+            .into_iter()
+            .chain(calibration::names(scene, part));
+        let composed: BTreeSet<String> =
+            composed.map(|name| format!("{}/{}/{name}", scene.id, part.name)).collect();
         let folder = format!("{}/{}/", scene.id, part.name);
-        let own =
-            files.keys().filter(|path| path.starts_with(&folder) && !composed.iter().any(|c| c == *path));
+        let own = files.keys().filter(|path| path.starts_with(&folder) && !composed.contains(**path));
+        // The files of the cameras of a body are those of other trajectories.
+        let cameras: Vec<String> = part.cameras.iter().map(|name| format!("{folder}{name}/")).collect();
+        let own = own.filter(|path| !cameras.iter().any(|camera| path.starts_with(camera)));
         // Exports have keys of their own, outside of the steps.
         let own = own.filter(|path| !layout::is_export(&scene.id, path));
         let unmade = own.filter(|path| !known.contains(**path));

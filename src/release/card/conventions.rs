@@ -83,7 +83,7 @@ pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
     }
     text.push_str(&lit_scenes(scenes));
     text.push_str(&rolling_scenes(scenes));
-    let sensors = scenes.iter().flat_map(|scene| scene.recipe.sensors.iter().map(move |each| (scene, each)));
+    let sensors = scenes.iter().flat_map(|scene| scene.recipe.every_sensor().map(move |each| (scene, each)));
     let others: Vec<String> = sensors
         .map(|(scene, (name, sensor))| (scene.recipe.scene.clone(), name, sensor.as_model().front_end()))
         .filter(|(.., front_end)| !front_end.is_plain())

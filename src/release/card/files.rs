@@ -1,5 +1,6 @@
 //! The sections of the card on files: a table, and lines of Python that load them.
 
+use crate::recipe::RigCamera;
 use crate::release::facts::ReleaseFacts;
 use crate::release::layout;
 use crate::release::products::{self, FOLDERS, FilePresence, FileRow, products};
@@ -15,11 +16,14 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         .iter()
         .flat_map(|scene| &scene.files)
         .any(|file| file.path.strip_suffix(layout::HELD_OUT).is_some_and(|folder| folder.ends_with('/')));
+    let shown =
+        |is: &dyn Fn(&RigCamera) -> bool| facts.scenes.iter().any(|scene| scene.recipe.rig.iter().any(is));
     let pictures = FOLDERS.into_iter().filter(|product| counts.has(product));
     let rows = products::SCENE
         .iter()
         .chain(products::EVENTS.files)
         .chain(&products::PATH)
+        .chain(&products::CALIBRATION)
         .chain(pictures.flat_map(|product| product.files))
         .chain(&products::CHECKS)
         .chain(&products::EXPORTS)
@@ -29,6 +33,8 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         FilePresence::WithStreams => counts.has(&products::EVENTS),
         FilePresence::WithSeveralSensors => several,
         FilePresence::WithHeldOut => held_out,
+        FilePresence::WithRig => shown(&|camera| !camera.name.is_empty()),
+        FilePresence::WithStereo => shown(&|camera| camera.second.is_some()),
         FilePresence::WithExports => {
             !facts.info.include.is_empty() && facts.scenes.iter().any(|scene| !scene.is_withheld())
         }

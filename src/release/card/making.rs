@@ -1,7 +1,6 @@
 //! The section of the card on the making of the data: paths, sensors, and one row per stream.
 
 use super::built_trajectories;
-use crate::image::Size;
 use crate::release::facts::ReleaseFacts;
 use crate::release::published::PublishedScene;
 use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
@@ -76,8 +75,7 @@ fn between_words(sensor: &SensorChoice) -> &'static str {
 
 /// One row per stream, or one row for a trajectory without a stream.
 fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
-    let camera = &scene.file.camera;
-    let size = Size { width: camera.width, height: camera.height };
+    let size = scene.file.camera_of(part).pinhole().size;
     let gaussians = scene.file.reconstruction.as_ref().map(|it| it.gaussians.to_string());
     let row = |name: &str, counted: &str| {
         format!(

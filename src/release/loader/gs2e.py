@@ -92,7 +92,7 @@ class Blurred(NamedTuple):
 
 
 class Array(NamedTuple):
-    """Depth or optical flow at a pose."""
+    """Depth, optical flow or disparity at a pose."""
 
     index: int
     """Number of the pose: row of `Scene.poses`, and the file's name."""
@@ -102,7 +102,7 @@ class Array(NamedTuple):
     """An .npy file."""
 
     def read(self):
-        """float32 [H, W] or [H, W, 2]; see `Scene.depth` and `Scene.flow`."""
+        """float32 [H, W] or [H, W, 2]; see `Scene.depth`, `Scene.flow` and `Scene.disparity`."""
         return np.load(self.path)
 
 
@@ -294,6 +294,10 @@ class Scene(EventFile):
         folder = os.path.abspath(os.fspath(folder))
         if trajectory is None and not os.path.exists(os.path.join(folder, "scene.json")):
             folder, trajectory = os.path.split(folder)
+            if not os.path.exists(os.path.join(folder, "scene.json")):
+                # A camera of a rig is one folder deeper.
+                folder, body = os.path.split(folder)
+                trajectory = body + "/" + trajectory
         self.description = _description(folder)
         """scene.json as it is: recipe, licence, statistics and more."""
         parts = {part["name"]: part for part in self.description["trajectories"]}
@@ -307,9 +311,12 @@ class Scene(EventFile):
             raise ValueError(f"{folder}/{trajectory} has one sensor, which has no name")
         self.trajectory = trajectory
         self.sensor = sensor
-        self.folder = os.path.join(folder, trajectory)
+        self.folder = os.path.join(folder, *trajectory.split("/"))
         """The folder of the trajectory."""
-        camera = self.description["camera"]
+        self.scene_folder = folder
+        """The folder of the scene."""
+        self._camera = self.part.get("mounted", self.description)["camera"]
+        camera = self._camera
         events = "events.h5" if sensor is None else os.path.join("events", sensor + ".h5")
         super().__init__(os.path.join(self.folder, events), (camera["width"], camera["height"]))
         self.duration_us = self.part["duration_us"]
@@ -322,7 +329,7 @@ class Scene(EventFile):
         return f"<Scene {self.description['id']}/{self.trajectory}{sensor}: {self.width}x{self.height}>"
 
     def __reduce__(self):
-        return Scene, (os.path.dirname(self.folder), self.trajectory, self.sensor)
+        return Scene, (self.scene_folder, self.trajectory, self.sensor)
 
     def _span_us(self):
         """Times that windows cut: those of the poses."""
@@ -331,8 +338,25 @@ class Scene(EventFile):
     @property
     def K(self):
         """float64 [3, 3]: pixels from camera axes. The camera has no distortion."""
-        camera = self.description["camera"]
+        camera = self._camera
         return np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]], np.float64)
+
+    @property
+    def cameras(self):
+        """The cameras of the rig on this body by name: a dictionary of Scene; empty if this is no body."""
+        return {name: Scene(self.scene_folder, self.trajectory + "/" + name) for name in self.part.get("cameras", [])}
+
+    @property
+    def body(self):
+        """The Scene of the body that carries this camera; None if there is one camera alone."""
+        mounted = self.part.get("mounted")
+        return None if mounted is None else Scene(self.scene_folder, mounted["body"])
+
+    @property
+    def camera_from_body(self):
+        """float64 [4, 4]: maps points of the body to points of this camera of a rig, in scene units."""
+        mounted = self.part.get("mounted")
+        return np.eye(4) if mounted is None else np.array(mounted["camera_from_body"], np.float64)
 
     @property
     def stamps_us(self):
@@ -375,6 +399,12 @@ class Scene(EventFile):
     def flows(self):
         """Optical flows by time: a list of Array; empty if the recipe asks for none."""
         return self._numbered("flow", ".npy", Array)
+
+    @property
+    def disparities(self):
+        """Disparities by time: a list of Array; empty if the recipe asks for none, or if this is not the first camera of
+        a stereo pair."""
+        return self._numbered("disparity", ".npy", Array)
 
     @property
     def masks(self):
@@ -435,8 +465,11 @@ class Scene(EventFile):
     def imu(self):
         """Inertial measurements: int64 [N] times in ns since the first pose, on the clock of the events; float64 [N, 3]
         body rates, rad/s; float64 [N, 3] specific forces, m/s^2. Both in the axes of the camera (x right, y down, z
-        forward). `imu/state.csv` has the truth, and `imu/sensor.yaml` noise and gravity."""
-        path = os.path.join(self.folder, "imu", "imu.csv")
+        forward), or of the body that carries it. `imu/state.csv` has the truth, and `imu/sensor.yaml` noise and gravity."""
+        mounted = self.part.get("mounted")
+        # Those of a camera of a rig belong to the body.
+        body = self.folder if mounted is None else os.path.join(self.scene_folder, *mounted["body"].split("/"))
+        path = os.path.join(body, "imu", "imu.csv")
         values = np.loadtxt(path, delimiter=",", ndmin=2)
         times = np.loadtxt(path, delimiter=",", ndmin=1, usecols=0, dtype=np.int64)
         return times, values[:, 1:4], values[:, 4:7]
@@ -449,6 +482,28 @@ class Scene(EventFile):
         """float32 [H, W, 2]: optical flow at the pose of this number, px/s to the right and down; NaN: undefined."""
         return np.load(os.path.join(self.folder, "flow", f"{index:06d}.npy"))
 
+    def disparity(self, index):
+        """float32 [H, W]: disparity at the pose of this number, px; NaN: undefined. The pixels are those of this camera.
+        The value is the column of the pixel's point in the first rectified picture minus that in the second, or the row
+        for cameras above each other."""
+        return np.load(os.path.join(self.folder, "disparity", f"{index:06d}.npy"))
+
+    def rectify_map(self):
+        """float32 [H, W, 2]: for each pixel of this camera of a stereo pair, its column and row in the rectified picture.
+        Pixels are OpenCV's, with the centre of the first one at (0, 0). NaN: not seen."""
+        return self._map("_rectify_map.npy")
+
+    def remap(self):
+        """float32 [H, W, 2]: for each pixel of the rectified picture, its place in the picture of this camera, for
+        cv2.remap(picture, scene.remap(), None, cv2.INTER_LINEAR). NaN: not seen."""
+        return self._map("_remap.npy")
+
+    def _map(self, end):
+        mounted = self.part.get("mounted")
+        if mounted is None:
+            raise ValueError(f"{self!r} is no camera of a rig")
+        folder = os.path.join(self.scene_folder, *mounted["body"].split("/"), "calibration")
+        return np.load(os.path.join(folder, mounted["name"] + end))
 
     def segmentation(self, index):
         """uint8 [H, W]: the number of the moving object that each pixel shows at the pose of this number; 0: what is
@@ -499,7 +554,13 @@ class Scene(EventFile):
 class _Cut:
     """What windows have in common: their grids, their poses and their targets."""
 
-    PRODUCTS = {"frame": "frames", "blur": "blurred", "depth": "depths", "flow": "flows"}
+    PRODUCTS = {
+        "frame": "frames",
+        "blur": "blurred",
+        "depth": "depths",
+        "flow": "flows",
+        "disparity": "disparities",
+    }
     """Targets that are files, and the properties of Scene that list them."""
 
     def __init__(self, scene, bins, targets):
@@ -543,7 +604,7 @@ class Windows(_Cut):
 
     `targets` names what else an entry has:
 
-    - "frame", "blur", "depth", "flow": the product nearest in time to the middle of the window, as an array, and its
+    - "frame", "blur", "depth", "flow", "disparity": the product nearest in time to the middle of the window, as an array, and its
       time: `frame` and `frame_t_us`. Of two at the same distance it is the earlier one. A blurred picture has the
       time of its pose.
     - "label": int32 [2, H, W], the number of events by label: 0 noise, 1 signal.
@@ -719,6 +780,9 @@ def _manifest_rows(root):
     for scene in ids:
         description = _description(os.path.join(root, *scene.split("/")))
         for part in description["trajectories"]:
+            if part.get("cameras"):
+                # The body of a rig sees nothing.
+                continue
             for sensor in part.get("sensors") or [None]:
                 names = [scene, part["name"], *([] if sensor is None else [sensor])]
                 split_name = (description.get("split") or {}).get("name")

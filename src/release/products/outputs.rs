@@ -3,7 +3,8 @@
 use super::{FilePresence, FileRow, FileSet, LicenceClass, PictureNumbers, ProductForm, ReleaseProduct};
 use crate::recipe::OutputKind;
 use crate::release::report::{
-    blurred_picture, depth_picture, flow_picture, inertial_picture, mask_picture, sharp_picture,
+    blurred_picture, depth_picture, disparity_picture, flow_picture, inertial_picture, mask_picture,
+    sharp_picture,
 };
 
 const HDF5: &str = "application/x-hdf5";
@@ -141,6 +142,29 @@ static FLOW: ReleaseProduct = ReleaseProduct {
     picture: Some(flow_picture),
 };
 
+static DISPARITY: ReleaseProduct = ReleaseProduct {
+    output: OutputKind::Disparity,
+    form: ProductForm::Numbers { channels: 1, positive: false, poses: PictureNumbers::Spaced },
+    files: &[material(
+        "disparity/%06d.npy",
+        "float32 `[H, W]`, px: for each pixel of the first camera of a stereo pair, the column of its point in the first \
+         rectified picture minus that in the second (the row, for cameras above each other); NaN without a depth",
+        FilePresence::Always,
+        FileSet {
+            id: "disparity-files",
+            media: NPY,
+            glob: "**/disparity/*.npy",
+            description: "disparity of a stereo pair, float32 [H, W], px of the rectified pictures; NaN: undefined",
+        },
+    )],
+    noun: "disparity images",
+    instance: "disparity of stereo pairs",
+    content: "float32 disparity of stereo pairs in px",
+    loading: &["disparity = scene.disparity(0)  # [H, W]"],
+    data_type: None,
+    picture: Some(disparity_picture),
+};
+
 static SEGMENTATION: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Segmentation,
     form: ProductForm::Masks(PictureNumbers::Spaced),
@@ -188,8 +212,8 @@ static IMU: ReleaseProduct = ReleaseProduct {
 };
 
 /// The products that have a folder of files, in the order of every listing.
-pub(in crate::release) static FOLDERS: [&ReleaseProduct; 6] =
-    [&SHARP, &BLUR, &DEPTH, &FLOW, &SEGMENTATION, &IMU];
+pub(in crate::release) static FOLDERS: [&ReleaseProduct; 7] =
+    [&SHARP, &BLUR, &DEPTH, &FLOW, &DISPARITY, &SEGMENTATION, &IMU];
 
 /// A row of files that show the scene.
 const fn material(

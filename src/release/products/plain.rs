@@ -70,6 +70,25 @@ pub(in crate::release) static PATH: [FileRow; 6] = [
     metadata("trajectory.png", "the path", None),
 ];
 
+/// Calibration of a rig.
+pub(in crate::release) static CALIBRATION: [FileRow; 3] = [
+    FileRow {
+        name: "calibration/camchain.yaml, calibration/cam_to_cam.yaml",
+        content: "cameras of the rig in Kalibr's form, and in that of DSEC with the rectification of stereo pairs; lengths \
+                  in scene units, pixels as in OpenCV",
+        set: Some(FileSet {
+            id: "calibration-files",
+            media: "application/yaml",
+            glob: "**/calibration/*.yaml",
+            description: "cameras of a rig in the forms of Kalibr and DSEC",
+        }),
+        presence: FilePresence::WithRig,
+        class: LicenceClass::Metadata,
+    },
+    rectification("calibration/<camera>_rectify_map.npy", "place in the rectified picture of each pixel"),
+    rectification("calibration/<camera>_remap.npy", "the inverse, for OpenCV's `remap`"),
+];
+
 /// Verdicts of the checks.
 pub(in crate::release) static CHECKS: [FileRow; 2] = [
     metadata(
@@ -121,6 +140,10 @@ pub(in crate::release) static TOP: [FileRow; 7] = [
 
 const fn metadata(name: &'static str, content: &'static str, set: Option<FileSet>) -> FileRow {
     FileRow { name, content, set, presence: FilePresence::Always, class: LicenceClass::Metadata }
+}
+
+const fn rectification(name: &'static str, content: &'static str) -> FileRow {
+    FileRow { name, content, set: None, presence: FilePresence::WithStereo, class: LicenceClass::Material }
 }
 
 const fn top(name: &'static str, content: &'static str) -> FileRow {

@@ -82,7 +82,10 @@ fn trajectories(scene: &ManifestScene) -> impl Iterator<Item = &str> {
 fn place<'s>(scene: &'s ManifestScene, fault: &AuditFault) -> (Option<&'s str>, &'static str) {
     let below = fault.file.as_deref().and_then(|file| file.strip_prefix(&scene.id)?.strip_prefix('/'));
     let found = below.and_then(|file| {
-        trajectories(scene).find_map(|name| Some((name, file.strip_prefix(name)?.strip_prefix('/')?)))
+        let of =
+            trajectories(scene).filter_map(|name| Some((name, file.strip_prefix(name)?.strip_prefix('/')?)));
+        // The cameras of a rig lie below their body.
+        of.max_by_key(|(name, _)| name.len())
     });
     match found {
         None => (None, OF_SCENE.0),

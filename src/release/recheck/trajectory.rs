@@ -230,7 +230,7 @@ impl ReleasedTrajectory<'_> {
 
     /// Compares some blurred frames with the mean of their sharp frames.
     fn blur(&self, pictures: &ReleasedPictures<'_>) -> Result<Finding, RecheckError> {
-        if !self.recipe.outputs.contains(&OutputKind::Blur) {
+        if !self.recipe.outputs_of(&self.part.name).contains(&OutputKind::Blur) {
             return Ok(records::blur_not_compared(self.name, "the recipe asks for no blurred frames"));
         }
         let frames = self.recipe.shutter.frames;

@@ -38,6 +38,24 @@ pub(in crate::release) fn depth_picture(
     Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
 }
 
+/// The disparity nearest to the middle of the trajectory.
+pub(in crate::release) fn disparity_picture(
+    product: &ReleaseProduct,
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<ShownPicture> {
+    let (number, disparities) = read_map::<1>(track, places, product)?;
+    let (image, [low, high]) = colour_depths(&disparities)?;
+    let words = format!(
+        "disparity at {}, from {} (dark) to {} px (yellow)",
+        moment_words(&track, number),
+        short_number(low),
+        short_number(high)
+    );
+    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+}
+
 /// The optical flow nearest to the middle of the trajectory.
 pub(in crate::release) fn flow_picture(
     product: &ReleaseProduct,

@@ -133,8 +133,7 @@ pub(super) fn shared_window(
 
 /// Size of the pictures of a trajectory.
 pub(super) fn sensor_size(track: &ReportTrajectory<'_>) -> Size {
-    let camera = &track.entry.scene.file.camera;
-    Size { width: camera.width, height: camera.height }
+    track.entry.scene.file.camera_of(track.part).pinhole().size
 }
 
 /// Events per second from the counts of milliseconds, and the duration of each rate, ms. The last

@@ -21,7 +21,8 @@ pub(super) fn write_trajectory(html: &mut HtmlFragment, page: &ReportPage<'_>, t
         if let Some(lights) = &entry.scene.recipe.lights {
             let _ = write!(words, "; light: {lights}");
         }
-        if let Some(readout_us) = entry.scene.recipe.readout_us.filter(|_| entry.scene.recipe.has_sharp()) {
+        let recipe = &entry.scene.recipe;
+        if let Some(readout_us) = recipe.readout_us.filter(|_| recipe.has_sharp_along(&part.name)) {
             let _ = write!(words, "; rolling shutter of sharp frames: {readout_us} us");
         }
         html.leaf("p", &[("class", "counted")], &words);
@@ -70,7 +71,12 @@ fn count_words(part: &TrajectoryPart) -> String {
 fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let folder = format!("{}/", track.part.name);
     let prefix = track.path_of("");
-    let paths: Vec<&str> = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix)).collect();
+    // The files of the cameras of a body are theirs.
+    let of_camera = |path: &&str| {
+        path.split_once('/').is_some_and(|(folder, _)| track.part.cameras.iter().any(|name| name == folder))
+    };
+    let below = track.entry.below(&folder).filter_map(|path| path.strip_prefix(&prefix));
+    let paths: Vec<&str> = below.filter(|path| !of_camera(path)).collect();
     // Paths are sorted, so the frames of one folder are neighbours.
     let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
     let groups = paths.chunk_by(same).filter(|group| page.detail.every || is_most_wanted(group[0]));

@@ -2,15 +2,16 @@
 //! scene.
 
 use super::trajectory::{
-    blur_value, drawn_numbers, kind_name, parameter_values, rate_ev_px_s, sampling_value, sensor_value,
+    blur_value, carried, drawn_numbers, kind_name, parameter_values, rate_ev_px_s, sampling_value,
+    sensor_value,
 };
 use super::{
-    CameraPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
+    CameraPart, MountedPart, QuantityExtent, ReconstructionPart, SceneRecord, SensorPart, TrajectoryPart,
     TrajectoryStatistics, draw_seeds, kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part,
     training_command, training_iterations,
 };
 use crate::artifact::TrajectoryProduct;
-use crate::camera;
+use crate::camera::{self, CameraChoice};
 use crate::image::Size;
 use crate::recipe::Recipe;
 use crate::reconstruct::TrainerCommand;
@@ -36,7 +37,7 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
         source: source_part(recipe),
         images: photos.cloned().collect(),
-        camera: camera(recipe, &found.camera),
+        camera: camera(recipe.camera, &found.camera),
         conventions: super::SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: found.reconstruction.as_ref().map(|found| reconstruction(recipe, found)),
         licence: licence::licence_part(recipe, &scene.licence),
@@ -50,21 +51,11 @@ pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
     }
 }
 
-fn camera(recipe: &Recipe, found: &CameraPart) -> CameraPart {
+fn camera(choice: Option<CameraChoice>, found: &CameraPart) -> CameraPart {
     // A recipe without a whole camera takes the rest from the capture, which the tree does not
     // have.
-    camera::choose_camera(recipe.camera, None).map_or_else(
-        || found.clone(),
-        |camera| CameraPart {
-            width: camera.size.width,
-            height: camera.size.height,
-            fx: camera.fx,
-            fy: camera.fy,
-            cx: camera.cx,
-            cy: camera.cy,
-            undistorted_from: found.undistorted_from.clone(),
-        },
-    )
+    camera::choose_camera(choice, None)
+        .map_or_else(|| found.clone(), |camera| CameraPart::new(camera, found.undistorted_from.clone()))
 }
 
 fn reconstruction(recipe: &Recipe, found: &ReconstructionPart) -> ReconstructionPart {
@@ -82,10 +73,13 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let asked = recipe.trajectories.iter().find(|asked| asked.name == found.name);
     let stamps = &motion.trajectory.stamps_us;
     let last_us = stamps.last().copied().unwrap_or(0);
-    let size = Size { width: scene.file.camera.width, height: scene.file.camera.height };
+    let seen = scene.file.camera_of(found);
+    let mounted = recipe.mounted(&found.name);
+    let seen = mounted.map_or_else(|| seen.clone(), |mounted| camera(mounted.camera.camera, seen));
+    let size = seen.pinhole().size;
     // A tolerance chooses the interpolation between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
-    let simulated = recipe.has_events();
+    let simulated = recipe.has_events_along(&found.name);
     let seed = sensor_seed(recipe, &found.name);
     let all = recipe.sensors_of(&found.name);
     let sensors = || all.iter().filter(|_| simulated);
@@ -106,6 +100,8 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     TrajectoryPart {
         name: found.name.clone(),
         kind: kind_name(motion.report.kind).into(),
+        cameras: carried(recipe, &found.name),
+        mounted: mounted.map(|mounted| MountedPart::new(mounted, seen)),
         parameters: asked.map(|asked| parameter_values(recipe, asked)).unwrap_or_default(),
         keyframes: motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
@@ -118,7 +114,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
         }),
         drawn: drawn_numbers(recipe, &found.name, None).filter(|_| simulated),
         sensors: several.collect(),
-        blur: recipe.exposed().map(|_| {
+        blur: recipe.exposed_along(&found.name).map(|_| {
             blur_value(recipe, found.blur.as_ref().map_or(&Value::Null, |found| &found["subframes"]))
         }),
         statistics: TrajectoryStatistics {

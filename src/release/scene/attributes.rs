@@ -54,7 +54,8 @@ pub(super) fn scene_attributes<'r>(
         scene_scale: recipe.scale.map_or(scale, SceneScale::name).into(),
         gt_poses: true,
         speed_profile: if uniform { "uniform" } else { "non-uniform" }.into(),
-        multi_trajectory: recipe.trajectories.len() > 1,
+        // The cameras of a rig are on one trajectory.
+        multi_trajectory: recipe.trajectories.iter().filter(|path| path.mounted.is_none()).count() > 1,
         device: Provenance::device(trajectories),
         data_source: data_source.into(),
     }

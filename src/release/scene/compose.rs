@@ -23,14 +23,14 @@ pub(in crate::release) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Resu
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let trajectories: Vec<TrajectoryPart> =
-        scene.trajectories.iter().map(|t| trajectory::trajectory_part(recipe, t)).collect();
+        scene.trajectories.iter().map(|t| trajectory::trajectory_part(scene, t)).collect();
     Ok(SceneRecord {
         schema: 1,
         id: recipe.scene.clone(),
         gs2e_version: env!("CARGO_PKG_VERSION").into(),
         source: source_part(recipe),
         images: capture_images(scene),
-        camera: camera_part(scene),
+        camera: camera_part(scene, scene.camera()),
         conventions: SceneConventions::for_brightness(&recipe.meta.merged),
         reconstruction: reconstruction_part(scene)?,
         licence: licence::licence_part(recipe, &scene.licence),
@@ -88,12 +88,10 @@ fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
     images
 }
 
-fn camera_part(scene: &BuiltScene<'_>) -> CameraPart {
-    let Camera { size, fx, fy, cx, cy } = scene.camera();
+pub(super) fn camera_part(scene: &BuiltScene<'_>, camera: Camera) -> CameraPart {
     let lens =
         scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::LensModel::Pinhole);
-    let undistorted_from = lens.map(|lens| json!(lens));
-    CameraPart { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
+    CameraPart::new(camera, lens.map(|lens| json!(lens)))
 }
 
 fn reconstruction_part(scene: &BuiltScene<'_>) -> std::io::Result<Option<ReconstructionPart>> {
@@ -151,11 +149,12 @@ pub(super) fn draw_seeds(recipe: &Recipe) -> BTreeMap<String, String> {
         seeds.insert(format!("{name}/{}", purpose.name()), seed.0.to_string());
     };
     for asked in &recipe.trajectories {
+        // Cameras of a rig share the draws of their body.
         if let CameraPath::Novel(novel) = &asked.path {
             add(&asked.written, StreamPurpose::Keyframes, novel.keyframes_seed);
             add(&asked.written, StreamPurpose::Curve, novel.curve_seed);
         }
-        if recipe.has_events() {
+        if recipe.has_events_along(&asked.name) {
             add(&asked.name, StreamPurpose::Sensor, sensor_seed(recipe, &asked.name));
         }
     }

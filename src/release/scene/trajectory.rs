@@ -1,10 +1,11 @@
 //! The part of `scene.json` on one trajectory.
 
-use super::{DepthQuantiles, QuantityExtent, SensorPart, TrajectoryPart, TrajectoryStatistics};
+use super::compose::camera_part;
+use super::{DepthQuantiles, MountedPart, QuantityExtent, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use crate::artifact::{BlurredFrames, EventStream, SimulationRecord};
 use crate::image::Size;
 use crate::recipe::{Recipe, TrajectoryRecipe};
-use crate::release::built::BuiltTrajectory;
+use crate::release::built::{BuiltScene, BuiltTrajectory};
 use crate::render::RenderChoice;
 use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
@@ -15,12 +16,16 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Composes the part of a trajectory.
-pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> TrajectoryPart {
+pub(super) fn trajectory_part(scene: &BuiltScene<'_>, built: &BuiltTrajectory) -> TrajectoryPart {
+    let recipe = scene.recipe;
+    let seen = || camera_part(scene, scene.camera_along(&built.name));
     let asked = recipe.trajectories.iter().find(|t| t.name == built.name);
     let stamps = &built.motion.trajectory.stamps_us;
     TrajectoryPart {
         name: built.name.clone(),
         kind: kind_name(built.motion.report.kind).into(),
+        cameras: carried(recipe, &built.name),
+        mounted: recipe.mounted(&built.name).map(|mounted| MountedPart::new(mounted, seen())),
         parameters: asked.map(|asked| parameter_values(recipe, asked)).unwrap_or_default(),
         keyframes: built.motion.report.keyframes.iter().map(|k| *k as u64).collect(),
         poses: stamps.len(),
@@ -36,6 +41,12 @@ pub(super) fn trajectory_part(recipe: &Recipe, built: &BuiltTrajectory) -> Traje
     }
 }
 
+/// Names of the cameras that a trajectory carries.
+pub(super) fn carried(recipe: &Recipe, trajectory: &str) -> Vec<String> {
+    let cameras = recipe.rig.iter().filter(|_| recipe.is_of_body(trajectory));
+    cameras.map(|camera| camera.name.clone()).collect()
+}
+
 /// Name of a kind of path in recipes.
 pub(super) fn kind_name(kind: CourseKind) -> &'static str {
     match kind {
@@ -43,6 +54,7 @@ pub(super) fn kind_name(kind: CourseKind) -> &'static str {
         CourseKind::Novel => "novel",
         CourseKind::Orbit => "orbit",
         CourseKind::Keyframes => "keyframes",
+        CourseKind::Mounted => "mounted",
     }
 }
 

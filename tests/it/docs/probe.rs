@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 39] = [
+const CONTEXTS: [(&str, &str); 40] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -55,6 +55,7 @@ const CONTEXTS: [(&str, &str); 39] = [
     ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
     ("lights.flicker", "{ lights: { flicker: { hz: 100, depth: 0.5 } } }"),
     ("lights.level", "{ lights: { level: [{ t: 0, stops: 0 }] } }"),
+    ("rig", "{ rig: { cameras: [{ name: a }, { name: b }] } }"),
     (
         "objects[]",
         "{ objects: [{ name: a, select: { sphere: { centre: [0, 0, 0], radius: 1 } }, path: { straight: {} } }] }",

@@ -90,8 +90,9 @@ impl<'c> Reference<'c> {
     fn below(&self, path: &str, declared: &'c Declared) -> Vec<(String, &'c Declared)> {
         let inner = |member: &Member| {
             let (name, list) = core(&member.ty);
-            // `sensors` holds the same as `sensor`, and limits have a section of their own.
-            if name == "Limits" || member.ty.contains("BTreeMap") {
+            // `sensors` holds the same as `sensor`, as do the cameras of a rig, and limits have a section of their own.
+            let repeated = path == "rig.cameras[]" && ["camera", "sensor"].contains(&member.name.as_str());
+            if name == "Limits" || member.ty.contains("BTreeMap") || repeated {
                 return None;
             }
             let found = self.krate.named(name, &declared.file)?;

@@ -456,6 +456,35 @@ def inertial(folder):
     assert np.array_equal(np.column_stack([times, rates, forces]), np.array(rows))
 
 
+def rig(folder):
+    assert gs2e.trajectories(folder) == ["base", "base/left", "base/right", "base/frames"]
+    body = gs2e.Scene(folder, "base")
+    assert list(body.cameras) == ["left", "right", "frames"] and body.body is None
+    assert np.array_equal(body.camera_from_body, np.eye(4))
+    for name, camera in body.cameras.items():
+        again = pickle.loads(pickle.dumps(camera))
+        assert repr(again) == repr(gs2e.Scene(f"{folder}/base/{name}")) == repr(gs2e.Scene(folder, "base/" + name))
+        assert camera.body.trajectory == "base" and camera.cameras == {}
+        assert np.array_equal(camera.stamps_us, body.stamps_us)
+        # A point of the body in the camera: world from body, and world from camera.
+        at = camera.pose(camera.stamps_us[3]) @ camera.camera_from_body
+        assert np.allclose(at, body.pose(body.stamps_us[3]), atol=1e-12)
+        assert all(np.array_equal(a, b) for a, b in zip(camera.imu(), body.imu()))
+    left, frames = body.cameras["left"], body.cameras["frames"]
+    assert (left.width, left.height, left.K[0, 2]) == (64, 48, 31) and (frames.width, frames.height) == (32, 24)
+    assert frames.frames[0].read().shape == (24, 32, 3) and left.events().t.size > 0
+    assert [d.index for d in left.disparities] == list(range(12)) and body.cameras["right"].disparities == []
+    disparity, depth = left.disparity(2), left.depth(2)
+    assert np.array_equal(np.isnan(disparity), np.isnan(depth)) and np.nanmin(disparity) > 0
+    assert left.rectify_map().shape == left.remap().shape == (48, 64, 2)
+    refused(lambda: body.rectify_map(), "no camera of a rig")
+    (window,) = list(gs2e.Windows(left, 4_000, bins=2, targets=("disparity", "depth")))[:1]
+    assert window["disparity"].shape == (48, 64) and window["disparity_t_us"] == window["depth_t_us"]
+    root = os.path.dirname(folder)
+    assert {row["trajectory"] for row in gs2e.Dataset(root).rows} == {"base/left", "base/right", "base/frames"}
+    assert {row["trajectory"] for row in gs2e._manifest_rows(root)} == {"base/left", "base/right", "base/frames"}
+
+
 def masks(folder):
     scene = gs2e.Scene(folder)
     for decoder in (*installed_decoders(), None):

@@ -1,0 +1,92 @@
+//! Stage `disparity`: disparity of a stereo pair as seen by its first camera, one `.npy` per pose.
+
+use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters};
+use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
+use crate::camera::stereo::Rectification;
+use crate::camera::{self, Camera, CameraChoice};
+use crate::image::npy;
+use crate::render::ChannelSet;
+use crate::sampling::exposure;
+use crate::scene::Gaussians;
+use crate::se3::Se3;
+use crate::source::Capture;
+use crate::trajectory::mount::CameraMount;
+use serde::Serialize;
+
+/// Parameters: the first camera, its rendering, the second camera, both places on the body, and the spacing of images.
+#[derive(Debug, Serialize)]
+pub struct DisparityStage {
+    /// Camera and rendering.
+    #[serde(flatten)]
+    pub shot: ShotParameters,
+    /// Spacing of images, in poses.
+    pub every: u32,
+    /// The second camera, if it differs from that of the source.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second: Option<CameraChoice>,
+    /// Places of the first and the second camera.
+    pub mounts: [CameraMount; 2],
+    /// The motion between them.
+    #[serde(skip)]
+    pub second_from_first: Se3,
+}
+
+/// Memory per pixel of an image and its copy, bytes, as for depth.
+const BYTES_A_PIXEL: u64 = 8;
+
+impl Stage for DisparityStage {
+    const NAME: &'static str = "disparity";
+    const REVISION: u32 = 1;
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
+    type Output = PictureSet;
+
+    fn class(&self) -> Option<String> {
+        Some(self.shot.backend.class())
+    }
+
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn role(&self) -> Option<PassRole<'_>> {
+        Some(PassRole::Poses(self))
+    }
+
+    fn run(
+        &self,
+        inputs: (Capture, Gaussians, TrajectoryProduct),
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        pass::run_alone(self, inputs, cx)
+    }
+}
+
+impl PoseStage for DisparityStage {
+    fn shot(&self) -> &ShotParameters {
+        &self.shot
+    }
+
+    fn bytes_a_pixel(&self) -> u64 {
+        BYTES_A_PIXEL
+    }
+
+    fn taker(&self, ground: &PassGround, first: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
+        let own = ground.capture.camera().map(|(own, _)| own);
+        let second = camera::choose_camera(self.second, own.as_ref()).unwrap_or(first);
+        let pair = Rectification::new([first, second], &self.second_from_first);
+        let pair = pair.map_err(StageError::work_failed("rectify the stereo pair"))?;
+        let kept = exposure::kept_poses(ground.poses(), self.every, None);
+        let form = PoseFileForm {
+            extension: "npy",
+            keep: Box::new(move |images, _| {
+                pair.disparity_image(images.depth.as_ref().expect("depth was asked for"))
+            }),
+            write: |image, file| npy::write_image(image, file),
+            is_encoded: false,
+        };
+        let channels = ChannelSet { depth: true, ..ChannelSet::NONE };
+        Ok(Box::new(FileTaker::new(kept, channels, form)))
+    }
+}
