@@ -16,6 +16,7 @@ use crate::render::flow::FlowQuantiles;
 use crate::render::{CameraVelocity, OmissionPolicy, RenderWork};
 use crate::sampling::SamplingChoice;
 use crate::sampling::exposure::ExposureRecord;
+use crate::scene::dynamic::file::{DynamicsRecord, open_files};
 use crate::scene::motion::SceneMotion;
 use crate::scene::{Gaussians, SceneScreening};
 use crate::se3::{Se3, Twist};
@@ -164,6 +165,9 @@ impl Artifact for Capture {
 /// Name of the records of the parts that move, next to a scene that has some.
 pub const SCENE_PARTS: &str = "parts.json";
 
+/// Name of the record of the change of a scene that changes with time, next to the scene.
+pub const SCENE_TIME: &str = "time.json";
+
 /// Name of the places of the objects, next to their masks.
 pub const OBJECT_PLACES: &str = "objects.csv";
 
@@ -195,6 +199,13 @@ impl Artifact for Gaussians {
 
     fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
         let path = files.path("scene.ply")?;
+        if files.size(SCENE_TIME) > 0 {
+            let record: DynamicsRecord = files.json(SCENE_TIME)?;
+            let failed = |because: String| ArtifactError { name: SCENE_TIME.into(), because };
+            let listed = record.names().map(|name| files.path(&name).map(Path::to_owned));
+            let listed: Vec<PathBuf> = listed.collect::<Result<_, _>>()?;
+            return open_files(&record, &listed).map_err(|e| failed(e.to_string()));
+        }
         let scene = crate::scene::read_file(path)
             .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })?;
         if files.size(SCENE_PARTS) == 0 {

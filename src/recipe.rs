@@ -54,6 +54,7 @@ use crate::reconstruct::TrainerCommand;
 use crate::render::RenderChoice;
 use crate::sampling::ErrorTolerance;
 use crate::sampling::exposure::ShutterSettings;
+use crate::scene::dynamic::SceneTime;
 use crate::scene::objects::ObjectSettings;
 use crate::sensor::SensorSet;
 use crate::speed::SpeedChoice;
@@ -128,6 +129,16 @@ pub struct Recipe {
 }
 
 impl Recipe {
+    /// The time of a scene that changes by itself.
+    #[must_use]
+    pub fn scene_time(&self) -> Option<SceneTime> {
+        match (&self.reconstruct, &self.source) {
+            (Some(ReconstructMethod::Changing(_, time)), _) => Some(*time),
+            (None, SceneSource::Procedural(scene)) => scene.fountain.map(|fountain| fountain.time),
+            _ => None,
+        }
+    }
+
     /// The sensors of a trajectory, with the numbers that were drawn for it.
     #[must_use]
     pub fn sensors_of(&self, trajectory: &str) -> &SensorSet {
@@ -184,6 +195,8 @@ impl fmt::Display for RecipePosition {
 pub enum ReconstructMethod {
     /// A scene file.
     Given(PathBuf),
+    /// A scene that changes with time: a file, or a folder with a sequence of files.
+    Changing(PathBuf, SceneTime),
     /// The newest scene in the source's own 3DGS model folder.
     Newest(PathBuf),
     /// A program that trains the scene on the source's photos.

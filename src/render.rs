@@ -191,6 +191,8 @@ pub struct ChannelSet {
     pub doubtful: bool,
     /// The moving part that each pixel shows.
     pub segments: bool,
+    /// Velocity of the Gaussians that each pixel shows, of a scene that changes with time.
+    pub drift: bool,
 }
 
 impl ChannelSet {
@@ -204,6 +206,7 @@ impl ChannelSet {
         luminance_rate: false,
         doubtful: false,
         segments: false,
+        drift: false,
     };
 
     /// Returns true if no image is requested.
@@ -225,6 +228,7 @@ impl ChannelSet {
             luminance_rate: self.luminance_rate || other.luminance_rate,
             doubtful: self.doubtful || other.doubtful,
             segments: self.segments || other.segments,
+            drift: self.drift || other.drift,
         }
     }
 }
@@ -248,12 +252,15 @@ pub struct RenderedImages {
     pub doubtful: Option<Image<f32>>,
     /// The moving part with the largest blended weight, from 1; 0 where what is still and what is behind have more.
     pub segments: Option<Image<u8>>,
+    /// `sum(w v) / sum(w)` of the velocities of the means, without the motion of the camera: camera axes, scene units per
+    /// second. NaN where alpha is below 0.5.
+    pub drift: Option<Image<[f32; 3]>>,
 }
 
 impl RenderedImages {
     /// Removes the images that were not requested.
     pub fn clear_all_but(&mut self, want: ChannelSet) {
-        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, segments } = self;
+        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, segments, drift } = self;
         rgb.take_if(|_| !want.rgb);
         flow.take_if(|_| !want.flow);
         luminance.take_if(|_| !want.luminance);
@@ -262,6 +269,7 @@ impl RenderedImages {
         luminance_rate.take_if(|_| !want.luminance_rate);
         doubtful.take_if(|_| !want.doubtful);
         segments.take_if(|_| !want.segments);
+        drift.take_if(|_| !want.drift);
     }
 }
 
@@ -381,6 +389,17 @@ pub trait Renderer {
     /// Returns true if parts of the scene move.
     fn has_parts(&self) -> bool {
         false
+    }
+
+    /// Returns true if the Gaussians of the scene change with time by themselves.
+    fn is_dynamic(&self) -> bool {
+        false
+    }
+
+    /// The images that say how the points of an image move, in addition to depth and the views of
+    /// [`Renderer::part_views`].
+    fn motion_channels(&self) -> ChannelSet {
+        ChannelSet { segments: self.has_parts(), drift: self.is_dynamic(), ..ChannelSet::NONE }
     }
 
     /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in order:

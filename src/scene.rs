@@ -6,6 +6,7 @@
 
 mod collector;
 mod cursor;
+pub mod dynamic;
 pub mod form;
 pub mod motion;
 pub mod objects;
@@ -53,7 +54,7 @@ pub struct Gaussians {
     pub antialiased: Option<bool>,
     /// Counts of what the reader dropped or repaired.
     pub screening: SceneScreening,
-    /// The parts that move; `None` if nothing does.
+    /// What moves; `None` if nothing does.
     pub motion: Option<Arc<SceneMotion>>,
 }
 
@@ -153,6 +154,14 @@ pub enum SceneError {
         /// Suggested remedy.
         hint: &'static str,
     },
+    /// The files of a sequence do not fit together.
+    #[error("read the frames of `{path}`: {because}", path = path.display())]
+    Frames {
+        /// The folder.
+        path: PathBuf,
+        /// The frame, the value found and the one wanted.
+        because: String,
+    },
     /// There is no memory for what the file holds.
     #[error("allocate memory for the scene: {0}")]
     Memory(#[from] TryReserveError),
@@ -242,6 +251,13 @@ fn read_by_content(bytes: &[u8]) -> Result<Gaussians, SceneError> {
         spz::read_spz(bytes)
     } else if starts(&sog::ZIP_MAGIC) {
         sog::read_sog(bytes)
+    } else if starts(&dynamic::splatv::MAGIC) {
+        Err(SceneError::Unsupported {
+            format: ".splatv",
+            offset: 0,
+            what: "a scene that changes with time".into(),
+            hint: dynamic::HINT,
+        })
     } else if bytes.trim_ascii_start().starts_with(b"{") {
         // JSON is recognised only for the hint in the error.
         Err(SceneError::Unsupported {

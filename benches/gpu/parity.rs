@@ -81,7 +81,7 @@ const STEP_US: i64 = 417;
 type Events = BTreeMap<(u16, u16, bool), Vec<i64>>;
 
 fn events(device: &GpuDevice) -> Result<(), String> {
-    let life = StillLife { gaussians: 2000, views: 6, arc: 40.0, seed: 1 };
+    let life = StillLife { gaussians: 2000, views: 6, arc: 40.0, seed: 1, fountain: None };
     let scene = Arc::new(still_life(&life));
     let failed = |e: gs2e::render::RenderError| e.to_string();
     let official = style(RenderRules::Official);

@@ -11,6 +11,7 @@ use super::input;
 use super::problem::{ExitKind, VerbError};
 use crate::event::evt::EvtVersion;
 use crate::event::file::EventFormat;
+use crate::scene::dynamic::file::frame_files;
 use crate::scene::sog;
 use crate::store::Store;
 use crate::{files, release};
@@ -21,7 +22,8 @@ use std::path::{Path, PathBuf};
 /// Arguments of `info`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Scenes: .ply, compressed .ply, .splat, .spz, .sog or the folder of a SOG. Events: .h5, .npz, \
+    after_help = "Scenes: .ply, compressed .ply, .splat, .splatv, .spz, .sog, the folder of a SOG or of a \
+    sequence of scenes. Events: .h5, .npz, \
     .raw, .aedat4, .txt, .csv, .mcap. Captures: a COLMAP model, a transforms.json, or a folder with a cameras.json. \
     Folders: a release, a store. For a scene, the up direction is a guess, and the recipe is a first try."
 )]
@@ -97,7 +99,11 @@ fn folder_facts(place: &Path, console: &Console) -> Result<PathFacts, VerbError>
     if Store::is_store(place) {
         return tree::store_facts(place);
     }
-    if files::is_there(&place.join(sog::META)) {
+    let holds = |name: &str| files::is_there(&place.join(name));
+    // Captures may contain scene files too.
+    let is_capture = holds("cameras.json") || holds("transforms.json");
+    let is_sequence = !is_capture && frame_files(place).is_ok_and(|frames| frames.len() > 1);
+    if holds(sog::META) || is_sequence {
         return scene::scene_facts(place);
     }
     capture::capture_facts(place, console)

@@ -236,7 +236,9 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
         named.extend(tree.map(|path| ("the vocabulary tree of a scene", path)));
     }
     match &recipe.reconstruct {
-        Some(ReconstructMethod::Given(path)) => named.push(("the Gaussians of a scene", path.clone())),
+        Some(ReconstructMethod::Given(path) | ReconstructMethod::Changing(path, _)) => {
+            named.push(("the Gaussians of a scene", path.clone()))
+        }
         Some(ReconstructMethod::Newest(path)) => named.push(("the model of a scene", path.clone())),
         Some(ReconstructMethod::Command(command)) => {
             named.extend(command.files.values().map(|path| ("a file of a training", path.clone())));

@@ -17,6 +17,8 @@ use crate::render::{
     AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
     RenderStyle, RenderWork, RenderedImages,
 };
+use crate::scene::dynamic::file::read_dynamic;
+use crate::scene::dynamic::{SceneSpan, SceneTime};
 use crate::scene::{self, Gaussians};
 use crate::source::{self, view};
 use account::RenderAccount;
@@ -35,9 +37,19 @@ const MAX_PIXELS: usize = 1 << 28;
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
 pub(super) struct RenderArgs {
-    /// Scene file: .ply, .splat, .spz or .sog
+    /// Scene file: .ply, .splat, .spz or .sog; with --at-time, a .ply or .splatv with tracks, or a folder with a
+    /// sequence of scene files
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
+    /// Moment of a scene that changes with time, s
+    #[arg(long, value_name = "S", value_parser = numbers::parse_moment)]
+    at_time: Option<f64>,
+    /// Time from the beginning to the end of a scene with tracks, s [default: 1]
+    #[arg(long, value_name = "S", requires = "at_time", conflicts_with = "frame_rate", value_parser = numbers::parse_positive)]
+    duration: Option<f64>,
+    /// Frames per second of a sequence of scene files, instead of --duration
+    #[arg(long, value_name = "HZ", requires = "at_time", value_parser = numbers::parse_positive)]
+    frame_rate: Option<f64>,
     /// Camera JSON { W, H, fx, fy, cx, cy, R, t } (world to camera), transforms.json, or folder
     /// with a capture
     #[arg(long, value_name = "FILE or DIR")]
@@ -209,7 +221,20 @@ impl RenderArgs {
         if !is_there(&self.scene) {
             return Err(input::missing_file("scene", &self.scene));
         }
-        scene::read_file(&self.scene).map_err(|e| input::unreadable_file("scene", &e))
+        let read = match self.time() {
+            Some(time) => read_dynamic(&self.scene, time),
+            None => scene::read_file(&self.scene),
+        };
+        read.map_err(|e| input::unreadable_file("scene", &e))
+    }
+
+    /// The time of a scene that changes. It passes as in a trajectory that starts at the moment.
+    fn time(&self) -> Option<SceneTime> {
+        let span = match self.frame_rate {
+            Some(hertz) => SceneSpan::Rate(hertz),
+            None => SceneSpan::Duration(self.duration.unwrap_or(1.0)),
+        };
+        self.at_time.map(|start| SceneTime { start, speed: 1.0, span })
     }
 
     fn style(&self, gaussians: &Gaussians) -> RenderStyle {
@@ -246,8 +271,8 @@ impl RenderArgs {
         if common.backend != BackendArg::Auto {
             return by(&common.backend()?).map_err(render_failed);
         }
-        // A GPU has no blended order, so `auto` need not open one.
-        if !gpu::supports_order(style.order) {
+        // A GPU has neither blended orders nor scenes that change, so `auto` need not open one.
+        if !gpu::supports_order(style.order) || scene.dynamics().is_some() {
             return by(&Backend::Cpu).map_err(render_failed);
         }
         // A software GPU is slower than the CPU renderer.

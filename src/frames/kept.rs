@@ -201,7 +201,7 @@ impl KeptRenderer {
         hasher.update(&self.promise);
         hash_camera(&mut hasher, &view.camera);
         hash_pose(&mut hasher, &view.world_from_camera);
-        if self.inner.has_parts() {
+        if self.inner.has_parts() || self.inner.is_dynamic() {
             // Only then does a view depend on its time.
             hash_numbers(&mut hasher, &[view.seconds]);
         }
@@ -252,6 +252,10 @@ impl Renderer for KeptRenderer {
 
     fn has_parts(&self) -> bool {
         self.inner.has_parts()
+    }
+
+    fn is_dynamic(&self) -> bool {
+        self.inner.is_dynamic()
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {

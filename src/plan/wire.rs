@@ -104,6 +104,7 @@ fn wire_poses(
 fn wire_gaussians(recipe: &Recipe) -> Option<ReconstructStage> {
     match (&recipe.reconstruct, &recipe.source) {
         (Some(ReconstructMethod::Given(file)), _) => Some(ReconstructStage::from_file(file)),
+        (Some(ReconstructMethod::Changing(path, time)), _) => Some(ReconstructStage::changing(path, *time)),
         (Some(ReconstructMethod::Newest(model)), _) => Some(ReconstructStage::newest_of(model)),
         (Some(ReconstructMethod::Command(command)), _) => {
             Some(ReconstructStage::from_command(command, capture_stage(recipe), recipe.render))
@@ -140,7 +141,10 @@ fn held_out_views(recipe: &Recipe) -> HeldOutViews {
         Some(ReconstructMethod::Command(command)) => {
             command.hold_out.map_or(HeldOutViews::Unknown, HeldOutViews::by_training)
         }
-        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => HeldOutViews::Unknown,
+        Some(
+            ReconstructMethod::Given(_) | ReconstructMethod::Changing(..) | ReconstructMethod::Newest(_),
+        )
+        | None => HeldOutViews::Unknown,
     }
 }
 

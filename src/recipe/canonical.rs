@@ -6,6 +6,8 @@ mod reconstruct;
 mod rig;
 mod trajectory;
 
+pub(super) use reconstruct::time_value;
+
 use super::field::Field;
 use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, schema};
 use crate::camera::CameraChoice;
@@ -46,17 +48,7 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
             );
         }
     }
-    let reconstruct = match &recipe.reconstruct {
-        Some(ReconstructMethod::Given(_)) => Some(json!({ "given": { "path": given_path(raw) } })),
-        Some(ReconstructMethod::Command(command)) => {
-            Some(json!({ "command": reconstruct::command_value(raw, command) }))
-        }
-        Some(ReconstructMethod::Builtin(training)) => {
-            Some(json!({ "builtin": reconstruct::builtin_value(training) }))
-        }
-        Some(ReconstructMethod::Newest(_)) | None => None,
-    };
-    reconstruct.into_iter().for_each(|value| add("reconstruct", value));
+    reconstruct_value(raw, recipe).into_iter().for_each(|value| add("reconstruct", value));
     if let Some(camera) = recipe.camera {
         add("camera", camera_value(camera));
     }
@@ -79,6 +71,23 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
     ];
     given.into_iter().filter_map(|(key, value)| Some((key, value?))).for_each(|(key, value)| add(key, value));
     out
+}
+
+/// The source of the Gaussians, if the recipe states it.
+fn reconstruct_value(raw: &schema::RecipeSchema, recipe: &Recipe) -> Option<Value> {
+    match &recipe.reconstruct {
+        Some(ReconstructMethod::Given(_)) => Some(json!({ "given": { "path": given_path(raw) } })),
+        Some(ReconstructMethod::Changing(_, time)) => {
+            Some(json!({ "given": { "path": given_path(raw), "time": time_value(time) } }))
+        }
+        Some(ReconstructMethod::Command(command)) => {
+            Some(json!({ "command": reconstruct::command_value(raw, command) }))
+        }
+        Some(ReconstructMethod::Builtin(training)) => {
+            Some(json!({ "builtin": reconstruct::builtin_value(training) }))
+        }
+        Some(ReconstructMethod::Newest(_)) | None => None,
+    }
 }
 
 fn camera_value(camera: CameraChoice) -> Value {

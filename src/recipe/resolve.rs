@@ -18,7 +18,10 @@ use super::field::{Field, UnsupportedField};
 use super::problem::{FieldProblem, quote_text};
 use super::reader::Problems;
 use super::text::TextSpan;
-use super::{OutputKind, Recipe, RecipeMeta, SceneScale, SceneSource, TrajectoryRecipe, names, schema};
+use super::{
+    OutputKind, Recipe, RecipeMeta, ReconstructMethod, SceneScale, SceneSource, TrajectoryRecipe, names,
+    schema,
+};
 use crate::camera::CameraChoice;
 use crate::check::Limits;
 use crate::render::RenderRules;
@@ -71,7 +74,7 @@ impl Resolver<'_> {
         let scale = self.scene_scale(&raw.attributes);
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
         let lights = self.lights(raw, rate, outputs.as_ref());
-        let objects = self.objects_and_masks(raw, outputs.as_ref());
+        let objects = self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct));
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -210,6 +213,12 @@ fn renders(outputs: Option<&BTreeSet<OutputKind>>, trajectories: Option<&[Trajec
     let mut outputs = outputs.into_iter().flatten();
     let mut speeds = trajectories.into_iter().flatten().map(|trajectory| &trajectory.speed);
     outputs.any(|output| !output.is_measured()) || speeds.any(|speed| matches!(speed, SpeedChoice::Flow(_)))
+}
+
+/// Returns true if the scene changes with time.
+fn changes(source: Option<&SceneSource>, reconstruct: &Option<Option<ReconstructMethod>>) -> bool {
+    matches!(reconstruct, Some(Some(ReconstructMethod::Changing(..))))
+        || matches!(source, Some(SceneSource::Procedural(scene)) if scene.fountain.is_some())
 }
 
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of

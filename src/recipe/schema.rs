@@ -24,7 +24,7 @@ pub(super) use objects::{
     ObjectKeySection, ObjectPathSection, ObjectSection, ObjectStraightSection, PlacedSection, SelectSection,
 };
 pub(super) use reconstruct::{
-    BuiltinSection, CommandSection, CountSection, ReconstructSection, UntilSection,
+    BuiltinSection, CommandSection, CountSection, ReconstructSection, TimeSection, UntilSection,
 };
 pub(super) use rig::{ExtrinsicSection, RigCameraSection, RigSection};
 pub(super) use sensor::{
@@ -33,7 +33,7 @@ pub(super) use sensor::{
     V2eSection, VoltmeterSection,
 };
 pub(super) use source::{
-    CaptureSection, FolderSection, KindKey, ProceduralSection, SourceSection, UnposedSection,
+    CaptureSection, FolderSection, FountainSection, KindKey, ProceduralSection, SourceSection, UnposedSection,
 };
 pub(super) use trajectory::{
     BezierSection, CurveSection, FlowSection, KeyframesSection, ListSection, MetricSection,

@@ -1,9 +1,10 @@
 //! The source of a scene's poses, with the statements of the recipe about its origin.
 
 use super::UpstreamOrigin;
+use super::canonical::time_value;
 use super::schema::SourceSection;
 use crate::licence::ledger;
-use crate::scene::procedural::StillLife;
+use crate::scene::procedural::{Fountain, StillLife};
 use crate::source::DiskCapture;
 use crate::source::kind::SourceKind;
 use crate::source::solving::PoseSolving;
@@ -84,6 +85,10 @@ impl SceneSource {
                 let mut fields = Map::from_iter([("kind".to_owned(), json!("still-life"))]);
                 if let Ok(Value::Object(rest)) = serde_json::to_value(still_life) {
                     fields.extend(rest);
+                }
+                if let Some(Fountain { drops, time }) = &still_life.fountain {
+                    let fountain = json!({ "drops": drops, "time": time_value(time) });
+                    fields.insert("fountain".to_owned(), fountain);
                 }
                 json!({ "procedural": fields })
             }

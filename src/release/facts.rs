@@ -99,7 +99,11 @@ impl ReleaseFacts<'_> {
                 Some(ReconstructMethod::Builtin(_)) => {
                     how.insert(format!("gs2e {}", env!("CARGO_PKG_VERSION")));
                 }
-                Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) => {
+                Some(
+                    ReconstructMethod::Given(_)
+                    | ReconstructMethod::Changing(..)
+                    | ReconstructMethod::Newest(_),
+                ) => {
                     how.insert("a program that the scene files do not name".to_owned());
                 }
                 None => {}

@@ -30,7 +30,8 @@ use super::{
     RenderedImages, Renderer, flow, parts,
 };
 use crate::camera::Camera;
-use crate::image::Size;
+use crate::image::{Image, Size};
+use crate::scene::dynamic::SceneMoment;
 use crate::scene::{Gaussians, sh};
 use crate::se3::Se3;
 use activate::{GaussianBlock, PROMISES};
@@ -39,7 +40,9 @@ use cull::CullCounts;
 use eye::ViewTransform;
 use project::{ProjectedChunk, ProjectionInput};
 use raster::RasterInput;
+use rayon::prelude::*;
 use resolve::BlendedTiles;
+use segments::SegmentPass;
 use sort::DepthSorter;
 use splat::{Splat, SplatRates};
 use std::sync::Arc;
@@ -61,6 +64,8 @@ pub struct CpuRenderer {
     sample: Option<Arc<TileSample>>,
     /// Number of Gaussians of each promise.
     promised: [usize; PROMISES],
+    /// The moment that the blocks show, of a scene that changes.
+    moment: Option<SceneMoment>,
 }
 
 /// Index of the promise of [`Renderer::keep_to`].
@@ -152,6 +157,7 @@ impl CpuRenderer {
             frame: FrameBuffers::new(),
             sample: None,
             promised,
+            moment: None,
         })
     }
 }
@@ -197,8 +203,9 @@ impl CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
-        let sample = self.sample.as_deref().filter(|sample| sample.size() == view.camera.size);
         let views = parts::part_views(&self.scene, view)?;
+        let moment = self.advance(view.seconds);
+        let sample = self.sample.as_deref().filter(|sample| sample.size() == view.camera.size);
         let eyes = self.eyes(&views);
         let projection = ProjectionInput {
             scene: &self.scene,
@@ -208,6 +215,7 @@ impl CpuRenderer {
             eyes: &eyes,
             want: asked,
             sample,
+            moment,
             level: self.instructions.level,
         };
         let frame = &mut self.frame;
@@ -237,30 +245,36 @@ impl CpuRenderer {
             self.style.background,
             out,
         );
-        out.segments = (want.segments || want.flow && views.len() > 1).then(|| {
-            let pass = segments::SegmentPass {
-                scene: &self.scene,
-                order: sorted,
-                numbers: &frame.numbers,
-                chunks: &frame.chunks,
-                grid,
-                style: self.style,
-                omit,
-                level,
-            };
-            pass.run(&mut frame.splats, &mut frame.lists, &mut frame.tiles)
-        });
-        let depth = out.depth.as_ref().filter(|_| want.flow);
-        out.flow = depth.map(|depth| flow::flow_of_parts(depth, out.segments.as_ref(), &views));
-        // Depth and parts may have been made for flow alone.
-        out.depth = out.depth.take().filter(|_| want.depth);
-        out.segments = out.segments.take().filter(|_| want.segments);
+        let pass = SegmentPass {
+            scene: &self.scene,
+            order: sorted,
+            numbers: &frame.numbers,
+            chunks: &frame.chunks,
+            grid,
+            style: self.style,
+            omit,
+            level,
+        };
+        let buffers = (&mut frame.splats[..], &mut frame.lists, &mut frame.tiles);
+        add_motion(pass, buffers, (&views, moment), want, out);
         done(PassKind::Resolve);
         Ok(work)
     }
 }
 
 impl CpuRenderer {
+    /// Brings Gaussians that change to the time of a view. Returns the moment of the scene.
+    fn advance(&mut self, seconds: f64) -> Option<SceneMoment> {
+        let dynamics = self.scene.dynamics()?;
+        let moment = dynamics.moment(seconds);
+        if self.moment != Some(moment) {
+            let (scene, rules) = (&self.scene, self.style.rules);
+            self.blocks.par_iter_mut().for_each(|block| block.advance(scene, rules, (dynamics, moment)));
+            self.moment = Some(moment);
+        }
+        Some(moment)
+    }
+
     fn eyes(&self, views: &[CameraView]) -> Vec<ViewTransform> {
         views.iter().map(|view| ViewTransform::new(view, self.scene.origin, self.style.rules)).collect()
     }
@@ -271,6 +285,7 @@ impl CpuRenderer {
         // Freed first, so that the old and the new blocks do not exist at once.
         self.blocks = Vec::new();
         self.blocks = activate::activate_all(&self.scene, self.style.rules, numbers);
+        self.moment = None;
         self.promised = [numbers.len(); PROMISES];
     }
 
@@ -355,6 +370,10 @@ impl Renderer for CpuRenderer {
         self.scene.part_count() > 0
     }
 
+    fn is_dynamic(&self) -> bool {
+        self.scene.dynamics().is_some()
+    }
+
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
         parts::held_part_views(&self.scene, view)
     }
@@ -372,6 +391,32 @@ impl Renderer for CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         self.render_in_passes(view, want, out, &mut |_| ())
     }
+}
+
+/// Adds the parts, velocities and flow of a frame to its images, and removes what was made for flow alone.
+fn add_motion(
+    pass: SegmentPass<'_>,
+    (splats, lists, tiles): (&mut [Splat], &mut TileLists, &mut Vec<f32>),
+    (views, moment): (&[CameraView], Option<SceneMoment>),
+    want: ChannelSet,
+    out: &mut RenderedImages,
+) {
+    let CameraView { camera, world_from_camera, .. } = &views[0];
+    out.segments = (want.segments || want.flow && views.len() > 1).then(|| pass.run(splats, lists, tiles));
+    let changing = pass.scene.dynamics().zip(moment).filter(|_| want.drift || want.flow);
+    let camera_from_world = world_from_camera.rotation_matrix().transpose();
+    out.drift = match changing {
+        Some(changing) => Some(pass.drift(camera_from_world, changing, (splats, lists, tiles))),
+        None => want.drift.then(|| Image::filled(camera.size, [0.0; 3])),
+    };
+    let depth = out.depth.as_ref().filter(|_| want.flow);
+    out.flow = depth.map(|depth| {
+        let flow = flow::flow_of_parts(depth, out.segments.as_ref(), views);
+        flow::with_drift(flow, depth, out.drift.as_ref(), camera)
+    });
+    out.depth = out.depth.take().filter(|_| want.depth);
+    out.segments = out.segments.take().filter(|_| want.segments);
+    out.drift = out.drift.take().filter(|_| want.drift);
 }
 
 /// Number of feature values per splat for these channels. Alpha needs none.

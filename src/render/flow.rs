@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::{Se3, Twist};
 use crate::trajectory::flow::FlowMeter;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// Length of the displacement of each pixel's world point on the image from view `from` to view `to`, px.
@@ -54,6 +54,28 @@ pub fn displacement_of_parts(
         pixels.filter(|(_, segment)| **segment == part).for_each(|((moved, own), _)| *moved = *own);
     }
     moved
+}
+
+/// As [`flow_displacement`], of points that move with the velocities of `drift`, in camera axes of `from`, until the time
+/// of `to`.
+///
+/// # Panics
+/// If an image does not have the size of `from`'s camera.
+#[must_use]
+pub fn displacement_with_drift(
+    depth: &Image<f32>,
+    drift: &Image<[f32; 3]>,
+    from: &CameraView,
+    to: &CameraView,
+) -> Image<f32> {
+    let still = flow_between(depth, from, to);
+    let seconds = to.seconds - from.seconds;
+    let own = with_drift(Image::filled(depth.size(), [0.0; 2]), depth, Some(drift), &from.camera);
+    let length = |(still, own): (&[f32; 2], &[f32; 2])| {
+        let along = |k: usize| f64::from(still[k]) + seconds * f64::from(own[k]);
+        (along(0) * along(0) + along(1) * along(1)).sqrt() as f32
+    };
+    Image::from_vec(depth.size(), still.pixels().iter().zip(own.pixels()).map(length).collect())
 }
 
 /// Takes the value, a depth or a flow, from the pixels of moving parts.
@@ -218,6 +240,46 @@ pub fn flow_of_parts(
     Image::from_vec(size, depth.pixels().iter().enumerate().map(rate).collect())
 }
 
+/// Adds the motion of Gaussians that change to a flow, by the velocity that each pixel shows.
+///
+/// # Panics
+/// The images differ in size.
+#[must_use]
+pub fn with_drift(
+    mut flow: Image<[f32; 2]>,
+    depth: &Image<f32>,
+    drift: Option<&Image<[f32; 3]>>,
+    camera: &Camera,
+) -> Image<[f32; 2]> {
+    let Some(drift) = drift else { return flow };
+    assert!(
+        drift.size() == flow.size() && depth.size() == flow.size(),
+        "the velocities are those of the view"
+    );
+    let width = flow.size().width as usize;
+    let pixels = flow.pixels_mut().iter_mut().zip(depth.pixels()).zip(drift.pixels());
+    for (i, ((flow, z), velocity)) in pixels.enumerate() {
+        let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
+        let point = camera.unproject(pixel, f64::from(*z));
+        let moving = DVec3::from_array(velocity.map(f64::from));
+        let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
+        let own = slope * DVec2::new(camera.fx, camera.fy);
+        *flow = [(f64::from(flow[0]) + own.x) as f32, (f64::from(flow[1]) + own.y) as f32];
+    }
+    flow
+}
+
+/// Takes the depth from the pixels that show Gaussians in motion.
+///
+/// # Panics
+/// The images differ in size.
+pub fn leave_out_drifting(depth: &mut Image<f32>, drift: &Image<[f32; 3]>) {
+    assert_eq!(depth.size(), drift.size(), "the velocities are those of the view");
+    let pixels = depth.pixels_mut().iter_mut().zip(drift.pixels());
+    let moves = |velocity: &[f32; 3]| velocity.iter().any(|v| v.abs() > 0.0);
+    pixels.filter(|(_, velocity)| moves(velocity)).for_each(|(z, _)| *z = f32::NAN);
+}
+
 /// Quantiles of a set of values.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -266,7 +328,7 @@ mod tests {
     use super::*;
     use crate::image::Size;
     use crate::se3::Se3;
-    use glam::{DQuat, DVec3};
+    use glam::DQuat;
 
     const SIZE: Size = Size { width: 40, height: 30 };
 

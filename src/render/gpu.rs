@@ -145,6 +145,11 @@ impl GpuRenderer {
             let because = "this gs2e renders moving objects only on the CPU: --backend cpu or reference";
             return Err(RenderError::Scene(because.to_owned()));
         }
+        if scene.dynamics().is_some() {
+            let because =
+                "this gs2e renders scenes that change with time only on the CPU: --backend cpu or reference";
+            return Err(RenderError::Scene(because.to_owned()));
+        }
         let parts = scene::upload_scene(scene, scene.sh_degree, traced.is_some(), &device)?;
         let layouts = BindingLayouts::new(&device);
         let splat_rows = splat_rows(false);
@@ -248,6 +253,7 @@ impl GpuRenderer {
         out.depth = out.depth.take().filter(|_| want.depth);
         // Nothing moves in the scenes of this back end.
         out.segments = want.segments.then(|| Image::filled(view.camera.size, 0));
+        out.drift = want.drift.then(|| Image::filled(view.camera.size, [0.0; 3]));
         Ok(work.unwrap_or_default())
     }
 

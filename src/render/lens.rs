@@ -308,11 +308,11 @@ impl LensMap {
     }
 
     /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the axes
-    /// of its part, which has one of `views`; without parts, it is still.
+    /// of its part, which has one of `views`; without parts, it is still. What changes adds its velocity.
     fn flow(
         &self,
         lens: &Distortion,
-        (depth, segments): (&Image<f32>, Option<&Image<u8>>),
+        (depth, segments, drift): SeenMotion<'_>,
         views: &[CameraView],
     ) -> Image<[f32; 2]> {
         let focal = DVec2::new(self.camera.fx, self.camera.fy);
@@ -320,7 +320,8 @@ impl LensMap {
             let (ray, z) = (self.rays[i], f64::from(depth.pixels()[i]));
             let velocity = views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))].velocity;
             let point = DVec3::new(ray.x, ray.y, 1.0) * z;
-            let moved = -velocity.linear - velocity.angular.cross(point);
+            let own = drift.map_or(DVec3::ZERO, |drift| DVec3::from_array(drift.pixels()[i].map(f64::from)));
+            let moved = own - velocity.linear - velocity.angular.cross(point);
             let along = (DVec2::new(moved.x, moved.y) - ray * moved.z) / z;
             (lens.distort(ray).1 * along * focal).to_array().map(single)
         })
@@ -356,6 +357,9 @@ fn index(at: f64) -> usize {
 fn single(value: f64) -> f32 {
     value as f32
 }
+
+/// Depth, parts and velocities of an image.
+type SeenMotion<'a> = (&'a Image<f32>, Option<&'a Image<u8>>, Option<&'a Image<[f32; 3]>>);
 
 /// A renderer behind a lens.
 pub struct LensRenderer {
@@ -401,6 +405,10 @@ impl Renderer for LensRenderer {
         self.inner.has_parts()
     }
 
+    fn is_dynamic(&self) -> bool {
+        self.inner.is_dynamic()
+    }
+
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
         self.inner.part_views(view)
     }
@@ -415,12 +423,12 @@ impl Renderer for LensRenderer {
         let Self { inner, lens, map, seen } = self;
         let map = map.as_ref().expect("it was made above");
         let wide = CameraView { camera: map.wide, ..*view };
-        let moving = want.flow && inner.has_parts();
-        let segments = want.segments || moving;
-        let asked = ChannelSet { depth: want.depth || want.flow, flow: false, segments, ..want };
-        let work = inner.render(&wide, asked, seen)?;
+        let asked = ChannelSet { depth: want.depth || want.flow, flow: false, ..want };
+        let moving = if want.flow { inner.motion_channels() } else { ChannelSet::NONE };
+        let work = inner.render(&wide, asked.with(moving), seen)?;
         let depth = seen.depth.as_ref().map(|depth| map.nearest(depth));
         let segments = seen.segments.as_ref().map(|segments| map.nearest(segments));
+        let drift = seen.drift.as_ref().map(|drift| map.nearest(drift));
         let views = inner.part_views(&wide);
         *out = RenderedImages {
             rgb: seen.rgb.as_ref().map(|rgb| Image::from_vec(map.camera.size, map.resampled(rgb.pixels()))),
@@ -429,11 +437,12 @@ impl Renderer for LensRenderer {
             flow: depth
                 .as_ref()
                 .filter(|_| want.flow)
-                .map(|depth| map.flow(lens, (depth, segments.as_ref()), &views)),
+                .map(|depth| map.flow(lens, (depth, segments.as_ref(), drift.as_ref()), &views)),
             depth: depth.filter(|_| want.depth),
             luminance_rate: seen.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
             doubtful: seen.doubtful.as_ref().map(|image| map.share_resampled(image)),
             segments,
+            drift,
         };
         out.clear_all_but(want);
         Ok(work)

@@ -28,6 +28,9 @@ use rayon::prelude::*;
 pub(super) fn part_views(scene: &Gaussians, view: &CameraView) -> Result<Vec<CameraView>, RenderError> {
     let Some(motion) = &scene.motion else { return Ok(vec![*view]) };
     motion.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
+    if let Some(dynamics) = &motion.dynamics {
+        dynamics.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
+    }
     let seen = motion.parts.iter().map(|part| seen_from(&part.at(view.seconds), view));
     Ok(std::iter::once(*view).chain(seen).collect())
 }

@@ -19,7 +19,9 @@ use super::{
 };
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
+use glam::DVec3;
 pub use parameters::GaussianRates;
+use parameters::MovingGaussian;
 use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -78,7 +80,7 @@ impl ReferenceRenderer {
     }
 
     /// Colour of every pixel and its rate, row by row, in f64, while the parameters of the scene
-    /// change and the camera moves. `rates` has one entry per Gaussian.
+    /// change and the camera moves. `rates` has one entry per Gaussian; a scene that changes with time has its own.
     ///
     /// # Errors
     /// The view cannot be rendered.
@@ -115,9 +117,14 @@ impl ReferenceRenderer {
         let views = parts::part_views(&self.scene, view)?;
         let eyes: Vec<ReferenceView<'_>> =
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
+        let changing = self.scene.dynamics().map(|dynamics| (dynamics, dynamics.moment(view.seconds)));
+        let gaussian = |i: usize| match changing {
+            Some(changing) => MovingGaussian::at_moment(&self.scene, i, changing),
+            None => MovingGaussian::new(&self.scene, i, &rates(i)),
+        };
         let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
             .into_par_iter()
-            .map(|i| eyes[self.scene.part_of(i)].layer(&self.scene, i, &rates(i)))
+            .map(|i| eyes[self.scene.part_of(i)].layer(&self.scene, i, &gaussian(i)))
             .collect();
         let work = count_outcomes(&all);
         let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
@@ -158,6 +165,10 @@ impl Renderer for ReferenceRenderer {
         self.scene.part_count() > 0
     }
 
+    fn is_dynamic(&self) -> bool {
+        self.scene.dynamics().is_some()
+    }
+
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
         parts::held_part_views(&self.scene, view)
     }
@@ -184,8 +195,13 @@ impl Renderer for ReferenceRenderer {
         let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
         let segments = Image::from_vec(size, pixels.iter().map(|pixel| pixel.segment).collect());
         let views = self.part_views(view);
-        let flow = |depth| flow::flow_of_parts(depth, Some(&segments), &views);
+        let drift = Image::from_vec(size, pixels.iter().map(ReferencePixel::drift).collect());
+        let flow = |depth| {
+            let still = flow::flow_of_parts(depth, Some(&segments), &views);
+            flow::with_drift(still, depth, Some(&drift).filter(|_| self.is_dynamic()), &view.camera)
+        };
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
+        out.drift = want.drift.then_some(drift);
         out.segments = want.segments.then_some(segments);
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
@@ -198,6 +214,7 @@ struct ReferencePixel {
     rest: D,
     depth: f64,
     doubtful: f64,
+    drift: DVec3,
     /// The part that the pixel shows.
     segment: u8,
     blended: u64,
@@ -209,6 +226,13 @@ impl ReferencePixel {
         let [r, g, b] = self.colour;
         let weighted = |weight: f64, c: D| D::constant(weight) * c;
         weighted(0.299, r) + weighted(0.587, g) + weighted(0.114, b)
+    }
+
+    /// The mean velocity by weight; NaN where the depth is.
+    fn drift(&self) -> [f32; 3] {
+        let alpha = 1.0 - self.rest.value;
+        let mean = if alpha < f64::from(DEPTH_MIN_ALPHA) { DVec3::NAN } else { self.drift / alpha };
+        mean.as_vec3().to_array()
     }
 
     fn depth(&self) -> f64 {
@@ -232,6 +256,7 @@ impl ReferenceRenderer {
             rest,
             depth: 0.0,
             doubtful: 0.0,
+            drift: DVec3::ZERO,
             segment: 0,
             blended,
             stopped,
@@ -242,6 +267,7 @@ impl ReferenceRenderer {
                 *sum = *sum + weight * c;
             }
             pixel.depth += weight.value * layer.depth.value;
+            pixel.drift += layer.drift * weight.value;
             pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
             let part = self.scene.part_of(layer.order.1).checked_sub(1);
             part.into_iter().for_each(|part| shares[part] += weight.value);

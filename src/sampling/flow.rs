@@ -8,7 +8,7 @@ use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::lights::SceneLights;
-use crate::render::flow::{flow_of_parts, nearest_ranks};
+use crate::render::flow::{flow_of_parts, nearest_ranks, with_drift};
 use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
 use rayon::prelude::*;
 
@@ -62,12 +62,16 @@ impl PathFlow {
         renderer.keep_to(&small, &[]);
         let (mut rendered, mut depths) = (RenderedImages::default(), Vec::with_capacity(places));
         for k in 0..places {
-            let want = ChannelSet { depth: true, segments: renderer.has_parts(), ..ChannelSet::default() };
+            let want = ChannelSet { depth: true, ..renderer.motion_channels() };
             let seconds = time(place(k));
             let view = CameraView::at_rest(small, path.at(seconds).0).at_time(seconds);
             renderer.render(&view, want, &mut rendered)?;
             let depth = rendered.depth.take().expect("depth was asked for");
-            depths.push((depth, rendered.segments.take()));
+            depths.push(SeenDepth {
+                depth,
+                segments: rendered.segments.take(),
+                drift: rendered.drift.take(),
+            });
         }
         // At both ends and in the middle of each part.
         let views = (0..=2 * parts).map(|m| {
@@ -222,11 +226,19 @@ impl PathFlow {
     }
 }
 
+/// The depth at a place, with the parts and the velocities that its pixels show.
+struct SeenDepth {
+    depth: Image<f32>,
+    segments: Option<Image<u8>>,
+    drift: Option<Image<[f32; 3]>>,
+}
+
 /// The flow of a moving camera, px/s of its own pixels, from the depths and parts of the places before
 /// and after: the higher of both.
-fn quickest_flow(depths: &[(Image<f32>, Option<Image<u8>>)], views: &[CameraView]) -> f64 {
-    let of = |(depth, segments): &(Image<f32>, Option<Image<u8>>)| {
+fn quickest_flow(depths: &[SeenDepth], views: &[CameraView]) -> f64 {
+    let of = |SeenDepth { depth, segments, drift }: &SeenDepth| {
         let flow = flow_of_parts(depth, segments.as_ref(), views);
+        let flow = with_drift(flow, depth, drift.as_ref(), &views[0].camera);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
         nearest_ranks(speeds, [PERCENT]).map_or(0.0, |[speed]| f64::from(speed))
     };

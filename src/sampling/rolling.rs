@@ -13,7 +13,7 @@ use super::exposure::{DenseView, ExposeError, ExposureCourse};
 use super::path::SampledPath;
 use crate::image::Image;
 use crate::lights::SceneLights;
-use crate::render::flow::flow_of_parts;
+use crate::render::flow::{flow_of_parts, with_drift};
 use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;
@@ -147,6 +147,7 @@ impl RowRoller {
         let still = CameraView::at_rest(self.course.camera, self.course.poses[pose]).at_time(at);
         let views = renderer.part_views(&CameraView { velocity, ..still });
         let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
+        let flow = with_drift(flow, depth, images.drift.as_ref(), &self.course.camera);
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
         let fastest = f64::from(squares.fold(0.0, f32::max).sqrt());
         let height = band_rows(self.readout_s, fastest, rows);

@@ -51,14 +51,14 @@ impl GaussianCollector {
         Ok(Self { scene })
     }
 
-    /// Takes the next Gaussian of the file.
-    pub(super) fn push(&mut self, gaussian: &Gaussian) {
+    /// Takes the next Gaussian of the file. Returns true if it is kept.
+    pub(super) fn push(&mut self, gaussian: &Gaussian) -> bool {
         debug_assert_eq!(gaussian.sh.len(), self.scene.sh_len());
         let scene = &mut self.scene;
         scene.screening.read += 1;
         if !gaussian.is_finite() {
             scene.screening.non_finite += 1;
-            return;
+            return false;
         }
         // Kept: the renderer takes a zero quaternion for no rotation.
         if is_zero(gaussian.rotation) {
@@ -69,6 +69,7 @@ impl GaussianCollector {
         scene.rotations.push(gaussian.rotation);
         scene.opacity_logits.push(gaussian.opacity_logit);
         scene.sh.extend_from_slice(gaussian.sh);
+        true
     }
 
     /// The scene, unless no Gaussian remains.

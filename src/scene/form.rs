@@ -1,5 +1,6 @@
 //! Formats in which a scene can be written, and the losses of each.
 
+use super::dynamic::splatv;
 use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, sog, splat, spz};
 use crate::files;
 use std::io::{self, Read as _};
@@ -35,6 +36,9 @@ pub struct SceneFileForm {
     pub format: &'static str,
     /// Bits of a coordinate, if the format stores floats.
     pub position_bits: Option<u8>,
+    /// True if such scenes may change with time.
+    #[serde(skip)]
+    pub may_change: bool,
 }
 
 /// The form of a scene, by the rules of [`super::read_any`]. The content of the file is not
@@ -43,7 +47,11 @@ pub struct SceneFileForm {
 /// # Errors
 /// The file cannot be read.
 pub fn file_form(path: &Path) -> io::Result<SceneFileForm> {
-    let of = |format, position_bits| Ok(SceneFileForm { format, position_bits });
+    let of = |format, position_bits| Ok(SceneFileForm { format, position_bits, may_change: false });
+    let changing = |format, position_bits| Ok(SceneFileForm { format, position_bits, may_change: true });
+    if path.is_dir() && !files::is_there(&path.join(sog::META)) {
+        return changing("folder of scene files", None);
+    }
     if path.is_dir() || path.file_name().is_some_and(|name| name == sog::META) {
         return of("folder of a SOG", None);
     }
@@ -52,7 +60,11 @@ pub fn file_form(path: &Path) -> io::Result<SceneFileForm> {
     }
     let mut head = Vec::new();
     files::open(path)?.take(ply::MAX_HEADER as u64 + 1).read_to_end(&mut head)?;
-    if head.starts_with(&sog::ZIP_MAGIC) {
+    if head.starts_with(&splatv::MAGIC) {
+        changing(".splatv", Some(32))
+    } else if ply::has_tracks_at(&head) {
+        changing(".ply with tracks", ply::position_bits(&head))
+    } else if head.starts_with(&sog::ZIP_MAGIC) {
         of(".sog", None)
     } else if !head.starts_with(b"ply") {
         of(".spz", None)

@@ -7,6 +7,7 @@
 //! from the camera's place in the part's own axes, where its means, covariances and harmonics are at rest.
 
 use super::Gaussians;
+use super::dynamic::SplatDynamics;
 use crate::se3::Se3;
 use crate::se3::rotation::exp_vector;
 use crate::se3::rotation_spline::{RotationSpline, SplineDiverged};
@@ -77,11 +78,13 @@ pub struct PartRecord {
     pub path: PartPath,
 }
 
-/// The moving parts of a scene.
+/// What moves in a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneMotion {
     /// The parts, in the order of their Gaussians.
     pub parts: Vec<MovingPart>,
+    /// The change of the Gaussians themselves, if they change.
+    pub dynamics: Option<SplatDynamics>,
 }
 
 /// A part with its path prepared.
@@ -153,7 +156,7 @@ impl SceneMotion {
             let curve = PartCurve::new(&record.path).map_err(path)?;
             Ok(MovingPart { record, curve })
         };
-        Ok(Self { parts: records.into_iter().map(prepare).collect::<Result<_, _>>()? })
+        Ok(Self { parts: records.into_iter().map(prepare).collect::<Result<_, _>>()?, dynamics: None })
     }
 
     /// What is stored of the parts.
@@ -469,7 +472,7 @@ mod tests {
         t(&[0.0], "found 1 keyframes, wanted at least 2");
         t(&[0.5, 1.0], "the first keyframe is at 0.5 s, wanted 0");
         t(&[0.0, 1.0, 1.0], "a keyframe at 1 s follows one at 1 s, wanted a later one");
-        let motion = SceneMotion { parts: vec![part(keyframes())] };
+        let motion = SceneMotion { parts: vec![part(keyframes())], dynamics: None };
         assert_eq!(motion.check(1.500_000_5), Ok(()));
         let late = motion.check(1.6).unwrap_err().to_string();
         assert_eq!(

@@ -11,14 +11,17 @@ mod header;
 mod notes;
 mod packed;
 mod position;
+mod tracks;
 mod write;
 
 use super::collector::{Gaussian, GaussianCollector};
 use super::cursor::ByteCursor;
+use super::dynamic::HINT;
 use super::{Gaussians, SceneError, SceneScreening, sh};
 use body::{ElementRows, VertexColumn};
 use glam::DVec3;
 use header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
+pub use tracks::{TrackColours, has_tracks_at, read_tracks, write_tracks};
 pub use write::write_ply;
 
 /// Reads a `.ply` scene. Positions of 32 bits are kept unchanged; positions of 64 bits are taken
@@ -33,6 +36,9 @@ pub fn read_ply(bytes: &[u8]) -> Result<Gaussians, SceneError> {
     let vertices = header.element("vertex", &cursor)?;
     if packed::is_packed(vertices) {
         return packed::read_packed(&header, cursor);
+    }
+    if tracks::has_tracks(vertices) {
+        return Err(cursor.unsupported("a scene that changes with time, with trbf_center", HINT));
     }
     let columns = GaussianColumns::find_columns(vertices, header.encoding, &cursor)?;
     let mut buffer = Vec::new();

@@ -10,6 +10,7 @@ mod books;
 mod bouquet;
 mod capture;
 mod draw;
+mod fountain;
 mod fruit;
 mod light;
 mod object;
@@ -19,9 +20,11 @@ mod texture;
 
 use super::Gaussians;
 use super::collector::{Gaussian, GaussianCollector};
+use super::dynamic::{SplatCourse, SplatTrack};
 use super::sh;
 use crate::source::Capture;
 use draw::SceneDraws;
+pub use fountain::{Fountain, GRAVITY};
 use glam::DVec3;
 use light::LitPoint;
 use object::{ObjectPart, SurfaceFinish, TableArrangement};
@@ -42,11 +45,14 @@ pub struct StillLife {
     pub arc: f64,
     /// Seed of the scene and of the capture's unevenness.
     pub seed: u64,
+    /// A fountain, with which the scene changes with time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fountain: Option<Fountain>,
 }
 
 impl Default for StillLife {
     fn default() -> Self {
-        Self { gaussians: 20_000, views: 30, arc: 20.0, seed: 1 }
+        Self { gaussians: 20_000, views: 30, arc: 20.0, seed: 1, fountain: None }
     }
 }
 
@@ -79,7 +85,7 @@ impl StillLife {
     }
 }
 
-/// The scene: exactly `gaussians` of them, harmonics of degree 2.
+/// The scene: exactly `gaussians` of them, harmonics of degree 2; then the drops of the fountain.
 ///
 /// # Panics
 /// If the parameters are not [valid](StillLife::validate).
@@ -89,7 +95,8 @@ pub fn still_life(life: &StillLife) -> Gaussians {
     let arrangement = arrange_table(life.seed);
     let weights: Vec<f64> = arrangement.parts.iter().map(|p| p.detail * p.shape.area()).collect();
     let counts = shape::split_count(life.gaussians as usize, &weights);
-    let mut collector = GaussianCollector::new(light::DEGREE, life.gaussians as usize)
+    let drops = life.fountain.map_or(0, |fountain| fountain.drops as usize);
+    let mut collector = GaussianCollector::new(light::DEGREE, life.gaussians as usize + drops)
         .expect("a valid still life has few Gaussians");
     // Each part draws from its own stream, so the number of surfels of one part changes no draw of
     // another.
@@ -97,7 +104,17 @@ pub fn still_life(life: &StillLife) -> Gaussians {
         let mut draws = SceneDraws::new(life.seed, stream);
         part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
     }
-    collector.finish(DVec3::ZERO, Some(false)).expect("a valid still life has Gaussians, all of them finite")
+    let tracks = life.fountain.map(|fountain| {
+        let still = std::iter::repeat_n(SplatTrack::STILL, life.gaussians as usize);
+        still.chain(fountain::add_fountain(&fountain, life.seed, &mut collector)).collect()
+    });
+    let scene = collector
+        .finish(DVec3::ZERO, Some(false))
+        .expect("a valid still life has Gaussians, all of them finite");
+    match (tracks, life.fountain) {
+        (Some(tracks), Some(fountain)) => scene.with_dynamics(fountain.time, SplatCourse::Tracks(tracks)),
+        _ => scene,
+    }
 }
 
 /// The capture: `views` poses along an arc about the table, 640x360 pixels, not distorted.

@@ -393,8 +393,7 @@ fn sample_path(
     cx: &StageContext<'_>,
 ) -> Result<PathSample, StageError> {
     let poses = &trajectory.world_from_camera;
-    let segments = renderer.has_parts();
-    let want = ChannelSet { depth: true, alpha: true, doubtful: true, segments, ..ChannelSet::default() };
+    let want = ChannelSet { depth: true, alpha: true, doubtful: true, ..renderer.motion_channels() };
     let (mut moved_px, mut stamps_us, mut depths) = (Vec::new(), Vec::new(), Vec::new());
     let mut doubt = BlendDoubt::default();
     for (a, b) in flow::sample_pairs(poses.len(), FLOW_SAMPLES) {
@@ -408,10 +407,15 @@ fn sample_path(
         doubt.add(&rendered);
         let mut depth = rendered.depth.expect("depth was asked for");
         let segments = rendered.segments.as_ref();
+        let drift = rendered.drift.as_ref();
         let [from, to] = [from, to].map(|view| renderer.part_views(&view));
-        moved_px.extend(flow::displacement_of_parts(&depth, segments, &from, &to).into_pixels());
-        // The checks compare depths with the poses of the camera, which tell nothing of moving parts.
+        moved_px.extend(match drift {
+            Some(drift) => flow::displacement_with_drift(&depth, drift, &from[0], &to[0]).into_pixels(),
+            None => flow::displacement_of_parts(&depth, segments, &from, &to).into_pixels(),
+        });
+        // The checks compare depths with the poses of the camera, which tell nothing of what moves by itself.
         segments.into_iter().for_each(|segments| flow::leave_out_parts(&mut depth, segments));
+        drift.into_iter().for_each(|drift| flow::leave_out_drifting(&mut depth, drift));
         stamps_us.push(trajectory.stamps_us[a]);
         depths.push(depth);
     }

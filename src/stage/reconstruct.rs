@@ -9,12 +9,13 @@ pub use command::TrainingStage;
 
 use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, small_stage_memory};
-use crate::artifact::{Artifact, ArtifactFiles};
+use crate::artifact::{Artifact, ArtifactFiles, SCENE_TIME, write_json};
 use crate::files::is_there;
 use crate::reconstruct::{self, TrainerCommand};
 use crate::render::RenderChoice;
-use crate::scene::ply::write_ply;
-use crate::scene::procedural::{self, StillLife};
+use crate::scene::dynamic::SceneTime;
+use crate::scene::dynamic::file::{frame_files, read_dynamic, scene_files};
+use crate::scene::procedural::{self, Fountain, StillLife};
 use crate::scene::{self, Gaussians};
 use crate::source::{Capture, model};
 use crate::training::TrainingSettings;
@@ -32,6 +33,9 @@ pub enum ReconstructStage {
         gaussians: u32,
         /// Seed of the scene.
         seed: u64,
+        /// Its fountain.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        fountain: Option<Fountain>,
     },
     /// A scene file, whose content enters the key by its digest.
     Given {
@@ -41,6 +45,14 @@ pub enum ReconstructStage {
         /// Its location.
         #[serde(skip)]
         file: SceneLocation,
+    },
+    /// A scene that changes with time, whose files enter the key by their digests.
+    Changing {
+        /// Its time.
+        time: SceneTime,
+        /// The file, or the folder of the sequence.
+        #[serde(skip)]
+        path: PathBuf,
     },
     /// A program that trains on the capture.
     Command(Box<TrainingStage>),
@@ -73,8 +85,8 @@ impl ReconstructStage {
     /// The Gaussians of an embedded scene.
     #[must_use]
     pub fn procedural(still_life: &StillLife) -> Self {
-        let StillLife { gaussians, seed, .. } = *still_life;
-        Self::Procedural { gaussians, seed }
+        let StillLife { gaussians, seed, fountain, .. } = *still_life;
+        Self::Procedural { gaussians, seed, fountain }
     }
 
     /// A scene file. A `.splat` file has no magic number, so its name is part of its identity.
@@ -82,6 +94,12 @@ impl ReconstructStage {
     pub fn from_file(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
         Self::Given { form: is_splat.then_some("splat"), file: SceneLocation::At(file.to_owned()) }
+    }
+
+    /// A scene that changes with time.
+    #[must_use]
+    pub fn changing(path: &Path, time: SceneTime) -> Self {
+        Self::Changing { time, path: path.to_owned() }
     }
 
     /// The newest scene of a 3DGS model folder.
@@ -119,6 +137,7 @@ impl Stage for ReconstructStage {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(match self {
             Self::Procedural { .. } => Vec::new(),
+            Self::Changing { path, time } => changing_sources(path, *time)?,
             Self::Given { file, .. } => vec![SourceFile { name: "scene".into(), path: file.find()? }],
             Self::Command(training) => training.sources()?,
             Self::Builtin(training) => training.sources()?,
@@ -130,7 +149,8 @@ impl Stage for ReconstructStage {
             Self::Given { file: SceneLocation::NewestOf(path), .. } => model::scene_folders(path),
             Self::Command(training) => training.source_folders(),
             Self::Builtin(training) => training.source_folders(),
-            Self::Given { .. } | Self::Procedural { .. } => Vec::new(),
+            Self::Changing { path, time } if time.is_sequence() => vec![path.clone()],
+            Self::Given { .. } | Self::Changing { .. } | Self::Procedural { .. } => Vec::new(),
         }
     }
 
@@ -149,7 +169,9 @@ impl Stage for ReconstructStage {
     fn programs(&self) -> Vec<String> {
         match self {
             Self::Command(training) => training.programs(),
-            Self::Given { .. } | Self::Procedural { .. } | Self::Builtin(_) => Vec::new(),
+            Self::Given { .. } | Self::Changing { .. } | Self::Procedural { .. } | Self::Builtin(_) => {
+                Vec::new()
+            }
         }
     }
 
@@ -165,15 +187,41 @@ impl Stage for ReconstructStage {
             Self::Builtin(training) => {
                 training.run(&capture.expect("a training is wired to the capture"), &solved, cx)?
             }
-            Self::Procedural { gaussians, seed } => {
-                let still_life = StillLife { gaussians: *gaussians, seed: *seed, ..StillLife::default() };
-                procedural::still_life(&still_life)
+            Self::Procedural { gaussians, seed, fountain } => {
+                let (gaussians, seed, fountain) = (*gaussians, *seed, *fountain);
+                procedural::still_life(&StillLife { gaussians, seed, fountain, ..StillLife::default() })
+            }
+            Self::Changing { path, time } => {
+                read_dynamic(path, *time).map_err(StageError::work_failed("read the scene"))?
             }
             Self::Given { file, .. } => {
                 scene::read_file(&file.find()?).map_err(StageError::work_failed("read the scene"))?
             }
         };
-        let out = cx.out.join("scene.ply");
-        File::create(&out).and_then(|file| write_ply(&gaussians, file)).map_err(StageError::io_error(&out))
+        write_scene(&gaussians, cx.out)
     }
+}
+
+/// Writes a scene, and its change if it changes.
+fn write_scene(gaussians: &Gaussians, folder: &Path) -> Result<(), StageError> {
+    for (name, part) in scene_files(gaussians) {
+        let out = folder.join(name);
+        File::create(&out).and_then(|file| part.write(file)).map_err(StageError::io_error(&out))?;
+    }
+    let Some(dynamics) = gaussians.dynamics() else { return Ok(()) };
+    let out = folder.join(SCENE_TIME);
+    write_json(&out, &dynamics.record()).map_err(StageError::io_error(&out))
+}
+
+/// The files of a scene that changes with time.
+fn changing_sources(path: &Path, time: SceneTime) -> Result<Vec<SourceFile>, StageError> {
+    if !time.is_sequence() {
+        return Ok(vec![SourceFile { name: "scene".into(), path: path.to_owned() }]);
+    }
+    if !is_there(path) {
+        return Err(StageError::Missing { path: path.to_owned() });
+    }
+    let listed = frame_files(path).map_err(StageError::io_error(path))?;
+    let named = |(number, path)| SourceFile { name: format!("frame {number}"), path };
+    Ok(listed.into_iter().enumerate().map(named).collect())
 }

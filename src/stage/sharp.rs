@@ -116,8 +116,8 @@ struct RollTaker {
 impl PoseTaker for RollTaker {
     fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
         let want = self.files.want(pose, renderer);
-        // Objects move rows on their own.
-        ChannelSet { segments: want.depth && renderer.has_parts(), ..want }
+        // What moves by itself moves rows too.
+        if want.depth { want.with(renderer.motion_channels()) } else { want }
     }
 
     fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {

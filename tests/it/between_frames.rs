@@ -41,7 +41,7 @@ struct World {
 
 impl World {
     fn new() -> Self {
-        let life = StillLife { gaussians: 300, views: 6, arc: 40.0, seed: 1 };
+        let life = StillLife { gaussians: 300, views: 6, arc: 40.0, seed: 1, fountain: None };
         Self { scene: Arc::new(procedural::still_life(&life)), capture: procedural::still_capture(&life) }
     }
 

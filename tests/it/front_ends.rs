@@ -152,7 +152,7 @@ fn cubics_see_through_front_ends() {
 /// Rendered frames behind a front end, encoded again, are the renderer's own colours.
 #[test]
 fn rendered_colours_are_decoded() {
-    let life = StillLife { gaussians: 400, views: 6, arc: 6.0, seed: 1 };
+    let life = StillLife { gaussians: 400, views: 6, arc: 6.0, seed: 1, fountain: None };
     let scene = Arc::new(procedural::still_life(&life));
     let seen_from = procedural::still_capture(&life).views[0].clone();
     let (camera, pose) =

@@ -30,7 +30,7 @@ const SIZE: Size = Size { width: 40, height: 30 };
 
 /// A still camera before a still life: the colours that it sees, and the events of a sensor in this light.
 fn still_events(lights: &SceneLights, model: &dyn SensorModel) -> (Image<[f32; 3]>, Vec<Event>) {
-    let life = StillLife { gaussians: 400, views: 6, arc: 6.0, seed: 1 };
+    let life = StillLife { gaussians: 400, views: 6, arc: 6.0, seed: 1, fountain: None };
     let scene = Arc::new(procedural::still_life(&life));
     let view = procedural::still_capture(&life).views[0].clone();
     let (camera, pose) = (view.camera.resized(SIZE), view.world_from_camera);

@@ -24,6 +24,7 @@ mod diff;
 mod disk_space;
 mod docs;
 mod doctor;
+mod dynamic;
 mod event_pictures;
 mod event_statistics;
 mod exports;

@@ -21,11 +21,11 @@ use gs2e::se3::rotation::exp_vector;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-fn style(rules: RenderRules) -> RenderStyle {
+pub(crate) fn style(rules: RenderRules) -> RenderStyle {
     RenderStyle { rules, order: LayerOrder::Depth, antialiased: false, background: [0.1, 0.3, 0.2] }
 }
 
-const ALL: ChannelSet = ChannelSet {
+pub(crate) const ALL: ChannelSet = ChannelSet {
     luminance: true,
     luminance_rate: true,
     alpha: true,
@@ -36,7 +36,7 @@ const ALL: ChannelSet = ChannelSet {
 };
 
 /// Overlapping Gaussians of all shapes with harmonics of degree 3.
-fn crowd(count: usize) -> Gaussians {
+pub(crate) fn crowd(count: usize) -> Gaussians {
     let mut draws = ScatterDraws(11);
     let mut draw = |low: f64, high: f64| low + (high - low) * f64::from(draws.next());
     let blobs: Vec<ColourBlob> = (0..count)
@@ -87,13 +87,13 @@ fn moving_crowd() -> Gaussians {
     scene
 }
 
-fn moving_view() -> CameraView {
+pub(crate) fn moving_view() -> CameraView {
     let velocity = CameraVelocity { linear: DVec3::new(0.3, -0.2, 0.4), angular: DVec3::new(0.1, 0.3, -0.2) };
     CameraView { velocity, ..view_ahead(96, 64, 80.0).at_time(0.37) }
 }
 
 /// The view after `seconds`, to the first order of its velocity.
-fn after(view: &CameraView, seconds: f64) -> CameraView {
+pub(crate) fn after(view: &CameraView, seconds: f64) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;
     let world_from_camera = Se3 {
         rotation: rotation * exp_vector(view.velocity.angular * seconds),
@@ -103,7 +103,7 @@ fn after(view: &CameraView, seconds: f64) -> CameraView {
 }
 
 /// Median and 99 % of the differences relative to the wanted value, or to 1e-3 of the largest.
-fn errors(pairs: &[(f64, f64)]) -> [f64; 2] {
+pub(crate) fn errors(pairs: &[(f64, f64)]) -> [f64; 2] {
     let largest = pairs.iter().fold(0.0, |most: f64, (_, wanted)| most.max(wanted.abs()));
     let mut errors: Vec<f64> = pairs
         .iter()

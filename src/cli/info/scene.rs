@@ -7,6 +7,8 @@ use crate::cli::input;
 use crate::cli::problem::VerbError;
 use crate::escape;
 use crate::image::Size;
+use crate::scene::dynamic::file::{read_dynamic, usual_time};
+use crate::scene::dynamic::{SceneSpan, SceneTime, SplatDynamics};
 use crate::scene::form::{SceneFileForm, file_form};
 use crate::scene::survey::{SceneOrbit, SceneSurvey, UpRule};
 use crate::scene::{self, Gaussians};
@@ -21,13 +23,15 @@ const CAMERA: Camera =
 
 pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
     let form = file_form(place).map_err(|e| unreadable(place, &e))?;
-    let gaussians = scene::read_any(place).map_err(|e| {
+    let time = usual_time(place).map_err(|e| unreadable(place, &e))?.filter(|_| form.may_change);
+    let read = time.map_or_else(|| scene::read_any(place), |time| read_dynamic(place, time));
+    let gaussians = read.map_err(|e| {
         input::unreadable_file("file", &e).help("gs2e info --help lists the files and folders that are known")
     })?;
     let survey = SceneSurvey::measure_scene(&gaussians);
     let orbit = survey.orbit(&CAMERA).rounded();
-    let recipe = suggested_recipe(place, &orbit);
-    let value = json!({
+    let recipe = suggested_recipe(place, time, &orbit);
+    let mut value = json!({
         "format": form.format,
         "position_bits": form.position_bits,
         "gaussians": gaussians.len(),
@@ -38,8 +42,29 @@ pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
         "orbit": orbit,
         "recipe": recipe.join("\n") + "\n",
     });
-    let rows = scene_rows(&form, &gaussians, &survey);
+    let mut rows = scene_rows(&form, &gaussians, &survey);
+    if let Some(dynamics) = gaussians.dynamics() {
+        rows.insert(1, ("change", change_words(dynamics)));
+        value["change"] = json!({
+            "degree": dynamics.degree(),
+            "frames": dynamics.frames(),
+            "harmonics": dynamics.has_harmonics(),
+            "end_s": dynamics.end_s(),
+        });
+    }
     Ok(PathFacts { kind: "scene", title: "a scene", rows, recipe, value })
+}
+
+/// The change of a scene in words. The unit of its time is a guess.
+fn change_words(dynamics: &SplatDynamics) -> String {
+    let end = short(dynamics.end_s());
+    match dynamics.frames() {
+        Some(frames) => {
+            let harmonics = if dynamics.has_harmonics() { "" } else { "; harmonics stay" };
+            format!("a sequence of {frames} frames, {end} s at 30 frames per second{harmonics}")
+        }
+        None => format!("tracks of degree {}, from 0 to the `duration` of a recipe", dynamics.degree()),
+    }
 }
 
 fn scene_rows(
@@ -81,16 +106,21 @@ fn vector(v: DVec3, number: impl Fn(f64) -> String) -> String {
 }
 
 /// A recipe with an orbit about the scene.
-fn suggested_recipe(place: &Path, orbit: &SceneOrbit) -> Vec<String> {
+fn suggested_recipe(place: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -> Vec<String> {
     // `-0` is a number too, but an odd one.
     let point = |v: DVec3| vector(v + DVec3::ZERO, brief);
     let Camera { size, fx, .. } = CAMERA;
+    let time = match time.map(|time| time.span) {
+        Some(SceneSpan::Duration(seconds)) => format!(", time: {{ duration: {seconds} }}"),
+        Some(SceneSpan::Rate(hertz)) => format!(", time: {{ rate: {hertz} }}"),
+        None => String::new(),
+    };
     vec![
         "# A first recipe. Paths are relative to its folder; `up` is a guess.".to_owned(),
         "version: 1".to_owned(),
         "scene: my-scene".to_owned(),
         "source: none".to_owned(),
-        format!("reconstruct: {{ given: {{ path: {} }} }}", escape::quoted(&path(place))),
+        format!("reconstruct: {{ given: {{ path: {}{time} }} }}", escape::quoted(&path(place))),
         format!("camera: {{ width: {}, height: {}, fx: {fx} }}", size.width, size.height),
         "trajectories:".to_owned(),
         "  - name: orbit".to_owned(),

@@ -22,6 +22,18 @@ pub(super) fn parse_velocity(text: &str) -> Result<CameraVelocity, String> {
     Ok(CameraVelocity { linear: DVec3::new(vx, vy, vz), angular: DVec3::new(wx, wy, wz) })
 }
 
+/// Reads a moment of a scene, s.
+pub(super) fn parse_moment(text: &str) -> Result<f64, String> {
+    let [value] = parse_numbers(text)?;
+    if value >= 0.0 { Ok(value) } else { Err(format!("{value} is below 0")) }
+}
+
+/// Reads a number above 0.
+pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
+    let [value] = parse_numbers(text)?;
+    if value > 0.0 { Ok(value) } else { Err(format!("{value} is not above 0")) }
+}
+
 /// Reads `N` finite numbers, separated by commas.
 fn parse_numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let number = |part: &str| {
@@ -52,5 +64,8 @@ mod tests {
         t("1,0,1e999", "`1e999` is not a finite number");
         t("255,0,0", "255 is not between 0 and 1");
         t("0,-0.1,0", "-0.1 is not between 0 and 1");
+        assert_eq!((parse_moment("0"), parse_positive("2.5")), (Ok(0.0), Ok(2.5)));
+        assert_eq!(parse_moment("-1").unwrap_err(), "-1 is below 0");
+        assert_eq!(parse_positive("0").unwrap_err(), "0 is not above 0");
     }
 }

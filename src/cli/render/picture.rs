@@ -44,6 +44,7 @@ impl ChannelArg {
             flow: self == Self::Flow,
             doubtful: self == Self::Doubtful,
             segments: false,
+            drift: false,
         }
     }
 

@@ -34,6 +34,7 @@ impl Renderer for Counting {
             luminance_rate: grey(want.luminance_rate, -x),
             doubtful: grey(want.doubtful, 0.25),
             segments: None,
+            drift: None,
         };
         Ok(RenderWork { blended: 7, ..RenderWork::default() })
     }

@@ -2,8 +2,18 @@
 
 use crate::recipe::schema;
 use crate::reconstruct::{ArgumentTemplate, TrainerCommand};
+use crate::scene::dynamic::{SceneSpan, SceneTime};
 use crate::training::TrainingSettings;
 use serde_json::{Map, Value, json};
+
+/// Returns the time of a scene that changes by itself.
+pub(in crate::recipe) fn time_value(time: &SceneTime) -> Value {
+    let (key, value) = match time.span {
+        SceneSpan::Duration(seconds) => ("duration", seconds),
+        SceneSpan::Rate(hertz) => ("rate", hertz),
+    };
+    json!({ "start": time.start, "speed": time.speed, key: value })
+}
 
 /// Returns all known fields; file paths are as written.
 pub(super) fn command_value(raw: &schema::RecipeSchema, command: &TrainerCommand) -> Value {

@@ -26,12 +26,16 @@ const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit 
 type Triple = Field<[Field<f64>; 3]>;
 
 impl Resolver<'_> {
-    /// The objects. Masks of a scene without objects are refused.
+    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are refused.
     pub(super) fn objects_and_masks(
         &self,
         raw: &schema::RecipeSchema,
         outputs: Option<&BTreeSet<OutputKind>>,
+        changes: bool,
     ) -> Option<Vec<ObjectSettings>> {
+        if changes {
+            self.refuse_in_changing_scene(raw);
+        }
         let objects = self.objects(&raw.objects);
         self.refuse_masks_of_nothing(raw, outputs, objects.as_deref());
         objects
@@ -67,6 +71,14 @@ impl Resolver<'_> {
             );
             let help = "write objects: [{ name: ball, select: { … }, path: { … } }]";
             self.report(problem.help(help).at(raw.outputs.place().unwrap_or(self.root)));
+        }
+    }
+
+    fn refuse_in_changing_scene(&self, raw: &schema::RecipeSchema) {
+        if let Some((list, place)) = raw.objects.given().filter(|(list, _)| !list.is_empty()) {
+            let message = format!("has {} objects in a scene that changes with time, wanted 0", list.len());
+            let help = "remove `objects`, or the `time` or `fountain` of the scene";
+            self.report(FieldProblem::of_field(message).help(help).at(place));
         }
     }
 

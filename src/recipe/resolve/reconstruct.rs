@@ -7,6 +7,7 @@ use super::number::{RealRange, WholeRange};
 use crate::recipe::field::Field;
 use crate::recipe::problem::FieldProblem;
 use crate::recipe::{ReconstructMethod, SceneSource, schema};
+use crate::scene::dynamic::{SceneSpan, SceneTime};
 use crate::training::{TrainingGoal, TrainingSettings};
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
@@ -80,6 +81,23 @@ impl Resolver<'_> {
         }
     }
 
+    /// The time of a scene that changes by itself.
+    pub(super) fn scene_time(&self, raw: &schema::TimeSection) -> Option<SceneTime> {
+        let start = self.real(&raw.start, 0.0, RealRange::new(0.0, 1e6));
+        let speed = self.real(&raw.speed, 1.0, RealRange::above(0.0, 1e6));
+        if let (Some(_), Some(place)) = (raw.rate.place(), raw.duration.place()) {
+            let problem = FieldProblem::of_key("and rate exclude each other");
+            let help = "keep `rate` for a sequence of files, or `duration` for a file with tracks";
+            return self.refuse(problem.help(help).at(place));
+        }
+        let span = if raw.rate.is_absent() {
+            self.real(&raw.duration, 1.0, RealRange::above(0.0, 1e6)).map(SceneSpan::Duration)
+        } else {
+            self.real(&raw.rate, 1.0, RealRange::above(0.0, 1e6)).map(SceneSpan::Rate)
+        };
+        Some(SceneTime { start: start?, speed: speed?, span: span? })
+    }
+
     /// The settings of a training, with the rendering left at its default: the recipe's is filled in
     /// when the step is wired.
     fn builtin(&self, raw: &schema::BuiltinSection, seed: Option<u64>) -> Option<TrainingSettings> {
@@ -122,7 +140,15 @@ impl Resolver<'_> {
             schema::ReconstructSection::Given(field) => {
                 let (given, place) = field.given()?;
                 self.later(&given.undistorted, "this gs2e uses a given scene unchanged");
-                self.path(&given.path, place).map(ReconstructMethod::Given)
+                let path = self.path(&given.path, place);
+                match &given.time {
+                    Field::Absent => path.map(ReconstructMethod::Given),
+                    Field::Bad => None,
+                    Field::Given(time, _) => {
+                        let time = self.scene_time(time);
+                        Some(ReconstructMethod::Changing(path?, time?))
+                    }
+                }
             }
             schema::ReconstructSection::Command(field) => {
                 let (raw, place) = field.given()?;

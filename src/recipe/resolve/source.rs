@@ -7,7 +7,7 @@ use crate::recipe::problem::FieldProblem;
 use crate::recipe::schema::CaptureSection;
 use crate::recipe::text::TextSpan;
 use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
-use crate::scene::procedural::StillLife;
+use crate::scene::procedural::{Fountain, StillLife};
 use crate::source::kind::CaptureKind;
 use crate::source::solving::{FramePicking, PoseSolving};
 use crate::source::{self, DiskCapture, PoseFile, ViewSelection};
@@ -40,14 +40,29 @@ impl Resolver<'_> {
 
     fn still_life(&self, field: &Field<schema::ProceduralSection>) -> Option<StillLife> {
         let (raw, _) = field.given()?;
-        let StillLife { gaussians, views, arc, seed } = StillLife::default();
+        let StillLife { gaussians, views, arc, seed, .. } = StillLife::default();
         let kind = self.or(&raw.kind, schema::KindKey::StillLife);
         let gaussians = self.small(&raw.gaussians, gaussians, WholeRange::new(100, 10_000_000));
         let views = self.small(&raw.views, views, WholeRange::new(2, 10_000));
         let arc = self.real(&raw.arc, arc, RealRange::above(0.0, 360.0));
         let seed = self.or(&raw.seed, seed);
+        let fountain = self.fountain(&raw.fountain);
         let schema::KindKey::StillLife = kind?;
-        Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed? })
+        Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed?, fountain: fountain? })
+    }
+
+    fn fountain(&self, field: &Field<schema::FountainSection>) -> Option<Option<Fountain>> {
+        let Some((raw, _)) = field.given() else { return field.is_absent().then_some(None) };
+        let drops = self.small(&raw.drops, Fountain::default().drops, WholeRange::new(1, 1_000_000));
+        let absent = schema::TimeSection::default();
+        let time = self.section(&raw.time, &absent)?;
+        if let Some(place) = time.rate.place() {
+            let problem =
+                FieldProblem::of_field("is the rate of a sequence of files, and a fountain is none");
+            return self.refuse(problem.help("write duration: 2, in seconds").at(place));
+        }
+        let time = self.scene_time(time);
+        Some(Some(Fountain { drops: drops?, time: time? }))
     }
 
     fn captured(

@@ -17,14 +17,31 @@ pub(in crate::recipe) enum ReconstructSection {
     Command(Field<Box<CommandSection>>),
 }
 
-/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`.
+/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with time.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(in crate::recipe) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
+    /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene files. See
+    /// [dynamic.md](dynamic.md). Default: none, a scene at rest.
+    pub time: Field<TimeSection>,
     /// True if the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<UnsupportedField>,
+}
+
+/// The time of a scene that changes by itself, at each time of a trajectory.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct TimeSection {
+    /// Moment of the scene at the first pose. Unit: s. Default: `0`.
+    pub start: Field<f64>,
+    /// Seconds of the scene in a second of the trajectory. Default: `1`.
+    pub speed: Field<f64>,
+    /// Time from the beginning to the end of a scene with tracks. Unit: s. Default: `1`.
+    pub duration: Field<f64>,
+    /// Frames of a sequence per second, instead of `duration`. Unit: Hz. Default: none.
+    pub rate: Field<f64>,
 }
 
 /// The training fits what `render` renders: its rules, antialiasing and background.

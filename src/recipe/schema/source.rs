@@ -1,5 +1,6 @@
 //! The source of poses as written.
 
+use super::TimeSection;
 use crate::recipe::field::Field;
 use crate::source::PoseFile;
 use crate::source::kind::CaptureKind;
@@ -46,6 +47,18 @@ pub(in crate::recipe) struct ProceduralSection {
     pub arc: Field<f64>,
     /// Seed of the scene and of its capture. Default: `1`.
     pub seed: Field<u64>,
+    /// Drops of a fountain that spring from the table. Default: none.
+    pub fountain: Field<FountainSection>,
+}
+
+/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [dynamic.md](dynamic.md).
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct FountainSection {
+    /// Number of drops, in addition to the Gaussians of the table. Default: `500`.
+    pub drops: Field<u64>,
+    /// Time of the fountain; without `rate`. Default: `{}`.
+    pub time: Field<TimeSection>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]

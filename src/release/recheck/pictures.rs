@@ -113,15 +113,28 @@ impl ReleasedPictures<'_> {
         Ok(flow)
     }
 
-    /// The depth at a pose without the pixels of objects; `None` if objects move and there is no mask.
+    /// The depth at a pose without the pixels of objects; `None` if objects move and there is no mask, or the scene
+    /// changes with time.
     pub(super) fn still_depth(&self, pose: usize) -> Result<Option<Image<f32>>, RecheckError> {
+        // Nothing says which pixels of a scene that changes are still.
+        if self.recipe.scene_time().is_some() {
+            return Ok(None);
+        }
         let is_masked = !self.has_objects() || self.tree.has(&self.name("segmentation", pose, "png"))?;
         is_masked.then(|| self.depth(pose)).transpose()
     }
 
     /// Returns true if things move on paths of their own.
-    pub(super) fn has_objects(&self) -> bool {
+    fn has_objects(&self) -> bool {
         !self.recipe.objects.is_empty()
+    }
+
+    /// What moves by itself, in words, if anything does.
+    pub(super) fn own_motion(&self) -> Option<&'static str> {
+        if self.recipe.scene_time().is_some() {
+            return Some("the scene changes with time");
+        }
+        self.has_objects().then_some("objects move on paths of their own")
     }
 
     /// The mask at a pose, if objects move and the tree has one.

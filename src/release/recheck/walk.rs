@@ -101,7 +101,7 @@ pub(super) fn walk_pictures(
         decoded = following?;
     }
     let flows = present.flow_differences(differences);
-    let moves = pictures.has_objects().then(|| "objects move on paths of their own".to_owned());
+    let moves = pictures.own_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
     let order = moves.map_or(order, Err);
     Ok(GeometryMeasures { pictures, order, depths, flows })

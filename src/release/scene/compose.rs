@@ -120,7 +120,10 @@ pub(super) fn kind_of_gaussians(recipe: &Recipe) -> &'static str {
         _ if recipe.source.kind().is_made_up() => recipe.source.kind().name(),
         Some(ReconstructMethod::Command(_)) => "command",
         Some(ReconstructMethod::Builtin(_)) => "builtin",
-        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => "given",
+        Some(
+            ReconstructMethod::Given(_) | ReconstructMethod::Changing(..) | ReconstructMethod::Newest(_),
+        )
+        | None => "given",
     }
 }
 
@@ -129,7 +132,10 @@ pub(super) fn training_iterations(recipe: &Recipe) -> Option<u64> {
     match &recipe.reconstruct {
         Some(ReconstructMethod::Command(command)) => command.iterations,
         Some(ReconstructMethod::Builtin(training)) => Some(training.iterations.into()),
-        Some(ReconstructMethod::Given(_) | ReconstructMethod::Newest(_)) | None => None,
+        Some(
+            ReconstructMethod::Given(_) | ReconstructMethod::Changing(..) | ReconstructMethod::Newest(_),
+        )
+        | None => None,
     }
 }
 

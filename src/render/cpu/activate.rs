@@ -5,8 +5,10 @@ use super::cull::ALL_LANES;
 use super::extent;
 use crate::render::RenderRules;
 use crate::render::dual::RealNumber;
+use crate::render::shared::least_alpha;
+use crate::scene::dynamic::{MomentSplat, SceneMoment, SplatDynamics};
 use crate::scene::{Gaussians, sh};
-use glam::{DMat3, DQuat};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 
 /// Number of Gaussians that are projected together.
@@ -39,6 +41,19 @@ pub(super) struct GaussianBlock {
     pub(super) opacity: Lane,
     /// [`extent::opacity_reach`] of the opacity.
     pub(super) reach: Lane,
+    /// The rates of Gaussians that change.
+    pub(super) motion: Option<Box<BlockMotion>>,
+}
+
+/// Rates of the Gaussians of a block, per second.
+#[derive(Debug, Clone)]
+pub(super) struct BlockMotion {
+    /// Of the means.
+    pub(super) velocity: [Lane; 3],
+    /// Of the scaled axes.
+    pub(super) axes: [[Lane; 3]; 3],
+    /// Of the opacities.
+    pub(super) opacity: Lane,
 }
 
 /// One Gaussian in activated form: see [`GaussianBlock`].
@@ -62,6 +77,38 @@ impl GaussianBlock {
         let axis = |k: usize| [self.axes[k][0][lane], self.axes[k][1][lane], self.axes[k][2][lane]];
         let axes = [axis(0), axis(1), axis(2)];
         ActivatedGaussian { axes, opacity: self.opacity[lane] }
+    }
+
+    /// Activates the Gaussians of a scene that changes, as they are at a moment.
+    pub(super) fn advance(
+        &mut self,
+        scene: &Gaussians,
+        rules: RenderRules,
+        (dynamics, moment): (&SplatDynamics, SceneMoment),
+    ) {
+        let zero = [0.0; LANES];
+        let still = || Box::new(BlockMotion { velocity: [zero; 3], axes: [[zero; 3]; 3], opacity: zero });
+        let motion = self.motion.get_or_insert_with(still);
+        for lane in 0..self.len {
+            let splat = dynamics.splat(scene, self.numbers[lane] as usize, moment);
+            for k in 0..3 {
+                let [value, rate] = splat.position[k].map(single);
+                (self.positions[k][lane], motion.velocity[k][lane]) = (value, rate);
+            }
+            let [opacity, rate] = splat.opacity.map(single);
+            (self.opacity[lane], motion.opacity[lane]) = (opacity, rate);
+            // Antialiasing only lowers an opacity, so such a Gaussian is not drawn, whatever its axes are.
+            if opacity < 0.5 * least_alpha(rules) {
+                continue;
+            }
+            self.reach[lane] = extent::opacity_reach(rules, opacity);
+            let axes = moving_axes(&splat);
+            for (k, [axis, rate]) in axes.into_iter().enumerate() {
+                for c in 0..3 {
+                    (self.axes[k][c][lane], motion.axes[k][c][lane]) = (single(axis[c]), single(rate[c]));
+                }
+            }
+        }
     }
 
     /// Activates the Gaussian of a lane again, after a change in the scene.
@@ -96,6 +143,10 @@ pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32
 /// of either sign to anything else leaves it unchanged. (Gaussians with NaN coefficients are never
 /// drawn.)
 pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
+    // Harmonics that change may be zero at first.
+    if scene.dynamics().is_some_and(SplatDynamics::has_harmonics) {
+        return scene.sh_degree;
+    }
     let is_used = |degree: u8| {
         let band = sh::function_count(degree - 1)..sh::function_count(degree);
         let all = (0..scene.len()).into_par_iter().map(|i| scene.sh_of(i)[band.clone()].as_flattened());
@@ -116,6 +167,7 @@ fn activate_block(scene: &Gaussians, rules: RenderRules, part: usize, numbers: &
         axes: [[zero; 3]; 3],
         opacity: zero,
         reach: zero,
+        motion: None,
     };
     for (lane, &number) in numbers.iter().enumerate() {
         block.numbers[lane] = number;
@@ -136,6 +188,33 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
         (rotation.col(k) * deviation).as_vec3().to_array()
     };
     [axis(0), axis(1), axis(2)]
+}
+
+/// The scaled axes of a Gaussian that changes, each with its rate. While a unit quaternion `q` changes, axes turn with
+/// the angular velocity `2 qdot q*`.
+fn moving_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
+    let quaternion = |part: usize| {
+        let [w, x, y, z] = splat.rotation.map(|both| both[part]);
+        DQuat::from_xyzw(x, y, z, w)
+    };
+    let (stored, rate) = (quaternion(0), quaternion(1));
+    let norm = stored.length().max(MIN_NORM);
+    let unit = stored / norm;
+    // Only the component across the quaternion turns it.
+    let across = (rate - unit * unit.dot(rate)) / norm;
+    let spin = (across * unit.conjugate()).xyz() * 2.0;
+    let turn = DMat3::from_quat(unit);
+    let axis = |k: usize| {
+        let [log, log_rate] = splat.log_scale[k];
+        let axis = turn.col(k) * libm::exp(log);
+        [axis, spin.cross(axis) + axis * log_rate]
+    };
+    [axis(0), axis(1), axis(2)]
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "rounded to 32 bits once, after the arithmetic")]
+fn single(value: f64) -> f32 {
+    value as f32
 }
 
 /// The gradient by a stored quaternion, from the gradients by the scaled axes in world axes. Only its

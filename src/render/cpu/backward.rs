@@ -199,6 +199,7 @@ impl GradientRenderer {
             eyes: std::slice::from_ref(&eye),
             want: COLOUR,
             sample: None,
+            moment: None,
             level,
         };
         let frame = &mut self.frame;

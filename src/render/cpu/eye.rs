@@ -123,7 +123,22 @@ impl ViewTransform {
     /// The projection of a point in camera axes. While the camera moves, `qdot = -v - w x q`.
     #[inline(always)]
     pub(super) fn sight<S: RealNumber<Plain = f32>>(&self, point: DVec3) -> ProjectedMean<S> {
-        let rate = -self.velocity.linear - self.velocity.angular.cross(point);
+        self.sight_at_rate(point, -self.velocity.linear - self.velocity.angular.cross(point))
+    }
+
+    /// As [`Self::sight`], of a point with a velocity of its own in world axes.
+    #[inline(always)]
+    pub(super) fn sight_moving<S: RealNumber<Plain = f32>>(
+        &self,
+        point: DVec3,
+        velocity: [f32; 3],
+    ) -> ProjectedMean<S> {
+        let still = -self.velocity.linear - self.velocity.angular.cross(point);
+        self.sight_at_rate(point, still + self.camera_from_world * wide(velocity))
+    }
+
+    #[inline(always)]
+    fn sight_at_rate<S: RealNumber<Plain = f32>>(&self, point: DVec3, rate: DVec3) -> ProjectedMean<S> {
         let (u, v) = (point.x / point.z, point.y / point.z);
         let (u_rate, v_rate) = ((rate.x - u * rate.z) / point.z, (rate.y - v * rate.z) / point.z);
         ProjectedMean {
@@ -149,15 +164,14 @@ impl ViewTransform {
         S::with_rate(slope as f32, if inside { rate as f32 } else { 0.0 })
     }
 
-    /// The covariance on the image of a Gaussian with these scaled world axes.
+    /// The covariance on the image of a Gaussian with these scaled axes, in camera axes.
     #[inline(always)]
     pub(super) fn footprint<S: RealNumber<Plain = f32>>(
         &self,
         slopes: [S; 2],
         depth: S,
-        axes: [[f32; 3]; 3],
+        [m0, m1, m2]: [[S; 3]; 3],
     ) -> SplatCovariance<S> {
-        let [m0, m1, m2] = [self.turned(axes[0]), self.turned(axes[1]), self.turned(axes[2])];
         let along = [m0[2], m1[2], m2[2]];
         // Rows of the projection's derivative times the axes. In the Gaussian's own axes, the cross
         // product that gives the determinant does not cancel, which matters for needles.
@@ -189,7 +203,7 @@ impl ViewTransform {
 
     /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
-    fn turned<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
+    pub(super) fn turned<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
         let seen = [
             dot_product(self.rows[0], axis),
             dot_product(self.rows[1], axis),
@@ -200,13 +214,36 @@ impl ViewTransform {
         [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
     }
 
+    /// As [`Self::turned`], of a vector that changes at a rate in world axes.
+    #[inline(always)]
+    pub(super) fn turned_moving<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3], rate: [f32; 3]) -> [S; 3] {
+        let still: [S; 3] = self.turned(axis);
+        let own = |k: usize| dot_product(self.rows[k], rate);
+        let with = |k: usize| S::with_rate(still[k].value(), still[k].rate() + own(k));
+        [with(0), with(1), with(2)]
+    }
+
     /// The direction from the camera to a point. Only the component of the rate across the ray
     /// turns it.
     #[inline(always)]
     pub(super) fn direction<S: RealNumber<Plain = f32>>(&self, point: [f32; 3]) -> [S; 3] {
+        self.direction_at_rate(point, self.ray_rate)
+    }
+
+    /// As [`Self::direction`], to a point with a velocity of its own.
+    #[inline(always)]
+    pub(super) fn direction_moving<S: RealNumber<Plain = f32>>(
+        &self,
+        point: [f32; 3],
+        velocity: [f32; 3],
+    ) -> [S; 3] {
+        self.direction_at_rate(point, self.ray_rate + wide(velocity))
+    }
+
+    #[inline(always)]
+    fn direction_at_rate<S: RealNumber<Plain = f32>>(&self, point: [f32; 3], rate: DVec3) -> [S; 3] {
         let ray = self.ray(point);
         let direction = ray.normalize();
-        let rate = self.ray_rate;
         let turning = (rate - direction * direction.dot(rate)) / ray.length();
         [
             S::with_rate(direction.x as f32, turning.x as f32),
@@ -214,6 +251,11 @@ impl ViewTransform {
             S::with_rate(direction.z as f32, turning.z as f32),
         ]
     }
+}
+
+#[inline(always)]
+fn wide([x, y, z]: [f32; 3]) -> DVec3 {
+    DVec3::new(x.into(), y.into(), z.into())
 }
 
 /// An entry of a row of the projection's derivative times one axis.

@@ -8,6 +8,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
+mod moving;
+
 use super::activate::{GaussianBlock, LANES, Lane, PROMISES};
 use super::cull::{BEHIND, CullCounts, DEGENERATE, DRAWN, Fate, OUTSIDE, count_culled};
 use super::extent;
@@ -20,6 +22,7 @@ use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, GSPLAT_FAR, GSPLAT_NEAR, NEAR, least_alpha,
 };
 use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderWork};
+use crate::scene::dynamic::SceneMoment;
 use crate::scene::{Gaussians, sh};
 use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
@@ -45,6 +48,8 @@ pub(super) struct ProjectionInput<'a> {
     pub(super) want: ChannelSet,
     /// The tiles that are read, if not all are. Gaussians that touch none of them are left out.
     pub(super) sample: Option<&'a TileSample>,
+    /// The moment of a scene that changes with time.
+    pub(super) moment: Option<SceneMoment>,
     /// The instruction set.
     pub(super) level: Level,
 }
@@ -191,13 +196,7 @@ impl ProjectionInput<'_> {
     ) {
         let eye = &self.eyes[block.part];
         seen.locate(eye, self.style.rules, block);
-        if self.style.antialiased {
-            seen.shape::<true>(eye, self.style.rules, block);
-            seen.reach_anew(self.style.rules);
-        } else {
-            seen.shape::<false>(eye, self.style.rules, block);
-            seen.reach = block.reach;
-        }
+        seen.outline(eye, self.style, block);
         match self.style.rules {
             RenderRules::Official => seen.bound(RenderRules::Official, eye.size),
             RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, eye.size),
@@ -216,8 +215,18 @@ impl ProjectionInput<'_> {
             let i = usize::from(seen.drawn[k]);
             let mut colour = [S::nearest(0.0); 3];
             if coloured {
-                let coefficients = self.scene.sh_of(block.numbers[i] as usize).as_flattened();
-                colour = seen.colour(k, &coefficients[..3 * sh::function_count(self.sh_degree)]);
+                let number = block.numbers[i] as usize;
+                let changing = self.moment.zip(self.scene.dynamics());
+                let changing = changing.and_then(|(moment, dynamics)| dynamics.harmonics(number, moment));
+                colour = match changing {
+                    Some(harmonics) => {
+                        seen.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
+                    }
+                    None => {
+                        let coefficients = self.scene.sh_of(number).as_flattened();
+                        seen.colour(k, &coefficients[..3 * sh::function_count(self.sh_degree)])
+                    }
+                };
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
             splats[done.drawn] = seen.splat(i, self.features(value, seen, i));
@@ -306,13 +315,31 @@ impl<S: LaneValue> ProjectedBlock<S> {
         }
     }
 
-    /// Projects the covariances. If `ANTIALIASED`, the opacities are scaled too.
+    /// The covariances and the reach.
+    #[inline(always)]
+    fn outline(&mut self, eye: &ViewTransform, style: RenderStyle, block: &GaussianBlock) {
+        let still = |axes: [[f32; 3]; 3], _: usize| turned_axes(eye, axes);
+        match block.motion.as_deref().filter(|_| S::MOVING) {
+            Some(motion) => self.outline_moving(eye, style, block, motion),
+            None if style.antialiased => self.shape::<true>(eye, style.rules, block, still),
+            None => self.shape::<false>(eye, style.rules, block, still),
+        }
+        if style.antialiased {
+            self.reach_anew(style.rules);
+        } else {
+            self.reach = block.reach;
+        }
+    }
+
+    /// Projects the covariances of axes that `turned` has in camera axes. If `ANTIALIASED`, the opacities are scaled
+    /// too.
     #[inline(always)]
     fn shape<const ANTIALIASED: bool>(
         &mut self,
         eye: &ViewTransform,
         rules: RenderRules,
         block: &GaussianBlock,
+        turned: impl Fn([[f32; 3]; 3], usize) -> [[S; 3]; 3],
     ) {
         let least = least_alpha(rules);
         let [m0, m1, m2] = &block.axes;
@@ -321,7 +348,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
             let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
             let axis = |m: &[Lane; 3]| [m[0][i], m[1][i], m[2][i]];
             let axes = [axis(m0), axis(m1), axis(m2)];
-            let shape = eye.footprint(slopes, S::at(&self.depth, i), axes);
+            let shape = eye.footprint(slopes, S::at(&self.depth, i), turned(axes, i));
             let mut opacity = S::with_rate(block.opacity[i], 0.0);
             if ANTIALIASED {
                 let floor = S::nearest(COMPENSATION_FLOOR.into());
@@ -417,22 +444,25 @@ impl<S: LaneValue> ProjectedBlock<S> {
                 to[k] = from[i];
             }
         }
+        if let Some(motion) = block.motion.as_deref().filter(|_| S::MOVING) {
+            return self.face_moving(eye, motion, (degree, count));
+        }
         // With a constant degree, the compiler drops the functions above it.
         match degree {
-            0 => self.face_to(eye, 0, count),
-            1 => self.face_to(eye, 1, count),
-            2 => self.face_to(eye, 2, count),
-            _ => self.face_to(eye, 3, count),
+            0 => self.face_to(0, count, |point, _| eye.direction(point)),
+            1 => self.face_to(1, count, |point, _| eye.direction(point)),
+            2 => self.face_to(2, count, |point, _| eye.direction(point)),
+            _ => self.face_to(3, count, |point, _| eye.direction(point)),
         }
     }
 
     #[inline(always)]
-    fn face_to(&mut self, eye: &ViewTransform, degree: u8, count: usize) {
+    fn face_to(&mut self, degree: u8, count: usize, direction: impl Fn([f32; 3], usize) -> [S; 3]) {
         // Whole vectors of the widest set. Lanes beyond `count` hold values of an earlier block,
         // which nothing reads.
         for k in 0..count.next_multiple_of(16) {
             let [x, y, z] = &self.positions;
-            let basis = sh::basis_values(degree, eye.direction::<S>([x[k], y[k], z[k]]));
+            let basis = sh::basis_values(degree, direction([x[k], y[k], z[k]], k));
             for (value, to) in basis[..sh::function_count(degree)].iter().zip(&mut self.basis) {
                 value.put(to, k);
             }
@@ -493,4 +523,10 @@ impl<S: LaneValue> ProjectedBlock<S> {
             grey_rate,
         }
     }
+}
+
+/// Scaled axes of a Gaussian in camera axes.
+#[inline(always)]
+fn turned_axes<S: LaneValue>(eye: &ViewTransform, axes: [[f32; 3]; 3]) -> [[S; 3]; 3] {
+    [eye.turned(axes[0]), eye.turned(axes[1]), eye.turned(axes[2])]
 }

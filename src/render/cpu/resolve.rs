@@ -61,6 +61,17 @@ pub(super) fn feature_image(blended: BlendedTiles<'_>, feature: usize) -> Image<
     image.expect("a feature fills its image")
 }
 
+/// The mean of three features at each pixel by weight; NaN where a depth is.
+pub(super) fn mean_vectors(blended: BlendedTiles<'_>) -> Image<[f32; 3]> {
+    let mut image = None;
+    fill_image(&mut image, [0.0; 3], Some(0), blended, |pixel, f| {
+        let alpha = 1.0 - pixel.rest();
+        let mean = |k: usize| if alpha < DEPTH_MIN_ALPHA { f32::NAN } else { pixel.sum(f + k) / alpha };
+        [mean(0), mean(1), mean(2)]
+    });
+    image.expect("features fill their image")
+}
+
 /// The values of one pixel in the planes of its tile.
 struct ResolvedPixel<'a> {
     tile: &'a [f32],

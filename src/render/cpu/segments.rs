@@ -1,4 +1,5 @@
-//! The moving part that each pixel shows: a blend of the frame's splats once more, with their parts as features.
+//! The moving part that each pixel shows, and the velocity: a blend of the frame's splats once more, with their parts or
+//! their velocities as features.
 //!
 //! The weight of a part at a pixel is the sum of the blended weights of its Gaussians. What is still, and what is
 //! behind, has the rest of 1. The largest weight decides; of equal ones, the part with the lower number.
@@ -7,14 +8,16 @@ use super::bin::{OrderedSplats, TileGrid, TileLists};
 use super::project::{CHUNK, ProjectedChunk};
 use super::raster::RasterInput;
 use super::raster_pass;
-use super::resolve::{BlendedTiles, feature_image};
+use super::resolve::{BlendedTiles, feature_image, mean_vectors};
 use super::splat::{MAX_FEATURES, Splat};
 use crate::image::Image;
 use crate::render::{OmissionPolicy, RenderStyle};
 use crate::scene::Gaussians;
+use crate::scene::dynamic::{SceneMoment, SplatDynamics};
 use fearless_simd::Level;
+use glam::{DMat3, DVec3};
 
-/// The frame whose parts are found.
+/// The frame whose parts or velocities are found.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SegmentPass<'a> {
     pub(super) scene: &'a Gaussians,
@@ -61,15 +64,38 @@ impl SegmentPass<'_> {
         parts
     }
 
+    /// The velocity that each pixel shows, camera axes. What [`Self::run`] overwrites is overwritten.
+    pub(super) fn drift(
+        self,
+        camera_from_world: DMat3,
+        (dynamics, moment): (&SplatDynamics, SceneMoment),
+        (splats, lists, tiles): (&mut [Splat], &mut TileLists, &mut Vec<f32>),
+    ) -> Image<[f32; 3]> {
+        self.each(splats, |splat, number| {
+            let velocity = dynamics.splat(self.scene, number, moment).velocity();
+            let seen = camera_from_world * DVec3::from_array(velocity);
+            splat.features[..3].copy_from_slice(&seen.as_vec3().to_array());
+        });
+        self.blend(3, splats, lists, tiles);
+        mean_vectors(BlendedTiles { tiles, features: 3, grid: self.grid })
+    }
+
     /// Gives each splat a feature of 1 for its part, if it is one of the next after `before`.
     fn mark(self, before: usize, splats: &mut [Splat]) {
+        self.each(splats, |splat, number| {
+            let part = self.scene.part_of(number);
+            splat.features = [0.0; MAX_FEATURES];
+            let feature = part.checked_sub(before + 1).and_then(|k| splat.features.get_mut(k));
+            feature.into_iter().for_each(|feature| *feature = 1.0);
+        });
+    }
+
+    /// Does something with each splat and the number of its Gaussian.
+    fn each(self, splats: &mut [Splat], act: impl Fn(&mut Splat, usize)) {
         for (chunk, first) in self.chunks.iter().zip((0..).step_by(CHUNK)) {
             let places = first..first + chunk.drawn;
             for (splat, number) in splats[places.clone()].iter_mut().zip(&self.numbers[places]) {
-                let part = self.scene.part_of(*number as usize);
-                splat.features = [0.0; MAX_FEATURES];
-                let feature = part.checked_sub(before + 1).and_then(|k| splat.features.get_mut(k));
-                feature.into_iter().for_each(|feature| *feature = 1.0);
+                act(splat, *number as usize);
             }
         }
     }

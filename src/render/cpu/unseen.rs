@@ -79,7 +79,8 @@ pub(super) fn seen_indices(
     poses: &[Se3],
 ) -> Vec<u32> {
     let px = [camera.fx, camera.fy, camera.cx, camera.cy];
-    if poses.is_empty() || !px.iter().all(|v| v.abs() <= MAX_PX) {
+    // Nor do the poses say when a Gaussian that changes is where.
+    if poses.is_empty() || scene.dynamics().is_some() || !px.iter().all(|v| v.abs() <= MAX_PX) {
         return all_indices(scene);
     }
     let hull = PathHull::new(scene.origin, rules, camera, poses);

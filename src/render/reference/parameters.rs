@@ -2,6 +2,7 @@
 
 use super::D;
 use crate::render::dual::RealNumber;
+use crate::scene::dynamic::{MomentSplat, Rated, SceneMoment, SplatDynamics};
 use crate::scene::{Gaussians, sh};
 use std::array::from_fn;
 
@@ -20,12 +21,16 @@ pub struct GaussianRates {
     pub harmonics: [[f64; 3]; sh::MAX_LEN],
 }
 
-/// The stored parameters of a Gaussian, which may change in time.
+fn opacity_of(logit: D) -> D {
+    D::constant(1.0) / (D::constant(1.0) + (-logit).exponential())
+}
+
+/// The parameters of a Gaussian, which may change in time.
 pub(super) struct MovingGaussian {
     pub(super) position: [D; 3],
     log_scale: [D; 3],
     rotation: [D; 4],
-    logit: D,
+    opacity: D,
     harmonics: [[D; 3]; sh::MAX_LEN],
 }
 
@@ -38,7 +43,7 @@ impl MovingGaussian {
             position: triple(scene.positions[i], rates.position),
             log_scale: triple(scene.log_scales[i], rates.log_scale),
             rotation: from_fn(|k| join(scene.rotations[i][k], rates.rotation[k])),
-            logit: join(scene.opacity_logits[i], rates.logit),
+            opacity: opacity_of(join(scene.opacity_logits[i], rates.logit)),
             harmonics: from_fn(|k| {
                 coefficients.get(k).map_or([D::constant(0.0); 3], |c| triple(*c, rates.harmonics[k]))
             }),
@@ -74,9 +79,28 @@ impl MovingGaussian {
         ]
     }
 
+    /// Gaussian `i` of a scene that changes, at a moment.
+    pub(super) fn at_moment(
+        scene: &Gaussians,
+        i: usize,
+        (dynamics, moment): (&SplatDynamics, SceneMoment),
+    ) -> Self {
+        let rated = |[value, rate]: Rated| D { value, rate };
+        let MomentSplat { position, log_scale, rotation, opacity } = dynamics.splat(scene, i, moment);
+        let still = || Self::new(scene, i, &GaussianRates::default()).harmonics;
+        let changing = dynamics.harmonics(i, moment);
+        Self {
+            position: position.map(rated),
+            log_scale: log_scale.map(rated),
+            rotation: rotation.map(rated),
+            opacity: rated(opacity),
+            harmonics: changing.map_or_else(still, |own| own.map(|channels| channels.map(rated))),
+        }
+    }
+
     /// Opacity at the mean, without the factor of the antialiased rule.
     pub(super) fn opacity(&self) -> D {
-        D::constant(1.0) / (D::constant(1.0) + (-self.logit).exponential())
+        self.opacity
     }
 
     /// The colour in a unit direction.

@@ -1,7 +1,7 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
-use super::parameters::{GaussianRates, MovingGaussian};
+use super::parameters::MovingGaussian;
 use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
@@ -24,6 +24,8 @@ pub(super) struct ReferenceLayer {
     pub(super) opacity: D,
     pub(super) colour: [D; 3],
     pub(super) depth: D,
+    /// Velocity of the mean by itself, camera axes.
+    pub(super) drift: DVec3,
     /// True if the Gaussian is too deep for its distance.
     pub(super) doubtful: bool,
     /// True if the Gaussian is far too deep for its distance.
@@ -60,9 +62,8 @@ impl<'a> ReferenceView<'a> {
         &self,
         scene: &Gaussians,
         i: usize,
-        rates: &GaussianRates,
+        gaussian: &MovingGaussian,
     ) -> Result<ReferenceLayer, CullReason> {
-        let gaussian = MovingGaussian::new(scene, i, rates);
         // Camera and scene origin are subtracted before anything is rotated. Far from the world's
         // origin, a difference of rotated positions would cancel.
         let from_camera: [D; 3] = from_fn(|k| D::constant(self.origin[k]) + gaussian.position[k]);
@@ -103,6 +104,7 @@ impl<'a> ReferenceView<'a> {
             opacity,
             colour: gaussian.colour(scene.sh_degree, self.direction(from_camera)),
             depth: z,
+            drift: self.camera_from_world * DVec3::from_array(gaussian.position.map(|x| x.rate)),
             doubtful: deep > f64::from(AFFINE_DOUBTFUL),
             invalid: deep > f64::from(AFFINE_INVALID),
             columns,

@@ -74,8 +74,10 @@ impl RendererPolicy for InformedRenderers<'_> {
         match &self.chosen.by {
             RendererKind::One(backend) => backend.clone(),
             RendererKind::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
-            // Nor moving objects.
-            RendererKind::Auto(_) if !recipe.objects.is_empty() => Backend::Cpu,
+            // Nor moving objects, nor scenes that change with time.
+            RendererKind::Auto(_) if !recipe.objects.is_empty() || recipe.scene_time().is_some() => {
+                Backend::Cpu
+            }
             // A record that cannot be read is reported where it is needed.
             RendererKind::Auto(auto) => {
                 auto.of(&recipe.scene, past::last_class(recipe, self.store).unwrap_or_default())

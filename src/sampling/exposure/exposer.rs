@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::image::light::PictureSum;
 use crate::lights::SceneLights;
-use crate::render::flow::flow_of_parts;
+use crate::render::flow::{flow_of_parts, with_drift};
 use crate::render::{
     CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
 };
@@ -192,8 +192,8 @@ impl FrameExposer {
 
     /// The images of a dense frame.
     fn dense_channels(&self, renderer: &dyn Renderer) -> ChannelSet {
-        let (depth, segments) = (self.sees_motion(), self.sees_motion() && renderer.has_parts());
-        ChannelSet { rgb: true, depth, segments, ..ChannelSet::NONE }
+        let motion = if self.sees_motion() { renderer.motion_channels() } else { ChannelSet::NONE };
+        ChannelSet { rgb: true, depth: self.sees_motion(), ..motion }
     }
 
     fn open(&self, pose: usize) -> [f64; 2] {
@@ -251,6 +251,7 @@ impl FrameExposer {
         let Some(depth) = images.depth.as_ref().filter(|_| self.sees_motion()) else { return };
         let views = renderer.part_views(&self.view(moment));
         let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
+        let flow = with_drift(flow, depth, images.drift.as_ref(), &self.course.camera);
         // Pixels without a depth have no finite flow.
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
         self.fastest = self.fastest.max(squares.fold(0.0, f32::max).sqrt());

@@ -15,24 +15,35 @@ use std::io::{self, BufWriter, Write};
 /// # Errors
 /// `out` fails.
 pub fn write_ply(scene: &Gaussians, out: impl Write) -> io::Result<()> {
+    write_rows(scene, &[], |_, _| (), out)
+}
+
+/// Writes a scene with more properties of 32 bits, whose numbers `more` appends to the row of each Gaussian.
+pub(super) fn write_rows(
+    scene: &Gaussians,
+    names: &[String],
+    more: impl Fn(usize, &mut Vec<u8>),
+    out: impl Write,
+) -> io::Result<()> {
     let mut out = BufWriter::new(out);
-    out.write_all(header_text(scene).as_bytes())?;
+    out.write_all(header_text(scene, names).as_bytes())?;
     let mut row = Vec::new();
     for i in 0..scene.len() {
         row.clear();
         push_row(scene, i, &mut row);
+        more(i, &mut row);
         out.write_all(&row)?;
     }
     out.flush()
 }
 
-fn header_text(scene: &Gaussians) -> String {
+fn header_text(scene: &Gaussians, more: &[String]) -> String {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
     let notes = PlyNotes::for_scene(scene);
     // Sums of a position and an origin need 64 bits.
     let (count, position) = (scene.len(), if notes.origin.is_some() { "double" } else { "float" });
     let _ = writeln!(text, "{notes}element vertex {count}");
-    for (i, name) in property_names(scene.sh_degree).iter().enumerate() {
+    for (i, name) in property_names(scene.sh_degree).iter().chain(more).enumerate() {
         let number = if i < 3 { position } else { "float" };
         let _ = writeln!(text, "property {number} {name}");
     }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 40] = [
+const CONTEXTS: [(&str, &str); 42] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -18,6 +18,11 @@ const CONTEXTS: [(&str, &str); 40] = [
     ("source.video", "{ source: { video: { path: c } }, outputs: [] }"),
     ("source.colmap.poses", "{ source: { dl3dv: { path: c } }, outputs: [] }"),
     ("reconstruct.given", "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply } } }"),
+    ("source.procedural.fountain.", "{ source: { procedural: { fountain: {} } } }"),
+    (
+        "reconstruct.given.time.",
+        "{ source: { colmap: { path: c } }, reconstruct: { given: { path: s.ply, time: {} } } }",
+    ),
     ("reconstruct.builtin", "{ source: { colmap: { path: c } }, reconstruct: { builtin: {} } }"),
     (
         "reconstruct.command",
@@ -173,7 +178,11 @@ fn relative(found: &mut Recipe, base: &str) {
         short(&mut captured.path);
     }
     match &mut found.reconstruct {
-        Some(recipe::ReconstructMethod::Given(path) | recipe::ReconstructMethod::Newest(path)) => short(path),
+        Some(
+            recipe::ReconstructMethod::Given(path)
+            | recipe::ReconstructMethod::Changing(path, _)
+            | recipe::ReconstructMethod::Newest(path),
+        ) => short(path),
         Some(recipe::ReconstructMethod::Command(_) | recipe::ReconstructMethod::Builtin(_)) | None => {}
     }
     for object in &mut found.objects {

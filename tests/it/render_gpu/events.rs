@@ -99,7 +99,7 @@ impl FrameSequence for MadeFrames {
 #[test]
 fn events_are_those_of_the_sensor_fed_with_the_same_frames() {
     let Some(device) = gpu::device() else { return };
-    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1 };
+    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1, fountain: None };
     let scene = procedural::still_life(&life);
     let renderer = |device| Box::new(GpuRenderer::new(device, &scene, OFFICIAL).unwrap());
     let views = views(&life);
@@ -125,7 +125,7 @@ fn events_are_those_of_the_sensor_fed_with_the_same_frames() {
 #[test]
 fn events_are_those_of_the_cpu() {
     let Some(device) = gpu::device() else { return };
-    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1 };
+    let life = StillLife { gaussians: 500, views: 6, arc: 40.0, seed: 1, fountain: None };
     let scene = Arc::new(procedural::still_life(&life));
     let by_gpu = events(Box::new(GpuRenderer::new(device, &scene, OFFICIAL).unwrap()), &life);
     let by_cpu = events(Box::new(CpuRenderer::new(scene, OFFICIAL).unwrap()), &life);

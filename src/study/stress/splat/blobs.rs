@@ -17,6 +17,7 @@ pub const ALL: ChannelSet = ChannelSet {
     luminance_rate: false,
     doubtful: true,
     segments: false,
+    drift: false,
 };
 
 /// The published rules over a black background.

@@ -17,6 +17,7 @@ const ALPHA: ChannelSet = ChannelSet {
     luminance_rate: false,
     doubtful: false,
     segments: false,
+    drift: false,
 };
 
 /// A needle's value at every pixel relative to that at its mean. In 64 bits, its luminance, because
