@@ -318,11 +318,10 @@ impl<S: LaneValue> ProjectedBlock<S> {
     /// The covariances and the reach.
     #[inline(always)]
     fn outline(&mut self, eye: &ViewTransform, style: RenderStyle, block: &GaussianBlock) {
-        let still = |axes: [[f32; 3]; 3], _: usize| turned_axes(eye, axes);
         match block.motion.as_deref().filter(|_| S::MOVING) {
             Some(motion) => self.outline_moving(eye, style, block, motion),
-            None if style.antialiased => self.shape::<true>(eye, style.rules, block, still),
-            None => self.shape::<false>(eye, style.rules, block, still),
+            None if style.antialiased => self.shape::<_, true>(eye, style.rules, block, Still),
+            None => self.shape::<_, false>(eye, style.rules, block, Still),
         }
         if style.antialiased {
             self.reach_anew(style.rules);
@@ -331,15 +330,14 @@ impl<S: LaneValue> ProjectedBlock<S> {
         }
     }
 
-    /// Projects the covariances of axes that `turned` has in camera axes. If `ANTIALIASED`, the opacities are scaled
-    /// too.
+    /// Projects the covariances. If `ANTIALIASED`, the opacities are scaled too.
     #[inline(always)]
-    fn shape<const ANTIALIASED: bool>(
+    fn shape<M: LaneMotion, const ANTIALIASED: bool>(
         &mut self,
         eye: &ViewTransform,
         rules: RenderRules,
         block: &GaussianBlock,
-        turned: impl Fn([[f32; 3]; 3], usize) -> [[S; 3]; 3],
+        motion: M,
     ) {
         let least = least_alpha(rules);
         let [m0, m1, m2] = &block.axes;
@@ -348,7 +346,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
             let mean = [S::at(&self.mean[0], i).value(), S::at(&self.mean[1], i).value()];
             let axis = |m: &[Lane; 3]| [m[0][i], m[1][i], m[2][i]];
             let axes = [axis(m0), axis(m1), axis(m2)];
-            let shape = eye.footprint(slopes, S::at(&self.depth, i), turned(axes, i));
+            let shape = eye.footprint(slopes, S::at(&self.depth, i), motion.turned(eye, axes, i));
             let mut opacity = S::with_rate(block.opacity[i], 0.0);
             if ANTIALIASED {
                 let floor = S::nearest(COMPENSATION_FLOOR.into());
@@ -449,20 +447,20 @@ impl<S: LaneValue> ProjectedBlock<S> {
         }
         // With a constant degree, the compiler drops the functions above it.
         match degree {
-            0 => self.face_to(0, count, |point, _| eye.direction(point)),
-            1 => self.face_to(1, count, |point, _| eye.direction(point)),
-            2 => self.face_to(2, count, |point, _| eye.direction(point)),
-            _ => self.face_to(3, count, |point, _| eye.direction(point)),
+            0 => self.face_to(eye, 0, count, Still),
+            1 => self.face_to(eye, 1, count, Still),
+            2 => self.face_to(eye, 2, count, Still),
+            _ => self.face_to(eye, 3, count, Still),
         }
     }
 
     #[inline(always)]
-    fn face_to(&mut self, degree: u8, count: usize, direction: impl Fn([f32; 3], usize) -> [S; 3]) {
+    fn face_to<M: LaneMotion>(&mut self, eye: &ViewTransform, degree: u8, count: usize, motion: M) {
         // Whole vectors of the widest set. Lanes beyond `count` hold values of an earlier block,
         // which nothing reads.
         for k in 0..count.next_multiple_of(16) {
             let [x, y, z] = &self.positions;
-            let basis = sh::basis_values(degree, direction([x[k], y[k], z[k]], k));
+            let basis = sh::basis_values(degree, motion.direction::<S>(eye, [x[k], y[k], z[k]], k));
             for (value, to) in basis[..sh::function_count(degree)].iter().zip(&mut self.basis) {
                 value.put(to, k);
             }
@@ -525,8 +523,28 @@ impl<S: LaneValue> ProjectedBlock<S> {
     }
 }
 
-/// Scaled axes of a Gaussian in camera axes.
-#[inline(always)]
-fn turned_axes<S: LaneValue>(eye: &ViewTransform, axes: [[f32; 3]; 3]) -> [[S; 3]; 3] {
-    [eye.turned(axes[0]), eye.turned(axes[1]), eye.turned(axes[2])]
+/// How the Gaussians of a block move. A trait and no closures, which would be compiled without the instruction set in
+/// use.
+trait LaneMotion: Copy {
+    /// The scaled axes of lane `i` in camera axes.
+    fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], i: usize) -> [[S; 3]; 3];
+
+    /// The direction to the `k`-th drawn Gaussian.
+    fn direction<S: LaneValue>(self, eye: &ViewTransform, point: [f32; 3], k: usize) -> [S; 3];
+}
+
+/// The Gaussians of a scene that does not change.
+#[derive(Debug, Clone, Copy)]
+struct Still;
+
+impl LaneMotion for Still {
+    #[inline(always)]
+    fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], _: usize) -> [[S; 3]; 3] {
+        [eye.turned(axes[0]), eye.turned(axes[1]), eye.turned(axes[2])]
+    }
+
+    #[inline(always)]
+    fn direction<S: LaneValue>(self, eye: &ViewTransform, point: [f32; 3], _: usize) -> [S; 3] {
+        eye.direction(point)
+    }
 }

@@ -23,6 +23,15 @@ fn with_fountain(outputs: &[&str]) -> Value {
     value
 }
 
+/// The value of a key, wherever it is.
+fn find<'a>(value: &'a Value, key: &str) -> Option<&'a Value> {
+    match value {
+        Value::Object(map) => map.get(key).or_else(|| map.values().find_map(|inner| find(inner, key))),
+        Value::Array(items) => items.iter().find_map(|inner| find(inner, key)),
+        _ => None,
+    }
+}
+
 #[test]
 fn a_release_shows_the_fountain_and_its_checks_pass() {
     let place = Workspace::new();
@@ -40,13 +49,8 @@ fn a_release_shows_the_fountain_and_its_checks_pass() {
     // Nothing but the drops moves.
     println!("{events} events of drops in front of a still camera");
     assert!(events > 1000, "{events}");
-    assert!(scene.to_string().contains("\"fountain\""), "the recipe of the release has it");
-    // The released recipe makes the same scene again.
-    let again = scene["recipe"].clone();
-    if again.is_object() {
-        let time = &again["source"]["procedural"]["fountain"]["time"];
-        assert_eq!(time, &json!({ "start": 0.5, "speed": 8.0, "duration": 2.0 }));
-    }
+    let fountain = find(&scene, "fountain").expect("the recipe of the release has it");
+    assert_eq!(fountain["time"], json!({ "start": 0.5, "speed": 8.0, "duration": 2.0 }));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! Nothing here is inlined into the copies per instruction set: those of a still scene stay as small as they are. The bits
 //! are the same.
 
-use super::{LaneValue, ProjectedBlock};
+use super::{LaneMotion, LaneValue, ProjectedBlock};
 use crate::render::RenderStyle;
 use crate::render::cpu::activate::{BlockMotion, GaussianBlock, LANES};
 use crate::render::cpu::eye::ViewTransform;
@@ -20,11 +20,11 @@ impl<S: LaneValue> ProjectedBlock<S> {
         motion: &BlockMotion,
     ) {
         self.locate_moving(eye, block, motion);
-        let turned = |axes: [[f32; 3]; 3], i: usize| moving_axes(eye, axes, motion, i);
+        let moving = Moving { motion, drawn: self.drawn };
         if style.antialiased {
-            self.shape::<true>(eye, style.rules, block, turned);
+            self.shape::<_, true>(eye, style.rules, block, moving);
         } else {
-            self.shape::<false>(eye, style.rules, block, turned);
+            self.shape::<_, false>(eye, style.rules, block, moving);
         }
         self.fade(block, motion);
     }
@@ -37,12 +37,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
         motion: &BlockMotion,
         (degree, count): (u8, usize),
     ) {
-        let mut velocities = [[0.0; 3]; LANES];
-        for (k, to) in velocities.iter_mut().take(count).enumerate() {
-            let i = usize::from(self.drawn[k]);
-            *to = [motion.velocity[0][i], motion.velocity[1][i], motion.velocity[2][i]];
-        }
-        self.face_to(degree, count, |point, k| eye.direction_moving(point, velocities[k]));
+        self.face_to(eye, degree, count, Moving { motion, drawn: self.drawn });
     }
 
     /// The means again, with the rates of Gaussians that move.
@@ -84,17 +79,28 @@ impl<S: LaneValue> ProjectedBlock<S> {
     }
 }
 
-/// Scaled axes of a lane in camera axes, which change.
-fn moving_axes<S: LaneValue>(
-    eye: &ViewTransform,
-    axes: [[f32; 3]; 3],
-    motion: &BlockMotion,
-    i: usize,
-) -> [[S; 3]; 3] {
-    let rate = |k: usize| [motion.axes[k][0][i], motion.axes[k][1][i], motion.axes[k][2][i]];
-    [
-        eye.turned_moving(axes[0], rate(0)),
-        eye.turned_moving(axes[1], rate(1)),
-        eye.turned_moving(axes[2], rate(2)),
-    ]
+/// The Gaussians of a block that change.
+#[derive(Debug, Clone, Copy)]
+struct Moving<'a> {
+    motion: &'a BlockMotion,
+    /// The lanes that are drawn.
+    drawn: [u8; LANES],
+}
+
+impl LaneMotion for Moving<'_> {
+    fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], i: usize) -> [[S; 3]; 3] {
+        let rates = &self.motion.axes;
+        let rate = |k: usize| [rates[k][0][i], rates[k][1][i], rates[k][2][i]];
+        [
+            eye.turned_moving(axes[0], rate(0)),
+            eye.turned_moving(axes[1], rate(1)),
+            eye.turned_moving(axes[2], rate(2)),
+        ]
+    }
+
+    fn direction<S: LaneValue>(self, eye: &ViewTransform, point: [f32; 3], k: usize) -> [S; 3] {
+        // Places beyond the last drawn lane have that of an earlier block; nothing reads their values.
+        let (velocity, i) = (&self.motion.velocity, usize::from(self.drawn[k]));
+        eye.direction_moving(point, [velocity[0][i], velocity[1][i], velocity[2][i]])
+    }
 }
