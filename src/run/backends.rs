@@ -14,7 +14,7 @@ use crate::plan::Plan;
 use crate::programs::ProgramFinder;
 use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{GpuError, GpuPool};
+use crate::render::gpu::GpuError;
 use crate::store::Store;
 
 /// The back ends of a command, and the work that they leave out.
@@ -99,7 +99,8 @@ impl RendererChoice {
         auto.gpu.borrow().as_ref()?.as_ref().err().cloned()
     }
 
-    /// Assigns the scenes that the GPU failed in a run to the CPU. Returns true if there are any.
+    /// Assigns the scenes that the GPU failed in a run to the CPU, or to the GPUs that are left. Returns true if there
+    /// are any.
     pub fn give_up(&self, plan: &Plan, summary: &RunSummary) -> bool {
         let RendererKind::Auto(auto) = &self.by else { return false };
         // A second run would ignore the interrupt of the first.
@@ -109,16 +110,19 @@ impl RendererChoice {
         let mut any = false;
         for failure in &summary.failures {
             let Some(because) = failure.of_gpu() else { continue };
-            let scene = plan.scene_of(&plan.steps()[failure.step.0]);
-            auto.on_cpu.borrow_mut().insert(scene.to_owned());
-            // Without a device that is sound, every later scene fails too. A device without room for one scene may
-            // have room for the others.
+            any = true;
             let mut gpu = auto.gpu.borrow_mut();
-            let is_lost = gpu.as_ref().is_some_and(|pool| pool.as_ref().is_ok_and(GpuPool::is_lost));
-            if matches!(because, GpuError::Lost { .. }) && is_lost {
+            if matches!(because, GpuError::Lost { .. }) {
+                // The lost device serves no step again, so there is an end to this.
+                if gpu.as_ref().is_some_and(|pool| pool.as_ref().is_ok_and(|pool| !pool.is_lost())) {
+                    continue;
+                }
+                // Without a device that is sound, every later scene fails too.
                 *gpu = Some(Err(because.clone()));
             }
-            any = true;
+            // A device without room for one scene may have room for the others.
+            let scene = plan.scene_of(&plan.steps()[failure.step.0]);
+            auto.on_cpu.borrow_mut().insert(scene.to_owned());
         }
         any
     }

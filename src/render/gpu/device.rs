@@ -318,15 +318,15 @@ impl GpuDevice {
 
     /// Returns an error if the device has failed.
     pub(super) fn check(&self) -> Result<(), GpuError> {
-        match self.trouble.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
-            None => Ok(()),
-            Some(because) => Err(self.lost(because)),
-        }
+        let trouble = self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        trouble.map_or(Ok(()), |because| Err(self.lost(&because)))
     }
 
+    /// The error of a lost device, which no renderer gets from now on.
     pub(super) fn lost(&self, because: &str) -> GpuError {
         // Drivers may give reasons of several lines; a message has one line.
         let because = because.split_whitespace().collect::<Vec<_>>().join(" ");
+        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(|| because.clone());
         GpuError::Lost { adapter: self.name.clone(), because }
     }
 
