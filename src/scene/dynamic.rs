@@ -1,6 +1,6 @@
 //! Scenes whose Gaussians change with time by themselves.
 //!
-//! A scene has a time `u` of its own: from 0 to 1 for [`SplatTracks`], and the number of a frame for a sequence. A
+//! A scene has a time `u` of its own: from 0 to 1 for [`SplatTrack`]s, and the number of a frame for a sequence. A
 //! [`SceneTime`] gives the `u` at each time of a trajectory. Each value of a Gaussian is a function of `u` with an
 //! exact derivative.
 //!
