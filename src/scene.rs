@@ -54,7 +54,7 @@ pub struct Gaussians {
     pub antialiased: Option<bool>,
     /// Counts of what the reader dropped or repaired.
     pub screening: SceneScreening,
-    /// What moves; `None` if nothing does.
+    /// The parts that move; `None` for a scene at rest.
     pub motion: Option<Arc<SceneMotion>>,
 }
 

@@ -27,7 +27,7 @@ const PLACE: RealRange = RealRange::new(-1e6, 1e6);
 const CAMERAS: &str =
     "write rig: { cameras: [{ name: left }, { name: right, extrinsic: { position: [0.1, 0, 0] } }] }";
 
-/// What the cameras of a rig have from the recipe, as far as it is valid.
+/// The parts of the recipe that the cameras of a rig share; a part with a fault is missing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RigContext<'a> {
     pub(super) source: Option<&'a SceneSource>,

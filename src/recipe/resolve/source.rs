@@ -58,7 +58,7 @@ impl Resolver<'_> {
         let time = self.section(&raw.time, &absent)?;
         if let Some(place) = time.rate.place() {
             let problem =
-                FieldProblem::of_field("is the rate of a sequence of files, and a fountain is none");
+                FieldProblem::of_field("is the rate of a sequence of files, which a fountain does not have");
             return self.refuse(problem.help("write duration: 2, in seconds").at(place));
         }
         let time = self.scene_time(time);

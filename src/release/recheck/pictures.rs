@@ -129,7 +129,7 @@ impl ReleasedPictures<'_> {
         !self.recipe.objects.is_empty()
     }
 
-    /// What moves by itself, in words, if anything does.
+    /// The words for a motion that is not that of the camera; `None` without one.
     pub(super) fn own_motion(&self) -> Option<&'static str> {
         if self.recipe.scene_time().is_some() {
             return Some("the scene changes with time");
