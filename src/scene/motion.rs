@@ -78,7 +78,7 @@ pub struct PartRecord {
     pub path: PartPath,
 }
 
-/// What moves in a scene.
+/// The moving parts of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneMotion {
     /// The parts, in the order of their Gaussians.

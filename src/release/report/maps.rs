@@ -27,15 +27,7 @@ pub(in crate::release) fn depth_picture(
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    let (number, depths) = read_map::<1>(track, places, product)?;
-    let (image, [near, far]) = colour_depths(&depths)?;
-    let words = format!(
-        "depth at {}, from {} (dark) to {} units (yellow)",
-        moment_words(&track, number),
-        short_number(near),
-        short_number(far)
-    );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+    scale_picture(["depth", "units"], (product, track, places), width)
 }
 
 /// The disparity nearest to the middle of the trajectory.
@@ -45,10 +37,19 @@ pub(in crate::release) fn disparity_picture(
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    let (number, disparities) = read_map::<1>(track, places, product)?;
-    let (image, [low, high]) = colour_depths(&disparities)?;
+    scale_picture(["disparity", "px"], (product, track, places), width)
+}
+
+/// A map of one value per pixel, in the colours of a scale.
+fn scale_picture(
+    [what, unit]: [&str; 2],
+    (product, track, places): (&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>),
+    width: u32,
+) -> Option<ShownPicture> {
+    let (number, values) = read_map::<1>(track, places, product)?;
+    let (image, [low, high]) = colour_depths(&values)?;
     let words = format!(
-        "disparity at {}, from {} (dark) to {} px (yellow)",
+        "{what} at {}, from {} (dark) to {} {unit} (yellow)",
         moment_words(&track, number),
         short_number(low),
         short_number(high)

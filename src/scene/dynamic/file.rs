@@ -114,7 +114,7 @@ pub fn read_frames(folder: &Path, listed: &[PathBuf], time: SceneTime) -> Result
     Ok(first.with_dynamics(time, SplatCourse::Frames(frames)))
 }
 
-/// What is stored of the change of a scene next to its files.
+/// The record of a scene that changes, which is stored next to its files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DynamicsRecord {
@@ -134,7 +134,7 @@ impl DynamicsRecord {
 }
 
 impl SplatDynamics {
-    /// What is stored next to the files of the scene.
+    /// The record next to the files of the scene.
     #[must_use]
     pub fn record(&self) -> DynamicsRecord {
         let frames = match &self.course {

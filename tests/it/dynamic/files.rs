@@ -140,7 +140,7 @@ fn files_of_spacetime_gaussians_and_of_splatv_have_the_values_of_their_formulas(
     check_tracks(&read_dynamic(&place.path("planted.splatv"), TIME).unwrap(), 0.5 / 255.0);
 }
 
-/// A folder with three frames of two Gaussians, one of which moves.
+/// A folder with three frames of a Gaussian that rests and one that moves.
 fn sequence(place: &Workspace, change: impl Fn(usize, &mut Gaussians)) {
     for k in 0_u8..3 {
         let blob = |x: f64| ColourBlob {
