@@ -145,7 +145,7 @@ impl Recipe {
         let named = self.trajectories.iter().find(|own| own.name == trajectory);
         let own = self.mounted(trajectory).and_then(|mounted| mounted.camera.sensors.as_ref());
         let drawn = named.and_then(|own| own.drawn.as_ref()).map(|drawn| &drawn.sensors);
-        own.or(drawn).unwrap_or(&self.sensors)
+        drawn.or(own).unwrap_or(&self.sensors)
     }
 }
 

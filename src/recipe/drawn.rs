@@ -9,14 +9,14 @@ mod law;
 mod preset;
 
 pub(super) use law::is_law;
-pub(super) use preset::RANDOMISED;
+pub(super) use preset::{RANDOMISED, take_preset};
 
 use super::problem::FieldProblem;
 use super::reader::{Problems, TreeReader};
 use super::resolve::Resolver;
 use super::text::TextSpan;
 use super::tree::{MappingEntry, NodeKind, TreeNode};
-use super::{MountedPath, Recipe, schema};
+use super::{Recipe, TrajectoryRecipe, schema};
 use crate::seed::Seed;
 use crate::seed::range::RangeLaw;
 use crate::sensor::SensorSet;
@@ -24,7 +24,7 @@ use crate::sensor::voltmeter::BetweenFrames;
 use crate::units::Hertz;
 use serde::Deserialize as _;
 use serde_json::{Map, Value};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The sensors of a trajectory with their drawn numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +39,8 @@ pub struct DrawnSensors {
 /// A number of a sensor with its law.
 #[derive(Debug)]
 struct DrawnNumber {
+    /// The camera of the rig that has the sensor; `None` for a sensor of the recipe.
+    camera: Option<usize>,
     /// Name of the sensor; empty for the only one.
     sensor: String,
     /// Keys from the sensor to the number; an index for an item of a list.
@@ -74,10 +76,10 @@ impl SensorDraws {
     /// Finds the laws of a recipe's tree, and reports the faulty ones.
     pub(super) fn find(tree: &TreeNode, problems: &Problems) -> Self {
         let (mut numbers, mut middle) = (Vec::new(), tree.clone());
-        for_each_law(&mut middle, &mut |sensor, steps, node| match law::parse_law(node) {
+        for_each_law(&mut middle, &mut |(camera, sensor), steps, node| match law::parse_law(node) {
             Ok(law) => {
                 let (sensor, steps) = (sensor.to_owned(), steps.to_vec());
-                numbers.push(DrawnNumber { sensor, steps, place: node.place, law });
+                numbers.push(DrawnNumber { camera, sensor, steps, place: node.place, law });
                 *node = law::number_node(law.quantile(0.5), node.place);
             }
             Err(problem) => {
@@ -95,13 +97,17 @@ impl SensorDraws {
 
     /// Reports each law with an end outside the range of its parameter.
     pub(super) fn check_ends(&self, tree: &TreeNode, resolver: &Resolver<'_>) {
-        for (end, name) in ["lower", "upper"].into_iter().enumerate() {
-            let values: Vec<f64> = self.numbers.iter().map(|number| number.law.ends()[end]).collect();
+        let cameras: BTreeSet<Option<usize>> = self.numbers.iter().map(|number| number.camera).collect();
+        let ends = ["lower", "upper"].into_iter().enumerate();
+        for (camera, (end, name)) in
+            cameras.into_iter().flat_map(|camera| ends.clone().map(move |e| (camera, e)))
+        {
+            let values: Vec<f64> = self.numbers_of(camera).map(|number| number.law.ends()[end]).collect();
             let found = Problems::default();
             // Without a frame rate, sensors are not screened: the ends of all ranges together are a
             // sensor that is never drawn.
             resolve_sensors(
-                &self.with_values(tree, &values),
+                &self.with_values(tree, camera, &values),
                 resolver,
                 &found,
                 (BetweenFrames::Linear, None),
@@ -145,23 +151,30 @@ impl SensorDraws {
         // All sensors have the same interpolation.
         let between = recipe.sensors.iter().map(|(_, sensor)| sensor.between()).next()?;
         let (seed, scene, rate) = (recipe.seed, &recipe.scene, recipe.rate);
-        let own = |mounted: &MountedPath| mounted.camera.sensors.is_some();
-        let (_, drawn): (Vec<_>, Vec<_>) =
-            recipe.trajectories.iter_mut().partition(|t| t.mounted.as_deref().is_some_and(own));
-        for trajectory in drawn {
+        // The camera of the rig whose own sensor sees along a trajectory.
+        let own = |trajectory: &TrajectoryRecipe| {
+            let camera = &trajectory.mounted.as_deref()?.camera;
+            camera.sensors.as_ref()?;
+            recipe.rig.iter().position(|other| other.name == camera.name)
+        };
+        for trajectory in &mut recipe.trajectories {
+            let camera = own(trajectory);
+            if self.numbers_of(camera).next().is_none() {
+                continue;
+            }
             let stream = |number: &DrawnNumber| {
                 Seed::for_parameter(seed, scene, &trajectory.name, &number.sensor, &number.path())
             };
             let values: Vec<f64> =
-                self.numbers.iter().map(|number| number.law.draw(stream(number))).collect();
+                self.numbers_of(camera).map(|number| number.law.draw(stream(number))).collect();
             let found = Problems::default();
-            let tree = self.with_values(tree, &values);
+            let tree = self.with_values(tree, camera, &values);
             let sensors = resolve_sensors(&tree, resolver, &found, (between, Some(rate)));
             let place = format!(" (drawn for the trajectory {})", trajectory.name);
             let problems = found.into_inner().into_iter().map(|problem| problem.noting(&place));
             resolver.problems.borrow_mut().extend(problems);
             let mut numbers: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
-            for (number, value) in self.numbers.iter().zip(values) {
+            for (number, value) in self.numbers_of(camera).zip(values) {
                 numbers.entry(number.sensor.clone()).or_default().insert(number.path(), value);
             }
             trajectory.drawn = Some(DrawnSensors { numbers, sensors: sensors? });
@@ -172,9 +185,10 @@ impl SensorDraws {
     /// Writes the laws into the full form of a recipe, which has the medians.
     pub(super) fn write_laws(&self, merged: &mut Value) {
         for number in &self.numbers {
-            let mut at = match number.sensor.as_str() {
-                "" => &mut merged["sensor"],
-                name => &mut merged["sensors"][name],
+            let mut at = match (number.camera, number.sensor.as_str()) {
+                (Some(camera), _) => &mut merged["rig"]["cameras"][camera]["sensor"],
+                (None, "") => &mut merged["sensor"],
+                (None, name) => &mut merged["sensors"][name],
             };
             for step in &number.steps {
                 at = match at {
@@ -198,11 +212,31 @@ impl SensorDraws {
         }
     }
 
-    /// The sensors of a tree with these values in the place of the laws.
-    fn with_values(&self, tree: &TreeNode, values: &[f64]) -> TreeNode {
-        let mut out = sensors_of(tree);
+    /// The numbers of the recipe's sensors, or of the sensor of a camera.
+    fn numbers_of(&self, camera: Option<usize>) -> impl Iterator<Item = &DrawnNumber> {
+        self.numbers.iter().filter(move |number| number.camera == camera)
+    }
+
+    /// A recipe with the sensors of a tree alone, or with the sensor of a camera, and these values in the place of the
+    /// laws.
+    fn with_values(&self, tree: &TreeNode, camera: Option<usize>, values: &[f64]) -> TreeNode {
+        let mut sensors = Vec::new();
+        for_each_sensor(&mut tree.clone(), &mut |(of, name), sensor| {
+            if of == camera {
+                sensors.push((name.to_owned(), sensor.clone()));
+            }
+        });
+        let entry = |(name, value): (String, TreeNode)| MappingEntry { key: name, place: value.place, value };
+        let mapping = |entries| TreeNode { place: tree.place, kind: NodeKind::Map(entries) };
+        let mut out = match sensors.iter().any(|(name, _)| name.is_empty()) {
+            true => mapping(sensors.into_iter().map(|(_, own)| entry(("sensor".to_owned(), own))).collect()),
+            false => {
+                let named = mapping(sensors.into_iter().map(entry).collect());
+                mapping(vec![entry(("sensors".to_owned(), named))])
+            }
+        };
         // Laws with faults were left out of the list, and this counts the others.
-        let mut rest = self.numbers.iter().zip(values).peekable();
+        let mut rest = self.numbers_of(camera).zip(values).peekable();
         for_each_law(
             &mut out,
             &mut |_, _, node| match rest.next_if(|(number, _)| number.place == node.place) {
@@ -212,48 +246,6 @@ impl SensorDraws {
         );
         out
     }
-}
-
-/// Removes the preset `randomised` from the sensors of a tree. Returns a recipe with the ranges of
-/// the presets, as YAML; empty without such a preset.
-pub(super) fn take_presets(tree: &mut TreeNode) -> String {
-    let mut ranges = String::new();
-    let indented = |text: &str, depth: usize| -> String {
-        text.lines().map(|line| format!("{}{line}\n", " ".repeat(depth))).collect()
-    };
-    let NodeKind::Map(entries) = &mut tree.kind else { return ranges };
-    for MappingEntry { key, value, .. } in entries {
-        match (key.as_str(), &mut value.kind) {
-            ("sensor", _) => {
-                if let Some((model, found)) = preset::take_preset(value) {
-                    ranges += &format!("sensor:\n  {model}:\n{}", indented(found, 4));
-                }
-            }
-            ("sensors", NodeKind::Map(sensors)) => {
-                let named: String = sensors
-                    .iter_mut()
-                    .filter_map(|sensor| Some((preset::take_preset(&mut sensor.value)?, &sensor.key)))
-                    // A quoted key takes any name.
-                    .map(|((model, found), name)| {
-                        let name = Value::from(name.as_str());
-                        format!("  {name}:\n    {model}:\n{}", indented(found, 6))
-                    })
-                    .collect();
-                if !named.is_empty() {
-                    ranges += &format!("sensors:\n{named}");
-                }
-            }
-            _ => {}
-        }
-    }
-    ranges
-}
-
-/// The keys of a tree that hold sensors.
-fn sensors_of(tree: &TreeNode) -> TreeNode {
-    let NodeKind::Map(entries) = &tree.kind else { return tree.clone() };
-    let kept = entries.iter().filter(|entry| ["sensor", "sensors"].contains(&entry.key.as_str()));
-    TreeNode { place: tree.place, kind: NodeKind::Map(kept.cloned().collect()) }
 }
 
 /// Reads and resolves the sensors of a tree.
@@ -269,18 +261,33 @@ fn resolve_sensors(
     own.sensors(&raw, Some(between), rate)
 }
 
-/// A visitor of the laws of a tree: name of the sensor, path within it, and the value.
-type LawVisitor<'v> = dyn FnMut(&str, &[String], &mut TreeNode) + 'v;
+/// Where a tree has a sensor: the camera of its rig, or `None` for the recipe, and the name of the sensor, which is empty
+/// for the only one.
+type SensorPlace<'p> = (Option<usize>, &'p str);
+
+/// A visitor of the laws of a tree: place of the sensor, path within it, and the value.
+type LawVisitor<'v> = dyn FnMut(SensorPlace<'_>, &[String], &mut TreeNode) + 'v;
 
 /// Visits each law of the sensors of a tree, in file order.
 fn for_each_law(tree: &mut TreeNode, visit: &mut LawVisitor<'_>) {
-    let NodeKind::Map(entries) = &mut tree.kind else { return };
-    for MappingEntry { key, value, .. } in entries {
-        match (key.as_str(), &mut value.kind) {
-            ("sensor", _) => visit_laws(value, "", &mut Vec::new(), visit),
-            ("sensors", NodeKind::Map(sensors)) => {
-                for sensor in sensors {
-                    visit_laws(&mut sensor.value, &sensor.key, &mut Vec::new(), visit);
+    for_each_sensor(tree, &mut |sensor, node| visit_laws(node, sensor, &mut Vec::new(), visit));
+}
+
+/// Visits each sensor of a tree, in file order.
+pub(super) fn for_each_sensor(tree: &mut TreeNode, visit: &mut dyn FnMut(SensorPlace<'_>, &mut TreeNode)) {
+    for MappingEntry { key, value, .. } in entries_of(tree) {
+        match key.as_str() {
+            "sensor" => visit((None, ""), value),
+            "sensors" => entries_of(value).iter_mut().for_each(|own| visit((None, &own.key), &mut own.value)),
+            "rig" => {
+                let cameras = entries_of(value).iter_mut().filter(|entry| entry.key == "cameras");
+                let cameras = cameras.flat_map(|entry| match &mut entry.value.kind {
+                    NodeKind::List(cameras) => cameras.as_mut_slice(),
+                    _ => &mut [],
+                });
+                for (i, camera) in cameras.enumerate() {
+                    let own = entries_of(camera).iter_mut().filter(|entry| entry.key == "sensor");
+                    own.for_each(|own| visit((Some(i), ""), &mut own.value));
                 }
             }
             _ => {}
@@ -288,7 +295,20 @@ fn for_each_law(tree: &mut TreeNode, visit: &mut LawVisitor<'_>) {
     }
 }
 
-fn visit_laws(node: &mut TreeNode, sensor: &str, steps: &mut Vec<String>, visit: &mut LawVisitor<'_>) {
+/// The entries of a mapping; none of any other value.
+fn entries_of(node: &mut TreeNode) -> &mut [MappingEntry] {
+    match &mut node.kind {
+        NodeKind::Map(entries) => entries,
+        _ => &mut [],
+    }
+}
+
+fn visit_laws(
+    node: &mut TreeNode,
+    sensor: SensorPlace<'_>,
+    steps: &mut Vec<String>,
+    visit: &mut LawVisitor<'_>,
+) {
     // A law directly under a sensor's name is no number of a sensor, and the reader reports it.
     if is_law(node) && !steps.is_empty() {
         return visit(sensor, steps, node);

@@ -1,6 +1,6 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
-use super::drawn::{SensorDraws, take_presets};
+use super::drawn::{SensorDraws, for_each_sensor, take_preset};
 use super::fault::{RecipeFault, shown_path};
 use super::field::Field;
 use super::find::{RecipeFile, parent_folder};
@@ -154,13 +154,19 @@ impl RecipeParts {
         if let NodeKind::Map(entries) = &mut self.tree.kind {
             entries.retain(|entry| !without.contains(&entry.key.as_str()));
         }
+        let under = self.add_text(text);
+        self.tree = merge_nodes(self.tree, &under);
+        self
+    }
+
+    /// Parses a constant text of this program.
+    fn add_text(&mut self, text: &str) -> TreeNode {
         let text = Arc::new(SourceText { path: PathBuf::new(), body: text.to_owned() });
         let index = u32::try_from(self.texts.len()).expect("recipes are made from few files");
-        let under = tree::parse_tree(&text, index).ok().flatten().expect("the text is sound");
-        self.tree = merge_nodes(self.tree, &under);
+        let tree = tree::parse_tree(&text, index).ok().flatten().expect("the text is sound");
         self.texts.push(text);
         self.folders.push(PathBuf::new());
-        self
+        tree
     }
 
     /// Merges the recipe over the preset that it names, and replaces the presets of its sensors.
@@ -172,8 +178,16 @@ impl RecipeParts {
 
     /// Replaces the preset `randomised` of sensors by its ranges, which their other keys override.
     pub(super) fn with_ranges(mut self) -> Self {
-        let ranges = take_presets(&mut self.tree);
-        if ranges.is_empty() { self } else { self.standing_in(&[], &ranges) }
+        let mut tree = std::mem::replace(&mut self.tree, empty_tree());
+        for_each_sensor(&mut tree, &mut |_, sensor| {
+            if let Some(ranges) = take_preset(sensor) {
+                // A text for each sensor: a law is known by its place.
+                let ranges = self.add_text(&ranges);
+                *sensor = merge_nodes(std::mem::replace(sensor, empty_tree()), &ranges);
+            }
+        });
+        self.tree = tree;
+        self
     }
 
     /// Resolves the recipe, and leaves its meta data empty.

@@ -201,3 +201,35 @@ fn threads_and_other_trajectories_change_no_byte() {
     assert_eq!(drawn(&one, "base"), drawn(&more, "base"));
     assert_ne!(drawn(&more, "another"), drawn(&more, "base"));
 }
+
+#[test]
+fn a_camera_of_a_rig_draws_the_numbers_of_its_own_sensor() {
+    let rig = "sensor: { esim: { threshold: { on: { uniform: [0.1, 0.4] } } } }
+rig:
+  cameras:
+    - { name: left }
+    - { name: right, sensor: { v2e: { preset: randomised, shot: 3 } } }
+    - { name: third, sensor: { esim: { threshold: { on: 0.3 } } } }
+    - { name: fourth, sensor: { v2e: { shot: { uniform: [1, 10] } } } }
+outputs: [events]";
+    let one = recipe(&["a", "b"], rig).unwrap();
+    let [left, right, fourth] = ["a/left", "a/right", "a/fourth"].map(|name| drawn(&one, name));
+    assert_eq!(left.keys().collect::<Vec<_>>(), [":esim.threshold.on"]);
+    assert!(right.len() > 3 && right.keys().all(|path| path.starts_with(":v2e.")), "{right:?}");
+    assert!(!right.contains_key(":v2e.shot"), "a key overrides the range of the preset");
+    assert_eq!(fourth.keys().collect::<Vec<_>>(), [":v2e.shot"]);
+    assert!(one.trajectories.iter().find(|own| own.name == "a/third").unwrap().drawn.is_none());
+    assert_ne!(drawn(&one, "b/right"), right);
+    let model = |name: &str| one.sensors_of(name).iter().next().unwrap().1.as_model().written();
+    assert_eq!(model("a/right")["threshold"]["on"], json!(right[":v2e.threshold.on"]));
+    assert_eq!(model("a/third")["threshold"]["on"], json!(0.3));
+
+    // The full form has the laws, and is the same recipe.
+    let cameras = &one.meta.merged["rig"]["cameras"];
+    assert_eq!(cameras[3]["sensor"]["v2e"]["shot"], json!({ "uniform": [1.0, 10.0] }));
+    let again = load(&serde_json::to_string(&one.meta.merged).unwrap()).unwrap();
+    assert_eq!(again.trajectories, one.trajectories);
+
+    let refused = recipe(&["a"], &rig.replace("[1, 10]", "[-1, 10]")).unwrap_err();
+    assert!(refused.contains("lower end of its range"), "{refused}");
+}

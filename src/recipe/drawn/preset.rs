@@ -6,9 +6,8 @@ use crate::sensor::SensorChoice;
 /// Name of the preset.
 pub(in crate::recipe) const RANDOMISED: &str = "randomised";
 
-/// Removes the preset from a sensor as written. Returns the name of its model, and the ranges of
-/// this model as YAML.
-pub(super) fn take_preset(sensor: &mut TreeNode) -> Option<(&'static str, &'static str)> {
+/// Removes the preset from a sensor as written. Returns a sensor with the ranges of its model, as YAML.
+pub(in crate::recipe) fn take_preset(sensor: &mut TreeNode) -> Option<String> {
     let NodeKind::Map(models) = &mut sensor.kind else { return None };
     let [model] = models.as_mut_slice() else { return None };
     let facts = SensorChoice::FAMILY.into_iter().find(|facts| facts.name == model.key)?;
@@ -17,5 +16,6 @@ pub(super) fn take_preset(sensor: &mut TreeNode) -> Option<(&'static str, &'stat
     let named = |value: &TreeNode| matches!(&value.kind, NodeKind::Scalar { text, .. } if text == RANDOMISED);
     let before = keys.len();
     keys.retain(|entry| entry.key != "preset" || !named(&entry.value));
-    (keys.len() < before).then_some((facts.name, ranges))
+    let indented: String = ranges.lines().map(|line| format!("  {line}\n")).collect();
+    (keys.len() < before).then(|| format!("{}:\n{indented}", facts.name))
 }

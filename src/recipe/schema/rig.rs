@@ -39,7 +39,7 @@ pub(in crate::recipe) struct RigCameraSection {
     pub extrinsic: Field<ExtrinsicSection>,
     /// Size and intrinsics of the camera. Default: the recipe's `camera`.
     pub camera: Field<CameraSection>,
-    /// Sensor of the camera, whose numbers are not drawn. Default: the recipe's `sensor` or `sensors`.
+    /// Sensor of the camera. Default: the recipe's `sensor` or `sensors`.
     pub sensor: Field<SensorSection>,
     /// Products of the camera, among those of the recipe. Default: all of the recipe's but `imu`.
     pub outputs: Field<Vec<Field<OutputKind>>>,
