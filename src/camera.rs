@@ -1,15 +1,17 @@
-//! Cameras: image size, and intrinsics in pixels.
+//! Cameras: image size, intrinsics in pixels, and the lens.
 //!
 //! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, and its centre is at `(i+0.5, j+0.5)`. A centred
 //! camera has `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
 
+pub mod lens;
 pub mod stereo;
 
 use crate::image::Size;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use lens::{Distortion, WIDEST};
 use serde::{Deserialize, Serialize};
 
-/// A pinhole camera.
+/// A camera: a pinhole, or one behind a lens that distorts.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Width and height in pixels.
@@ -23,21 +25,84 @@ pub struct Camera {
     pub cx: f64,
     /// Principal point, px from the image's top edge.
     pub cy: f64,
+    /// The lens, if it distorts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Distortion>,
 }
 
 impl Camera {
-    /// The point at a place on the image, at this depth along the optical axis, in camera axes.
+    /// A camera without a lens.
     #[must_use]
-    pub fn unproject(&self, [x, y]: [f64; 2], z: f64) -> DVec3 {
-        DVec3::new((x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0) * z
+    pub fn pinhole(size: Size, [fx, fy, cx, cy]: [f64; 4]) -> Self {
+        Self { size, fx, fy, cx, cy, lens: None }
+    }
+
+    /// The ray of a place on the image: a point at depth 1, in camera axes. NaN if the lens shows no ray there.
+    #[must_use]
+    pub fn ray(&self, [x, y]: [f64; 2]) -> DVec2 {
+        let flat = DVec2::new((x - self.cx) / self.fx, (y - self.cy) / self.fy);
+        self.lens.map_or(flat, |lens| lens.undistort(flat).unwrap_or(DVec2::NAN))
+    }
+
+    /// The point at a place on the image, at this depth along the optical axis, in camera axes. NaN if the lens shows
+    /// no ray there.
+    #[must_use]
+    pub fn unproject(&self, place: [f64; 2], z: f64) -> DVec3 {
+        self.ray(place).extend(1.0) * z
     }
 
     /// The image position of a point in camera axes, px; `None` if the point is not in front of the
-    /// camera.
+    /// camera, or the lens does not show it.
     #[must_use]
     pub fn project(&self, point: DVec3) -> Option<[f64; 2]> {
-        let in_front = point.z > 0.0;
-        in_front.then(|| [self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy])
+        if point.z <= 0.0 || point.z.is_nan() {
+            return None;
+        }
+        let Some(lens) = self.lens else {
+            return Some([self.fx * point.x / point.z + self.cx, self.fy * point.y / point.z + self.cy]);
+        };
+        let image = lens.image(point.truncate() / point.z)?;
+        Some([self.fx * image.x + self.cx, self.fy * image.y + self.cy])
+    }
+
+    /// The pixels at the edge of the picture.
+    pub fn edge(&self) -> impl Iterator<Item = [u32; 2]> {
+        let Size { width, height } = self.size;
+        let rows = (0..height).flat_map(move |y| [[0, y], [width.saturating_sub(1), y]]);
+        rows.chain((0..width).flat_map(move |x| [[x, 0], [x, height.saturating_sub(1)]]))
+    }
+
+    /// Checks that each pixel at the edge shows a ray, and that a pinhole image can hold the field.
+    ///
+    /// # Errors
+    /// What is wrong with the lens.
+    pub fn check_lens(&self) -> Result<(), String> {
+        let Some(lens) = self.lens else { return Ok(()) };
+        for [x, y] in self.edge() {
+            let ray = self.ray([x, y].map(|at| f64::from(at) + 0.5));
+            if ray.is_nan() {
+                return Err(format!(
+                    "shows no ray at pixel ({x}, {y}): the lens {lens} folds, or bends by 90 degrees, before it"
+                ));
+            }
+            if ray.length() > WIDEST {
+                return Err(format!(
+                    "reaches {:.1} degrees from the axis at pixel ({x}, {y}), wanted at most 76: no pinhole image holds it",
+                    libm::atan(ray.length()).to_degrees()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The image velocity of a point in camera axes that moves, px per unit of the velocity's time.
+    #[must_use]
+    pub fn velocity(&self, point: DVec3, moving: DVec3) -> DVec2 {
+        // `d(x/z) = (dx - x dz/z) / z`. The form with `z^2` under the fraction overflows at far
+        // depths first.
+        let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
+        let bent = self.lens.map_or(slope, |lens| lens.distort(point.truncate() / point.z).1 * slope);
+        bent * DVec2::new(self.fx, self.fy)
     }
 
     /// The camera of another image size with the same horizontal field of view, cropped or extended
@@ -48,7 +113,8 @@ impl Camera {
         // One scale for both axes keeps pixels square if they were.
         let k = f64::from(size.width) / f64::from(self.size.width);
         let crop = (f64::from(size.height) - f64::from(self.size.height) * k) / 2.0;
-        Self { size, fx: self.fx * k, fy: self.fy * k, cx: self.cx * k, cy: self.cy * k + crop }
+        let (fx, fy, cx, cy) = (self.fx * k, self.fy * k, self.cx * k, self.cy * k + crop);
+        Self { size, fx, fy, cx, cy, lens: self.lens }
     }
 }
 
@@ -127,6 +193,9 @@ pub struct CameraChoice {
     /// The principal point. `Given` is that of `intrinsics` or of the source, and stays out of keys.
     #[serde(skip_serializing_if = "PrincipalPoint::is_given")]
     pub principal: PrincipalPoint,
+    /// The lens, if it distorts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Distortion>,
 }
 
 impl CameraChoice {
@@ -136,10 +205,10 @@ impl CameraChoice {
     pub fn resolve(&self, source: Option<&Camera>) -> Option<Camera> {
         let size = Size { width: self.width, height: self.height };
         let camera = match self.intrinsics {
-            Some([fx, fy, cx, cy]) => Some(Camera { size, fx, fy, cx, cy }),
+            Some(intrinsics) => Some(Camera::pinhole(size, intrinsics)),
             None => source.map(|source| source.resized(size)),
         };
-        camera.map(|camera| self.principal.place(camera))
+        camera.map(|camera| Camera { lens: self.lens, ..self.principal.place(camera) })
     }
 }
 
@@ -159,16 +228,35 @@ mod tests {
 
     #[test]
     fn resizing_keeps_the_horizontal_field_of_view() {
-        let full =
-            Camera { size: Size { width: 1920, height: 1080 }, fx: 1500.0, fy: 1500.0, cx: 960.0, cy: 540.0 };
+        let full = Camera {
+            size: Size { width: 1920, height: 1080 },
+            fx: 1500.0,
+            fy: 1500.0,
+            cx: 960.0,
+            cy: 540.0,
+            lens: None,
+        };
         let small = full.resized(Size { width: 640, height: 480 });
         assert_eq!((small.fx, small.cx, small.cy), (500.0, 320.0, 240.0));
     }
 
     #[test]
     fn a_camera_is_chosen_and_what_it_leaves_open_is_the_sources() {
-        let own = Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 32.0, cy: 24.0 };
-        let size = CameraChoice { width: 32, height: 24, intrinsics: None, principal: PrincipalPoint::Given };
+        let own = Camera {
+            size: Size { width: 64, height: 48 },
+            fx: 60.0,
+            fy: 61.0,
+            cx: 32.0,
+            cy: 24.0,
+            lens: None,
+        };
+        let size = CameraChoice {
+            width: 32,
+            height: 24,
+            intrinsics: None,
+            principal: PrincipalPoint::Given,
+            lens: None,
+        };
         let whole = CameraChoice { intrinsics: Some([30.0, 31.0, 15.0, 12.0]), ..size };
         let fx = |choice, source| choose_camera(choice, source).map(|camera| camera.fx);
         assert_eq!(fx(None, Some(&own)), Some(60.0));

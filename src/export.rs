@@ -51,7 +51,12 @@ pub trait ExportFormat: Sync {
         false
     }
 
-    /// Requirements of the loader that the plan does not meet.
+    /// Returns true if a lens that distorts is no obstacle: the layout describes it, or has no camera at all.
+    fn takes_lens(&self) -> bool {
+        false
+    }
+
+    /// Requirements of the loader that the plan does not meet, other than a camera without a lens.
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed>;
 
     /// Properties of the release that the layout does not hold, or holds approximately.
@@ -62,6 +67,18 @@ pub trait ExportFormat: Sync {
     /// # Errors
     /// The release cannot be read, a file cannot be written, or the data do not fit the loader.
     fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError>;
+}
+
+/// Requirements of a layout that the plan does not meet.
+fn unmet_needs(format: &dyn ExportFormat, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
+    let lens = plan.subject.camera.lens.filter(|_| !format.takes_lens());
+    let lens = lens.map(|lens| {
+        UnmetNeed::new(
+            format!("the lens {lens}, where the loader assumes a pinhole"),
+            "a camera without `lens`",
+        )
+    });
+    lens.into_iter().chain(format.unmet(plan)).collect()
 }
 
 /// Name of the file that describes an export.
@@ -79,7 +96,7 @@ pub fn write_export(
     (to, lossy): (&Path, bool),
     progress: &dyn ExportProgress,
 ) -> Result<Value, ExportError> {
-    let unmet = format.unmet(plan);
+    let unmet = unmet_needs(format, plan);
     if !unmet.is_empty() {
         return Err(ExportError::Unmet { format: format.name(), unmet });
     }

@@ -444,6 +444,9 @@ fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
 fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));
+    if let Some(lens) = camera.lens {
+        return fail(format!("a pinhole camera is wanted, found the lens {lens}"));
+    }
     let [w, h] = [camera.size.width, camera.size.height];
     if w == 0 || h == 0 || w > MAX_EDGE || h > MAX_EDGE {
         return fail(format!("image size {}, wanted 1 to {MAX_EDGE} px along each edge", camera.size));

@@ -225,7 +225,7 @@ mod tests {
 
     fn view(name: &str, fx: f64) -> CapturedView {
         let size = Size { width: 640, height: 360 };
-        let camera = Camera { size, fx, fy: 500.0, cx: 320.0, cy: 180.0 };
+        let camera = Camera { size, fx, fy: 500.0, cx: 320.0, cy: 180.0, lens: None };
         let world_from_camera = Se3 {
             rotation: DQuat::from_xyzw(0.1, -0.2, 0.3, 0.7).normalize(),
             translation: DVec3::new(1.0 / 3.0, -2e-17, 7e9),

@@ -1,10 +1,11 @@
-//! Rectification of two pinhole cameras: rotations and one camera matrix after which the same point of the scene is
+//! Rectification of two cameras: rotations and one camera matrix after which the same point of the scene is
 //! in the same row of both pictures, or in the same column for cameras above each other.
 //!
-//! The definition is that of OpenCV's `stereoRectify` (`modules/calib3d/src/calibration.cpp`; Bouguet's method) without
-//! distortion, with `CALIB_ZERO_DISPARITY` and the default scale, `alpha` = -1: each camera turns by half of the
-//! rotation between them, and both turn together until the line through their centres is along an axis. OpenCV
-//! holds the corners from which it takes the principal point in 32 bits, which moves it by about 1e-5 px.
+//! The definition is that of OpenCV's `stereoRectify` (`modules/calib3d/src/calibration.cpp`; Bouguet's method) with
+//! `CALIB_ZERO_DISPARITY` and the default scale, `alpha` = -1: each camera turns by half of the rotation between them,
+//! and both turn together until the line through their centres is along an axis. OpenCV holds the corners from which
+//! it takes the principal point in 32 bits, which moves it by about 1e-5 px. Behind a lens, a corner is where the lens
+//! shows it; OpenCV finds its ray in five steps, and this module to the last bits. A fisheye has the same rule.
 //!
 //! OpenCV has the centre of the first pixel at (0, 0). Numbers of a [`Rectification`] follow it; those of a [`Camera`]
 //! have the centre at (0.5, 0.5).
@@ -194,7 +195,8 @@ fn mean_centre(camera: &Camera, turn: &DMat3, focal: f64) -> Option<[f64; 2]> {
     let mut sum = [0.0; 2];
     for corner in [[0.0, 0.0], [last[0], 0.0], [0.0, last[1]], last] {
         let ray = *turn * camera.unproject(corner.map(|v| v + CENTRE), 1.0);
-        if ray.z <= 0.0 {
+        // NaN where the lens shows no ray.
+        if ray.z.is_nan() || ray.z <= 0.0 {
             return None;
         }
         sum[0] += focal * ray.x / ray.z;
@@ -217,7 +219,7 @@ mod tests {
     use super::*;
 
     fn camera() -> Camera {
-        Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 31.0, cy: 25.5 }
+        Camera { size: Size { width: 64, height: 48 }, fx: 60.0, fy: 61.0, cx: 31.0, cy: 25.5, lens: None }
     }
 
     fn moved(rotation: DVec3, translation: DVec3) -> Se3 {

@@ -9,10 +9,11 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{BackendArg, CommonArgs, input};
+use crate::camera::Camera;
+use crate::camera::lens::Distortion;
 use crate::files::is_there;
 use crate::render::backend::Backend;
 use crate::render::gpu;
-use crate::render::lens::{Distortion, LensRenderer};
 use crate::render::{
     AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
     RenderStyle, RenderWork, RenderedImages,
@@ -139,7 +140,8 @@ impl RenderArgs {
 
         let started = Instant::now();
         let style = self.style(&gaussians);
-        let still = CameraView::at_rest(chosen.camera, chosen.world_from_camera);
+        let camera = Camera { lens: self.lens, ..chosen.camera };
+        let still = CameraView::at_rest(camera, chosen.world_from_camera);
         let view = CameraView { velocity, ..still };
         let mut rendered = RenderedImages::default();
         let scene = Arc::new(gaussians);
@@ -262,9 +264,6 @@ impl RenderArgs {
         let mut by = |backend: &Backend| {
             let mut renderer = backend.renderer(scene.clone(), style)?;
             renderer.omit(common.omit());
-            if let Some(lens) = self.lens {
-                renderer = Box::new(LensRenderer::new(renderer, lens));
-            }
             let work = renderer.render(view, want, out)?;
             Ok::<_, RenderError>((backend.class(), work))
         };

@@ -30,7 +30,7 @@ pub fn parse_camera(text: &str, size: Size) -> Result<Camera, String> {
     if ![fx, fy, cx, cy].iter().all(|v| v.is_finite()) || fx <= 0.0 || fy <= 0.0 {
         return Err(format!("the intrinsics are {fx} {fy} {cx} {cy}, wanted focal lengths above 0"));
     }
-    Ok(Camera { size, fx, fy, cx, cy })
+    Ok(Camera { size, fx, fy, cx, cy, lens: None })
 }
 
 /// Intrinsics in the order of [`NAMES`], and the size of the pictures if the file states it.
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn each_form_gives_the_same_camera() {
-        let wanted = Camera { size: SIZE, fx: 200.5, fy: 201.0, cx: 120.0, cy: 90.5 };
+        let wanted = Camera { size: SIZE, fx: 200.5, fy: 201.0, cx: 120.0, cy: 90.5, lens: None };
         for text in [
             "200.5 201 120 90.5\n",
             "# fx fy cx cy k1 k2 p1 p2 k3\n200.5, 201, 120, 90.5, 0, 0, 0, 0, 0",

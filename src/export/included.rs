@@ -55,7 +55,7 @@ impl ReleaseExporter for IncludedExporter<'_> {
             }
         };
         let plan = ExportPlan::new(&subject, &test, None).map_err(refusal)?;
-        let unmet = format.unmet(&plan);
+        let unmet = super::unmet_needs(format, &plan);
         if unmet.is_empty() {
             Ok(())
         } else {
@@ -150,7 +150,7 @@ fn promised_subject(
         return Err(ExportError::Selection(format!("{} has no trajectory `{trajectory}`", recipe.scene)));
     }
     let size = Size { width: 640, height: 480 };
-    let usual = Camera { size, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 };
+    let usual = Camera { size, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0, lens: None };
     let sensors = recipe.sensors_of(trajectory);
     let names: Vec<&str> = sensors.iter().filter_map(|(name, _)| name).collect();
     let chosen = match (sensor, names.as_slice()) {

@@ -160,7 +160,7 @@ impl ExportSubject {
         let mut subject = Self {
             release,
             trajectory: part.name.clone(),
-            camera: checked(record.camera_of(part).pinhole(), &files.shown(&format!("{id}/scene.json")))?,
+            camera: checked(record.camera_of(part).camera(), &files.shown(&format!("{id}/scene.json")))?,
             scene: id,
             sensor_name,
             poses: Trajectory { world_from_camera: Vec::new(), stamps_us: Vec::new() },

@@ -53,7 +53,17 @@ def intrinsics(transforms):
     )
 
 
-def projection(cv2, views, poses, matrix):
+def distortion(transforms):
+    """The lens for OpenCV: whether it is a fisheye, and its coefficients; none for a pinhole."""
+    model = transforms["camera_model"]
+    if model == "OPENCV_FISHEYE":
+        return True, np.array([transforms[f"k{k}"] for k in (1, 2, 3, 4)])
+    names = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]
+    numbers = [float(transforms.get(name, 0)) for name in names]
+    return False, None if model == "PINHOLE" else np.array(numbers)
+
+
+def projection(cv2, views, poses, matrix, lens):
     """The largest distance between where OpenCV and where we see a point, px, and in which pose."""
     worst = {"px": 0.0, "pose": None, "points": 0}
     for view in views:
@@ -61,7 +71,11 @@ def projection(cv2, views, poses, matrix):
             continue
         turn, shift = poses[view["t_us"]]
         points = np.array(view["points"])
-        seen, _ = cv2.projectPoints(points, cv2.Rodrigues(turn)[0], shift, matrix, None)
+        fisheye, k = lens
+        if fisheye:
+            seen, _ = cv2.fisheye.projectPoints(points[None], cv2.Rodrigues(turn)[0], shift, matrix, k)
+        else:
+            seen, _ = cv2.projectPoints(points, cv2.Rodrigues(turn)[0], shift, matrix, k)
         off = np.linalg.norm(seen.reshape(-1, 2) + 0.5 - np.array(view["pixels"]), axis=1).max()
         off = float(off) if np.isfinite(off) else sys.float_info.max
         worst["points"] += len(points)
@@ -79,10 +93,10 @@ MOST_OFF_PX = 0.5
 
 
 class Eye:
-    """Key points of pictures, each looked at once."""
+    """Key points of pictures, each looked at once, where a pinhole camera would show them."""
 
-    def __init__(self, cv2, matrix):
-        self.cv2, self.matrix, self.known = cv2, matrix, {}
+    def __init__(self, cv2, matrix, lens):
+        self.cv2, self.matrix, self.lens, self.known = cv2, matrix, lens, {}
         self.sift = cv2.SIFT_create(2000)
         self.matcher = cv2.BFMatcher(cv2.NORM_L2)
 
@@ -92,8 +106,22 @@ class Eye:
             if grey is None:
                 raise SystemExit(f"OpenCV cannot read {file}")
             points, descriptors = self.sift.detectAndCompute(grey, None)
-            self.known[file] = (np.array([point.pt for point in points]), descriptors)
+            self.known[file] = (self.straight(np.array([point.pt for point in points])), descriptors)
         return self.known[file]
+
+    def straight(self, points):
+        fisheye, k = self.lens
+        if k is None or not len(points):
+            return points
+        if fisheye:
+            return self.cv2.fisheye.undistortPoints(points[None], self.matrix, k, P=self.matrix)[0]
+        until = (self.cv2.TERM_CRITERIA_COUNT + self.cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+        if hasattr(self.cv2, "undistortPointsIter"):
+            seen = self.cv2.undistortPointsIter(points[:, None], self.matrix, k, None, self.matrix, until)
+        else:
+            # From version 5.
+            seen = self.cv2.undistortPoints(points[:, None], self.matrix, k, P=self.matrix, criteria=until)
+        return seen[:, 0]
 
     def matches(self, one, other):
         (a, of_a), (b, of_b) = self.look(one), self.look(other)
@@ -159,14 +187,14 @@ def geometry(request):
     cv2.setNumThreads(1)
     cv2.setRNGSeed(1)
     transforms = json.load(open(request["transforms"]))
-    matrix = intrinsics(transforms)
+    matrix, lens = intrinsics(transforms), distortion(transforms)
     by_text, by_transforms = poses_of_text(request["poses"]), poses_of_transforms(transforms)
-    eye = Eye(cv2, matrix)
+    eye = Eye(cv2, matrix, lens)
     pictures = request["pictures"]
     pairs = [relative(eye, pictures, start, by_text) for start in request["starts"]]
     return {
-        "poses_txt": projection(cv2, request["views"], by_text, matrix),
-        "transforms_json": projection(cv2, request["views"], by_transforms, matrix),
+        "poses_txt": projection(cv2, request["views"], by_text, matrix, lens),
+        "transforms_json": projection(cv2, request["views"], by_transforms, matrix, lens),
         "tried": len(pairs),
         "pairs": [pair for pair in pairs if pair],
     }

@@ -10,6 +10,7 @@ use super::align::{CameraPair, PoseDistance, pose_distances};
 use super::colmap_run::{ColmapOptions, colmap_run};
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, features, versions};
 use crate::camera::Camera;
+use crate::camera::lens::Distortion;
 use crate::programs::EndKind;
 use crate::reconstruct::ProgramWorkspace;
 use crate::se3::Se3;
@@ -139,12 +140,19 @@ fn name_of(pose: usize) -> String {
 }
 
 fn extraction_options(images: &Path, camera: &Camera) -> ColmapOptions {
-    let Camera { fx, fy, cx, cy, .. } = camera;
+    let Camera { fx, fy, cx, cy, lens, .. } = camera;
+    let (model, coefficients) = match lens {
+        None => ("PINHOLE", &[][..]),
+        Some(lens @ Distortion::Rational(_)) => ("FULL_OPENCV", lens.coefficients()),
+        Some(lens @ Distortion::Fisheye(_)) => ("OPENCV_FISHEYE", lens.coefficients()),
+    };
+    let numbers = [fx, fy, cx, cy].into_iter().chain(coefficients);
+    let numbers: Vec<String> = numbers.map(ToString::to_string).collect();
     vec![
         ("--image_path", images.into()),
         ("--ImageReader.single_camera", "1".into()),
-        ("--ImageReader.camera_model", "PINHOLE".into()),
-        ("--ImageReader.camera_params", format!("{fx},{fy},{cx},{cy}").into()),
+        ("--ImageReader.camera_model", model.into()),
+        ("--ImageReader.camera_params", numbers.join(",").into()),
         ("--SiftExtraction.use_gpu", "0".into()),
         ("--SiftExtraction.num_threads", "1".into()),
         ("--SiftExtraction.max_num_features", "2048".into()),

@@ -219,6 +219,9 @@ impl KeptRenderer {
 fn hash_camera(hasher: &mut blake3::Hasher, camera: &Camera) {
     hasher.update(&camera.size.width.to_le_bytes()).update(&camera.size.height.to_le_bytes());
     hash_numbers(hasher, &[camera.fx, camera.fy, camera.cx, camera.cy]);
+    if let Some(lens) = camera.lens {
+        hasher.update(lens.to_string().as_bytes());
+    }
 }
 
 fn hash_pose(hasher: &mut blake3::Hasher, pose: &Se3) {

@@ -317,7 +317,7 @@ mod tests {
             world_from_camera: xs.iter().map(pose).collect(),
             stamps_us: [0, 417, 833, 1250][..xs.len()].to_vec(),
         };
-        let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
+        let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0, lens: None };
         RenderedFrames::new(Box::new(Flat::default()), camera, trajectory)
     }
 

@@ -102,6 +102,9 @@ fn camera_value(camera: CameraChoice) -> Value {
             sides.retain(|key, _| !["cx", "cy"].contains(&key.as_str()));
         }
     }
+    if let Some(lens) = camera.lens {
+        sides["lens"] = json!(lens);
+    }
     sides
 }
 

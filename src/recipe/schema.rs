@@ -158,6 +158,18 @@ pub(super) struct CameraSection {
     /// Principal point by name, for `gs2e export`. Other than `given`, it excludes `cx` and `cy`. Default:
     /// `given`.
     pub principal: Field<PrincipalPoint>,
+    /// Lens that distorts the pictures and the events. [lenses.md](lenses.md) describes it. Default: none, a pinhole.
+    pub lens: Field<LensSection>,
+}
+
+/// Model of a lens with its coefficients, as in OpenCV. [lenses.md](lenses.md) describes it.
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum LensSection {
+    /// Radial and tangential: k1, k2, p1, p2, with k3 or with k3, k4, k5, k6 after them.
+    Opencv(Field<Vec<Field<f64>>>),
+    /// Fisheye, by Kannala and Brandt: k1, k2, k3, k4.
+    Fisheye(Field<Vec<Field<f64>>>),
 }
 
 /// [sampling.md](sampling.md) explains the choice between a rate and a tolerance.

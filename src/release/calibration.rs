@@ -3,7 +3,7 @@
 //!
 //! Cameras are numbered in the order of the recipe, from 0, and each file names them. Lengths are in scene units.
 //! Pixels are OpenCV's, with the centre of the first pixel at (0, 0), so that principal points are half a pixel less
-//! than those of `scene.json`. Cameras have no distortion. Kalibr's forms are those of its wiki ("YAML formats"), and
+//! than those of `scene.json`. Rectified cameras have no distortion. Kalibr's forms are those of its wiki ("YAML formats"), and
 //! DSEC's those of its description of `cam_to_cam.yaml`: `T_XY` maps points of camera Y to points of camera X, and
 //! `R_rectX` maps points of camera X to those of its rectified version.
 
@@ -77,7 +77,7 @@ fn cameras<'a>(
     let seen = |own: &'a RigCamera| {
         let name = format!("{}/{}", body.name, own.name);
         let part = scene.trajectories.iter().find(|part| part.name == name)?;
-        Some((own, scene.camera_of(part).pinhole()))
+        Some((own, scene.camera_of(part).camera()))
     };
     recipe.rig.iter().filter_map(seen).collect()
 }
@@ -93,8 +93,13 @@ fn pairs(cameras: &[(&RigCamera, Camera)]) -> Vec<([usize; 2], Rectification)> {
     cameras.iter().enumerate().filter_map(pair).collect()
 }
 
-const HEAD: &str =
-    "# Lengths are in scene units. The centre of the first pixel is at (0, 0). No camera has distortion.\n";
+const HEAD: &str = "# Lengths are in scene units. The centre of the first pixel is at (0, 0).\n";
+
+/// Model and coefficients of a camera's lens, as Kalibr names them.
+fn distortion(camera: &Camera) -> (&'static str, String) {
+    let (model, k) = camera.lens.map_or(("radtan", vec![0.0; 4]), |lens| lens.kalibr());
+    (model, list(&k))
+}
 
 /// Kalibr's form. Its inertial sensor is the body.
 fn kalibr(cameras: &[(&RigCamera, Camera)]) -> String {
@@ -107,9 +112,10 @@ fn kalibr(cameras: &[(&RigCamera, Camera)]) -> String {
             let from_before = from_body.compose(&before.mount.body_from_camera());
             let _ = writeln!(text, "  T_cn_cnm1:\n{}", rows(&from_before.matrix_rows(), 2));
         }
+        let (model, coefficients) = distortion(camera);
         let _ = writeln!(
             text,
-            "  camera_model: pinhole\n  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n  distortion_model: radtan\n  \
+            "  camera_model: pinhole\n  distortion_coeffs: {coefficients}\n  distortion_model: {model}\n  \
              intrinsics: {}\n  resolution: [{}, {}]\n  rostopic: /{}\n  timeshift_cam_imu: 0.0",
             list(&camera.opencv_intrinsics()),
             camera.size.width,
@@ -125,10 +131,11 @@ fn dsec(cameras: &[(&RigCamera, Camera)], pairs: &[([usize; 2], Rectification)])
     let mut text = HEAD.to_owned();
     text.push_str("intrinsics:\n");
     let mut camera_text = |name: String, comment: &str, numbers: [f64; 4], camera: &Camera| {
+        let (model, coefficients) = distortion(camera);
         let _ = writeln!(
             text,
-            "  # {comment}\n  {name}:\n    camera_model: pinhole\n    camera_matrix: {}\n    distortion_model: radtan\n    \
-             distortion_coeffs: [0.0, 0.0, 0.0, 0.0]\n    resolution: [{}, {}]",
+            "  # {comment}\n  {name}:\n    camera_model: pinhole\n    camera_matrix: {}\n    distortion_model: {model}\n    \
+             distortion_coeffs: {coefficients}\n    resolution: [{}, {}]",
             list(&numbers),
             camera.size.width,
             camera.size.height
@@ -143,7 +150,8 @@ fn dsec(cameras: &[(&RigCamera, Camera)], pairs: &[([usize; 2], Rectification)])
         let [cx, cy] = of.centre;
         let (own, camera) = &cameras[k];
         let comment = format!("{}, rectified", own.name);
-        camera_text(format!("camRect{k}"), &comment, [of.focal, of.focal, cx, cy], camera);
+        let rectified = Camera { lens: None, ..*camera };
+        camera_text(format!("camRect{k}"), &comment, [of.focal, of.focal, cx, cy], &rectified);
     }
     // A rig of one camera has no motion between cameras.
     text.push_str(if cameras.len() > 1 { "extrinsics:\n" } else { "extrinsics: {}\n" });

@@ -88,7 +88,7 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
     let photos = scene.images.iter().filter(|image| image.used).count();
     let mut findings = Vec::new();
     for part in &scene.trajectories {
-        let camera = scene.camera_of(part).pinhole();
+        let camera = scene.camera_of(part).camera();
         // The size is a claim of a tree that may be forged, and memory grows with it.
         camera.size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
         let folder = format!("{id}/{}", part.name);

@@ -19,6 +19,7 @@ use attributes::scene_attributes;
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
 use crate::camera::Camera;
+use crate::camera::lens::Distortion;
 use crate::image::Size;
 use crate::recipe::MountedPath;
 use crate::render::fidelity::PsnrFigures;
@@ -136,6 +137,9 @@ pub struct CameraPart {
     pub cx: f64,
     /// Principal point, px.
     pub cy: f64,
+    /// The lens, if it distorts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lens: Option<Distortion>,
     /// The distortion of the capture's photos, which the rendered camera does not have.
     pub undistorted_from: Option<Value>,
 }
@@ -143,15 +147,15 @@ pub struct CameraPart {
 impl CameraPart {
     /// The part of a camera.
     pub(super) fn new(camera: Camera, undistorted_from: Option<Value>) -> Self {
-        let Camera { size, fx, fy, cx, cy } = camera;
-        Self { width: size.width, height: size.height, fx, fy, cx, cy, undistorted_from }
+        let Camera { size, fx, fy, cx, cy, lens } = camera;
+        Self { width: size.width, height: size.height, fx, fy, cx, cy, lens, undistorted_from }
     }
 
     /// The camera.
     #[must_use]
-    pub fn pinhole(&self) -> Camera {
+    pub fn camera(&self) -> Camera {
         let size = Size { width: self.width, height: self.height };
-        Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy }
+        Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, lens: self.lens }
     }
 }
 

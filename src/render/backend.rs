@@ -2,6 +2,7 @@
 
 use super::cpu::{self, CpuRenderer};
 use super::gpu::{self, GpuError, GpuPool, GpuRenderer};
+use super::lens::LensRenderer;
 use super::reference::{self, ReferenceRenderer};
 use super::{RenderError, RenderStyle, Renderer};
 use crate::image::Size;
@@ -35,7 +36,7 @@ impl Backend {
         }
     }
 
-    /// Creates the renderer of a scene.
+    /// Creates the renderer of a scene, for cameras with and without a lens.
     ///
     /// # Errors
     /// The back end cannot hold the scene, or cannot render in this style.
@@ -44,12 +45,13 @@ impl Backend {
         scene: Arc<Gaussians>,
         style: RenderStyle,
     ) -> Result<Box<dyn Renderer>, RenderError> {
-        Ok(match self {
+        let pinhole: Box<dyn Renderer> = match self {
             Self::Cpu => Box::new(CpuRenderer::new(scene, style)?),
             Self::Reference => Box::new(ReferenceRenderer::new(scene, style)?),
             Self::Gpu(pool) => Box::new(GpuRenderer::new(pool.take()?, &scene, style)?),
             Self::Unopened(class) => return Err(GpuError::None(format!("{class} was not opened")).into()),
-        })
+        };
+        Ok(Box::new(LensRenderer::new(pinhole)))
     }
 
     /// Host memory for rendering a scene of this many bytes at this size, in bytes.

@@ -41,7 +41,7 @@ mod tests {
     use glam::DQuat;
 
     const CAMERA: Camera =
-        Camera { size: Size { width: 41, height: 31 }, fx: 50.0, fy: 50.0, cx: 20.5, cy: 15.5 };
+        Camera { size: Size { width: 41, height: 31 }, fx: 50.0, fy: 50.0, cx: 20.5, cy: 15.5, lens: None };
     const DISTANCE: f32 = 4.0;
 
     /// Motion of the middle pixel for this motion of the camera, by the formula and by projection.

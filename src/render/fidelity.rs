@@ -270,7 +270,7 @@ mod tests {
         source::CapturedView {
             name: "a.jpg".into(),
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO },
-            camera: Camera { size: SIZE, fx: 30.0, fy: 30.0, cx: 20.0, cy: 15.0 },
+            camera: Camera { size: SIZE, fx: 30.0, fy: 30.0, cx: 20.0, cy: 15.0, lens: None },
             lens,
             sha256: None,
         }

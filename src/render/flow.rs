@@ -232,10 +232,7 @@ pub fn flow_of_parts(
         let point = camera.unproject(pixel, f64::from(*z));
         // In camera axes the camera rests, and the point moves against it.
         let moving = -view.velocity.linear - view.velocity.angular.cross(point);
-        // `d(x/z) = (dx - x dz/z) / z`. The form with `z^2` under the fraction overflows at far
-        // depths first.
-        let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
-        (slope * DVec2::new(camera.fx, camera.fy)).as_vec2().to_array()
+        camera.velocity(point, moving).as_vec2().to_array()
     };
     Image::from_vec(size, depth.pixels().iter().enumerate().map(rate).collect())
 }
@@ -261,9 +258,7 @@ pub fn with_drift(
     for (i, ((flow, z), velocity)) in pixels.enumerate() {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         let point = camera.unproject(pixel, f64::from(*z));
-        let moving = DVec3::from_array(velocity.map(f64::from));
-        let slope = (moving.truncate() - point.truncate() * (moving.z / point.z)) / point.z;
-        let own = slope * DVec2::new(camera.fx, camera.fy);
+        let own = camera.velocity(point, DVec3::from_array(velocity.map(f64::from)));
         *flow = [(f64::from(flow[0]) + own.x) as f32, (f64::from(flow[1]) + own.y) as f32];
     }
     flow
@@ -333,7 +328,7 @@ mod tests {
     const SIZE: Size = Size { width: 40, height: 30 };
 
     fn view(translation: DVec3, rotation: DQuat) -> CameraView {
-        let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0 };
+        let camera = Camera { size: SIZE, fx: 50.0, fy: 60.0, cx: 20.0, cy: 15.0, lens: None };
         CameraView::at_rest(camera, Se3 { rotation, translation })
     }
 

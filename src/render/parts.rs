@@ -109,8 +109,14 @@ mod tests {
     /// At 0.2 units, a camera of 90 degrees sees 0.4 units in width.
     #[test]
     fn a_ball_reaches_the_near_plane_only_within_the_view() {
-        let camera =
-            Camera { size: Size { width: 100, height: 100 }, fx: 50.0, fy: 50.0, cx: 50.0, cy: 50.0 };
+        let camera = Camera {
+            size: Size { width: 100, height: 100 },
+            fx: 50.0,
+            fy: 50.0,
+            cx: 50.0,
+            cy: 50.0,
+            lens: None,
+        };
         let t = |centre: [f64; 3], wanted: bool| {
             assert_eq!(reaches_near(centre.into(), 0.1, 0.2, &camera), wanted, "{centre:?}");
         };

@@ -46,6 +46,19 @@ impl TileSample {
         Self::from_tiles(size, vec![true; columns * rows])
     }
 
+    /// The tiles of an image that hold squares of pixels, by their first pixels and the length of their edges. The
+    /// squares are within the image.
+    pub fn under(size: Size, squares: impl Iterator<Item = [usize; 2]>, edge: usize) -> Self {
+        let [columns, rows] = [size.width, size.height].map(|edge| (edge as usize).div_ceil(TILE));
+        let mut has = vec![false; columns * rows];
+        for [left, top] in squares {
+            for y in top / TILE..=(top + edge - 1) / TILE {
+                has[y * columns..][left / TILE..=(left + edge - 1) / TILE].fill(true);
+            }
+        }
+        Self::from_tiles(size, has)
+    }
+
     fn from_tiles(size: Size, has: Vec<bool>) -> Self {
         let columns = (size.width as usize).div_ceil(TILE);
         let stride = columns + 1;

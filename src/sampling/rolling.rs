@@ -176,7 +176,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     const CAMERA: Camera =
-        Camera { size: Size { width: 4, height: 11 }, fx: 10.0, fy: 10.0, cx: 2.0, cy: 5.5 };
+        Camera { size: Size { width: 4, height: 11 }, fx: 10.0, fy: 10.0, cx: 2.0, cy: 5.5, lens: None };
 
     /// Paints every pixel with the camera's position along x, at a depth that gives this flow.
     struct Walker {

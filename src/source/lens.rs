@@ -75,8 +75,14 @@ mod tests {
     use super::*;
     use crate::image::Size;
 
-    const CAMERA: Camera =
-        Camera { size: Size { width: 640, height: 480 }, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 };
+    const CAMERA: Camera = Camera {
+        size: Size { width: 640, height: 480 },
+        fx: 500.0,
+        fy: 500.0,
+        cx: 320.0,
+        cy: 240.0,
+        lens: None,
+    };
 
     #[test]
     fn distortion_is_opencvs() {

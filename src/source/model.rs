@@ -180,7 +180,7 @@ fn read_camera(camera: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarn
     let size = Size { width: camera.get("width")?.side()?, height: camera.get("height")?.side()? };
     let [fx, fy] = [camera.get("fx")?.number()?, camera.get("fy")?.number()?];
     let [cx, cy] = [f64::from(size.width) / 2.0, f64::from(size.height) / 2.0];
-    let pinhole = Camera { size, fx, fy, cx, cy };
+    let pinhole = Camera { size, fx, fy, cx, cy, lens: None };
     screen_camera(&pinhole, &LensModel::Pinhole).map_err(|e| camera.fault(e))?;
     let translation = DVec3::from_array(camera.get("position")?.numbers()?);
     let rows = camera.get("rotation")?;
@@ -240,8 +240,14 @@ mod tests {
         let [first, second] = &capture.views[..] else { panic!("{capture:?}") };
         assert_eq!([first.name.as_str(), second.name.as_str()], ["img 9", "img 10"]);
         assert_eq!(second.world_from_camera.translation, DVec3::new(1.0, 2.0, 3.0));
-        let wanted =
-            Camera { size: Size { width: 1600, height: 899 }, fx: 1000.25, fy: 1001.5, cx: 800.0, cy: 449.5 };
+        let wanted = Camera {
+            size: Size { width: 1600, height: 899 },
+            fx: 1000.25,
+            fy: 1001.5,
+            cx: 800.0,
+            cy: 449.5,
+            lens: None,
+        };
         assert_eq!((second.camera, &second.lens), (wanted, &LensModel::Pinhole));
         // The camera's own axes in the world: the columns of the matrix, which is stored in rows.
         for (view, axes) in

@@ -251,7 +251,7 @@ impl FrameValues<'_> {
             }
         };
         let shift = self.pixel_shift()?;
-        Ok(Camera { size, fx, fy, cx: cx + shift, cy: cy + shift })
+        Ok(Camera { size, fx, fy, cx: cx + shift, cy: cy + shift, lens: None })
     }
 
     fn wanted(&self, key: &str) -> Result<f64, SourceError> {

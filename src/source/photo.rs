@@ -123,7 +123,14 @@ pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String>
             stated.size
         ));
     }
-    Ok(Camera { size: photo, fx: stated.fx * kx, fy: stated.fy * ky, cx: stated.cx * kx, cy: stated.cy * ky })
+    Ok(Camera {
+        size: photo,
+        fx: stated.fx * kx,
+        fy: stated.fy * ky,
+        cx: stated.cx * kx,
+        cy: stated.cy * ky,
+        lens: None,
+    })
 }
 
 /// Converts an empty path to the current folder, as the system expects.

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     const SIZE: Size = Size { width: 97, height: 61 };
-    const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 80.0, cx: 50.25, cy: 29.5 };
+    const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 80.0, cx: 50.25, cy: 29.5, lens: None };
 
     /// Paints a picture with the colours of `shade` at the centres of its pixels, px.
     fn picture(shade: impl Fn(f64, f64) -> [f64; 3]) -> Image<[u8; 3]> {

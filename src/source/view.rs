@@ -61,7 +61,7 @@ pub fn choose_view(
 fn read_camera(top: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarning>), SourceError> {
     let size = Size { width: top.get("W")?.side()?, height: top.get("H")?.side()? };
     let [fx, fy, cx, cy] = ["fx", "fy", "cx", "cy"].map(|key| top.get(key)?.number());
-    let camera = Camera { size, fx: fx?, fy: fy?, cx: cx?, cy: cy? };
+    let camera = Camera { size, fx: fx?, fy: fy?, cx: cx?, cy: cy?, lens: None };
     screen_camera(&camera, &LensModel::Pinhole).map_err(|e| top.fault(e))?;
     let rows = top.get("R")?;
     // The file has rows, `from_cols_array_2d` takes columns.
@@ -100,7 +100,7 @@ mod tests {
         let (_dir, path) = written("camera.json", &planted());
         let (view, message) = choose_view(read_views(&path).unwrap(), 0).unwrap();
         let size = Size { width: 64, height: 48 };
-        assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0 });
+        assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0, lens: None });
         assert_eq!((view.name.as_str(), view.lens, message), ("camera.json", LensModel::Pinhole, Vec::new()));
         // Images of three points, world to camera, computed by hand: (z + 1, y + 2, -x + 3).
         // Entries of 1 and 0 pass through a quaternion with roundings of 1e-16 each.

@@ -4,6 +4,7 @@ use crate::artifact::{Artifact, ArtifactFiles};
 use crate::camera::{self, CameraChoice};
 use crate::image::Size;
 use crate::render::backend::Backend;
+use crate::render::lens::rendered_size;
 use crate::source::Capture;
 
 /// Resources of a step other than cores.
@@ -43,10 +44,12 @@ pub(super) fn rendering_need(
     let capture = files.first().and_then(|capture| Capture::open(capture).ok());
     let own = |capture: Capture| capture.camera().map(|(own, _)| own);
     let camera = capture.and_then(|capture| camera::choose_camera(choice, own(capture).as_ref()));
-    let size = camera.map(|camera| camera.size);
     let scene = files.get(1).map_or(0, ArtifactFiles::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    let need =
-        StepNeed::for_parts(size.into_iter().flat_map(|size| [backend.memory(scene, size), own(size)]));
+    let need = StepNeed::for_parts(
+        camera
+            .into_iter()
+            .flat_map(|camera| [backend.memory(scene, rendered_size(&camera)), own(camera.size)]),
+    );
     StepNeed { gpu: backend.takes_gpu(), ..need }
 }

@@ -156,7 +156,7 @@ fn rescaled(camera: &Camera, size: Size) -> Camera {
     let x = f64::from(size.width) / f64::from(camera.size.width);
     let y = f64::from(size.height) / f64::from(camera.size.height);
     // Pixel centres are at half-integers, so the principal point scales without an offset.
-    Camera { size, fx: camera.fx * x, fy: camera.fy * y, cx: camera.cx * x, cy: camera.cy * y }
+    Camera { size, fx: camera.fx * x, fy: camera.fy * y, cx: camera.cx * x, cy: camera.cy * y, lens: None }
 }
 
 /// A smaller mask: a pixel counts if all that it covers counts.
@@ -184,8 +184,14 @@ mod tests {
 
     #[test]
     fn a_smaller_camera_sees_the_same_rays() {
-        let camera =
-            Camera { size: Size { width: 1080, height: 1919 }, fx: 1000.0, fy: 1010.0, cx: 530.0, cy: 960.0 };
+        let camera = Camera {
+            size: Size { width: 1080, height: 1919 },
+            fx: 1000.0,
+            fy: 1010.0,
+            cx: 530.0,
+            cy: 960.0,
+            lens: None,
+        };
         let small = rescaled(&camera, Size { width: 270, height: 480 });
         // The right and lower edges stay the edges.
         for (full, small, edges) in [

@@ -292,7 +292,7 @@ mod tests {
     use std::path::PathBuf;
 
     const SIZE: Size = Size { width: 96, height: 72 };
-    const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 90.0, cx: 48.0, cy: 36.0 };
+    const CAMERA: Camera = Camera { size: SIZE, fx: 90.0, fy: 90.0, cx: 48.0, cy: 36.0, lens: None };
     /// The wall: all points with `z = DISTANCE + SLOPE x`.
     const DISTANCE: f64 = 4.0;
     const SLOPE: f64 = 0.3;

@@ -24,7 +24,7 @@ fn striped() -> (tempfile::TempDir, Capture, Vec<(String, PathBuf)>) {
         views.push(CapturedView {
             name,
             world_from_camera: Se3 { rotation: DQuat::IDENTITY, translation },
-            camera: Camera { size, fx: 40.0, fy: 40.0, cx: 24.0, cy: 20.0 },
+            camera: Camera { size, fx: 40.0, fy: 40.0, cx: 24.0, cy: 20.0, lens: None },
             lens: LensModel::Pinhole,
             sha256: None,
         });

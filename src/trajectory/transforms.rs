@@ -45,11 +45,15 @@ pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &Picture
             Some(frame)
         })
         .collect();
+    let (model, coefficients) = camera.lens.map_or(("PINHOLE", Vec::new()), |lens| lens.nerfstudio());
     let mut file = json!({
-        "camera_model": "PINHOLE", "w": camera.size.width, "h": camera.size.height,
+        "camera_model": model, "w": camera.size.width, "h": camera.size.height,
         "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy, "pixel_center": 0.5,
         "frames": frames,
     });
+    for (name, value) in coefficients {
+        file[name] = json!(value);
+    }
     if let Some(readout_us) = pictures.readout_us.filter(|_| !pictures.sharp.is_empty()) {
         file["readout_us"] = json!(readout_us);
     }

@@ -69,7 +69,7 @@ fn views() -> Vec<WrittenImage> {
         // A turn about y by 2 * 0.002 rad per number, seen from 4 units before the origin.
         let rotation = DQuat::from_xyzw(0.0, -angle, 0.0, 1.0).normalize();
         let world_from_camera = Se3 { rotation, translation: rotation * DVec3::new(0.0, 0.0, -4.0) };
-        let camera = Camera { size: SIZE, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
+        let camera = Camera { size: SIZE, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0, lens: None };
         WrittenImage { name: format!("photo {i}.png"), world_from_camera, camera }
     };
     (8..14).map(view).collect()

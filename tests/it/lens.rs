@@ -6,9 +6,10 @@ use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
-use gs2e::image::{Image, Size, png};
+use gs2e::camera::lens::Distortion;
+use gs2e::image::{Image, Size, npy, png};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::lens::{Distortion, LensRenderer};
+use gs2e::render::lens::LensRenderer;
 use gs2e::render::{
     CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
 };
@@ -16,12 +17,15 @@ use gs2e::scene::{Gaussians, ply};
 use gs2e::se3::Se3;
 use gs2e::source::LensModel;
 use gs2e::source::undistort::undistort_photo;
-use serde_json::json;
+use gs2e::trajectory::Trajectory;
+use serde_json::{Value, json};
+use std::fs::{self, File};
+use std::io::{BufReader, Cursor};
 use std::process::Command;
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 320, height: 240 };
-const CAMERA: Camera = Camera { size: SIZE, fx: 200.0, fy: 210.0, cx: 163.0, cy: 118.0 };
+const CAMERA: Camera = Camera { size: SIZE, fx: 200.0, fy: 210.0, cx: 163.0, cy: 118.0, lens: None };
 const RADIAL: [f64; 5] = [-0.28, 0.09, 0.001, -0.0015, -0.012];
 const FISHEYE: [f64; 4] = [0.03, -0.012, 0.004, -0.001];
 
@@ -87,12 +91,17 @@ fn dots() -> Gaussians {
 fn renderer(scene: Gaussians) -> Box<dyn Renderer> {
     let (rules, order) = (RenderRules::Soft, LayerOrder::Depth);
     let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
-    Box::new(CpuRenderer::new(Arc::new(scene), style).unwrap())
+    Box::new(LensRenderer::new(Box::new(CpuRenderer::new(Arc::new(scene), style).unwrap())))
 }
 
-fn rendered(renderer: &mut dyn Renderer, velocity: CameraVelocity, want: ChannelSet) -> RenderedImages {
+fn rendered(
+    renderer: &mut dyn Renderer,
+    lens: Option<Distortion>,
+    velocity: CameraVelocity,
+    want: ChannelSet,
+) -> RenderedImages {
     let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
-    let view = CameraView { velocity, ..CameraView::at_rest(CAMERA, pose) };
+    let view = CameraView { velocity, ..CameraView::at_rest(Camera { lens, ..CAMERA }, pose) };
     let mut out = RenderedImages::default();
     renderer.render(&view, want, &mut out).unwrap();
     out
@@ -135,9 +144,9 @@ fn centroid(image: &Image<f32>, model: Model, [u, v]: [f64; 2]) -> Option<[f64; 
 #[test]
 fn points_lie_where_the_models_put_them() {
     for (lens, model) in lenses() {
-        let mut through = LensRenderer::new(renderer(dots()), lens);
+        let mut through = renderer(dots());
         let want = ChannelSet { luminance: true, ..ChannelSet::NONE };
-        let image = rendered(&mut through, CameraVelocity::default(), want).luminance.unwrap();
+        let image = rendered(&mut *through, Some(lens), CameraVelocity::default(), want).luminance.unwrap();
         let (mut count, mut worst) = (0, 0.0f64);
         for point in points() {
             let wanted = seen(model, DVec3::from(point.map(f64::from)));
@@ -160,9 +169,9 @@ fn flow_is_that_of_the_distorted_picture() {
         ..ColourBlob::default()
     };
     for (lens, model) in lenses() {
-        let mut through = LensRenderer::new(renderer(blob_scene(&[wall])), lens);
+        let mut through = renderer(blob_scene(&[wall]));
         let want = ChannelSet { depth: true, flow: true, ..ChannelSet::NONE };
-        let images = rendered(&mut through, velocity, want);
+        let images = rendered(&mut *through, Some(lens), velocity, want);
         let (depth, flow) = (images.depth.unwrap(), images.flow.unwrap());
         let mut count = 0;
         for (i, found) in flow.pixels().iter().enumerate().step_by(97) {
@@ -230,11 +239,12 @@ fn differences(a: &[[u8; 3]], b: &[[u8; 3]]) -> (f64, u8) {
 #[test]
 fn what_is_undistorted_is_the_pinhole_picture() {
     let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
-    let picture = |renderer: &mut dyn Renderer| {
-        png::to_bytes(&rendered(renderer, CameraVelocity::default(), want).rgb.unwrap())
+    let picture = |lens: Option<Distortion>| {
+        let seen = rendered(&mut *renderer(clouds()), lens, CameraVelocity::default(), want);
+        png::to_bytes(&seen.rgb.unwrap())
     };
-    let straight = picture(&mut *renderer(clouds()));
-    let bent = picture(&mut LensRenderer::new(renderer(clouds()), lenses()[0].0));
+    let straight = picture(None);
+    let bent = picture(Some(lenses()[0].0));
     let (apart, _) = differences(straight.pixels(), bent.pixels());
     assert!(apart > 2.0, "the lens bends the picture: {apart}");
     let [k1, k2, p1, p2, k3] = RADIAL;
@@ -317,4 +327,111 @@ fn lenses_are_refused_by_name() {
         assert_eq!(ended.code, code, "{lens}: {}", ended.stderr);
         assert!(ended.stderr.contains(because), "{lens}: {}", ended.stderr);
     }
+}
+
+/// A recipe whose camera has the lens of [`radial`].
+const RECIPE: &str = "\
+version: 1
+scene: tiny
+seed: 7
+source: { procedural: { kind: still-life, gaussians: 1500, views: 6, arc: 6, seed: 1 } }
+camera: { width: 320, height: 240, fx: 200, fy: 210, cx: 163, cy: 118, lens: { opencv: [-0.28, 0.09, 0.001, -0.0015, -0.012] } }
+trajectories:
+  - name: base
+    refine: { window: 2, factor: 2, curve: cubic }
+    speed: { function: \"1.1\" }
+sampling: { rate: 400, between: linear }
+sensor:
+  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
+outputs: [events, sharp, depth, flow]
+licence: { expression: CC0-1.0, holder: Nobody }
+";
+
+#[test]
+fn a_release_is_seen_through_the_lens_of_its_recipe() {
+    let place = Workspace::new();
+    place.write("tiny.yaml", RECIPE);
+    place.ok("release --copy --to tree tiny.yaml");
+    place.ok("audit tree");
+    place.ok("check --tree tree");
+    let json =
+        |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
+    let transforms = json("tree/tiny/base/transforms.json");
+    assert_eq!(transforms["camera_model"], "OPENCV");
+    for (name, k) in ["k1", "k2", "p1", "p2", "k3"].iter().zip(RADIAL) {
+        assert_eq!(transforms[name], k, "{name}");
+    }
+    assert_eq!(json("tree/tiny/scene.json")["camera"]["lens"]["opencv"][4], RADIAL[4]);
+
+    // The velocity of a pixel is that of its point, by depth, poses and the model of this test.
+    let poses = File::open(place.path("tree/tiny/base/poses.txt")).unwrap();
+    let poses = Trajectory::read_poses(BufReader::new(poses)).unwrap();
+    let array = |kind: &str, pose: usize, shape: &[u64]| -> Vec<f32> {
+        let file = File::open(place.path(&format!("tree/tiny/base/{kind}/{pose:06}.npy"))).unwrap();
+        npy::read_values(shape, &mut BufReader::new(file)).unwrap()
+    };
+    let pose = poses.stamps_us.len() / 2;
+    let (depth, flow) = (array("depth", pose, &[240, 320]), array("flow", pose, &[240, 320, 2]));
+    let (mut worst, mut count) = (0.0f64, 0);
+    for i in (0..depth.len()).step_by(61).filter(|i| !depth[*i].is_nan()) {
+        let place = [i % 320, i / 320].map(|k| k as f64 + 0.5);
+        let ([x, y], _) = ray_of(radial, place);
+        let own = &poses.world_from_camera[pose];
+        let world = own.rotation * (DVec3::new(x, y, 1.0) * f64::from(depth[i])) + own.translation;
+        let [before, after] = [pose - 1, pose + 1].map(|pose| {
+            let back = poses.world_from_camera[pose].inverse();
+            seen(radial, back.rotation * world + back.translation)
+        });
+        let seconds = (poses.stamps_us[pose + 1] - poses.stamps_us[pose - 1]) as f64 * 1e-6;
+        for axis in [0, 1] {
+            let difference = (after[axis] - before[axis]) / seconds;
+            worst = worst.max((difference - f64::from(flow[2 * i + axis])).abs());
+            count += 1;
+        }
+    }
+    println!("{count} components of the flow: within {worst:.2e} px/s");
+    assert!(count > 500, "{count}");
+    // A central difference over 5 ms, by its own error between this step and twice of it.
+    assert!(worst < 0.5, "{worst}");
+
+    // What is undistorted is the frame of the pinhole camera.
+    let pinhole = RECIPE.replace(", lens: { opencv: [-0.28, 0.09, 0.001, -0.0015, -0.012] }", "");
+    place.write("straight/tiny.yaml", pinhole.replace("[events, sharp, depth, flow]", "[sharp]"));
+    place.ok("release --copy --to straight/tree straight/tiny.yaml");
+    let picture = |tree: &str| {
+        let file = fs::read(place.path(&format!("{tree}/tiny/base/sharp/{pose:06}.png"))).unwrap();
+        png::read_rgb(Cursor::new(file)).unwrap()
+    };
+    let (bent, straight) = (picture("tree"), picture("straight/tree"));
+    let [k1, k2, p1, p2, k3] = RADIAL;
+    let model = LensModel::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] };
+    let undone = undistort_photo(&bent, &CAMERA, &model);
+    let (apart, _) = differences(straight.pixels(), bent.pixels());
+    let (mean, _) = differences(straight.pixels(), undone.pixels());
+    assert!(mean < 1.0 && apart > 4.0 * mean, "{mean} {apart}");
+
+    // The key of a product has the lens; a layout whose loader assumes a pinhole is refused.
+    place.write("tiny.yaml", RECIPE.replace("-0.012]", "-0.011]"));
+    assert!(place.stale("tiny.yaml").iter().any(|step| step.ends_with("base/events")));
+    let refused = place.gs2e("export --format e2nerf --to out tree/tiny");
+    assert!(refused.code != 0 && refused.stderr.contains("assumes a pinhole"), "{}", refused.stderr);
+    crate::loader::ask(&place.path("tree"), &["lens", place.path("tree/tiny").to_str().unwrap()]);
+}
+
+#[test]
+fn faulty_lenses_of_recipes_are_named() {
+    let t = |lens: &str, said: &[&str]| {
+        let place = Workspace::new();
+        place.write("tiny.yaml", RECIPE.replace("{ opencv: [-0.28, 0.09, 0.001, -0.0015, -0.012] }", lens));
+        let ended = place.gs2e("plan tiny.yaml");
+        assert_eq!(ended.code, 2, "{lens}: {}", ended.stderr);
+        for part in said {
+            assert!(ended.stderr.contains(part), "{lens}: nothing of `{part}` in {}", ended.stderr);
+        }
+    };
+    t("{ opencv: [1, 2, 3] }", &["tiny.yaml:5:", "found 3 numbers", "4, 5 or 8"]);
+    t("{ fisheye: [0, 0, 0, 0, 0] }", &["found 5 numbers", "wanted 4"]);
+    t("{ fisheye: [0, 0, 0, .inf] }", &["fisheye[3]", "wanted a number"]);
+    t("{ thin: [0, 0, 0, 0] }", &["thin", "opencv"]);
+    t("{ opencv: [-0.9, 0, 0, 0] }", &["shows no ray at pixel (0, 0)"]);
 }

@@ -69,7 +69,7 @@ impl GoldenCamera {
     fn view(&self) -> CameraView {
         let world_from_camera = DMat3::from_cols(self.r[0], self.r[1], self.r[2]);
         let size = Size { width: self.w, height: self.h };
-        let camera = Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy };
+        let camera = Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, lens: None };
         let rotation = DQuat::from_mat3(&world_from_camera);
         CameraView::at_rest(camera, Se3 { rotation, translation: -(world_from_camera * self.t) })
     }

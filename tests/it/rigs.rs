@@ -21,7 +21,8 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// A rig on the tiny scene: a camera at the body, one that is turned and has other intrinsics, and one for frames.
+/// A rig on the tiny scene: a camera at the body, one that is turned and has other intrinsics and a lens, and one for
+/// frames with a fisheye.
 const RIG: &str = "\
 version: 1
 scene: tiny
@@ -40,11 +41,11 @@ rig:
     - { name: left }
     - name: right
       extrinsic: { position: [0.12, 0.01, -0.02], rotation: [0.02, -0.04, 0.03, 0.998549] }
-      camera: { width: 64, height: 48, fx: 60, fy: 61, cx: 33, cy: 23 }
+      camera: { width: 64, height: 48, fx: 60, fy: 61, cx: 33, cy: 23, lens: { opencv: [-0.05, 0.01, 0.001, -0.0005] } }
     - name: frames
       extrinsic:
         camera_from_body: [[1, 0, 0, -0.05], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-      camera: { width: 32, height: 24, fx: 30 }
+      camera: { width: 32, height: 24, fx: 30, lens: { fisheye: [0.02, -0.01, 0.002, -0.0005] } }
       outputs: [sharp]
   stereo: [[left, right]]
 outputs: [events, sharp, depth, disparity, imu]
@@ -208,24 +209,35 @@ fn velocities_of_a_camera_are_those_of_its_lever_arm_and_of_its_differences() {
     assert!(order > 2.7 && fine[0] < 1e-3, "{order} {coarse:?} {fine:?}");
 }
 
-/// A pinhole camera of this test, in the pixels of `scene.json`.
+/// A camera of this test, in the pixels of `scene.json`, with k1, k2, p1, p2 of its lens.
 struct Seen {
     f: [f64; 2],
     c: [f64; 2],
+    k: [f64; 4],
 }
 
 impl Seen {
     fn of(part: &Value) -> Self {
         let number = |key: &str| part[key].as_f64().unwrap();
-        Self { f: [number("fx"), number("fy")], c: [number("cx"), number("cy")] }
+        let k = |i: usize| part["lens"]["opencv"][i].as_f64().unwrap_or(0.0);
+        Self { f: [number("fx"), number("fy")], c: [number("cx"), number("cy")], k: [0, 1, 2, 3].map(k) }
     }
 
+    /// The ray of a pixel of a camera without a lens.
     fn ray(&self, x: f64, y: f64) -> DVec3 {
+        assert_eq!(self.k, [0.0; 4]);
         DVec3::new((x - self.c[0]) / self.f[0], (y - self.c[1]) / self.f[1], 1.0)
     }
 
     fn project(&self, p: DVec3) -> [f64; 2] {
-        [self.f[0] * p.x / p.z + self.c[0], self.f[1] * p.y / p.z + self.c[1]]
+        let (x, y, [k1, k2, p1, p2]) = (p.x / p.z, p.y / p.z, self.k);
+        let r2 = x * x + y * y;
+        let gain = 1.0 + k1 * r2 + k2 * r2 * r2;
+        let seen = [
+            x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ];
+        [0, 1].map(|k| self.f[k] * seen[k] + self.c[k])
     }
 }
 
@@ -316,9 +328,16 @@ for k, name in enumerate(["left", "right", "frames"]):
     c = part["camera"]
     assert kalibr[f"cam{k}"]["intrinsics"] == [c["fx"], c["fy"], c["cx"] - 0.5, c["cy"] - 0.5]
     assert kalibr[f"cam{k}"]["resolution"] == [c["width"], c["height"]]
-zero = np.zeros(5)
+D = [np.array(dsec["intrinsics"][f"cam{k}"]["distortion_coeffs"]) for k in (0, 1)]
+assert D[0].tolist() == [0, 0, 0, 0] and D[1].tolist() == [-0.05, 0.01, 0.001, -0.0005]
+models = [dsec["intrinsics"][f"cam{k}"]["distortion_model"] for k in (0, 1, 2)]
+assert models == ["radtan", "radtan", "equidistant"], models
+assert dsec["intrinsics"]["cam2"]["distortion_coeffs"] == [0.02, -0.01, 0.002, -0.0005]
+for k in (0, 1, 2):
+    assert all(kalibr[f"cam{k}"][key] == dsec["intrinsics"][f"cam{k}"][key] for key in ("distortion_model", "distortion_coeffs"))
+    assert dsec["intrinsics"].get(f"camRect{k}", {}).get("distortion_coeffs", [0] * 4) == [0] * 4
 R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
-    K[0], zero, K[1], zero, size, motion[:3, :3].copy(), motion[:3, 3:].copy(), flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1)
+    K[0], D[0], K[1], D[1], size, motion[:3, :3].copy(), motion[:3, 3:].copy(), flags=cv2.CALIB_ZERO_DISPARITY, alpha=-1)
 rotations = [np.array(dsec["extrinsics"][f"R_rect{k}"]) for k in (0, 1)]
 rect = [matrix(*dsec["intrinsics"][f"camRect{k}"]["camera_matrix"]) for k in (0, 1)]
 ours = np.array(dsec["disparity_to_depth"]["cams_01"])
@@ -328,12 +347,17 @@ print("rotations, camera matrices and Q differ by", off)
 assert max(off) < 1e-6, off
 for k, name in enumerate(["left", "right"]):
     remap = np.load(f"{folder}/{name}_remap.npy")
-    x, y = cv2.initUndistortRectifyMap(K[k], zero, rotations[k], rect[k], size, cv2.CV_32FC1)
+    x, y = cv2.initUndistortRectifyMap(K[k], D[k], rotations[k], rect[k], size, cv2.CV_32FC1)
     # Both have 32 bits, whose last one is 8e-6 px at 64 px.
     off = np.abs(remap - np.stack([x, y], -1)).max()
     assert off < 1e-5, off
     grid = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), -1).reshape(-1, 1, 2).astype(np.float64)
-    forward = cv2.undistortPoints(grid, K[k], zero, R=rotations[k], P=rect[k]).reshape(size[1], size[0], 2)
+    until = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+    if hasattr(cv2, "undistortPointsIter"):
+        forward = cv2.undistortPointsIter(grid, K[k], D[k], rotations[k], rect[k], until)
+    else:
+        forward = cv2.undistortPoints(grid, K[k], D[k], R=rotations[k], P=rect[k], criteria=until)
+    forward = forward.reshape(size[1], size[0], 2)
     off = np.abs(np.load(f"{folder}/{name}_rectify_map.npy") - forward).max()
     assert off < 1e-5, off
 "#;

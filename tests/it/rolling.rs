@@ -36,7 +36,7 @@ fn pan(seconds: f64) -> Se3 {
 #[test]
 fn a_vertical_line_under_a_pan_leans_by_the_closed_form() {
     let size = Size { width: 160, height: 120 };
-    let camera = Camera { size, fx: 150.0, fy: 150.0, cx: 80.0, cy: 60.0 };
+    let camera = Camera { size, fx: 150.0, fy: 150.0, cx: 80.0, cy: 60.0, lens: None };
     let seconds: Vec<f64> = (0..=100).map(|j| f64::from(j) / 100.0).collect();
     let poses: Vec<Se3> = seconds.iter().map(|t| pan(*t)).collect();
     let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);

@@ -178,7 +178,7 @@ fn middle(between: BetweenFrames, four: [&Levels; 4], i: usize, t: f64) -> f64 {
 #[test]
 fn the_error_of_all_intervals_is_within_the_tolerance() {
     let (path, sensor) = (path(), VoltmeterModel::new(VoltmeterPreset::Dvs346.k()));
-    let small = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
+    let small = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0, lens: None };
     // 20 x 15 tiles: one of four is in a sample.
     let large = small.resized(Size { width: 320, height: 240 });
     let all = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
@@ -236,7 +236,7 @@ fn the_error_of_all_intervals_is_within_the_tolerance() {
 /// scene.
 #[test]
 fn the_flow_of_a_known_motion_is_found() {
-    let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0 };
+    let camera = Camera { size: SIZE, fx: 75.0, fy: 75.0, cx: 40.0, cy: 30.0, lens: None };
     // It turns at 0.5 rad/s, and three times as fast in the second half. Depth does not matter.
     let seconds: Vec<f64> = (0..=200).map(|j| f64::from(j) / 1000.0).collect();
     let angle = |t: f64| if t < 0.1 { 0.5 * t } else { 0.05 + 1.5 * (t - 0.1) };

@@ -248,6 +248,6 @@ fn look_at(centre: DVec3, target: DVec3, size: Size) -> CameraView {
     let rotation = DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward));
     let (width, height) = (f64::from(size.width), f64::from(size.height));
     let focal = width / (2.0 * libm::tan(30f64.to_radians()));
-    let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
+    let camera = Camera { size, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0, lens: None };
     CameraView::at_rest(camera, Se3 { rotation, translation: centre })
 }

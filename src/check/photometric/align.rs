@@ -18,7 +18,7 @@
 use crate::camera::Camera;
 use crate::image::{Image, Size};
 use crate::se3::Se3;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Maximum number of pixels used per pair; more would only add time.
 const MOST_PIXELS: usize = 20_000;
@@ -187,7 +187,7 @@ impl<'a> PairWarp<'a> {
 
     /// The row of a pixel; `None` without depth, off the other picture, or where it is occluded.
     fn row(&self, x: u32, y: u32) -> Option<WarpRow> {
-        let Camera { fx, fy, cx, cy, size } = *self.camera;
+        let Camera { fx, fy, cx, cy, size, lens } = *self.camera;
         let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
         let depth = value_at(&self.from.depth, place)?;
         let point = self.turn * self.camera.unproject(place, depth) + self.shift;
@@ -198,7 +198,7 @@ impl<'a> PairWarp<'a> {
         if (seen / point.z - 1.0).abs() > self.quantity.most_apart() {
             return None;
         }
-        let (a, b) = ((u - cx) / fx, (v - cy) / fy);
+        let (a, b) = lens.map_or(((u - cx) / fx, (v - cy) / fy), |_| (point.x / point.z, point.y / point.z));
         // Linear motion is measured in units of the scene's depth, so that all six columns are
         // pixels of like size and the normal equations are well scaled.
         let near = self.unit / point.z;
@@ -207,6 +207,17 @@ impl<'a> PairWarp<'a> {
             [fx * near, 0.0, -fx * a * near, -fx * a * b, fx * (1.0 + a * a), -fx * b],
             [0.0, fy * near, -fy * b * near, -fy * (1.0 + b * b), fy * a * b, fy * a],
         ];
+        let moves = lens.map_or(moves, |lens| {
+            let bend = lens.distort(DVec2::new(a, b)).1;
+            let [across, down] = [bend.y_axis.x * fx / fy, bend.x_axis.y * fy / fx];
+            let bent = |i: usize| {
+                [
+                    bend.x_axis.x * moves[0][i] + across * moves[1][i],
+                    down * moves[0][i] + bend.y_axis.y * moves[1][i],
+                ]
+            };
+            [0, 1].map(|row| std::array::from_fn(|i| bent(i)[row]))
+        });
         let [gx, gy] = gradient_at(&self.to.values, [u, v])?;
         let along = |gradient: [f64; 2]| -> [f64; 6] {
             std::array::from_fn(|i| gradient[0] * moves[0][i] + gradient[1] * moves[1][i])
@@ -381,7 +392,7 @@ mod tests {
     use glam::DQuat;
 
     const CAMERA: Camera =
-        Camera { size: Size { width: 80, height: 60 }, fx: 90.0, fy: 90.0, cx: 40.0, cy: 30.0 };
+        Camera { size: Size { width: 80, height: 60 }, fx: 90.0, fy: 90.0, cx: 40.0, cy: 30.0, lens: None };
 
     /// The picture of a wavy wall that is tilted against the camera, and its depth. Independent of
     /// the code under test: each ray meets the wall.

@@ -111,7 +111,7 @@ impl CameraGroup<'_> {
     }
 
     fn value(&self) -> Value {
-        let Camera { size, fx, fy, cx, cy } = self.camera;
+        let Camera { size, fx, fy, cx, cy, .. } = self.camera;
         json!({
             "width": size.width, "height": size.height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
             "lens": self.model(), "views": self.views,

@@ -19,7 +19,7 @@ use std::path::Path;
 
 /// The camera of the suggested recipe: 60 degrees wide.
 const CAMERA: Camera =
-    Camera { size: Size { width: 640, height: 480 }, fx: 554.0, fy: 554.0, cx: 320.0, cy: 240.0 };
+    Camera { size: Size { width: 640, height: 480 }, fx: 554.0, fy: 554.0, cx: 320.0, cy: 240.0, lens: None };
 
 pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
     let form = file_form(place).map_err(|e| unreadable(place, &e))?;

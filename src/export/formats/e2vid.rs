@@ -60,6 +60,10 @@ impl ExportFormat for E2Vid {
         "github.com/uzh-rpg/rpg_e2vid at d0a7c00"
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         unmet_events(plan).into_iter().collect()
     }

@@ -34,6 +34,10 @@ impl ExportFormat for Evreal {
         "github.com/ercanburak/EVREAL at 398f035"
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         let needs = [unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan), unmet_int16(plan)];
         needs.into_iter().flatten().collect()

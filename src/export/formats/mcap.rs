@@ -66,6 +66,10 @@ impl ExportFormat for Mcap {
         true
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         let size = plan.subject.camera.size;
         let large = (size.width > EDGE || size.height > EDGE).then(|| {

@@ -40,6 +40,10 @@ impl ExportFormat for MonashH5 {
         "github.com/TimoStoff/event_cnn_minimal at 78aa471"
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         let needs =
             [unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unmet_int16(plan)];

@@ -61,6 +61,10 @@ impl ExportFormat for ParquetRows {
         "Hugging Face datasets 4"
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         windows::unmet(plan)
     }

@@ -36,6 +36,10 @@ impl ExportFormat for WebDataset {
         "github.com/webdataset/webdataset at e0953f9"
     }
 
+    fn takes_lens(&self) -> bool {
+        true
+    }
+
     fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
         windows::unmet(plan)
     }

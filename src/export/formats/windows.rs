@@ -58,7 +58,7 @@ impl EventWindow {
     }
 
     /// Everything but events and pictures. Poses are camera to world by rows, OpenCV axes, and the pixel (0, 0)
-    /// has its centre at (0.5, 0.5).
+    /// has its centre at (0.5, 0.5). A lens has the coefficients of OpenCV, in OpenCV's order.
     pub(super) fn description(&self, plan: &ExportPlan<'_>) -> Result<Value, ExportError> {
         let [start, end] = self.span_us(plan);
         let camera = &plan.subject.camera;
@@ -70,7 +70,7 @@ impl EventWindow {
             json!({ "t_us": stamps[pose], "world_from_camera": numbers })
         };
         let (c_on, c_off) = plan.sensor()?.as_model().contrast();
-        Ok(json!({
+        let mut description = json!({
             "scene": plan.subject.scene, "trajectory": plan.subject.trajectory,
             "sensor": plan.subject.sensor_name, "window": self.number, "split": self.split(),
             "t0_us": start, "t1_us": end,
@@ -78,7 +78,11 @@ impl EventWindow {
             "K": [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]],
             "c_on": c_on, "c_off": c_off,
             "poses": (self.frames[0]..=self.frames[1]).map(pose).collect::<Vec<_>>(),
-        }))
+        });
+        if let Some(lens) = camera.lens {
+            description["lens"] = json!(lens);
+        }
+        Ok(description)
     }
 
     fn push(&mut self, event: &Event, t_us: i64) -> Result<(), ExportError> {

@@ -41,7 +41,7 @@ impl Renderer for Counting {
 }
 
 fn view(x: f64) -> CameraView {
-    let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 2.0, cy: 1.5 };
+    let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 2.0, cy: 1.5, lens: None };
     let pose = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
     let velocity = CameraVelocity { linear: DVec3::X, angular: DVec3::ZERO };
     CameraView { velocity, ..CameraView::at_rest(camera, pose) }

@@ -165,7 +165,7 @@ mod tests {
         let pose = |x| Se3 { rotation: DQuat::IDENTITY, translation: DVec3::new(x, 0.0, 0.0) };
         let trajectory =
             Trajectory { world_from_camera: [0.25, 0.5, 1.0].map(pose).to_vec(), stamps_us: vec![0, 1, 2] };
-        let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
+        let camera = Camera { size: SIZE, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0, lens: None };
         let moving = |x| CameraVelocity { linear: DVec3::new(x, 0.0, 0.0), angular: DVec3::ZERO };
         let frames = RenderedFrames::new(Box::new(Painter::default()), camera, trajectory);
         let mut frames = frames.with_velocities([3.0, 4.0, 5.0].map(moving).to_vec());

@@ -130,7 +130,8 @@ mod tests {
             world_from_camera: vec![Se3::IDENTITY; poses as usize],
             stamps_us: (0..i64::from(poses)).collect(),
         };
-        let camera = Camera { size: Size { width: 3, height: 2 }, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0 };
+        let camera =
+            Camera { size: Size { width: 3, height: 2 }, fx: 2.0, fy: 2.0, cx: 1.5, cy: 1.0, lens: None };
         RenderedFrames::new(Box::new(Slow::default()), camera, trajectory)
     }
 

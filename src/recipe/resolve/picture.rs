@@ -2,6 +2,7 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
+use crate::camera::lens::Distortion;
 use crate::camera::{CameraChoice, PrincipalPoint};
 use crate::image::Size;
 use crate::recipe::field::Field;
@@ -12,6 +13,9 @@ use crate::render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
 
 /// Pixels per side, far above any event sensor. Events store coordinates in 16 bits.
 const SIDE: WholeRange = WholeRange::new(1, 16_384);
+
+/// Coefficients of lenses. A coefficient of a high order may be large where the field is narrow.
+const COEFFICIENT: RealRange = RealRange::new(-1e6, 1e6);
 
 const WHOLE: &str = "without a source, write the camera: camera: { width: 640, height: 360, fx: 500 }";
 
@@ -29,13 +33,40 @@ impl Resolver<'_> {
         let [width, height] = self.sides(raw, place);
         let intrinsics = self.intrinsics(raw, [width, height], place, whole);
         let principal = self.principal(raw, place);
+        let lens = self.lens(&raw.lens);
         let size = Size { width: width?, height: height? };
         // Both sides may be in range, and their product still too large.
         if let Err(error) = size.check_sensor() {
             return self.refuse(FieldProblem::of_field(format!("is {error}")).at(place));
         }
         let Size { width, height } = size;
-        Some(Some(CameraChoice { width, height, intrinsics: intrinsics?, principal: principal? }))
+        let (intrinsics, principal, lens) = (intrinsics?, principal?, lens?);
+        let choice = CameraChoice { width, height, intrinsics, principal, lens };
+        // A camera whose focal length is that of the source is judged when it is known.
+        if let Some(Err(because)) = choice.resolve(None).map(|camera| camera.check_lens()) {
+            let place = raw.lens.place().unwrap_or(place);
+            let help =
+                "OpenCV fits a lens to the corners of a board: outside of them, its polynomial may turn back";
+            return self.refuse(FieldProblem::of_field(because).help(help).at(place));
+        }
+        Some(Some(choice))
+    }
+
+    /// Resolves the lens; the inner `None` is a pinhole.
+    fn lens(&self, field: &Field<schema::LensSection>) -> Option<Option<Distortion>> {
+        let Some((lens, _)) = field.given() else { return field.is_absent().then_some(None) };
+        let (model, field, wanted) = match lens {
+            schema::LensSection::Opencv(field) => {
+                ("opencv", field, "4, 5 or 8: k1, k2, p1, p2, k3, k4, k5, k6")
+            }
+            schema::LensSection::Fisheye(field) => ("fisheye", field, "4: k1, k2, k3, k4"),
+        };
+        let (list, place) = field.given()?;
+        let numbers: Option<Vec<f64>> = list.iter().map(|item| self.real(item, 0.0, COEFFICIENT)).collect();
+        match Distortion::from_parts(model, &numbers?) {
+            Ok(lens) => Some(Some(lens)),
+            Err(found) => self.refuse(FieldProblem::of_field(format!("{found}, wanted {wanted}")).at(place)),
+        }
     }
 
     /// Resolves the size, by name or by its sides.

@@ -127,14 +127,12 @@ impl Resolver<'_> {
             return self.report(FieldProblem::of_field(message).help("write both, with one size").at(place));
         }
         // Of a camera whose focal length is the source's, only the size and the baseline are judged.
-        let stand_in = Camera { size: Size { width: 1, height: 1 }, fx: 1e6, fy: 1e6, cx: 0.5, cy: 0.5 };
+        let stand_in = Camera::pinhole(Size { width: 1, height: 1 }, [1e6, 1e6, 0.5, 0.5]);
         let judged = [first.camera, second.camera].map(|choice| {
-            let of_size = |choice: CameraChoice| Camera {
-                size: Size { width: choice.width, height: choice.height },
-                fx: 1e9,
-                fy: 1e9,
-                cx: f64::from(choice.width) / 2.0,
-                cy: f64::from(choice.height) / 2.0,
+            let of_size = |choice: CameraChoice| {
+                let size = Size { width: choice.width, height: choice.height };
+                let [cx, cy] = [choice.width, choice.height].map(|side| f64::from(side) / 2.0);
+                Camera::pinhole(size, [1e9, 1e9, cx, cy])
             };
             choice.map_or(stand_in, |choice| choice.resolve(None).unwrap_or_else(|| of_size(choice)))
         });

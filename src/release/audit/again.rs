@@ -143,7 +143,7 @@ fn trajectory(
         write(&mut bytes).expect("a Vec takes any bytes");
         bytes
     };
-    let camera = scene.file.camera_of(part).pinhole();
+    let camera = scene.file.camera_of(part).camera();
     let frames = products::SHARP.name();
     let sharp = scene.in_folder(&part.name, frames).filter_map(|path| path.rsplit('/').next());
     // The tree lacks the frames of a withheld scene, but its `transforms.json` lists their poses.

@@ -52,7 +52,7 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
     let mut faults = photo_faults(tree, scene);
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
-        let folder = TrajectoryFolder { tree, path: &path, part, camera: scene.camera_of(part).pinhole() };
+        let folder = TrajectoryFolder { tree, path: &path, part, camera: scene.camera_of(part).camera() };
         faults.extend(missing_files(&folder, scene));
         let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
         let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));

@@ -75,7 +75,7 @@ fn between_words(sensor: &SensorChoice) -> &'static str {
 
 /// One row per stream, or one row for a trajectory without a stream.
 fn stream_rows(scene: &PublishedScene, part: &TrajectoryPart) -> Vec<String> {
-    let size = scene.file.camera_of(part).pinhole().size;
+    let size = scene.file.camera_of(part).camera().size;
     let gaussians = scene.file.reconstruction.as_ref().map(|it| it.gaussians.to_string());
     let row = |name: &str, counted: &str| {
         format!(

@@ -337,9 +337,16 @@ class Scene(EventFile):
 
     @property
     def K(self):
-        """float64 [3, 3]: pixels from camera axes. The camera has no distortion."""
+        """float64 [3, 3]: pixels from camera axes, before the lens, if there is one."""
         camera = self._camera
         return np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]], np.float64)
+
+    @property
+    def lens(self):
+        """The lens by OpenCV's model and coefficients: ("opencv", float64 [8]) for cv2.projectPoints, or
+        ("fisheye", float64 [4]) for cv2.fisheye.projectPoints; None for a pinhole."""
+        lens = self._camera.get("lens")
+        return None if lens is None else next((model, np.array(k, np.float64)) for model, k in lens.items())
 
     @property
     def cameras(self):

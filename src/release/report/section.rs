@@ -270,8 +270,10 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
         (
             "Camera",
             format!(
-                "{} x {} px, focal length {fx}, {fy} px, principal point {cx}, {cy} px",
-                camera.width, camera.height
+                "{} x {} px, focal length {fx}, {fy} px, principal point {cx}, {cy} px{}",
+                camera.width,
+                camera.height,
+                camera.lens.map_or_else(String::new, |lens| format!(", lens {lens}"))
             ),
         ),
         ("Seed", file.seed.to_string()),

@@ -133,7 +133,7 @@ pub(super) fn shared_window(
 
 /// Size of the pictures of a trajectory.
 pub(super) fn sensor_size(track: &ReportTrajectory<'_>) -> Size {
-    track.entry.scene.file.camera_of(track.part).pinhole().size
+    track.entry.scene.file.camera_of(track.part).camera().size
 }
 
 /// Events per second from the counts of milliseconds, and the duration of each rate, ms. The last

@@ -76,7 +76,7 @@ fn trajectory(scene: &PublishedScene, found: &TrajectoryPart, motion: &Trajector
     let seen = scene.file.camera_of(found);
     let mounted = recipe.mounted(&found.name);
     let seen = mounted.map_or_else(|| seen.clone(), |mounted| camera(mounted.camera.camera, seen));
-    let size = seen.pinhole().size;
+    let size = seen.camera().size;
     // A tolerance chooses the interpolation between frames, which is a parameter of some sensors.
     let chosen = recipe.tolerance.is_some();
     let simulated = recipe.has_events_along(&found.name);

@@ -309,7 +309,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     const CAMERA: Camera =
-        Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5 };
+        Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5, lens: None };
 
     /// A world with light proportional to the camera's position along x, and with this flow. It
     /// records the poses of its views.

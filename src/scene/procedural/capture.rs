@@ -37,6 +37,7 @@ pub(super) fn arc_capture(life: &StillLife) -> Capture {
             fy: FOCAL,
             cx: f64::from(SIZE.width) / 2.0,
             cy: f64::from(SIZE.height) / 2.0,
+            lens: None,
         },
         lens: LensModel::Pinhole,
         sha256: None,

@@ -65,7 +65,7 @@ impl CameraModel {
             }
             _ => return Err(format!("camera model {} is not supported; {HINT}", self.name)),
         };
-        let camera = Camera { size, fx, fy, cx, cy };
+        let camera = Camera { size, fx, fy, cx, cy, lens: None };
         screen_camera(&camera, &lens)?;
         Ok(ModelCamera { camera, lens })
     }

@@ -103,7 +103,7 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     fn camera(fx: f64) -> Camera {
-        Camera { size: Size { width: 640, height: 360 }, fx, fy: 501.25, cx: 320.5, cy: 180.25 }
+        Camera { size: Size { width: 640, height: 360 }, fx, fy: 501.25, cx: 320.5, cy: 180.25, lens: None }
     }
 
     fn taken(name: &str, fx: f64, turn: [f64; 4]) -> WrittenImage {

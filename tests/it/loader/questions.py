@@ -456,10 +456,16 @@ def inertial(folder):
     assert np.array_equal(np.column_stack([times, rates, forces]), np.array(rows))
 
 
+def lens(folder):
+    model, k = gs2e.Scene(folder, "base").lens
+    assert model == "opencv" and k.tolist() == [-0.28, 0.09, 0.001, -0.0015, -0.012, 0, 0, 0]
+
+
 def rig(folder):
     assert gs2e.trajectories(folder) == ["base", "base/left", "base/right", "base/frames"]
     body = gs2e.Scene(folder, "base")
     assert list(body.cameras) == ["left", "right", "frames"] and body.body is None
+    assert body.cameras["left"].lens is None and body.cameras["frames"].lens[0] == "fisheye"
     assert np.array_equal(body.camera_from_body, np.eye(4))
     for name, camera in body.cameras.items():
         again = pickle.loads(pickle.dumps(camera))

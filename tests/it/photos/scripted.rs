@@ -59,7 +59,7 @@ fn write_colmap(place: &Workspace, script: &str) {
 
 /// Plants a model of the photos with these indices.
 fn plant(place: &Workspace, number: u32, photos: std::ops::Range<u32>, size: Size) {
-    let camera = Camera { size, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0 };
+    let camera = Camera { size, fx: 60.0, fy: 60.0, cx: 32.0, cy: 24.0, lens: None };
     let view = |k: u32| {
         let rotation = DQuat::from_rotation_y(-0.01 * f64::from(k));
         let translation = rotation * DVec3::new(0.0, 0.0, -4.0);

@@ -229,7 +229,8 @@ fn the_principal_point_has_a_name() {
              trajectories: [{{ name: b, refine: {{}} }}]\n"
         )
     };
-    let own = Camera { size: Size { width: 64, height: 48 }, fx: 50.0, fy: 50.0, cx: 31.0, cy: 25.0 };
+    let own =
+        Camera { size: Size { width: 64, height: 48 }, fx: 50.0, fy: 50.0, cx: 31.0, cy: 25.0, lens: None };
     let centre = |camera: &str| {
         let camera = again(&yaml(camera)).camera.unwrap().resolve(Some(&own)).unwrap();
         (camera.fx, camera.cx, camera.cy)
@@ -285,6 +286,7 @@ fn a_scene_without_a_capture_writes_its_camera() {
             height: 48,
             intrinsics: Some(intrinsics),
             principal: PrincipalPoint::Given,
+            lens: None,
         };
         assert_eq!(recipe.camera, Some(wanted), "{camera}");
     };

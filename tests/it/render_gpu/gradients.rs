@@ -59,7 +59,8 @@ fn planted(index: u64, sh_degree: u8) -> (Gaussians, CameraView) {
         let functions = scene.sh_len();
         scene.sh.extend((0..functions).map(|_| from_fn::<f32, 3, _>(|_| between(-0.6, 0.6))));
     }
-    let camera = Camera { size: Size { width: 37, height: 21 }, fx: 27.0, fy: 25.0, cx: 17.3, cy: 11.2 };
+    let camera =
+        Camera { size: Size { width: 37, height: 21 }, fx: 27.0, fy: 25.0, cx: 17.3, cy: 11.2, lens: None };
     (scene, CameraView::at_rest(camera, Se3 { rotation: turn, translation: origin + eye }))
 }
 

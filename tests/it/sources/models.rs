@@ -100,7 +100,10 @@ fn a_planted_model_is_read_as_planted() {
     assert!((view.world_from_camera.translation - DVec3::new(3.0, -2.0, -1.0)).length() < 1e-15);
     assert!((view.world_from_camera.rotation * DVec3::Z - DVec3::NEG_X).length() < 1e-15);
     assert_eq!(view.lens, LensModel::SimpleRadial { k1: -0.01 });
-    assert_eq!(view.camera, Camera { size: size(640, 360), fx: 500.5, fy: 500.5, cx: 320.0, cy: 180.0 });
+    assert_eq!(
+        view.camera,
+        Camera { size: size(640, 360), fx: 500.5, fy: 500.5, cx: 320.0, cy: 180.0, lens: None }
+    );
     assert!(capture.views.iter().all(|v| v.world_from_camera.rotation.w >= 0.0));
     // 500.5 and 500 differ by less than a pixel; cy differs by 1 px, which is still allowed.
     assert_eq!(capture.camera().unwrap().1, None);

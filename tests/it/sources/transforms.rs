@@ -129,7 +129,7 @@ fn a_camera_is_scaled_to_its_photo() {
         nerfstudio::read_capture(dir.path()).map_err(|e| e.to_string())
     };
     let (capture, warnings) = read(&one_frame(), 400, 300).unwrap();
-    let halved = Camera { size: size(400, 300), fx: 250.0, fy: 250.5, cx: 200.0, cy: 150.0 };
+    let halved = Camera { size: size(400, 300), fx: 250.0, fy: 250.5, cx: 200.0, cy: 150.0, lens: None };
     assert_eq!(capture.views[0].camera, halved);
     assert!(warnings[0].to_string().contains("is 400x300, but its camera states 800x600"), "{warnings:?}");
     assert!(capture.views[0].sha256.is_some());

@@ -3,6 +3,7 @@
 use super::cdr::CdrWriter;
 use super::packets::EventPacket;
 use crate::camera::Camera;
+use crate::camera::lens::Distortion;
 use crate::image::{Image, Size};
 use crate::se3::Se3;
 use glam::DVec3;
@@ -81,15 +82,21 @@ pub(super) fn imu(t_ns: i64, [rate, force]: &[DVec3; 2]) -> Vec<u8> {
 
 /// `sensor_msgs/msg/CameraInfo`. Its pixel centres are at integers.
 pub(super) fn camera_info(t_ns: i64, camera: &Camera) -> Vec<u8> {
-    let Camera { size, fx, fy, cx, cy } = *camera;
+    let Camera { size, fx, fy, cx, cy, lens } = *camera;
+    // Readers of a camera without distortion want five numbers too.
+    let (model, coefficients) = match &lens {
+        None => ("plumb_bob", &[0.0; 5][..]),
+        Some(Distortion::Rational(k)) if k[5..].iter().all(|k| k.abs() == 0.0) => ("plumb_bob", &k[..5]),
+        Some(Distortion::Rational(k)) => ("rational_polynomial", &k[..]),
+        Some(Distortion::Fisheye(k)) => ("equidistant", &k[..]),
+    };
     let (cx, cy) = (cx - 0.5, cy - 0.5);
     let mut message = stamped(t_ns, CAMERA);
     message.u32(size.height);
     message.u32(size.width);
-    message.text("plumb_bob");
-    // No distortion; readers of this model want five numbers.
-    message.length(5);
-    message.f64s(&[0.0; 5]);
+    message.text(model);
+    message.length(coefficients.len());
+    message.f64s(coefficients);
     message.f64s(&[fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]);
     message.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
     message.f64s(&[fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]);

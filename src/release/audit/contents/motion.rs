@@ -118,6 +118,13 @@ fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> V
             faults.push(folder.fault(FaultCode::ClaimsDisagree, NAME, message));
         }
     }
+    let (model, coefficients) = camera.lens.map_or(("PINHOLE", Vec::new()), |lens| lens.nerfstudio());
+    if found["camera_model"] != model
+        || coefficients.iter().any(|(name, k)| found[*name].as_f64() != Some(*k))
+    {
+        let message = "its lens is not that of scene.json".to_owned();
+        faults.push(folder.fault(FaultCode::ClaimsDisagree, NAME, message));
+    }
     let frames = found["frames"].as_array().map_or(&[][..], Vec::as_slice);
     let stamped = trajectory.world_from_camera.iter().zip(&trajectory.stamps_us);
     let mut poses = stamped.map(|(pose, t_us)| (opengl_rows(pose), *t_us));

@@ -55,7 +55,7 @@ fn planted(scene: u64) -> (Gaussians, CameraView) {
         let functions = gaussians.sh_len();
         gaussians.sh.extend((0..functions).map(|_| from_fn::<f32, 3, _>(|_| between(-0.6, 0.6) as f32)));
     }
-    let camera = Camera { size: SIZE, fx: 27.0, fy: 25.0, cx: 17.3, cy: 11.2 };
+    let camera = Camera { size: SIZE, fx: 27.0, fy: 25.0, cx: 17.3, cy: 11.2, lens: None };
     (gaussians, CameraView::at_rest(camera, pose))
 }
 

@@ -78,7 +78,7 @@ pub fn blob_scene(blobs: &[ColourBlob]) -> Gaussians {
 #[must_use]
 pub fn view_ahead(width: u32, height: u32, focal: f64) -> CameraView {
     let [cx, cy] = [width, height].map(|edge| f64::from(edge) / 2.0);
-    let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy };
+    let camera = Camera { size: Size { width, height }, fx: focal, fy: focal, cx, cy, lens: None };
     CameraView::at_rest(camera, Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO })
 }
 

@@ -60,7 +60,7 @@ pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
     let rotation = look_at(-way, DVec3::NEG_Y).expect("not along the picture's top");
     let focal = f64::from(SIZE.width);
     let [cx, cy] = [SIZE.width, SIZE.height].map(|edge| f64::from(edge) / 2.0);
-    let camera = Camera { size: SIZE, fx: focal, fy: focal, cx, cy };
+    let camera = Camera { size: SIZE, fx: focal, fy: focal, cx, cy, lens: None };
     let pose = Se3 { rotation, translation: median + way * (2.0 * radius) };
     PictureSetup { view: moving_view(camera, pose, radius), scene, rules: &[RenderRules::Official] }
 }
