@@ -142,6 +142,33 @@ disparity: { every: 4 }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
+/// A scene that changes with time, behind a lens.
+const FLOWING: &str = "\
+version: 1
+scene: flowing
+seed: 7
+source:
+  procedural:
+    kind: still-life
+    gaussians: 300
+    views: 6
+    arc: 1
+    seed: 1
+    fountain: { drops: 40, time: { duration: 2, start: 0.5 } }
+camera: { width: 48, height: 32, fx: 50, fy: 50, cx: 24, cy: 16, lens: { opencv: [-0.1, 0.02, 0.001, -0.001] } }
+trajectories:
+  - name: base
+    refine: { window: 2, factor: 2, curve: cubic }
+    speed: { function: \"0.25*sin(t) + 1.1\" }
+sampling: { rate: 2400, between: linear }
+render: { rules: official, antialiased: false, background: [0.1, 0.2, 0.3] }
+sensor:
+  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }
+outputs: [events, flow]
+flow: { every: 4 }
+licence: { expression: CC0-1.0, holder: Nobody }
+";
+
 /// The answer to a step that differs from its pin.
 #[derive(Debug, PartialEq, Eq)]
 enum Verdict {
@@ -209,7 +236,8 @@ fn found() -> Vec<Pin> {
     assert!(GIVEN.contains("scene: given"), "the other scene is a captured one");
     place.write("moving.yaml", MOVING);
     place.write("rigged.yaml", RIGGED);
-    place.ok("release -q --to out recipe.yaml spelled.yaml moving.yaml rigged.yaml");
+    place.write("flowing.yaml", FLOWING);
+    place.ok("release -q --to out recipe.yaml spelled.yaml moving.yaml rigged.yaml flowing.yaml");
     let manifest = std::fs::read(place.path("out/manifest.json")).unwrap();
     let manifest: ReleaseManifest = serde_json::from_slice(&manifest).unwrap();
     let mut pins = Vec::new();

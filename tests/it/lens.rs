@@ -363,6 +363,10 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     }
     assert_eq!(json("tree/tiny/scene.json")["camera"]["lens"]["opencv"][4], RADIAL[4]);
 
+    let said = fs::read_to_string(place.path("tree/README.md")).unwrap();
+    assert!(said.contains("| tiny |  | opencv:-0.28,"), "{said}");
+    assert!(fs::read_to_string(place.path("tree/report.html")).unwrap().contains(", lens opencv:-0.28,"));
+
     // The velocity of a pixel is that of its point, by depth, poses and the model of this test.
     let poses = File::open(place.path("tree/tiny/base/poses.txt")).unwrap();
     let poses = Trajectory::read_poses(BufReader::new(poses)).unwrap();

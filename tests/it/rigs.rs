@@ -209,6 +209,40 @@ fn velocities_of_a_camera_are_those_of_its_lever_arm_and_of_its_differences() {
     assert!(order > 2.7 && fine[0] < 1e-3, "{order} {coarse:?} {fine:?}");
 }
 
+/// A speed in pixels is that of the first camera of the rig, whose lever arm adds to the motion of the body.
+#[test]
+fn a_speed_in_pixels_is_that_of_the_first_camera() {
+    let place = Workspace::new();
+    let (head, _) = RIG.split_once("rig:\n").unwrap();
+    let head = head.replace("function: \"0.25*sin(t) + 1.1\"", "flow: { px_s: 300 }");
+    let rig = "rig:\n  cameras:\n    - { name: arm, extrinsic: { position: [0.6, -0.3, 0.4] } }\n    - { name: body }\n";
+    let rest = "outputs: [flow]\nflow: { every: 4 }\nlicence: { expression: CC0-1.0, holder: Nobody }\n";
+    place.write("tiny.yaml", format!("{head}{rig}{rest}"));
+    place.ok("release --copy --to tree tiny.yaml");
+    let mean_speed = |camera: &str| {
+        let folder = place.path(&format!("tree/tiny/base/{camera}/flow"));
+        let mut files: Vec<_> =
+            std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        let medians = files.iter().map(|file| {
+            let flow = array(file, &[48, 64, 2]);
+            let pixels = flow.as_chunks::<2>().0.iter().filter(|[x, _]| !x.is_nan());
+            let mut speeds: Vec<f64> =
+                pixels.map(|[x, y]| libm::hypot(f64::from(*x), f64::from(*y))).collect();
+            speeds.sort_by(f64::total_cmp);
+            speeds[speeds.len() / 2]
+        });
+        let medians: Vec<f64> = medians.collect();
+        assert!(medians.len() >= 5, "{}", medians.len());
+        medians.iter().sum::<f64>() / medians.len() as f64
+    };
+    let (arm, body) = (mean_speed("arm"), mean_speed("body"));
+    println!("{arm:.1} px/s with the lever arm, {body:.1} without");
+    // Poses are equally far in time, so their mean is the mean over the trajectory but for its ends.
+    assert!((arm / 300.0 - 1.0).abs() < 0.03, "{arm}");
+    assert!((body / 300.0 - 1.0).abs() > 0.1, "the bodies differ: {body}");
+}
+
 /// A camera of this test, in the pixels of `scene.json`, with k1, k2, p1, p2 of its lens.
 struct Seen {
     f: [f64; 2],

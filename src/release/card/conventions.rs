@@ -3,6 +3,7 @@
 use super::built_trajectories;
 use crate::release::facts::ReleaseFacts;
 use crate::release::published::PublishedScene;
+use crate::release::scene::TrajectoryPart;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -39,6 +40,27 @@ fn lit_scenes(scenes: &[PublishedScene]) -> String {
         "\nThe light of these scenes changes with time, in events and pictures alike. Depth and flow do not depend on it. \
          `lights` in the recipe of `scene.json` has the numbers:\n\n| scene | light |\n|---|---|\n{}\n",
         rows.concat()
+    )
+}
+
+/// The cameras with a lens that distorts.
+fn lens_cameras(scenes: &[PublishedScene]) -> String {
+    let row = |scene: &PublishedScene, part: &TrajectoryPart| {
+        let lens = scene.file.camera_of(part).lens?;
+        let camera = scene.recipe.mounted(&part.name).map_or("", |mounted| &mounted.camera.name);
+        Some(format!("| {} | {camera} | {lens} |\n", scene.recipe.scene))
+    };
+    let shown = scenes.iter().filter(|scene| !scene.is_withheld());
+    // Trajectories share their cameras.
+    let rows: BTreeSet<String> =
+        shown.flat_map(|scene| scene.file.trajectories.iter().filter_map(|part| row(scene, part))).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "\nThe lenses of these cameras distort, in all products alike. The numbers are those of OpenCV (`opencv`: k1, k2, \
+         p1, p2, k3, k4, k5, k6; `fisheye`: k1, k2, k3, k4):\n\n| scene | camera | lens |\n|---|---|---|\n{}\n",
+        Vec::from_iter(rows).concat()
     )
 }
 
@@ -81,6 +103,7 @@ pub(super) fn conventions_section(facts: &ReleaseFacts<'_>) -> String {
             "\nThe blurred pictures of these scenes are means of encoded values, not of linear light: {names}.\n"
         );
     }
+    text.push_str(&lens_cameras(scenes));
     text.push_str(&lit_scenes(scenes));
     text.push_str(&rolling_scenes(scenes));
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.every_sensor().map(move |each| (scene, each)));
