@@ -51,18 +51,9 @@ pub fn psnr_db(mean_square: f64) -> f64 {
 pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     let window = window_weights();
     mean_of_rows(a, b, |row| {
-        let columns = column_moments(a, b, row, &window);
-        let at = |x: usize| {
-            let mut seen = [WindowMoments::default(); 3];
-            // Black outside the border: pixels out there add nothing to any moment.
-            for (column, weight) in (x..).zip(window).filter_map(|(k, w)| Some((k.checked_sub(REACH)?, w))) {
-                for (seen, moments) in seen.iter_mut().zip(columns.get(column).into_iter().flatten()) {
-                    seen.add(weight, moments.0);
-                }
-            }
-            seen.iter().map(WindowMoments::similarity).sum::<f64>()
-        };
-        (0..columns.len()).map(at).sum()
+        let seen = column_moments(a, b, row, &window).map(|column| along_row(&column, &window));
+        let at = |i: usize| similarity(seen.each_ref().map(|moment| moment[i]));
+        (0..a.size().width as usize).map(|x| (3 * x..3 * x + 3).map(at).sum::<f64>()).sum()
     })
 }
 
@@ -77,55 +68,52 @@ fn window_weights() -> [f64; EDGE] {
     weights.map(|weight| weight / sum)
 }
 
-/// Weighted means of `a`, `b`, `a^2`, `b^2` and `ab`.
-#[derive(Debug, Clone, Copy, Default)]
-struct WindowMoments([f64; 5]);
-
-impl WindowMoments {
-    fn from_pixel(a: f32, b: f32) -> [f64; 5] {
-        let (a, b) = (f64::from(a), f64::from(b));
-        [a, b, a * a, b * b, a * b]
-    }
-
-    fn add(&mut self, weight: f64, values: [f64; 5]) {
-        for (sum, value) in self.0.iter_mut().zip(values) {
-            *sum += weight * value;
-        }
-    }
-
-    /// Equation 13 of the paper.
-    fn similarity(&self) -> f64 {
-        let [a, b, aa, bb, ab] = self.0;
-        let [c1, c2] = STEADIERS;
-        let means = (2.0 * a * b + c1) / (a * a + b * b + c1);
-        // Moments in 64 bits: a variance is the difference of two numbers near 1, and is compared
-        // with a steadier of 9e-4.
-        let spreads = (2.0 * (ab - a * b) + c2) / ((aa - a * a) + (bb - b * b) + c2);
-        means * spreads
-    }
+/// Equation 13 of the paper, of the weighted means of `a`, `b`, `a^2`, `b^2` and `ab`.
+fn similarity([a, b, aa, bb, ab]: [f64; 5]) -> f64 {
+    let [c1, c2] = STEADIERS;
+    let means = (2.0 * a * b + c1) / (a * a + b * b + c1);
+    // Moments in 64 bits: a variance is the difference of two numbers near 1, and is compared
+    // with a steadier of 9e-4.
+    let spreads = (2.0 * (ab - a * b) + c2) / ((aa - a * a) + (bb - b * b) + c2);
+    means * spreads
 }
 
-/// The moments of each column around a row.
+/// The weighted means of `a`, `b`, `a^2`, `b^2` and `ab` of each column around a row, channels next to each other. The
+/// window is a product of two, so columns are summed first: 22 terms per pixel instead of 121.
 fn column_moments(
     a: &Image<[f32; 3]>,
     b: &Image<[f32; 3]>,
     row: usize,
     window: &[f64; EDGE],
-) -> Vec<[WindowMoments; 3]> {
-    // The window is a product of two, so columns are summed first: 22 terms per pixel instead of
-    // 121.
-    let mut columns = vec![[WindowMoments::default(); 3]; a.size().width as usize];
+) -> [Vec<f64>; 5] {
+    // One plane for each moment, so that the loops over it are loops over vectors.
+    let mut moments = [(); 5].map(|()| vec![0.0; 3 * a.size().width as usize]);
     let rows = (row..).zip(window).filter_map(|(k, weight)| Some((k.checked_sub(REACH)?, *weight)));
     for (k, weight) in rows.filter(|(k, _)| *k < a.size().height as usize) {
-        for (column, (a, b)) in
-            columns.iter_mut().zip(self::image_row(a, k).iter().zip(self::image_row(b, k)))
-        {
-            for (moments, (a, b)) in column.iter_mut().zip(a.iter().zip(b)) {
-                moments.add(weight, WindowMoments::from_pixel(*a, *b));
-            }
+        let [a, b] = [a, b].map(|image| self::image_row(image, k).as_flattened());
+        let [of_a, of_b, of_aa, of_bb, of_ab] = &mut moments;
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            let (a, b) = (f64::from(*a), f64::from(*b));
+            of_a[i] += weight * a;
+            of_b[i] += weight * b;
+            of_aa[i] += weight * (a * a);
+            of_bb[i] += weight * (b * b);
+            of_ab[i] += weight * (a * b);
         }
     }
-    columns
+    moments
+}
+
+/// Sums a moment over the window along the row. Black outside the border: pixels out there add nothing.
+fn along_row(column: &[f64], window: &[f64; EDGE]) -> Vec<f64> {
+    let mut sums = vec![0.0; column.len()];
+    for (k, weight) in window.iter().enumerate() {
+        let [before, after] = [3 * REACH.saturating_sub(k), 3 * k.saturating_sub(REACH)];
+        let from = column.get(after..).into_iter().flatten();
+        let to = sums.get_mut(before..).into_iter().flatten();
+        to.zip(from).for_each(|(sum, moment)| *sum += weight * moment);
+    }
+    sums
 }
 
 fn image_row(image: &Image<[f32; 3]>, row: usize) -> &[[f32; 3]] {

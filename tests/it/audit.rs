@@ -7,6 +7,7 @@ mod parts;
 mod rebuild;
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
+use crate::support::absent::is_thorough;
 use gs2e::release::audit::{AuditFault, AuditPart, audit_parts, audit_release};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
@@ -439,11 +440,11 @@ fn unreadable_contents_are_found() {
     damage("checks.json", &text(|t| t.replacen("pass", "fine", 1)), "unreadable");
 }
 
-/// Flips random bits of random files and keeps the files' times: a thousand flips, or ten thousand
-/// with slow tests. Four threads work at once, each on its own copy.
+/// Flips random bits of random files and keeps the files' times: four hundred flips, or ten
+/// thousand with slow tests. Four threads work at once, each on its own copy.
 #[test]
 fn every_single_bit_matters() {
-    let flips = if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 10_000 } else { 1_000 };
+    let flips = if is_thorough() { 10_000 } else { 400 };
     let missed: Vec<String> = std::thread::scope(|scope| {
         let hands: Vec<_> = (0..4).map(|hand| scope.spawn(move || missed(hand, flips / 4))).collect();
         hands.into_iter().flat_map(|hand| hand.join().unwrap()).collect()

@@ -376,27 +376,32 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     };
     let pose = poses.stamps_us.len() / 2;
     let (depth, flow) = (array("depth", pose, &[240, 320]), array("flow", pose, &[240, 320, 2]));
-    let (mut worst, mut count) = (0.0f64, 0);
+    let (mut worst, mut fastest, mut count) = (0.0f64, 0.0f64, 0);
     for i in (0..depth.len()).step_by(61).filter(|i| !depth[*i].is_nan()) {
         let place = [i % 320, i / 320].map(|k| k as f64 + 0.5);
         let ([x, y], _) = ray_of(radial, place);
         let own = &poses.world_from_camera[pose];
         let world = own.rotation * (DVec3::new(x, y, 1.0) * f64::from(depth[i])) + own.translation;
-        let [before, after] = [pose - 1, pose + 1].map(|pose| {
+        let at = |pose: usize| {
             let back = poses.world_from_camera[pose].inverse();
             seen(radial, back.rotation * world + back.translation)
-        });
-        let seconds = (poses.stamps_us[pose + 1] - poses.stamps_us[pose - 1]) as f64 * 1e-6;
+        };
+        // Central differences over two steps and over one, from which the error of second order is taken out.
+        let difference = |k: usize, axis: usize| {
+            let seconds = (poses.stamps_us[pose + k] - poses.stamps_us[pose - k]) as f64 * 1e-6;
+            (at(pose + k)[axis] - at(pose - k)[axis]) / seconds
+        };
         for axis in [0, 1] {
-            let difference = (after[axis] - before[axis]) / seconds;
-            worst = worst.max((difference - f64::from(flow[2 * i + axis])).abs());
+            let wanted = (4.0 * difference(1, axis) - difference(2, axis)) / 3.0;
+            worst = worst.max((wanted - f64::from(flow[2 * i + axis])).abs());
+            fastest = fastest.max(wanted.abs());
             count += 1;
         }
     }
-    println!("{count} components of the flow: within {worst:.2e} px/s");
+    println!("{count} components of the flow, up to {fastest:.0} px/s: within {worst:.2e} px/s");
     assert!(count > 500, "{count}");
-    // A central difference over 5 ms, by its own error between this step and twice of it.
-    assert!(worst < 0.5, "{worst}");
+    // The path is a cubic between its nodes, so differences over 10 ms keep an error of the third order there.
+    assert!(worst < 1e-3 * fastest, "{worst} of {fastest}");
 
     // What is undistorted is the frame of the pinhole camera.
     let pinhole = RECIPE.replace(", lens: { opencv: [-0.28, 0.09, 0.001, -0.0015, -0.012] }", "");
@@ -435,7 +440,7 @@ fn faulty_lenses_of_recipes_are_named() {
     };
     t("{ opencv: [1, 2, 3] }", &["tiny.yaml:5:", "found 3 numbers", "4, 5 or 8"]);
     t("{ fisheye: [0, 0, 0, 0, 0] }", &["found 5 numbers", "wanted 4"]);
-    t("{ fisheye: [0, 0, 0, .inf] }", &["fisheye[3]", "wanted a number"]);
+    t("{ fisheye: [0, 0, 0, .inf] }", &["fisheye[3]", "wanted a finite number"]);
     t("{ thin: [0, 0, 0, 0] }", &["thin", "opencv"]);
     t("{ opencv: [-0.9, 0, 0, 0] }", &["shows no ray at pixel (0, 0)"]);
 }

@@ -1,5 +1,6 @@
 //! `gs2e study`, through the program. The library's tests compare its counts with planted truth.
 
+use crate::support::absent::runs_slow_tests;
 use crate::support::workspace::{TINY, Workspace};
 use serde_json::Value;
 use std::fs;
@@ -195,6 +196,9 @@ fn impossible_studies_are_refused() {
 /// A preset makes what it states and what was published, and the picture shows both.
 #[test]
 fn a_preset_is_studied() {
+    if !runs_slow_tests() {
+        return;
+    }
     let place = Workspace::new();
     let ended = place.ok("study sensor davis346 --json --picture davis346.svg");
     let found: Value = serde_json::from_str(&ended.stdout).unwrap();

@@ -9,7 +9,7 @@ use std::time::Instant;
 type Step = (&'static str, fn() -> Outcome);
 
 /// Less than 25 minutes on two cores, from a clean checkout.
-const STEPS: [Step; 11] = [
+const STEPS: [Step; 10] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature is
@@ -33,11 +33,11 @@ const STEPS: [Step; 11] = [
         cargo(&pack).run()
     }),
     ("licences", licences),
-    ("the README's first command", demo::first_command_in_dev),
 ];
 
-/// What `--long` adds: a second build of everything, in release mode, and longer trials.
-const LONG: [Step; 5] = [
+/// What `--long` adds: slow tests, a second build of everything, in release mode, and longer trials.
+const LONG: [Step; 6] = [
+    ("slow tests", suite::run_slow_tests),
     ("faults in release mode", || faults::run(&[])),
     ("longer fuzzing", || fuzz::run(&["--seconds", "60", "--jobs", "2"].map(str::to_owned))),
     ("the README's first command in release mode", demo::first_command_twice),

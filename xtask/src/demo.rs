@@ -1,6 +1,6 @@
 //! The demo release: the README's first command, and its committed manifest.
 
-use crate::command::{Outcome, Task, cargo, program, root, say};
+use crate::command::{Outcome, Task, cargo, root, say};
 use crate::folder::Folder;
 use std::path::{Path, PathBuf};
 
@@ -13,32 +13,13 @@ const README_PROGRAM: &str = "cargo run --release -- ";
 /// Runs the README's first command twice, into a temporary folder. The second run must find nothing
 /// to do.
 pub(crate) fn first_command_twice() -> Outcome {
-    twice(through_cargo)
-}
-
-/// [`first_command_twice`] with the program that the tests have built, which lies next to this one.
-/// `cargo run` would build it again: without the tests, two dependencies have fewer features.
-pub(crate) fn first_command_in_dev() -> Outcome {
-    twice(built_for_tests)
-}
-
-fn through_cargo() -> Task {
-    cargo(&README_PROGRAM.split_whitespace().skip(1).collect::<Vec<_>>())
-}
-
-fn built_for_tests() -> Task {
-    let built = std::env::current_exe().map(|own| own.with_file_name("gs2e"));
-    program(built.unwrap_or_default().as_os_str(), &[""; 0])
-}
-
-fn twice(started: fn() -> Task) -> Outcome {
     let readme = std::fs::read_to_string(root().join("README.md")).map_err(|e| format!("README.md: {e}"))?;
     if !readme.lines().any(|line| line == README_COMMAND) {
         return Err(format!("README.md has no line `{README_COMMAND}`"));
     }
     let folder = Folder::new("first-command")?;
-    release(started(), &folder).run()?;
-    let second = release(started(), &folder).capture()?;
+    release(&folder).run()?;
+    let second = release(&folder).capture()?;
     let message = String::from_utf8_lossy(&second.stderr);
     if !message.lines().any(|line| line.starts_with("made 0,")) {
         return Err(format!("the second run should have said `made 0, …`; it said:\n{message}"));
@@ -51,7 +32,7 @@ fn twice(started: fn() -> Task) -> Outcome {
 pub(crate) fn rewrite_manifest() -> Outcome {
     let folder = Folder::new("manifest")?;
     // The CPU back end gives the same bits on every machine.
-    release(through_cargo(), &folder).args(["--backend", "cpu"]).run()?;
+    release(&folder).args(["--backend", "cpu"]).run()?;
     let (from, to) = (folder.path().join("out/manifest.json"), root().join("manifests/demo.json"));
     let fresh = std::fs::read(&from).map_err(|e| format!("{}: {e}", from.display()))?;
     let unchanged = std::fs::read(&to).is_ok_and(|committed| committed == fresh);
@@ -62,10 +43,11 @@ pub(crate) fn rewrite_manifest() -> Outcome {
 
 /// The README's first command with its `out` and its store in `folder`, as in a fresh clone without
 /// earlier builds.
-fn release(started: Task, folder: &Folder) -> Task {
+fn release(folder: &Folder) -> Task {
     let (out, store) = (folder.path().join("out"), folder.path().join("store"));
     let args = README_COMMAND.trim_start_matches(README_PROGRAM).split(' ').map(PathBuf::from);
     let args: Vec<PathBuf> =
         args.map(|arg| if arg == Path::new("out") { out.clone() } else { arg }).collect();
+    let started = cargo(&README_PROGRAM.split_whitespace().skip(1).collect::<Vec<_>>());
     started.args(&args).args([Path::new("--store"), &store])
 }

@@ -36,6 +36,11 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
 }
 
+/// Runs the integration tests with those that are slow.
+pub(crate) fn run_slow_tests() -> Outcome {
+    cargo(&["test", "--test", "it"]).args(PACKAGES).env("RUN_SLOW_TESTS", "1").run()
+}
+
 /// Rewrites the generated parts of the documentation: the tests that compare them do this on
 /// request.
 pub(crate) fn rewrite_docs() -> Outcome {

@@ -2,7 +2,7 @@
 //! name says what is wrong. Agreement of files (`records`) does not count: a forger edits all of them.
 
 use super::planted_tree::{BASE, PlantedTree, SIZE};
-use crate::support::absent::not_run;
+use crate::support::absent::runs_slow_tests;
 use glam::DVec3;
 use gs2e::event::{Event, Polarity};
 use gs2e::se3::Se3;
@@ -233,8 +233,8 @@ fn at_least_22_of_24_kinds_of_faults_are_found_from_files_alone() {
 /// Without depth, another scene explains inverted and reversed poses; there is no depth to scale.
 #[test]
 fn events_and_sharp_frames_alone_show_19_of_21_kinds() {
-    if std::env::var("RUN_SLOW_TESTS").as_deref() != Ok("1") {
-        return not_run("RUN_SLOW_TESTS is not set");
+    if !runs_slow_tests() {
+        return;
     }
     let mut kinds = kinds_of_events();
     kinds.extend(kinds_of_time());

@@ -4,7 +4,7 @@
 //! It is at least the mean of all nodes, and at least the longest scene. `RUN_SLOW_TESTS=1` measures the costs
 //! again, and prints them in the form of the table.
 
-use crate::support::absent::not_run;
+use crate::support::absent::runs_slow_tests;
 use crate::support::workspace::Workspace;
 use gs2e::plan::shard::SceneShard;
 use gs2e::recipe::{Recipe, read_recipe_text};
@@ -102,8 +102,8 @@ fn sixty_four_nodes_take_little_longer_than_they_must() {
 
 #[test]
 fn costs_are_measured_again() {
-    if std::env::var("RUN_SLOW_TESTS").as_deref() != Ok("1") {
-        return not_run("RUN_SLOW_TESTS is not set");
+    if !runs_slow_tests() {
+        return;
     }
     let place = Workspace::new();
     let mut table = String::new();

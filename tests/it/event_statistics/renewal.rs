@@ -3,7 +3,7 @@
 
 use super::interval_law::BarrierExit;
 use super::{by_pixel, frames, ks, ks_of_two, run};
-use crate::support::absent::not_run;
+use crate::support::absent::runs_slow_tests;
 use gs2e::event::Polarity;
 use gs2e::image::Size;
 use gs2e::sensor::statistics::RenewalProcess;
@@ -205,8 +205,8 @@ fn intervals_and_polarities_are_independent() {
 /// An hour of four static pixels: 3.4 million root cells each.
 #[test]
 fn rates_hold_for_an_hour() {
-    if std::env::var_os("RUN_SLOW_TESTS").is_none() {
-        return not_run("RUN_SLOW_TESTS is not set");
+    if !runs_slow_tests() {
+        return;
     }
     let process = process(2.0, 1e6, [1.0, 1.0]);
     let sensor = VoltmeterModel {

@@ -3,7 +3,7 @@
 //! difference of the two is what COLMAP's poses are worth.
 
 use super::{colmap_is_there, programs};
-use crate::support::absent::not_run;
+use crate::support::absent::runs_slow_tests;
 use crate::support::shared;
 use crate::support::workspace::Workspace;
 use gs2e::foreign::align::{CameraPair, pose_distances};
@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 /// `RUN_SLOW_TESTS=1 cargo test --release --test it -- --nocapture photos::fox`
 #[test]
 fn poses_from_photos_alone_are_those_of_the_given_model() {
-    if std::env::var("RUN_SLOW_TESTS").as_deref() != Ok("1") {
-        return not_run("RUN_SLOW_TESTS is not set");
+    if !runs_slow_tests() {
+        return;
     }
     let Some(capture) = shared::path("data/captures/fox").filter(|_| colmap_is_there()) else { return };
     let place = Workspace::new();

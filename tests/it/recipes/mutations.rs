@@ -1,5 +1,6 @@
 //! A recipe of any bytes is either read or refused with a place, and never causes a panic.
 
+use crate::support::absent::is_thorough;
 use gs2e::recipe::{RecipeFaults, read_all};
 use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
 use proptest::test_runner::{Config, TestRunner};
@@ -72,10 +73,6 @@ const NASTY: [&str; 36] = [
     "\u{1f980}",
 ];
 
-fn slow() -> bool {
-    std::env::var_os("RUN_SLOW_TESTS").is_some_and(|value| value == "1")
-}
-
 /// Replaces `len` bytes at `at` by `with`; both are taken modulo the available range.
 type Edit = (usize, usize, Vec<u8>);
 
@@ -145,7 +142,7 @@ fn every_token_may_be_anything() {
         assert!(tokens.len() > 50, "{} tokens", tokens.len());
         for token in tokens {
             let usual = ["", "~", "[", "*a", ".nan", "1e999", "0", "-1e300"];
-            for nasty in if slow() { &NASTY[..] } else { &usual } {
+            for nasty in if is_thorough() { &NASTY[..] } else { &usual } {
                 let text = [&recipe[..token.start], nasty, &recipe[token.end..]].concat();
                 std::fs::write(&file, &text).unwrap();
                 if let Err(faults) = read_all(&[PathBuf::from(&file)]) {
@@ -161,7 +158,11 @@ fn mutated_recipes_are_read_or_refused_with_a_place() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("recipe.yaml");
     let mut runner = TestRunner::new_with_rng(
-        Config { cases: if slow() { 20_000 } else { 500 }, failure_persistence: None, ..Config::default() },
+        Config {
+            cases: if is_thorough() { 20_000 } else { 500 },
+            failure_persistence: None,
+            ..Config::default()
+        },
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let result = runner.run(&edits(), |edits| {

@@ -8,6 +8,7 @@
 //! terms of a value over the 777 pixels add up like random signs, to about 1/28 of their sum, which
 //! makes 2e-4 of the value; axes of unlike lengths magnify that a few times. Hence 1e-3.
 
+use crate::support::absent::is_thorough;
 use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, view_ahead};
 use crate::support::gpu;
 use glam::{DQuat, DVec3};
@@ -178,7 +179,7 @@ fn compare_styles(scenes: u64) {
 /// With `RUN_SLOW_TESTS=1`, more scenes.
 #[test]
 fn gradients_equal_those_of_the_cpu() {
-    compare_styles(if std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1") { 200 } else { 12 });
+    compare_styles(if is_thorough() { 200 } else { 12 });
 }
 
 /// Compares some scenes, each under every set of rules.

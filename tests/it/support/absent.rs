@@ -18,6 +18,20 @@ pub(crate) fn not_run(why: &str) {
     }
 }
 
+/// Returns true if slow tests were asked for (`RUN_SLOW_TESTS=1`).
+pub(crate) fn is_thorough() -> bool {
+    std::env::var("RUN_SLOW_TESTS").as_deref() == Ok("1")
+}
+
+/// [`is_thorough`]. If slow tests were not asked for, reports that the current one does not run in full.
+pub(crate) fn runs_slow_tests() -> bool {
+    let thorough = is_thorough();
+    if !thorough {
+        not_run("RUN_SLOW_TESTS is not set");
+    }
+    thorough
+}
+
 /// Reports that something is absent. If the environment variable `require` is 1, that is a failure.
 pub(crate) fn absent(require: &str, why: &str) {
     assert!(std::env::var(require).as_deref() != Ok("1"), "{why}, and {require} is 1");

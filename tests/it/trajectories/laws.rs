@@ -1,6 +1,7 @@
 //! Speed laws along a path: lists, frame rates, integrals, and speed in pixels.
 
 use super::{LAW, hertz, law, named, orbit, refined, still, timing};
+use crate::support::absent::is_thorough;
 use glam::{DQuat, DVec3};
 use gs2e::se3::{Se3, Twist};
 use gs2e::speed::function::SpeedExpression;
@@ -225,9 +226,10 @@ fn an_impossible_speed_in_pixels_is_refused() {
     t(&params, &flow(1e-9, "1"), Some(&mut Ramp { asked: 0 }), "poses, wanted at most");
 }
 
+/// Two million, or ten million with slow tests.
 #[test]
-fn ten_million_poses_are_made() {
-    let count = 10_000_000;
+fn millions_of_poses_are_made() {
+    let count = if is_thorough() { 10_000_000 } else { 2_000_000 };
     let params = RefinePath { count: PoseCount::Frames(count), ..RefinePath::default() };
     let made = refined(&orbit(30, 0.005, 0.5, 1), &params, LAW);
     let poses = &made.trajectory.world_from_camera;
