@@ -10,6 +10,7 @@ use gs2e::camera::lens::Distortion;
 use gs2e::image::{Image, Size, npy, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::lens::LensRenderer;
+use gs2e::render::sample::TileSample;
 use gs2e::render::{
     CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
 };
@@ -206,6 +207,33 @@ fn flow_is_that_of_the_distorted_picture() {
             count += 1;
         }
         assert!(count > 300, "{count}");
+    }
+}
+
+/// A quarter of the tiles of the distorted picture, and those of the wide picture under them.
+#[test]
+fn a_sample_of_tiles_has_the_pixels_of_the_whole_picture() {
+    let want = ChannelSet { luminance: true, ..ChannelSet::NONE };
+    for (lens, _) in lenses() {
+        let mut through = renderer(clouds());
+        let mut see = |sample: Option<Arc<TileSample>>| {
+            through.sample(sample);
+            rendered(&mut *through, Some(lens), CameraVelocity::default(), want).luminance.unwrap()
+        };
+        let mut draw = 0.0f64;
+        let sample = Arc::new(TileSample::spread(SIZE, || {
+            draw = (draw + 0.618_033_988_749_895).fract();
+            draw
+        }));
+        // The sample is promised before the first picture, and again when the map of the lens is known.
+        let found = [see(Some(sample.clone())), see(None), see(Some(sample.clone()))];
+        let pixels = sample.pixels();
+        assert!(pixels.len() * 3 < SIZE.pixels(), "{}", pixels.len());
+        for i in &pixels {
+            let [first, whole, again] = found.each_ref().map(|image| image.pixels()[*i].to_bits());
+            assert!(first == whole && again == whole, "{lens}: pixel {i}");
+        }
+        assert_ne!(found[0].pixels(), found[1].pixels(), "the rest is left out");
     }
 }
 

@@ -34,8 +34,9 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, Python, documentation, the README's first command;
-                     `--long` adds what takes a build in release mode: all fault tests, more fuzzing, builds beside ninja
+  ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, Python, documentation, packages, licences;
+                     `--long` adds slow tests and what takes a build in release mode: all fault tests, more fuzzing, the README's
+                     first command, builds beside ninja
   test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--seconds N` each, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
