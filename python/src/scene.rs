@@ -142,7 +142,7 @@ impl RequestedView {
             CameraVelocity { linear: DVec3::new(x, y, z), angular: DVec3::new(u, v, w) }
         });
         let world_from_camera = Se3 { rotation: rotation.rotation, translation };
-        let still = CameraView::at_rest(Camera { size, fx, fy, cx, cy }, world_from_camera);
+        let still = CameraView::at_rest(Camera::pinhole(size, [fx, fy, cx, cy]), world_from_camera);
         Ok(CameraView { velocity, ..still })
     }
 }

@@ -162,7 +162,7 @@ impl SeenTrajectory {
         let report =
             serde_json::to_string(report).map_err(|error| PyValueError::new_err(error.to_string()))?;
         let camera =
-            self.camera.map(|Camera { size, fx, fy, cx, cy }| (size.width, size.height, fx, fy, cx, cy));
+            self.camera.map(|Camera { size, fx, fy, cx, cy, .. }| (size.width, size.height, fx, fy, cx, cy));
         Ok((
             self.name,
             trajectory.stamps_us.clone().into_pyarray(py),

@@ -445,7 +445,8 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     let undone = undistort_photo(&bent, &CAMERA, &model);
     let (apart, _) = differences(straight.pixels(), bent.pixels());
     let (mean, _) = differences(straight.pixels(), undone.pixels());
-    assert!(mean < 1.0 && apart > 4.0 * mean, "{mean} {apart}");
+    // Splats of a few pixels have edges that both resamplings soften.
+    assert!(mean < 2.0 && apart > 8.0 * mean, "{mean} {apart}");
 
     // The key of a product has the lens; a layout whose loader assumes a pinhole is refused.
     place.write("tiny.yaml", RECIPE.replace("-0.012]", "-0.011]"));

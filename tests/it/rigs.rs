@@ -214,7 +214,8 @@ fn velocities_of_a_camera_are_those_of_its_lever_arm_and_of_its_differences() {
 fn a_speed_in_pixels_is_that_of_the_first_camera() {
     let place = Workspace::new();
     let (head, _) = RIG.split_once("rig:\n").unwrap();
-    let head = head.replace("function: \"0.25*sin(t) + 1.1\"", "flow: { px_s: 300 }");
+    let head =
+        head.replace("function: \"0.25*sin(t) + 1.1\"", "flow: { px_s: 300 }").replace(", factor: 2", "");
     let rig = "rig:\n  cameras:\n    - { name: arm, extrinsic: { position: [0.6, -0.3, 0.4] } }\n    - { name: body }\n";
     let rest = "outputs: [flow]\nflow: { every: 4 }\nlicence: { expression: CC0-1.0, holder: Nobody }\n";
     place.write("tiny.yaml", format!("{head}{rig}{rest}"));
