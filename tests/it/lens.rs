@@ -23,7 +23,7 @@ use serde_json::{Value, json};
 use std::fs::{self, File};
 use std::io::{BufReader, Cursor};
 use std::process::Command;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 const SIZE: Size = Size { width: 320, height: 240 };
 const CAMERA: Camera = Camera { size: SIZE, fx: 200.0, fy: 210.0, cx: 163.0, cy: 118.0, lens: None };
@@ -375,11 +375,20 @@ outputs: [events, sharp, depth, flow]
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
+/// The release of [`RECIPE`], made once and never changed.
+fn released() -> &'static Workspace {
+    static RELEASED: OnceLock<Workspace> = OnceLock::new();
+    RELEASED.get_or_init(|| {
+        let place = Workspace::new();
+        place.write("tiny.yaml", RECIPE);
+        place.ok("release --copy --to tree tiny.yaml");
+        place
+    })
+}
+
 #[test]
-fn a_release_is_seen_through_the_lens_of_its_recipe() {
-    let place = Workspace::new();
-    place.write("tiny.yaml", RECIPE);
-    place.ok("release --copy --to tree tiny.yaml");
+fn files_of_a_release_name_the_lens() {
+    let place = released();
     place.ok("audit tree");
     place.ok("check --tree tree");
     let json =
@@ -394,8 +403,19 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     let said = fs::read_to_string(place.path("tree/README.md")).unwrap();
     assert!(said.contains("| tiny |  | opencv:-0.28,"), "{said}");
     assert!(fs::read_to_string(place.path("tree/report.html")).unwrap().contains(", lens opencv:-0.28,"));
+    crate::loader::ask(&place.path("tree"), &["lens", place.path("tree/tiny").to_str().unwrap()]);
 
-    // The velocity of a pixel is that of its point, by depth, poses and the model of this test.
+    // The key of a product has the lens; a layout whose loader assumes a pinhole is refused.
+    place.write("changed/tiny.yaml", RECIPE.replace("-0.012]", "-0.011]"));
+    assert!(place.stale("changed/tiny.yaml").iter().any(|step| step.ends_with("base/events")));
+    let refused = place.gs2e("export --to e2nerf --out out tree/tiny");
+    assert!(refused.code != 0 && refused.stderr.contains("assumes a pinhole"), "{}", refused.stderr);
+}
+
+/// The velocity of a pixel is that of its point, by depth, poses and the model of this test.
+#[test]
+fn the_flow_of_a_release_is_that_of_its_depths_and_poses() {
+    let place = released();
     let poses = File::open(place.path("tree/tiny/base/poses.txt")).unwrap();
     let poses = Trajectory::read_poses(BufReader::new(poses)).unwrap();
     let array = |kind: &str, pose: usize, shape: &[u64]| -> Vec<f32> {
@@ -430,16 +450,20 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     assert!(count > 500, "{count}");
     // The path is a cubic between its nodes, so differences over 10 ms keep an error of the third order there.
     assert!(worst < 1e-3 * fastest, "{worst} of {fastest}");
+}
 
-    // What is undistorted is the frame of the pinhole camera.
+/// What is undistorted is the frame of the pinhole camera.
+#[test]
+fn frames_of_a_release_are_bent() {
+    let (bent, straight) = (released(), Workspace::new());
     let pinhole = RECIPE.replace(", lens: { opencv: [-0.28, 0.09, 0.001, -0.0015, -0.012] }", "");
-    place.write("straight/tiny.yaml", pinhole.replace("[events, sharp, depth, flow]", "[sharp]"));
-    place.ok("release --copy --to straight/tree straight/tiny.yaml");
-    let picture = |tree: &str| {
-        let file = fs::read(place.path(&format!("{tree}/tiny/base/sharp/{pose:06}.png"))).unwrap();
+    straight.write("tiny.yaml", pinhole.replace("[events, sharp, depth, flow]", "[sharp]"));
+    straight.ok("release --copy --to tree tiny.yaml");
+    let picture = |place: &Workspace| {
+        let file = fs::read(place.path("tree/tiny/base/sharp/000003.png")).unwrap();
         png::read_rgb(Cursor::new(file)).unwrap()
     };
-    let (bent, straight) = (picture("tree"), picture("straight/tree"));
+    let (bent, straight) = (picture(bent), picture(&straight));
     let [k1, k2, p1, p2, k3] = RADIAL;
     let model = LensModel::FullOpenCv { k: [k1, k2, p1, p2, k3, 0.0, 0.0, 0.0] };
     let undone = undistort_photo(&bent, &CAMERA, &model);
@@ -447,13 +471,6 @@ fn a_release_is_seen_through_the_lens_of_its_recipe() {
     let (mean, _) = differences(straight.pixels(), undone.pixels());
     // Splats of a few pixels have edges that both resamplings soften.
     assert!(mean < 2.0 && apart > 8.0 * mean, "{mean} {apart}");
-
-    // The key of a product has the lens; a layout whose loader assumes a pinhole is refused.
-    place.write("tiny.yaml", RECIPE.replace("-0.012]", "-0.011]"));
-    assert!(place.stale("tiny.yaml").iter().any(|step| step.ends_with("base/events")));
-    let refused = place.gs2e("export --format e2nerf --to out tree/tiny");
-    assert!(refused.code != 0 && refused.stderr.contains("assumes a pinhole"), "{}", refused.stderr);
-    crate::loader::ask(&place.path("tree"), &["lens", place.path("tree/tiny").to_str().unwrap()]);
 }
 
 #[test]

@@ -344,7 +344,7 @@ fn a_real_trajectory_agrees_with_colmap_and_opencv() {
     value["licence"] = json!({ "expression": "CC-BY-4.0", "holder": "Stephane Agullo" });
     value["outputs"] = json!(["sharp"]);
     value["sharp"] = json!({ "every": 2 });
-    value["checks"] = json!({ "pose_colmap": { "frames": 10 }, "pose_opencv": {}, "readback": {} });
+    value["checks"] = json!({ "pose_colmap": { "frames": 16 }, "pose_opencv": {}, "readback": {} });
     let place = Workspace::new();
     place.write("recipe.yaml", value.to_string());
     place.ok("build recipe.yaml");
@@ -368,7 +368,7 @@ fn a_real_trajectory_agrees_with_colmap_and_opencv() {
     ];
     assert_eq!(passed, wanted, "{found:#?}");
     // A new limit judges the old answer again and runs no program.
-    value["checks"]["pose_colmap"] = json!({ "frames": 10, "max_deg": 1e-6 });
+    value["checks"]["pose_colmap"] = json!({ "frames": 16, "max_deg": 1e-6 });
     place.write("recipe.yaml", value.to_string());
     assert_eq!(place.build("recipe.yaml"), ["playbot/base/checks"]);
     assert_eq!(asked(&place, "", None).0, 3);
