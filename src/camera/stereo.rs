@@ -57,7 +57,7 @@ pub struct Rectification {
     pub focal: f64,
     /// Principal point of both rectified cameras in OpenCV's pixels.
     pub centre: [f64; 2],
-    /// The axis along which they are apart: 0 for cameras beside each other, 1 above each other.
+    /// The axis along which they are apart: 0 for cameras next to each other, 1 above each other.
     pub axis: usize,
     /// Coordinate of the first camera's centre along this axis in the second camera, scene units.
     pub baseline: f64,

@@ -259,7 +259,7 @@ impl LensRenderer {
         Ok(self.map.as_ref())
     }
 
-    /// The pinhole camera that stands for a camera; the camera itself if no picture can be made with its lens, which
+    /// The pinhole camera that is rendered for a camera; the camera itself if no picture can be made with its lens, which
     /// rendering reports.
     fn seen_by(&mut self, camera: &Camera) -> Camera {
         match self.map_of(*camera) {
