@@ -4,7 +4,7 @@
 use crate::support::absent::absent;
 use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use gs2e::camera::Camera;
 use gs2e::camera::lens::Distortion;
 use gs2e::image::{Image, Size, npy, png};
@@ -207,6 +207,23 @@ fn flow_is_that_of_the_distorted_picture() {
             count += 1;
         }
         assert!(count > 300, "{count}");
+    }
+}
+
+/// Why pictures are resampled: a splat that is projected by the derivatives of the lens at its mean is bent by
+/// `3 k1 r s^2 / f` at `s` px from it, for a ray `r`.
+#[test]
+fn a_splat_projected_by_derivatives_misses_by_the_square_of_its_size() {
+    let (k1, focal, ray) = (-0.28, 420.0, DVec2::new(0.7, 0.0));
+    let lens: Distortion = format!("opencv:{k1},0,0,0").parse().unwrap();
+    let (image, slopes) = lens.distort(ray);
+    for px in [3.0, 10.0, 30.0] {
+        let off = DVec2::new(px / focal, 0.0);
+        let missed = (lens.distort(ray + off).0 - (image + slopes * off)).length() * focal;
+        let wanted = (3.0 * k1 * ray.x * px * px / focal).abs();
+        println!("{px} px from the mean: off by {missed:.4} px");
+        // The third order is px / (3 r f) of the second.
+        assert!((missed / wanted - 1.0).abs() <= 1.01 * px / (3.0 * ray.x * focal), "{missed} {wanted}");
     }
 }
 
