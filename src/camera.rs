@@ -75,7 +75,7 @@ impl Camera {
     /// Checks that each pixel at the edge shows a ray, and that a pinhole image can hold the field.
     ///
     /// # Errors
-    /// What is wrong with the lens.
+    /// The pixel, and the fault of the lens there.
     pub fn check_lens(&self) -> Result<(), String> {
         let Some(lens) = self.lens else { return Ok(()) };
         for [x, y] in self.edge() {

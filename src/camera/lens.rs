@@ -117,7 +117,7 @@ impl Distortion {
     /// The lens of a model with these coefficients.
     ///
     /// # Errors
-    /// What was found instead of a model, or of the number of its coefficients.
+    /// The unknown name, or the wrong number of coefficients.
     pub fn from_parts(name: &str, k: &[f64]) -> Result<Self, String> {
         match (name, k) {
             ("opencv", k) if [4, 5, 8].contains(&k.len()) => {

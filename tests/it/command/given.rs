@@ -22,7 +22,7 @@ fn seen(place: &Workspace) -> (Capture, Vec<ColmapPoint>) {
     kept(place)
 }
 
-/// What the program of [`keeping`] kept.
+/// The input that the program kept.
 fn kept(place: &Workspace) -> (Capture, Vec<ColmapPoint>) {
     let seen = place.path("seen");
     let points = ColmapModel::find_model(&seen).unwrap().points().unwrap().into_values().collect();
