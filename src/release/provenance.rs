@@ -18,6 +18,10 @@ pub(super) struct Provenance {
     photos: bool,
     /// True if frames are rendered: for a sensor, or as pictures.
     rendered: bool,
+    /// True if objects move in some scenes, or some scenes change with time.
+    moving: bool,
+    /// True if some trajectories carry several cameras.
+    rigs: bool,
 }
 
 impl Provenance {
@@ -31,8 +35,18 @@ impl Provenance {
             let kind = SourceKind::by_name(&scene.source.kind);
             of.captured |= kind.is_none_or(|kind| kind.captured().is_some());
             of.photos |= !scene.images.is_empty();
+            let states = |place: &str| scene.recipe.pointer(place).is_some();
+            of.moving |= ["/objects", "/reconstruct/given/time", "/source/procedural/fountain"]
+                .into_iter()
+                .any(states);
+            of.rigs |= states("/rig");
         }
         of
+    }
+
+    /// True if nothing but cameras moves.
+    pub(super) fn is_static(&self) -> bool {
+        !self.moving
     }
 
     /// True if there are simulated events.
@@ -76,7 +90,11 @@ impl Provenance {
 
     /// Known limits of the data.
     pub(super) fn limits(&self) -> String {
-        let mut text = vec!["Scenes are static; only the camera moves."];
+        let mut text = vec![if self.moving {
+            "Some scenes move or change as their recipes state; an object that moves casts no shadow."
+        } else {
+            "Scenes are static; only the camera moves."
+        }];
         if self.rendered {
             text.push(
                 "Splatting artefacts (floaters, popping where the depth order changes, the smallest opacity of 1/255) \
@@ -119,7 +137,9 @@ impl Provenance {
 
     /// Known biases.
     pub(super) fn biases(&self) -> String {
-        let mut text = "Scenes are static, and one camera moves through them along smooth paths.".to_owned();
+        let scenes = if self.moving { "Some scenes move or change" } else { "Scenes are static" };
+        let cameras = if self.rigs { "rigs of cameras move" } else { "one camera moves" };
+        let mut text = format!("{scenes}, and {cameras} through them along smooth paths.");
         if self.captured && self.rendered {
             text.push_str(" The lighting is that of the captures.");
         }

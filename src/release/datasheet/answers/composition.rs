@@ -44,7 +44,8 @@ impl AnswerContext<'_> {
 
     pub(super) fn instances(&self) -> String {
         let kinds = self.kinds(|product| product.instance);
-        format!("Camera trajectories through static scenes of 3D Gaussians, each with exact poses{kinds}.")
+        let scenes = if self.facts.provenance().is_static() { "static scenes" } else { "scenes" };
+        format!("Camera trajectories through {scenes} of 3D Gaussians, each with exact poses{kinds}.")
     }
 
     pub(super) fn each_instance(&self) -> String {
