@@ -72,6 +72,19 @@ impl Camera {
         rows.chain((0..width).flat_map(move |x| [[x, 0], [x, height.saturating_sub(1)]]))
     }
 
+    /// The least and the largest slopes `x/z` and `y/z` of the rays that the picture holds. With a lens, those at the
+    /// middles of the pixels at the edge.
+    #[must_use]
+    pub fn field(&self) -> [DVec2; 2] {
+        let Size { width, height } = self.size;
+        if self.lens.is_none() {
+            let [one, other] = [[0, 0], [width, height]].map(|corner| self.ray(corner.map(f64::from)));
+            return [one.min(other), one.max(other)];
+        }
+        let rays = self.edge().map(|pixel| self.ray(pixel.map(|at| f64::from(at) + 0.5)));
+        rays.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], ray| [low.min(ray), high.max(ray)])
+    }
+
     /// Checks that each pixel at the edge shows a ray, and that a pinhole image can hold the field.
     ///
     /// # Errors

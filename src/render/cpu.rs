@@ -77,6 +77,8 @@ const ONE_READER: usize = 1;
 #[derive(Debug)]
 struct FrameBuffers {
     splats: Vec<Splat>,
+    /// Depth of each splat, for the sort.
+    depths: Vec<f32>,
     /// Index in the scene of each splat.
     numbers: Vec<u32>,
     rates: Vec<SplatRates>,
@@ -90,6 +92,7 @@ impl FrameBuffers {
     fn new() -> Self {
         Self {
             splats: Vec::new(),
+            depths: Vec::new(),
             numbers: Vec::new(),
             rates: Vec::new(),
             chunks: Vec::new(),
@@ -101,7 +104,8 @@ impl FrameBuffers {
 
     /// Projects every Gaussian. Returns the work, with the culled Gaussians of the first promise.
     fn project(&mut self, input: &ProjectionInput<'_>) -> RenderWork {
-        input.run(&mut self.splats, &mut self.numbers, &mut self.rates, &mut self.chunks);
+        let drawn = (&mut self.splats, &mut self.depths, &mut self.numbers);
+        input.run(drawn, &mut self.rates, &mut self.chunks);
         let mut work = RenderWork { gaussians: input.scene.len() as u64, ..RenderWork::default() };
         self.chunks.iter().for_each(|chunk| work += chunk.work);
         self.culled(ALL_FRAMES).within(work)
@@ -226,7 +230,7 @@ impl CpuRenderer {
         done(PassKind::Project);
 
         // One order serves the whole frame, so ties do not depend on tiles or threads.
-        let sorted = frame.sorter.run(&frame.splats, &frame.chunks);
+        let sorted = frame.sorter.run(&frame.depths, &frame.chunks);
         done(PassKind::Sort);
         let grid = TileGrid::new(view.camera.size);
         let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);

@@ -18,7 +18,7 @@ use crate::scene::motion::{MovingPart, PartMotion};
 use crate::se3::Se3;
 use crate::se3::rotation::renormalised;
 use crate::trajectory::Trajectory;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 /// The view as it looks from what is still, and then from the axes of each part.
@@ -66,14 +66,14 @@ pub fn near_warnings(
     rules: RenderRules,
 ) -> Vec<String> {
     let near = f64::from(if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR });
-    let poses = trajectory.world_from_camera.len();
+    let (poses, field) = (trajectory.world_from_camera.len(), camera.field());
     let warning = |(part, number): (&MovingPart, usize)| {
         let (centre, radius) = scene.part_ball(number);
         let reaches = |pose: &usize| {
             let world_from_part = part.at(trajectory.seconds(*pose)).pose;
             let Se3 { rotation, translation } = trajectory.world_from_camera[*pose];
             let world = world_from_part.rotation * centre + world_from_part.translation;
-            reaches_near(rotation.conjugate() * (world - translation), radius, near, camera)
+            reaches_near(rotation.conjugate() * (world - translation), radius, near, field)
         };
         let count = (0..poses).into_par_iter().filter(reaches).count();
         (count > 0).then(|| {
@@ -87,38 +87,24 @@ pub fn near_warnings(
     scene.motion.iter().flat_map(|motion| motion.parts.iter().zip(1..)).filter_map(warning).collect()
 }
 
-/// Returns true if a ball touches the rectangle of the near plane that the camera sees.
-fn reaches_near(centre: DVec3, radius: f64, near: f64, camera: &Camera) -> bool {
-    let inside = |at: f64, focal: f64, principal: f64, edge: u32| {
-        let ends = [-principal, f64::from(edge) - principal].map(|px| px / focal * near);
-        at.clamp(ends[0].min(ends[1]), ends[1].max(ends[0]))
-    };
-    let nearest = DVec3::new(
-        inside(centre.x, camera.fx, camera.cx, camera.size.width),
-        inside(centre.y, camera.fy, camera.cy, camera.size.height),
-        near,
-    );
+/// Returns true if a ball touches the rectangle of the near plane within these slopes ([`Camera::field`]).
+fn reaches_near(centre: DVec3, radius: f64, near: f64, [low, high]: [DVec2; 2]) -> bool {
+    let nearest = centre.truncate().clamp(low * near, high * near).extend(near);
     (centre - nearest).length() < radius
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::lens::Distortion;
     use crate::image::Size;
 
     /// At 0.2 units, a camera of 90 degrees sees 0.4 units in width.
     #[test]
     fn a_ball_reaches_the_near_plane_only_within_the_view() {
-        let camera = Camera {
-            size: Size { width: 100, height: 100 },
-            fx: 50.0,
-            fy: 50.0,
-            cx: 50.0,
-            cy: 50.0,
-            lens: None,
-        };
+        let camera = Camera::pinhole(Size { width: 100, height: 100 }, [50.0, 50.0, 50.0, 50.0]);
         let t = |centre: [f64; 3], wanted: bool| {
-            assert_eq!(reaches_near(centre.into(), 0.1, 0.2, &camera), wanted, "{centre:?}");
+            assert_eq!(reaches_near(centre.into(), 0.1, 0.2, camera.field()), wanted, "{centre:?}");
         };
         t([0.0, 0.0, 0.31], false);
         t([0.0, 0.0, 0.29], true);
@@ -126,5 +112,20 @@ mod tests {
         t([0.29, 0.0, 0.2], true);
         t([0.31, 0.0, 0.2], false);
         t([0.0, 0.0, 0.09], false);
+    }
+
+    /// The middle of the last pixel is 49.5 px from the axis. With a focal length of 50 px, a fisheye lens shows the angle
+    /// 0.99 there: 0.305 units to the side at 0.2 units, where a pinhole shows 0.198.
+    #[test]
+    fn a_ball_reaches_the_near_plane_within_the_field_of_a_lens() {
+        let flat = Camera::pinhole(Size { width: 100, height: 1 }, [50.0, 50.0, 50.0, 0.5]);
+        let camera = Camera { lens: Some(Distortion::Fisheye([0.0; 4])), ..flat };
+        let edge = 0.2 * libm::tan(0.99);
+        for (x, wanted) in [(edge + 0.09, true), (edge + 0.11, false)] {
+            let found = reaches_near(DVec3::new(x, 0.0, 0.2), 0.1, 0.2, camera.field());
+            assert_eq!(found, wanted, "{x}");
+        }
+        // Without the lens the picture ends at 0.2 units.
+        assert!(!reaches_near(DVec3::new(edge + 0.09, 0.0, 0.2), 0.1, 0.2, flat.field()));
     }
 }

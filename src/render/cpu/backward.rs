@@ -204,7 +204,7 @@ impl GradientRenderer {
         };
         let frame = &mut self.frame;
         let mut work = frame.project(&projection);
-        let order = frame.sorter.run(&frame.splats, &frame.chunks);
+        let order = frame.sorter.run(&frame.depths, &frame.chunks);
         let grid = TileGrid::new(view.camera.size);
         let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
         let RenderStyle { rules, order: layers, background, .. } = self.style;
@@ -254,7 +254,7 @@ impl GradientRenderer {
         if frame.lists.band() == (0..grid.len()) {
             back(&frame.lists);
         } else {
-            let order = frame.sorter.run(&frame.splats, &frame.chunks);
+            let order = frame.sorter.run(&frame.depths, &frame.chunks);
             frame.lists.run(OrderedSplats { order, splats: &frame.splats, grid }, |lists| back(lists));
         }
         let chain = ProjectionChain {

@@ -24,7 +24,7 @@ use crate::render::shared::{
 use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderWork};
 use crate::scene::dynamic::SceneMoment;
 use crate::scene::{Gaussians, sh};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f32x4};
 use rayon::prelude::*;
 
 /// Number of Gaussians that one task projects. Its multiples are the places at which the tasks'
@@ -65,8 +65,12 @@ pub(super) struct ProjectedChunk {
     pub(super) culled: [CullCounts; PROMISES],
 }
 
-/// The splats of a chunk, and their indices in the scene.
-type DrawnSplats<'a> = (&'a mut [Splat], &'a mut [u32]);
+/// The splats of a chunk, their depths, and their indices in the scene.
+struct DrawnSplats<'a> {
+    splats: &'a mut [Splat],
+    depths: &'a mut [f32],
+    numbers: &'a mut [u32],
+}
 
 /// A number, or a number with its rate, stored as one array per block.
 trait LaneValue: RealNumber<Plain = f32> {
@@ -138,21 +142,24 @@ struct ProjectedBlock<S: LaneValue> {
 
 impl ProjectionInput<'_> {
     /// Projects all Gaussians. The splats of chunk `k` start at `splats[k * CHUNK]`, in file order.
-    /// The same holds for `numbers`, their indices in the scene, and for `rates`, if a channel needs
-    /// rates.
+    /// The same holds for their depths, for their indices in the scene, and for `rates`, if a channel
+    /// needs rates.
     pub(super) fn run(
         &self,
-        splats: &mut Vec<Splat>,
-        numbers: &mut Vec<u32>,
+        (splats, depths, numbers): (&mut Vec<Splat>, &mut Vec<f32>, &mut Vec<u32>),
         rates: &mut Vec<SplatRates>,
         chunks: &mut Vec<ProjectedChunk>,
     ) {
         // A place for every lane, also in blocks that are not full.
         let count = self.blocks.len() * LANES;
         splats.resize(count, Splat::default());
+        depths.resize(count, 0.0);
         numbers.resize(count, 0);
         // These chunks of blocks and of splats hold the same Gaussians.
-        let drawn = splats.par_chunks_mut(CHUNK).zip(numbers.par_chunks_mut(CHUNK));
+        let drawn =
+            (splats.par_chunks_mut(CHUNK), depths.par_chunks_mut(CHUNK), numbers.par_chunks_mut(CHUNK));
+        let drawn = drawn.into_par_iter();
+        let drawn = drawn.map(|(splats, depths, numbers)| DrawnSplats { splats, depths, numbers });
         let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
@@ -160,10 +167,10 @@ impl ProjectionInput<'_> {
             let project = |((blocks, drawn), rates): (
                 (&[GaussianBlock], DrawnSplats<'_>),
                 &mut [SplatRates],
-            )| dispatch!(self.level, _simd => self.chunk::<DualNumber<f32>>(blocks, drawn, rates));
+            )| dispatch!(self.level, simd => self.chunk::<_, DualNumber<f32>>(simd, blocks, drawn, rates));
             parts.map(project).collect_into_vec(chunks);
         } else {
-            let project = |(blocks, drawn): (&[GaussianBlock], DrawnSplats<'_>)| dispatch!(self.level, _simd => self.chunk::<f32>(blocks, drawn, &mut []));
+            let project = |(blocks, drawn): (&[GaussianBlock], DrawnSplats<'_>)| dispatch!(self.level, simd => self.chunk::<_, f32>(simd, blocks, drawn, &mut []));
             parts.map(project).collect_into_vec(chunks);
         }
     }
@@ -171,8 +178,9 @@ impl ProjectionInput<'_> {
     /// Projects one chunk. This function and all that it calls are inlined into one copy per
     /// instruction set.
     #[inline(always)]
-    fn chunk<S: LaneValue>(
+    fn chunk<V: Simd, S: LaneValue>(
         &self,
+        simd: V,
         blocks: &[GaussianBlock],
         mut drawn: DrawnSplats<'_>,
         rates: &mut [SplatRates],
@@ -180,19 +188,18 @@ impl ProjectionInput<'_> {
         let mut done = ProjectedChunk::default();
         let mut seen = ProjectedBlock::<S>::new();
         for block in blocks {
-            self.block(block, &mut seen, &mut done, &mut drawn, rates);
+            self.block(simd, block, &mut seen, (&mut done, &mut drawn, &mut *rates));
         }
         done
     }
 
     #[inline(always)]
-    fn block<S: LaneValue>(
+    fn block<V: Simd, S: LaneValue>(
         &self,
+        simd: V,
         block: &GaussianBlock,
         seen: &mut ProjectedBlock<S>,
-        done: &mut ProjectedChunk,
-        (splats, numbers): &mut DrawnSplats<'_>,
-        rates: &mut [SplatRates],
+        (done, drawn, rates): (&mut ProjectedChunk, &mut DrawnSplats<'_>, &mut [SplatRates]),
     ) {
         let eye = &self.eyes[block.part];
         seen.locate(eye, self.style.rules, block);
@@ -224,13 +231,16 @@ impl ProjectionInput<'_> {
                     }
                     None => {
                         let coefficients = self.scene.sh_of(number).as_flattened();
-                        seen.colour(k, &coefficients[..3 * sh::function_count(self.sh_degree)])
+                        seen.colour(simd, k, &coefficients[..3 * sh::function_count(self.sh_degree)])
                     }
                 };
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
-            splats[done.drawn] = seen.splat(i, self.features(value, seen, i));
-            numbers[done.drawn] = block.numbers[i];
+            drawn.depths[done.drawn] = S::at(&seen.depth, i).value();
+            drawn.numbers[done.drawn] = block.numbers[i];
+            let splat = &mut drawn.splats[done.drawn];
+            *splat = seen.splat(i);
+            self.write_features(value, seen, i, &mut splat.features);
             if S::MOVING {
                 let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
                 rates[done.drawn] = seen.rates(i, luminance(value), luminance(rate));
@@ -239,16 +249,17 @@ impl ProjectionInput<'_> {
         }
     }
 
-    /// The features to blend, in the order of [`ChannelSet`].
+    /// Writes the features to blend, in the order of [`ChannelSet`]. Into the splat itself: a copy of single numbers
+    /// that is read as a vector would wait for all of them.
     #[inline(always)]
-    fn features<S: LaneValue>(
+    fn write_features<S: LaneValue>(
         &self,
         colour: [f32; 3],
         seen: &ProjectedBlock<S>,
         i: usize,
-    ) -> [f32; MAX_FEATURES] {
+        features: &mut [f32; MAX_FEATURES],
+    ) {
         // `resolve_tiles` reads the features in this order.
-        let mut features = [0.0; MAX_FEATURES];
         let mut n = 0;
         if self.want.rgb {
             features[..3].copy_from_slice(&colour);
@@ -265,7 +276,6 @@ impl ProjectionInput<'_> {
         if self.want.doubtful {
             features[n] = f32::from(u8::from(seen.is_deeper(i, AFFINE_DOUBTFUL)));
         }
-        features
     }
 }
 
@@ -470,19 +480,15 @@ impl<S: LaneValue> ProjectedBlock<S> {
     /// The colour of the `k`-th drawn Gaussian, each channel at least 0: [`sh::sum_colour`] for
     /// three channels at once.
     #[inline(always)]
-    fn colour(&self, k: usize, coefficients: &[f32]) -> [S; 3] {
-        // Four values at a time fill a vector. The fourth belongs to the next function and is
-        // dropped, so the last function, which no other follows, is added by itself.
-        let (mut sum, mut rate) = ([0.0_f32; 4], [0.0_f32; 4]);
+    fn colour<V: Simd>(&self, simd: V, k: usize, coefficients: &[f32]) -> [S; 3] {
+        // With a constant number, the loop is unrolled.
         let last = coefficients.len() / 3 - 1;
-        for n in 0..last {
-            let b = S::at(&self.basis[n], k);
-            let c = &coefficients[3 * n..3 * n + 4];
-            for j in 0..4 {
-                sum[j] += c[j] * b.value();
-                rate[j] += c[j] * b.rate();
-            }
-        }
+        let [sum, rate] = match last {
+            0 => [[0.0; 4]; 2],
+            3 => self.partial_colour::<V, 3>(simd, k, coefficients),
+            8 => self.partial_colour::<V, 8>(simd, k, coefficients),
+            _ => self.partial_colour::<V, 15>(simd, k, coefficients),
+        };
         let b = S::at(&self.basis[last], k);
         let one = |j: usize| {
             let c = coefficients[3 * last + j];
@@ -492,8 +498,31 @@ impl<S: LaneValue> ProjectedBlock<S> {
         [one(0), one(1), one(2)]
     }
 
+    /// The sums of the first `N` functions and their rates; the fourth values mean nothing.
     #[inline(always)]
-    fn splat(&self, i: usize, features: [f32; MAX_FEATURES]) -> Splat {
+    fn partial_colour<V: Simd, const N: usize>(
+        &self,
+        simd: V,
+        k: usize,
+        coefficients: &[f32],
+    ) -> [[f32; 4]; 2] {
+        // The fourth value of a vector belongs to the next function. So the last function, which no other follows, is
+        // added by itself. As a vector of four by name, because the compiler would make three numbers of it.
+        let mut sums = [f32x4::splat(simd, 0.0); 2];
+        for n in 0..N {
+            let b = S::at(&self.basis[n], k);
+            let c = f32x4::from_slice(simd, &coefficients[3 * n..3 * n + 4]);
+            sums[0] += c * b.value();
+            if S::MOVING {
+                sums[1] += c * b.rate();
+            }
+        }
+        sums.map(Into::into)
+    }
+
+    /// A splat without features.
+    #[inline(always)]
+    fn splat(&self, i: usize) -> Splat {
         let value = |lanes: &S::Lanes| S::at(lanes, i).value();
         Splat {
             mean: [value(&self.mean[0]), value(&self.mean[1])],
@@ -502,7 +531,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
             reach: self.reach[i],
             columns: [self.columns[0][i], self.columns[1][i]],
             rows: [self.rows[0][i], self.rows[1][i]],
-            features,
+            features: [0.0; MAX_FEATURES],
             depth: value(&self.depth),
         }
     }

@@ -8,12 +8,14 @@
 #![expect(clippy::cast_possible_truncation, reason = "keys are taken apart into 32-bit halves and digits")]
 
 use super::project::{CHUNK, ProjectedChunk};
-use super::splat::Splat;
 use rayon::prelude::*;
 
-/// Maximum number of bits of a digit. Its counters stay in the first-level cache, and two digits
-/// cover the depths of most frames.
+/// Bits of the digit by which keys are distributed. Its counters stay in the first-level cache.
 const DIGIT_BITS: u32 = 13;
+/// Number of keys that one task counts, at least.
+const COUNTED: usize = 1 << 16;
+/// Number of buckets that one task sorts, at least.
+const SORTED: usize = 1 << 7;
 
 /// Sorts splats by the bits of their depth; ties keep the order of the file.
 #[derive(Debug, Default)]
@@ -25,22 +27,21 @@ pub(super) struct DepthSorter {
 
 impl DepthSorter {
     /// The order of the projected splats: one key each, with the splat's place in its low half.
-    pub(super) fn run(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> &[u64] {
-        let [low, high] = self.lay_down(splats, chunks);
-        // Relative to the smallest depth, keys have fewer bits than a float and need fewer passes.
-        // Without splats `low` is above `high`, and there is no pass.
+    pub(super) fn run(&mut self, depths: &[f32], chunks: &[ProjectedChunk]) -> &[u64] {
+        let [low, high] = self.lay_down(depths, chunks);
+        // Relative to the smallest depth, keys have fewer bits than a float, and fill more buckets.
+        // Without splats `low` is above `high`.
         let bits = u32::BITS - high.saturating_sub(low).leading_zeros();
-        let passes = bits.div_ceil(DIGIT_BITS);
-        self.spare.resize(self.keys.len(), 0);
-        for pass in 0..passes {
-            let width = bits.div_ceil(passes);
-            self.by_digit(|key| (((key >> 32) as u32 - low) >> (width * pass)) as usize & ((1 << width) - 1));
+        let shift = bits.saturating_sub(DIGIT_BITS);
+        let buckets = self.distribute(|key| (((key >> 32) as u32 - low) >> shift) as usize);
+        if shift > 0 {
+            self.sort_buckets(&buckets);
         }
         &self.keys
     }
 
     /// Writes the keys in file order, and returns the bits of the smallest and largest depth.
-    fn lay_down(&mut self, splats: &[Splat], chunks: &[ProjectedChunk]) -> [u32; 2] {
+    fn lay_down(&mut self, depths: &[f32], chunks: &[ProjectedChunk]) -> [u32; 2] {
         self.keys.resize(chunks.iter().map(|chunk| chunk.drawn).sum(), 0);
         // Each chunk writes to its own part of the keys, so chunks run in parallel.
         let mut rest = self.keys.as_mut_slice();
@@ -50,8 +51,8 @@ impl DepthSorter {
             let mut ends = [u32::MAX, 0];
             // The splats of a chunk begin at a multiple of `CHUNK`; the places between chunks are
             // unused.
-            for ((place, splat), key) in splats.iter().enumerate().skip(k * CHUNK).zip(keys) {
-                let depth = splat.depth.to_bits();
+            for ((place, depth), key) in depths.iter().enumerate().skip(k * CHUNK).zip(keys) {
+                let depth = depth.to_bits();
                 ends = [ends[0].min(depth), ends[1].max(depth)];
                 *key = u64::from(depth) << 32 | place as u64;
             }
@@ -61,24 +62,45 @@ impl DepthSorter {
         ends.reduce(|| [u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// One stable counting sort. Depths are positive, so their bits sort as their values do. Keys
-    /// start in file order, so a stable sort by depth leaves ties in that order.
-    fn by_digit(&mut self, digit: impl Fn(u64) -> usize) {
-        let mut starts = [0_u32; 1 << DIGIT_BITS];
-        for &key in &self.keys {
-            starts[digit(key)] += 1;
-        }
-        let mut start = 0;
-        for count in &mut starts {
-            (*count, start) = (start, start + *count);
-        }
+    /// One stable counting sort by the high bits. Returns the number of keys of each bucket. Depths are positive, so
+    /// their bits sort as their values do.
+    fn distribute(&mut self, digit: impl Fn(u64) -> usize + Sync) -> Vec<u32> {
+        let none = || vec![0_u32; 1 << DIGIT_BITS];
+        let count = |mut counts: Vec<u32>, &key: &u64| {
+            counts[digit(key)] += 1;
+            counts
+        };
+        let add = |mut a: Vec<u32>, b: Vec<u32>| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+            a
+        };
+        let counts = self.keys.par_iter().with_min_len(COUNTED).fold(none, count).reduce(none, add);
+        let mut sum = 0;
+        let start = |count: &u32| {
+            sum += count;
+            sum - count
+        };
+        let mut starts: Vec<u32> = counts.iter().map(start).collect();
+        self.spare.resize(self.keys.len(), 0);
         for &key in &self.keys {
             let place = &mut starts[digit(key)];
             self.spare[*place as usize] = key;
             *place += 1;
         }
-        // The buffers change roles, so no pass copies keys back.
         std::mem::swap(&mut self.keys, &mut self.spare);
+        counts
+    }
+
+    /// Sorts each bucket. The low halves of the keys ascend in file order and differ, so that no other order is possible,
+    /// and ties stay in the order of the file.
+    fn sort_buckets(&mut self, counts: &[u32]) {
+        let mut rest = self.keys.as_mut_slice();
+        let buckets: Vec<&mut [u64]> = counts
+            .iter()
+            .map(|count| rest.split_off_mut(..*count as usize).expect("the counts add up to all keys"))
+            .filter(|bucket| bucket.len() > 1)
+            .collect();
+        buckets.into_par_iter().with_min_len(SORTED).for_each(|bucket| bucket.sort_unstable());
     }
 }
 
@@ -92,9 +114,8 @@ mod tests {
     use super::*;
 
     fn check(depths: &[f32]) {
-        let splats: Vec<Splat> = depths.iter().map(|&depth| Splat { depth, ..Splat::default() }).collect();
         // The last splat of each chunk is not drawn.
-        let chunks: Vec<ProjectedChunk> = splats
+        let chunks: Vec<ProjectedChunk> = depths
             .chunks(CHUNK)
             .map(|chunk| ProjectedChunk { drawn: chunk.len() - 1, ..ProjectedChunk::default() })
             .collect();
@@ -104,7 +125,7 @@ mod tests {
         let mut sorter = DepthSorter::default();
         // Twice, because buffers are reused.
         for _ in 0..2 {
-            let order = sorter.run(&splats, &chunks);
+            let order = sorter.run(depths, &chunks);
             let order: Vec<usize> = order.iter().map(|&key| key_place(key) as usize).collect();
             assert!(order == wanted, "not as std's stable sort has it");
         }
