@@ -214,14 +214,15 @@ impl FromStr for Distortion {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     fn lens(text: &str) -> Distortion {
         text.parse().unwrap()
     }
 
-    const LENSES: [&str; 4] = [
+    /// A lens of each model and number of coefficients.
+    pub(crate) const LENSES: [&str; 4] = [
         "opencv:0.1,-0.05,0.002,-0.003",
         "opencv:-0.3,0.1,0.001,0.0005,-0.01",
         "opencv:0.2,-0.1,0.003,-0.002,0.05,0.11,-0.07,0.02",

@@ -371,6 +371,7 @@ impl Renderer for LensRenderer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::lens::tests::LENSES;
 
     const CAMERA: Camera =
         Camera { size: Size { width: 64, height: 48 }, fx: 40.0, fy: 42.0, cx: 31.0, cy: 25.0, lens: None };
@@ -378,13 +379,6 @@ mod tests {
     fn lens(text: &str) -> Distortion {
         text.parse().unwrap()
     }
-
-    const LENSES: [&str; 4] = [
-        "opencv:0.1,-0.05,0.002,-0.003",
-        "opencv:-0.3,0.1,0.001,0.0005,-0.01",
-        "opencv:0.2,-0.1,0.003,-0.002,0.05,0.11,-0.07,0.02",
-        "fisheye:0.01,-0.02,0.003,0.001",
-    ];
 
     #[test]
     fn a_lens_that_folds_or_sees_too_far_is_refused_by_name() {

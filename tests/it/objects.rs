@@ -529,6 +529,9 @@ fn checks_of_a_release_explain_what_is_still_and_leave_objects_out() {
     place.write("recipes/tiny.yaml", value.to_string());
     place.ok("release --to out");
     let said = place.ok("check --tree out").stdout;
+    let sheet = std::fs::read_to_string(place.path("out/DATASHEET.md")).unwrap();
+    assert!(sheet.contains("Camera trajectories through scenes of 3D Gaussians"), "{sheet}");
+    assert!(sheet.contains("Some scenes move or change, and one camera moves through them"), "{sheet}");
     let found = |name: &str| said.lines().find(|line| line.contains(name)).unwrap_or_default().to_owned();
     assert!(found("flow_projection").starts_with("pass"), "{said}");
     assert!(found("base#order: objects move on paths of their own").starts_with("not run"), "{said}");

@@ -115,6 +115,10 @@ fn each_camera_has_its_files() {
     }
     // The second camera sees other events.
     assert_ne!(files["base/left/events.h5"], files["base/right/events.h5"]);
+    // The texts of the release say what moves.
+    let sheet = std::fs::read_to_string(place.path("tree/DATASHEET.md")).unwrap();
+    assert!(sheet.contains("Camera trajectories through static scenes"), "{sheet}");
+    assert!(sheet.contains("Scenes are static, and rigs of cameras move through them"), "{sheet}");
 }
 
 #[test]

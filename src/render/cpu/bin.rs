@@ -13,9 +13,13 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Number of splats that one task bins. The list of a tile is the concatenation of its chunks'
-/// lists, so threads never write to the same list.
+/// Number of splats whose lists are read as one: no batch of the raster spans two chunks.
 const CHUNK: usize = 1 << 15;
+/// Least number of splats that one task bins. The list of a tile is the concatenation of the tasks' lists, so threads
+/// never write to the same list.
+const LEAST_PART: usize = 1 << 10;
+/// Largest number of tasks of a frame with at most this many chunks. Each tile looks into the list of each task.
+const MOST_PARTS: usize = 16;
 /// Number of entries after which a chunk checks whether the budget is exceeded.
 const STEP: usize = 1 << 12;
 
@@ -55,12 +59,14 @@ pub(super) struct TileLists {
     budget: usize,
     /// Indices of the band's tiles in the grid.
     band: Range<usize>,
-    chunks: Vec<SplatChunk>,
+    parts: Vec<SplatPart>,
+    /// Number of parts of a chunk.
+    divided: usize,
 }
 
-/// The lists of one chunk of splats in the frame's order.
+/// The lists of a part of the splats in the frame's order.
 #[derive(Debug, Default)]
-struct SplatChunk {
+struct SplatPart {
     /// Start of each tile's list in `places`, then the end of the last list.
     starts: Vec<u32>,
     places: Vec<u32>,
@@ -89,7 +95,7 @@ impl TileLists {
     /// Empty lists. They never hold more than `budget` entries at once, except for a single tile
     /// with more.
     pub(super) fn new(budget: usize) -> Self {
-        Self { budget, band: 0..0, chunks: Vec::new() }
+        Self { budget, band: 0..0, parts: Vec::new(), divided: 1 }
     }
 
     /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band.
@@ -113,34 +119,43 @@ impl TileLists {
         self.band.clone()
     }
 
-    /// The splats of a tile of the band, front to back, in one slice per chunk.
+    /// The splats of a tile of the band, front to back, in one slice per part.
     pub(super) fn of(&self, tile: usize) -> impl Iterator<Item = &[u32]> {
         let tile = tile - self.band.start;
-        self.chunks.iter().map(move |c| &c.places[c.starts[tile] as usize..c.starts[tile + 1] as usize])
+        self.parts.iter().map(move |part| part.of(tile))
+    }
+
+    /// The splats of a tile of the band, front to back, in batches.
+    #[inline(always)]
+    pub(super) fn batches(&self, tile: usize) -> TileBatches<'_> {
+        let tile = tile - self.band.start;
+        TileBatches { tile, divided: self.divided, parts: &self.parts, of_chunk: &[], rest: &[] }
     }
 
     /// Lists the splats of the band's tiles, and returns the number of entries. Returns `None` if
     /// there are more than `bound`; the lists are then invalid.
     fn fill(&mut self, frame: OrderedSplats<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
-        let used = frame.order.len().div_ceil(CHUNK);
-        // Each chunk keeps one start per tile. These starts count too, even if the lists are short.
+        let part = part_len(frame.order.len());
+        let used = frame.order.len().div_ceil(part);
+        // Each part keeps one start per tile. These starts count too, even if the lists are short.
         if used.saturating_mul(band.len()) > bound {
             return None;
         }
-        self.chunks.resize_with(used, SplatChunk::default);
+        self.divided = CHUNK / part;
+        self.parts.resize_with(used, SplatPart::default);
         self.band = band.clone();
         let room = ListCapacity { bound, taken: AtomicUsize::new(0) };
         let fill =
-            |(chunk, order): (&mut SplatChunk, _)| chunk.run(OrderedSplats { order, ..frame }, &band, &room);
-        // If the total exceeds the bound, the chunk that adds last sees it, whatever the order.
-        let within = self.chunks.par_iter_mut().zip(frame.order.par_chunks(CHUNK)).all(fill);
+            |(list, order): (&mut SplatPart, _)| list.run(OrderedSplats { order, ..frame }, &band, &room);
+        // If the total exceeds the bound, the part that adds last sees it, whatever the order.
+        let within = self.parts.par_iter_mut().zip(frame.order.par_chunks(part)).all(fill);
         within.then(|| room.taken.into_inner() as u64)
     }
 
     /// Divides the tiles into bands within the budget.
     fn bands(&self, frame: OrderedSplats<'_>) -> Vec<Range<usize>> {
-        // As in `fill`, the starts of all chunks must be within the budget.
-        let most = (self.budget / frame.order.len().div_ceil(CHUNK)).max(1);
+        // As in `fill`, the starts of all parts must be within the budget.
+        let most = (self.budget / frame.order.len().div_ceil(part_len(frame.order.len()))).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
         // Full at first, so that the first tile opens a band.
         let mut listed = usize::MAX;
@@ -197,8 +212,14 @@ impl ListCapacity {
     }
 }
 
-impl SplatChunk {
-    /// Lists the chunk's splats for the band. Returns `false`, with nothing listed, if that exceeds
+impl SplatPart {
+    /// The list of a tile, counted from the band's first.
+    #[inline(always)]
+    fn of(&self, tile: usize) -> &[u32] {
+        &self.places[self.starts[tile] as usize..self.starts[tile + 1] as usize]
+    }
+
+    /// Lists the part's splats for the band. Returns `false`, with nothing listed, if that exceeds
     /// the bound.
     fn run(&mut self, frame: OrderedSplats<'_>, band: &Range<usize>, room: &ListCapacity) -> bool {
         self.pairs.clear();
@@ -255,6 +276,59 @@ impl SplatChunk {
     }
 }
 
+/// The list of a tile, in batches. A batch is full, or the last one of a chunk: where parts end does not show.
+pub(super) struct TileBatches<'a> {
+    tile: usize,
+    divided: usize,
+    /// The parts of later chunks, and of this one.
+    parts: &'a [SplatPart],
+    of_chunk: &'a [SplatPart],
+    /// What is left of the present part.
+    rest: &'a [u32],
+}
+
+impl<'a> TileBatches<'a> {
+    /// The next batch, in `room` if it spans parts. Not empty.
+    #[inline(always)]
+    pub(super) fn next<'b, const N: usize>(&mut self, room: &'b mut [u32; N]) -> Option<&'b [u32]>
+    where
+        'a: 'b,
+    {
+        loop {
+            if let Some((batch, rest)) = self.rest.split_at_checked(N) {
+                self.rest = rest;
+                return Some(batch);
+            }
+            let mut count = self.rest.len();
+            room[..count].copy_from_slice(self.rest);
+            self.rest = &[];
+            while let Some((part, others)) = self.of_chunk.split_first().filter(|_| count < N) {
+                let list = part.of(self.tile);
+                let taken = list.len().min(N - count);
+                room[count..count + taken].copy_from_slice(&list[..taken]);
+                (self.of_chunk, self.rest, count) = (others, &list[taken..], count + taken);
+            }
+            if count > 0 {
+                return Some(&room[..count]);
+            }
+            if self.parts.is_empty() {
+                return None;
+            }
+            (self.of_chunk, self.parts) = self.parts.split_at(self.divided.min(self.parts.len()));
+        }
+    }
+}
+
+/// Number of splats of a part: a chunk, or a fraction of it so that all threads bin the splats of a small scene.
+fn part_len(splats: usize) -> usize {
+    // Twice as many as threads, so that threads end at about the same time.
+    let parts = match rayon::current_num_threads() {
+        1 => 1,
+        threads => (2 * threads).min(MOST_PARTS),
+    };
+    splats.div_ceil(parts).next_power_of_two().clamp(LEAST_PART, CHUNK)
+}
+
 fn tiles([first, end]: [u16; 2]) -> Range<usize> {
     usize::from(first) / TILE..usize::from(end).div_ceil(TILE)
 }
@@ -275,6 +349,56 @@ fn each_run(splat: &Splat, grid: TileGrid, band: &Range<usize>, mut each: impl F
         let end = (row * grid.columns + columns.end).min(band.end);
         if first < end {
             each(first..end);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tile of a dot, without a pattern.
+    fn tile_of(dot: u32) -> u16 {
+        (dot.wrapping_mul(2_654_435_761) >> 28) as u16
+    }
+
+    #[test]
+    fn batches_are_those_of_chunks_for_any_number_of_threads() {
+        let grid = TileGrid::new(Size { width: 64, height: 64 });
+        let dot = |dot: u32| {
+            let pixel = |tile: u16| [TILE as u16 * tile, TILE as u16 * tile + 1];
+            let (columns, rows) = (pixel(tile_of(dot) % 4), pixel(tile_of(dot) / 4));
+            Splat { columns, rows, w: [1.0, 0.0, 1.0], ..Splat::default() }
+        };
+        // One chunk and a part of the next.
+        let dots = 40_000;
+        let splats: Vec<Splat> = (0..dots).map(dot).collect();
+        let order: Vec<u64> = (0..dots).map(u64::from).collect();
+        let chunks = [0..CHUNK as u32, CHUNK as u32..dots];
+        let mut wanted: Vec<(usize, Vec<u32>)> = Vec::new();
+        for tile in 0..grid.len() {
+            for chunk in chunks.clone() {
+                let listed: Vec<u32> = chunk.filter(|dot| usize::from(tile_of(*dot)) == tile).collect();
+                wanted.extend(listed.chunks(64).map(|batch| (tile, batch.to_vec())));
+            }
+        }
+        for threads in [1, 2, 8] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut found = Vec::new();
+            let mut lists = TileLists::new(BUDGET);
+            let frame = OrderedSplats { order: &order, splats: &splats, grid };
+            let pairs = pool.install(|| {
+                lists.run(frame, |lists| {
+                    for tile in 0..grid.len() {
+                        let (mut batches, mut room) = (lists.batches(tile), [0; 64]);
+                        while let Some(batch) = batches.next(&mut room) {
+                            found.push((tile, batch.to_vec()));
+                        }
+                    }
+                })
+            });
+            assert_eq!(pairs, u64::from(dots));
+            assert!(found == wanted, "{threads} threads");
         }
     }
 }

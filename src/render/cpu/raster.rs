@@ -194,24 +194,22 @@ fn blend_tile<S: Simd, const N: usize, const SOFT: bool, const RATE: bool, const
     let mut work = RenderWork::default();
     // With nothing to omit, finished blocks are blended too. Their pixels stay as they are.
     let whole = frame.omit == OmissionPolicy::Nothing;
-    for run in frame.lists.of(index) {
-        // A batch never spans the lists of two chunks, so the last one of a run may be short.
-        for places in run.chunks(BATCH) {
-            // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
-            if pixels.is_finished() && !whole {
-                work.hidden += places.len() as u64;
-                batch.first += places.len();
-                continue;
-            }
-            batch.fill::<RATE>(frame, places);
-            let masks = batch.shapes.cover::<S>(simd, corner);
-            for (b, &mask) in masks.iter().enumerate() {
-                if mask != 0 && (whole || pixels.is_open(b)) {
-                    pixels.blend::<S, SOFT, RATE, TRACE>(simd, b, &batch, mask);
-                }
-            }
+    let (mut batches, mut room) = (frame.lists.batches(index), [0; BATCH]);
+    while let Some(places) = batches.next(&mut room) {
+        // Nothing behind an opaque tile can change it, so the rest of the list is only counted.
+        if pixels.is_finished() && !whole {
+            work.hidden += places.len() as u64;
             batch.first += places.len();
+            continue;
         }
+        batch.fill::<RATE>(frame, places);
+        let masks = batch.shapes.cover::<S>(simd, corner);
+        for (b, &mask) in masks.iter().enumerate() {
+            if mask != 0 && (whole || pixels.is_open(b)) {
+                pixels.blend::<S, SOFT, RATE, TRACE>(simd, b, &batch, mask);
+            }
+        }
+        batch.first += places.len();
     }
     pixels.store::<TRACE>(out);
     pixels.count(&mut work);
