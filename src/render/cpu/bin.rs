@@ -18,7 +18,7 @@ const CHUNK: usize = 1 << 15;
 /// Least number of splats that one task bins. The list of a tile is the concatenation of the tasks' lists, so threads
 /// never write to the same list.
 const LEAST_PART: usize = 1 << 10;
-/// Largest number of tasks of a frame with at most this many chunks. Each tile looks into the list of each task.
+/// Largest number of parts that a small frame is divided into. Each tile looks into the list of each part.
 const MOST_PARTS: usize = 16;
 /// Number of entries after which a chunk checks whether the budget is exceeded.
 const STEP: usize = 1 << 12;
