@@ -5,12 +5,15 @@
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
 
+mod removal;
 pub(crate) mod rename;
 mod walk;
 
+pub use removal::{Removal, remove, remove_below};
 pub use rename::write_by_rename;
 pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES, WalkError};
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::os::fd::{AsFd, OwnedFd};
@@ -87,14 +90,21 @@ pub fn open_at_most(path: &Path, limit: u64) -> io::Result<File> {
 /// The same as [`open`]; `InvalidInput` for a path that leads out of `root`, and for a link in any
 /// part of it.
 pub fn open_below(root: &Path, below: &Path) -> io::Result<File> {
-    let flags = OFlags::RDONLY | OFlags::CLOEXEC | OFlags::DIRECTORY;
+    let (folder, name) = folder_below(root, below)?;
+    open_no_link(folder, Path::new(name))
+}
+
+/// Opens the folder of a path below `root`, and returns it with the last name. A part that is `..`
+/// or a link is refused.
+fn folder_below<'a>(root: &Path, below: &'a Path) -> io::Result<(OwnedFd, &'a OsStr)> {
+    let flags = OFlags::PATH | OFlags::CLOEXEC | OFlags::DIRECTORY;
     let mut folder: OwnedFd = rustix::fs::open(root, flags, Mode::empty())?;
     let mut parts = below.components().filter(|part| *part != Component::CurDir).peekable();
     while let Some(part) = parts.next() {
         // `..` and absolute paths end the loop, as does an empty path, and are refused below it.
         let Component::Normal(name) = part else { break };
         if parts.peek().is_none() {
-            return open_no_link(folder.as_fd(), Path::new(name));
+            return Ok((folder, name));
         }
         // `NOFOLLOW` below would refuse a link as well, but with a message that does not name it.
         if type_at(folder.as_fd(), Path::new(name))? == FileType::Symlink {

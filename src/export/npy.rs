@@ -1,8 +1,8 @@
 //! NumPy arrays of unknown length, and archives of them. The length is written last.
 
 use super::ExportError;
-use crate::files;
-use std::fs::{self, File};
+use crate::files::{self, Removal};
+use std::fs::File;
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use zip::write::SimpleFileOptions;
@@ -116,7 +116,7 @@ pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<
             Entry::Spooled(array) => {
                 let spool = array.finish()?;
                 let copy = files::open(&spool).and_then(|mut file| io::copy(&mut file, &mut archive));
-                copy.and_then(|_| fs::remove_file(&spool)).map_err(failed)?;
+                copy.and_then(|_| files::remove(&spool, Removal::File)).map_err(failed)?;
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all: each is written under a temporary name in its folder.
 
+use super::{Removal, remove};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::os::unix::fs::PermissionsExt as _;
@@ -62,7 +63,7 @@ impl PartialFile {
         let number = PARTS.fetch_add(1, Ordering::Relaxed);
         let temporary = parent_folder(&path).join(format!(".gs2e-{}-{number}.part", std::process::id()));
         // An earlier process with this id may have been killed.
-        let _ = fs::remove_file(&temporary);
+        let _ = remove(&temporary, Removal::File);
         Ok(Self { temporary, path })
     }
 
@@ -94,6 +95,6 @@ impl PartialFile {
 impl Drop for PartialFile {
     fn drop(&mut self) {
         // The first error is the one to report, and a finished file has another name by now.
-        let _ = fs::remove_file(&self.temporary);
+        let _ = remove(&self.temporary, Removal::File);
     }
 }

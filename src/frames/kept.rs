@@ -8,6 +8,7 @@ mod codec;
 mod file;
 
 use crate::camera::Camera;
+use crate::files::{self, Removal};
 use crate::render::sample::TileSample;
 use crate::render::{
     CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer,
@@ -138,7 +139,7 @@ impl KeptState {
     fn refuse(&mut self, because: &dyn std::fmt::Display) {
         self.writer = None;
         // What stays is removed when the store is opened next.
-        let _ = std::fs::remove_file(&self.fresh);
+        let _ = files::remove(&self.fresh, Removal::File);
         self.refused = Some(because.to_string());
     }
 }

@@ -1,5 +1,6 @@
 //! Removal of files that this program wrote, and of nothing else.
 
+use crate::files::{self, Removal};
 use std::collections::BTreeSet;
 use std::fs::{self, Metadata};
 use std::io;
@@ -30,7 +31,7 @@ pub(super) fn remove_ours<'a>(
             && let Some(path) = below.to_str()
             && is_ours(path, &entry.metadata()?)
         {
-            fs::remove_file(entry.path())?;
+            files::remove_below(root, below, Removal::File)?;
         }
     }
     Ok(!is_there(root))
@@ -38,7 +39,7 @@ pub(super) fn remove_ours<'a>(
 
 /// Removes a folder, unless something is in it.
 pub(super) fn remove_if_empty(folder: &Path) -> io::Result<()> {
-    match fs::remove_dir(folder) {
+    match files::remove(folder, Removal::EmptyFolder) {
         Err(e) if e.kind() == io::ErrorKind::DirectoryNotEmpty => Ok(()),
         other => other,
     }

@@ -4,6 +4,7 @@ use super::removal::is_there;
 use super::standing::StandingTree;
 use super::work::{WorkFolder, clear_leftovers};
 use super::{ReleaseError, failed};
+use crate::files::{self, Removal};
 use crate::store::{LockClaim, StoreError, StoreLock};
 use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags};
 use std::ffi::OsString;
@@ -258,7 +259,7 @@ impl Drop for MadeFolders {
     fn drop(&mut self) {
         for folder in &self.0 {
             // One with the release in it stays.
-            let _ = fs::remove_dir(folder);
+            let _ = files::remove(folder, Removal::EmptyFolder);
         }
     }
 }

@@ -7,7 +7,7 @@ use super::standing::StandingTree;
 use super::target::ReleaseTarget;
 use super::work::{WorkFolder, write_new};
 use super::{LinkMode, ReleaseError, audit, checksum, failed};
-use crate::files::{self, LinkRule};
+use crate::files::{self, LinkRule, Removal};
 use crate::recipe::TakedownList;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
@@ -219,7 +219,7 @@ impl FilePlacing<'_> {
             }
             FileContent::Blob { path, digest, .. } => (path, digest),
         };
-        let remove = || fs::remove_file(&path).map_err(failed(&path));
+        let remove = || files::remove(&path, Removal::File).map_err(failed(&path));
         if self.take_over(name, digest, &path) {
             match hash()? {
                 hashes if hashes.blake3 == *digest => return Ok(hashes),

@@ -23,7 +23,7 @@ use swap::{SwapNote, exchange, listing, move_to_free, parse_listing, sync_folder
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
 use super::{ReleaseError, failed};
-use crate::files::{self, LinkRule, MAX_DOCUMENT};
+use crate::files::{self, LinkRule, MAX_DOCUMENT, Removal};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, Metadata, Permissions};
@@ -170,9 +170,9 @@ impl WorkFolder {
         }
         // `about` last: without it the next run would not know the folder.
         for name in frame.map(|name| self.folder.join(name)).iter().filter(|path| is_there(path)) {
-            fs::remove_file(name)?;
+            files::remove(name, Removal::File)?;
         }
-        fs::remove_dir(&self.folder)
+        files::remove(&self.folder, Removal::EmptyFolder)
     }
 }
 

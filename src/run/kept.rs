@@ -1,6 +1,7 @@
 //! Frames that a step keeps for later ones, and shows again instead of rendering.
 
 use super::job::StaleStep;
+use crate::files::{self, Removal};
 use crate::frames::kept::{KeptFrames, KeptSummary};
 use crate::stage::AnyStep;
 use crate::store::{Digest, Store, StoreError};
@@ -58,6 +59,6 @@ impl KeptStep {
 impl Drop for KeptStep {
     fn drop(&mut self) {
         // The frames of a step that failed. If they cannot be removed, the store does it when it is opened next.
-        let _ = std::fs::remove_file(&self.fresh);
+        let _ = files::remove(&self.fresh, Removal::File);
     }
 }

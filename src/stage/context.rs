@@ -1,6 +1,7 @@
 //! The surroundings of a running stage: its folder, its programs, its warnings, and the flag that stops it.
 
 use super::StageError;
+use crate::files::{self, Removal};
 use crate::frames::kept::KeptFrames;
 use crate::frames::rendered::TimeSaved;
 use crate::programs::ProgramFinder;
@@ -126,6 +127,6 @@ pub(super) fn known_program<T, E>(
     };
     let made = run(workspace).map_err(failure)?;
     // Everything that stays below `out` becomes part of the product.
-    std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
+    files::remove(&folder, Removal::Tree).map_err(StageError::io_error(&folder))?;
     Ok(made)
 }

@@ -5,6 +5,7 @@ use super::filter::ChunkFilter;
 use super::{CHUNK, END_US, H5Options, MS_TO_IDX, T_OFFSET, index::MsIndex};
 use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink, StreamHeader};
+use crate::files::{self, Removal};
 use rayon::prelude::*;
 use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
 use std::path::{Path, PathBuf};
@@ -179,7 +180,7 @@ impl Drop for Writer {
     fn drop(&mut self) {
         if self.file.is_some() {
             // If the removal fails, the file is left to the code that handles the original failure.
-            let _ = std::fs::remove_file(&self.path);
+            let _ = files::remove(&self.path, Removal::File);
         }
     }
 }

@@ -4,6 +4,7 @@
 use super::{ARRAYS, END_US, LABEL, SIZE};
 use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink, StreamHeader};
+use crate::files::{self, Removal};
 use npyz::{DType, WriteOptions, WriterBuilder};
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};
@@ -50,7 +51,7 @@ impl Writer {
         if written.is_err() {
             // If the removal fails, the archive has no directory, so no reader takes it for
             // complete.
-            let _ = std::fs::remove_file(&self.path);
+            let _ = files::remove(&self.path, Removal::File);
         }
         written
     }
@@ -119,7 +120,7 @@ impl ColumnSpool {
     fn create(archive: &Path, name: &str) -> std::io::Result<Self> {
         let mut path = archive.as_os_str().to_owned();
         path.push(format!(".{name}.part"));
-        let file = File::options().read(true).write(true).create(true).truncate(true).open(&path)?;
+        let file = File::options().read(true).write(true).create_new(true).open(&path)?;
         Ok(Self { path: path.into(), file: BufWriter::new(file) })
     }
 
@@ -133,6 +134,6 @@ impl ColumnSpool {
 impl Drop for ColumnSpool {
     fn drop(&mut self) {
         // If the removal fails, a `.part` file remains that nothing reads.
-        let _ = std::fs::remove_file(&self.path);
+        let _ = files::remove(&self.path, Removal::File);
     }
 }

@@ -1,6 +1,6 @@
 //! A program that trains a scene on the capture.
 
-use crate::files::is_there;
+use crate::files::{self, Removal, is_there};
 use crate::reconstruct::{LAYOUT, LayoutError, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand};
 use crate::render::RenderChoice;
 use crate::render::backend::Backend;
@@ -78,7 +78,7 @@ impl TrainingStage {
         let trained = self.command.train(capture, &files, workspace);
         let TrainedScene { gaussians, without_photo } = trained.map_err(stage_failure)?;
         // Nothing in this folder is part of the product.
-        std::fs::remove_dir_all(&folder).map_err(StageError::io_error(&folder))?;
+        files::remove(&folder, Removal::Tree).map_err(StageError::io_error(&folder))?;
         let gaussians = Arc::new(gaussians);
         self.hold((capture, solved), &gaussians, cx)?;
         if without_photo > 0 {
