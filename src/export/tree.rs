@@ -1,20 +1,36 @@
 //! The folder of an export: hidden next to its place until it is complete.
 
 use super::{ExportError, ExportProgress};
-use crate::files;
 use crate::files::rename::parent_folder;
+use crate::files::{self, LinkRule, MAX_TEXT, Removal};
 use rustix::fs::{CWD, Mode, OFlags, RenameFlags};
 use rustix::io::Errno;
-use std::fs::{self, File};
-use std::io::{ErrorKind, Write as _};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File, Permissions};
+use std::io::{self, Write as _};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 /// Number of events between two reports: a few milliseconds of work.
 const REPORTED_AT_ONCE: u64 = 65_536;
 
+/// Separates the target's name from the letters in the name of a hidden folder.
+const INFIX: &str = ".gs2e-export-";
+/// Number of those letters: about 95 bits.
+const LETTERS: usize = 16;
+/// The file that says what the folder is, and its text.
+const ABOUT: &str = "about";
+const MAGIC: &str = "export of gs2e, not complete\n";
+/// The export, in the hidden folder.
+const TREE: &str = "tree";
+
 /// A folder that is being written. It is removed when it is dropped before [`ExportFolder::place`].
+///
+/// It is `tree/` in a hidden folder, which has a name that cannot be guessed and belongs to one process.
 pub struct ExportFolder<'a> {
     target: PathBuf,
+    hidden: PathBuf,
+    /// `tree/` in the hidden folder.
     folder: PathBuf,
     /// Holds the lock on the hidden folder.
     _lock: File,
@@ -44,42 +60,29 @@ impl<'a> ExportFolder<'a> {
         if files::is_there(target) || target.is_symlink() {
             return Err(exists("it exists already; an export replaces nothing"));
         }
-        let mut hidden = std::ffi::OsString::from(".");
-        hidden.push(name);
-        hidden.push(".gs2e-export");
         let parent = parent_folder(target);
         if !parent.is_dir() {
             return Err(exists("it is in a folder that does not exist"));
         }
-        let folder = parent.join(hidden);
-        let failed = ExportError::unwritten;
-        match fs::create_dir(&folder) {
-            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
-            made => made.map_err(failed(&folder))?,
-        }
-        // A link would lead to a folder of others, whose content would be removed.
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let lock = match rustix::fs::open(&folder, flags, Mode::empty()) {
-            Ok(lock) => File::from(lock),
-            Err(Errno::NOTDIR | Errno::LOOP) => {
-                return Err(exists("its hidden folder is a file or a link; remove it"));
-            }
-            Err(e) => return Err(failed(&folder)(e.into())),
-        };
-        // The lock ends with the process, also with a killed one, so no remains of it block the place.
-        if lock.try_lock().is_err() {
+        let mut prefix = OsString::from(".");
+        prefix.push(name);
+        prefix.push(INFIX);
+        if !clear_leftovers(parent, &prefix).map_err(ExportError::unwritten(parent))? {
             return Err(exists("another process exports to it"));
         }
-        for entry in fs::read_dir(&folder).map_err(failed(&folder))? {
-            let path = entry.map_err(failed(&folder))?.path();
-            let removed = if path.is_dir() && !path.is_symlink() {
-                fs::remove_dir_all(&path)
-            } else {
-                fs::remove_file(&path)
-            };
-            removed.map_err(failed(&path))?;
-        }
-        Ok(Self { target: target.to_owned(), folder, _lock: lock, files: 0, unreported: 0, progress })
+        let made = tempfile::Builder::new()
+            .prefix(&prefix)
+            .rand_bytes(LETTERS)
+            .permissions(Permissions::from_mode(0o700))
+            .tempdir_in(parent);
+        let hidden = made.map_err(ExportError::unwritten(parent))?.keep();
+        let folder = hidden.join(TREE);
+        let lock = begin(&hidden, &folder).map_err(|e| {
+            // The first error is the one to report.
+            let _ = remove_hidden(&hidden);
+            ExportError::unwritten(&hidden)(e)
+        })?;
+        Ok(Self { target: target.to_owned(), hidden, folder, _lock: lock, files: 0, unreported: 0, progress })
     }
 
     /// The path of a file of the export, with its folders made. It counts as a file that is written.
@@ -155,7 +158,70 @@ impl<'a> ExportFolder<'a> {
 
 impl Drop for ExportFolder<'_> {
     fn drop(&mut self) {
-        // A placed folder has another name by now. The first error is the one to report.
-        let _ = fs::remove_dir_all(&self.folder);
+        // The first error is the one to report. The next export to this place removes what stays.
+        let _ = remove_hidden(&self.hidden);
     }
+}
+
+/// Writes what the hidden folder is, makes `tree`, and takes the lock, which ends with the process.
+fn begin(hidden: &Path, tree: &Path) -> io::Result<File> {
+    let lock = open_folder(hidden)?;
+    lock.try_lock()?;
+    File::create_new(hidden.join(ABOUT))?.write_all(MAGIC.as_bytes())?;
+    fs::create_dir(tree)?;
+    Ok(lock)
+}
+
+/// Opens a folder itself. A link would lead to a folder of others.
+fn open_folder(folder: &Path) -> io::Result<File> {
+    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    Ok(File::from(rustix::fs::open(folder, flags, Mode::empty())?))
+}
+
+/// Removes the hidden folders that killed exports of one target left. Returns false if one of them belongs
+/// to a process that still runs.
+fn clear_leftovers(parent: &Path, prefix: &OsStr) -> io::Result<bool> {
+    for entry in fs::read_dir(parent)? {
+        let entry = entry?;
+        if !is_hidden_name(&entry.file_name(), prefix) {
+            continue;
+        }
+        // Something else that cannot be opened as a folder is not a hidden folder.
+        let Ok(folder) = open_folder(&entry.path()) else { continue };
+        if folder.try_lock().is_err() {
+            return Ok(false);
+        }
+        if is_hidden_folder(&entry.path()) {
+            remove_hidden(&entry.path())?;
+        } else {
+            // A process that was killed before it wrote `about` left an empty folder. Anything else stays.
+            let _ = files::remove(&entry.path(), Removal::EmptyFolder);
+        }
+    }
+    Ok(true)
+}
+
+fn is_hidden_name(name: &OsStr, prefix: &OsStr) -> bool {
+    let letters = name.as_encoded_bytes().strip_prefix(prefix.as_encoded_bytes());
+    letters.is_some_and(|letters| letters.len() == LETTERS && letters.iter().all(u8::is_ascii_alphanumeric))
+}
+
+/// Returns true if an export made this folder, and nothing was added to it.
+fn is_hidden_folder(folder: &Path) -> bool {
+    let about = files::read_with(&folder.join(ABOUT), LinkRule::Refuse, MAX_TEXT);
+    let names = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name());
+    about.is_ok_and(|about| about == MAGIC.as_bytes())
+        && names.into_iter().all(|name| name == ABOUT || name == TREE)
+}
+
+/// Removes a hidden folder. `about` goes last: without it the folder would not be recognised.
+fn remove_hidden(hidden: &Path) -> io::Result<()> {
+    let tree = hidden.join(TREE);
+    if files::is_there(&tree) {
+        files::remove(&tree, Removal::Tree)?;
+    }
+    if files::is_there(&hidden.join(ABOUT)) {
+        files::remove(&hidden.join(ABOUT), Removal::File)?;
+    }
+    files::remove(hidden, Removal::EmptyFolder)
 }
