@@ -2,8 +2,8 @@
 //! produced.
 //!
 //! ```text
-//! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  tmp/  trash/  roots/
-//!         logs/<64 hex>.txt  resume/<64 hex>/
+//! .gs2e/  VERSION  lock  state.db  cas/ab/<64 hex>  ac/ab/<64 hex>.json  gs2e-tmp/  gs2e-trash/
+//!         roots/  frames/<64 hex>/  logs/<64 hex>.txt  resume/<64 hex>/
 //! ```
 //! `cas/` and `ac/` are the truth and never change in place. `state.db` is an index of `ac/` and a
 //! cache of file digests; losing it costs time, never correctness. Publishing goes blobs, record,
@@ -24,6 +24,7 @@ mod hash;
 mod kept;
 pub mod link_tree;
 mod lock;
+mod marker;
 mod memo;
 mod options;
 mod publish;
@@ -53,6 +54,7 @@ pub use unlike::OutputMismatch;
 
 use cache::StoreCache;
 use disk::StoreDisk;
+use marker::{StoreFolder, StoreKind};
 use record::{RecordSummary, StepRecord, StoredOutput};
 use shared::SharedStore;
 use space::DiskSpace;
@@ -93,6 +95,14 @@ struct DigestCounts {
     hashed: AtomicUsize,
 }
 
+/// Folder of files that are being written.
+const TMP: &str = "gs2e-tmp";
+/// Folder of files that are about to be deleted, or that a person may want to look at before.
+const TRASH: &str = "gs2e-trash";
+/// Folders that every store has.
+const FOLDERS: [&str; 4] = ["cas", "ac", TMP, TRASH];
+/// The change from a store of an earlier version.
+const EARLIER: &str = "its folders tmp and trash are not used any more and can be deleted";
 /// Folder of the states of interrupted steps, one folder per key.
 const RESUME: &str = "resume";
 /// Folder of the log files of external programs, one per key.
@@ -113,27 +123,34 @@ impl Store {
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
         let opening: StoreOptions = opening.into();
-        let disk = StoreDisk::new(opening.fs.clone(), opening.sync_each);
+        let disk = StoreDisk::new(root, opening.fs.clone(), opening.sync_each);
+        // Before anything is created: a folder of others stays as it is.
+        let found = match opening.access {
+            StoreAccess::Read => marker::examine(root, StoreKind::Own)?,
+            StoreAccess::Write | StoreAccess::WriteNow => disk.claim(StoreKind::Own)?,
+        };
         let lock = match opening.access {
             StoreAccess::Read => None,
             StoreAccess::Write | StoreAccess::WriteNow => {
-                disk.create_dir(root)?;
                 let waits = opening.access == StoreAccess::Write;
                 Some(lock::StoreLock::take_lock(root, &opening.claim, waits, waiting)?)
             }
         };
-        // After the lock: only its holder may write the format of a new store.
-        disk.check_format(root, FORMAT, lock.is_some())?;
         if lock.is_some() {
-            for folder in ["cas", "ac", "tmp", "trash"] {
+            disk.refuse_links(&[LOGS, RESUME, root::FOLDER, kept::FRAMES])?;
+            for folder in FOLDERS {
                 disk.create_dir(&root.join(folder))?;
             }
-            // No other process writes while the lock is held, so everything here is left over from
-            // a process that died.
-            disk.empty_dir(&root.join("tmp"))?;
+            // No other process writes while the lock is held, so the files here with names of this program
+            // are left over from a process that died.
+            disk.remove_fresh(TMP)?;
         }
         let shared = opening.shared.as_deref().map(|place| SharedStore::open(place, &opening)).transpose()?;
-        let state = StateDb::open(root, opening.index.as_deref(), disk.clone(), lock.is_some())?;
+        let mut state = StateDb::open(root, opening.index.as_deref(), disk.clone(), lock.is_some())?;
+        if found == StoreFolder::Unmarked && lock.is_some() {
+            disk.mark_earlier(StoreKind::Own)?;
+            state.note(format!("{} was made by an earlier version; {EARLIER}", root.display()));
+        }
         let mut store = Self {
             root: root.to_owned(),
             blobs: BlobFolders::new(root, disk.clone()),
@@ -156,8 +173,10 @@ impl Store {
     /// Returns true if the folder is a store.
     #[must_use]
     pub fn is_store(folder: &Path) -> bool {
-        let has = |name: &str| crate::files::is_there(&folder.join(name));
-        has("VERSION") && has("ac") && has("cas")
+        matches!(
+            marker::examine(folder, StoreKind::Own),
+            Ok(StoreFolder::Marked | StoreFolder::Unmarked) | Err(StoreError::Newer { .. })
+        )
     }
 
     /// Notices of repairs since the last call, one line each.
@@ -174,7 +193,7 @@ impl Store {
     /// The system has no more file descriptors.
     pub fn share_lock(&self) -> Result<Option<File>, StoreError> {
         let shared = self.lock.as_ref().map(lock::StoreLock::share).transpose();
-        shared.map_err(disk::disk_error("sharing", &self.root.join("lock")))
+        shared.map_err(disk::disk_error("sharing", &self.root.join(lock::LOCK)))
     }
 
     /// Number of digests taken from stat fields, and number of digests taken from bytes.

@@ -156,6 +156,10 @@ impl From<StoreError> for VerbError {
             StoreError::Newer { .. } => {
                 Self::usage("store-newer", message).help("use a newer gs2e, or another --store")
             }
+            StoreError::Foreign { .. } => Self::usage("not-a-store", message)
+                .help("name a new folder or an empty one: a store keeps nothing else in its folder"),
+            StoreError::Link { .. } => Self::usage("store-link", message)
+                .help("delete the link; to use another disk, name the whole store there with --store"),
             StoreError::NotPermitted { .. } => {
                 Self::failed("shared-store-refused", format!("failed {message}"))
                     .help("the users of a shared store need one group, and a umask of 002")

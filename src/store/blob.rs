@@ -2,13 +2,15 @@
 
 use super::disk::{StoreDisk, disk_error};
 use super::record::StoredOutput;
-use super::{Digest, StoreError};
+use super::{Digest, StoreError, TRASH};
 use crate::files::is_no_file;
+use std::ffi::OsStr;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The folders `cas/`, `tmp/` and `trash/`.
+/// The folders of blobs, of files that are being written, and of altered blobs.
 #[derive(Debug)]
 pub struct BlobFolders {
     root: PathBuf,
@@ -31,6 +33,20 @@ pub(super) fn blob_name(digest: &Digest) -> String {
     format!("cas/{}/{name}", &name[..2])
 }
 
+/// A name that no other process uses, for a thing that this one writes.
+pub(super) fn fresh_name(what: impl Display) -> String {
+    format!("{}.{what}", std::process::id())
+}
+
+/// Returns true for the names of [`fresh_name`]: a process id, and the number of a file or the name of a
+/// record.
+pub(super) fn is_fresh_name(name: &OsStr) -> bool {
+    let is_number = |text: &str| text.parse::<u64>().is_ok();
+    let is_record = |text: &str| text.strip_suffix(".json").is_some_and(|key| key.parse::<Digest>().is_ok());
+    let parts = name.to_str().and_then(|name| name.split_once('.'));
+    parts.is_some_and(|(process, what)| is_number(process) && (is_number(what) || is_record(what)))
+}
+
 impl BlobFolders {
     pub(super) fn new(root: &Path, disk: StoreDisk) -> Self {
         Self { root: root.to_owned(), disk, next: AtomicU64::new(0), replacing: Mutex::new(()) }
@@ -40,20 +56,19 @@ impl BlobFolders {
         self.root.join(blob_name(digest))
     }
 
-    /// A name in `tmp/` or `trash/` that is not in use.
+    /// A path in a folder of the store that is not in use.
     pub(super) fn fresh(&self, folder: &str) -> PathBuf {
-        let number = self.next.fetch_add(1, Ordering::Relaxed);
-        self.root.join(folder).join(format!("{}.{number}", std::process::id()))
+        self.root.join(folder).join(fresh_name(self.next.fetch_add(1, Ordering::Relaxed)))
     }
 
-    /// Moves an altered blob into `trash/`. A sound one stays.
+    /// Moves an altered blob into the trash. A sound one stays.
     pub(super) fn discard(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.path(digest);
         let _alone = self.replacing.lock().expect("no holder panics");
         // The bytes are read again: another step may have replaced the blob since it was examined.
         match self.found(&path) {
             Ok(found) if found == Some(*digest) => Ok(()),
-            Ok(_) => self.disk.rename(&path, &self.fresh("trash")),
+            Ok(_) => self.disk.rename(&path, &self.fresh(TRASH)),
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
             Err(e) => Err(disk_error("reading", &path)(e)),
         }
@@ -99,7 +114,7 @@ impl BlobFolders {
         let found = self.found(&to).map_err(disk_error("reading", &to))?;
         if found.is_none() {
             // A file does not take the place of a folder.
-            self.disk.rename(&to, &self.fresh("trash"))?;
+            self.disk.rename(&to, &self.fresh(TRASH))?;
         }
         let is_altered = found != Some(file.output.digest);
         if is_altered {

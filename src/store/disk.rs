@@ -1,8 +1,10 @@
 //! File operations of the store, with errors that name the file, and with writes that are whole or
 //! absent.
 
+use super::blob::is_fresh_name;
 use super::fs::{FileStat, FolderEntry, Fs};
 use super::{Digest, StoreError};
+use crate::files::rename::parent_folder;
 use rustix::io::Errno;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -16,6 +18,15 @@ pub(super) fn disk_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Er
 /// Returns true if a path does not exist: the file itself, or a folder on the way.
 pub(super) fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
+/// Refuses a link of this name.
+fn refuse_link(path: &Path) -> Result<(), StoreError> {
+    match std::fs::symlink_metadata(path) {
+        Ok(about) if about.is_symlink() => Err(StoreError::Link { path: path.to_owned() }),
+        Err(e) if !is_absent(&e) => Err(disk_error("reading", path)(e)),
+        _ => Ok(()),
+    }
 }
 
 /// Maximum number of attempts at an operation that is interrupted by signals.
@@ -35,6 +46,7 @@ fn retry_interrupted<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Res
 /// File operations with errors that name the file.
 #[derive(Debug, Clone)]
 pub(super) struct StoreDisk {
+    root: PathBuf,
     fs: Arc<dyn Fs>,
     /// True if each file is synced before the next is written; false if a whole batch is synced at
     /// once.
@@ -42,8 +54,18 @@ pub(super) struct StoreDisk {
 }
 
 impl StoreDisk {
-    pub(super) fn new(fs: Arc<dyn Fs>, sync_each: bool) -> Self {
-        Self { fs, sync_each }
+    /// The operations on the store at `root`.
+    pub(super) fn new(root: &Path, fs: Arc<dyn Fs>, sync_each: bool) -> Self {
+        Self { root: root.to_owned(), fs, sync_each }
+    }
+
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The same operations, with a sync after each.
+    pub(super) fn syncing_each(&self) -> Self {
+        Self { sync_each: true, ..self.clone() }
     }
 
     pub(super) fn stat(&self, path: &Path) -> io::Result<FileStat> {
@@ -58,12 +80,40 @@ impl StoreDisk {
         retry_interrupted(|| self.fs.digest(path))
     }
 
+    /// Creates a folder and its parents.
+    ///
+    /// # Errors
+    /// It cannot be created, or a link has its name: through that, files of others would be changed and
+    /// deleted. The store itself may be a link.
     pub(super) fn create_dir(&self, path: &Path) -> Result<(), StoreError> {
-        retry_interrupted(|| self.fs.create_dir_all(path)).map_err(disk_error("creating", path))
+        retry_interrupted(|| self.fs.create_dir_all(path)).map_err(disk_error("creating", path))?;
+        if path == self.root { Ok(()) } else { refuse_link(path) }
     }
 
+    /// Refuses a store in which one of these names is a link.
+    pub(super) fn refuse_links(&self, names: &[&str]) -> Result<(), StoreError> {
+        names.iter().try_for_each(|name| refuse_link(&self.root.join(name)))
+    }
+
+    /// Removes the files and folders that dead processes left in a folder of the store: those with a name
+    /// of [`fresh_name`](super::blob::fresh_name). Others stay.
+    pub(super) fn remove_fresh(&self, folder: &str) -> Result<(), StoreError> {
+        let entries = self.entries(&self.root.join(folder))?;
+        let is_fresh = |entry: &&FolderEntry| entry.path.file_name().is_some_and(is_fresh_name);
+        entries.iter().filter(is_fresh).try_for_each(|entry| self.remove(&entry.path))
+    }
+
+    /// Removes a file of the store, or a folder with its content. No link on the way is followed.
     pub(super) fn remove(&self, path: &Path) -> Result<(), StoreError> {
-        retry_interrupted(|| self.fs.remove(path)).map_err(disk_error("removing", path))
+        retry_interrupted(|| self.try_remove(path)).map_err(disk_error("removing", path))
+    }
+
+    fn try_remove(&self, path: &Path) -> io::Result<()> {
+        match path.strip_prefix(&self.root) {
+            Ok(below) => self.fs.remove(&self.root, below),
+            // The index of a store on a network file system has a folder of its own.
+            Err(_) => self.fs.remove(parent_folder(path), Path::new(path.file_name().unwrap_or_default())),
+        }
     }
 
     /// The entries of a folder, sorted by path; empty if it is absent.
@@ -72,36 +122,6 @@ impl StoreDisk {
             Err(e) if is_absent(&e) => Ok(Vec::new()),
             entries => entries.map_err(disk_error("listing", path)),
         }
-    }
-
-    /// Removes everything in a folder, but keeps the folder.
-    pub(super) fn empty_dir(&self, path: &Path) -> Result<(), StoreError> {
-        let entries = retry_interrupted(|| self.fs.list(path)).map_err(disk_error("listing", path))?;
-        entries.iter().try_for_each(|entry| self.remove(&entry.path))
-    }
-
-    /// Compares the folder's `VERSION` with the format of this program; writes it into a new
-    /// folder.
-    pub(super) fn check_format(&self, root: &Path, known: u32, write: bool) -> Result<(), StoreError> {
-        let path = root.join("VERSION");
-        let bytes = self.read_optional(&path)?.unwrap_or_default();
-        let text =
-            String::from_utf8_lossy(&bytes).trim_matches(|c: char| c.is_whitespace() || c == '\0').to_owned();
-        // A power cut may keep the name and lose the bytes.
-        if text.is_empty() {
-            return if write { self.write_version(&path, known) } else { Ok(()) };
-        }
-        match text.parse::<u32>() {
-            Ok(found) if found <= known => Ok(()),
-            _ => Err(StoreError::Newer { path: root.to_owned(), found: text, known }),
-        }
-    }
-
-    /// Writes `VERSION`, synced before anything else: a newer program reads from it which format
-    /// the store has.
-    fn write_version(&self, path: &Path, known: u32) -> Result<(), StoreError> {
-        let careful = Self { sync_each: true, ..self.clone() };
-        careful.write_atomically(path, &path.with_extension("new"), format!("{known}\n").as_bytes())
     }
 
     /// Writes a file under a temporary name and renames it, so that it is there whole or not at
@@ -123,7 +143,7 @@ impl StoreDisk {
         write().map_err(|e| {
             // The error is reported by the caller. A remaining temporary file is removed when the
             // store is next opened.
-            let _ = self.fs.remove(temporary);
+            let _ = self.try_remove(temporary);
             disk_error("writing", path)(e)
         })
     }
@@ -132,7 +152,7 @@ impl StoreDisk {
     pub(super) fn copy(&self, from: &Path, to: &Path) -> Result<(), StoreError> {
         retry_interrupted(|| {
             // A part of an interrupted copy cannot be written over: it is read-only.
-            match self.fs.remove(to) {
+            match self.try_remove(to) {
                 Err(e) if !is_absent(&e) => return Err(e),
                 _ => {}
             }

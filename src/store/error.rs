@@ -25,6 +25,22 @@ pub enum StoreError {
         /// Cause.
         source: rusqlite::Error,
     },
+    /// The folder is not a store, and not empty.
+    #[error("{} is not a {kind} of gs2e: {found}", path.display())]
+    Foreign {
+        /// The folder.
+        path: PathBuf,
+        /// The kind of store that was wanted.
+        kind: &'static str,
+        /// The content of the folder that no store has, or that a store has and it lacks.
+        found: String,
+    },
+    /// A folder of the store is a link.
+    #[error("{} is a link, and a store follows none", path.display())]
+    Link {
+        /// The link.
+        path: PathBuf,
+    },
     /// A newer program made the store.
     #[error("{} has format {found}, this gs2e knows {known}", path.display())]
     Newer {

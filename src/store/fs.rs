@@ -5,7 +5,7 @@
 //! write into their workspace directly, and the store sees those files when it publishes them.
 
 use super::Digest;
-use crate::files;
+use crate::files::{self, Removal};
 use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW};
 use std::fmt;
 use std::fs::{self, File};
@@ -82,7 +82,7 @@ pub trait Fs: fmt::Debug + Send + Sync {
         Ok(rustix::fs::utimensat(CWD, path, &times, AtFlags::empty())?)
     }
 
-    /// The entries of a folder, sorted by path.
+    /// The entries of a folder, sorted by path. A link to a folder is an error.
     fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>>;
 
     /// Removes write permission for all users.
@@ -94,8 +94,9 @@ pub trait Fs: fmt::Debug + Send + Sync {
     /// Renames a file or folder. A file of the new name is replaced.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
 
-    /// Removes a file, or a folder with its content.
-    fn remove(&self, path: &Path) -> io::Result<()>;
+    /// Removes a file, or a folder with its content. `below` is relative to `root`, and its links are
+    /// refused.
+    fn remove(&self, root: &Path, below: &Path) -> io::Result<()>;
 
     /// Syncs one file, or the names in one folder.
     fn sync(&self, path: &Path) -> io::Result<()>;
@@ -135,6 +136,10 @@ impl Fs for SystemFs {
     }
 
     fn list(&self, path: &Path) -> io::Result<Vec<FolderEntry>> {
+        // A link would lead to files of others.
+        if !fs::symlink_metadata(path)?.is_dir() {
+            return Err(io::ErrorKind::NotADirectory.into());
+        }
         let entries = fs::read_dir(path)?.map(|entry| {
             let entry = entry?;
             Ok(FolderEntry { path: entry.path(), is_dir: entry.file_type()?.is_dir() })
@@ -156,9 +161,8 @@ impl Fs for SystemFs {
         fs::rename(from, to)
     }
 
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        // A link to a folder is removed itself, not the folder.
-        if fs::symlink_metadata(path)?.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+    fn remove(&self, root: &Path, below: &Path) -> io::Result<()> {
+        files::remove_below(root, below, Removal::Tree)
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {

@@ -2,12 +2,13 @@
 //!
 //! The order makes it safe to kill at any moment: rows of the index, then records, then blobs, so
 //! that nothing that remains names something that is gone. Each file is first renamed into
-//! `trash/`, where the next collection finds it if this one ends early.
+//! the trash, where the next collection finds it if this one ends early.
 
+use super::blob::{fresh_name, is_fresh_name};
 use super::disk::disk_error;
 use super::fs::FileStat;
-use super::state::StateTable;
-use super::{Digest, Key, LOG, LOGS, RESUME, Store, StoreError};
+use super::state::{StateTable, is_database_aside};
+use super::{Digest, Key, LOG, LOGS, RESUME, Store, StoreError, TRASH};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
@@ -36,7 +37,7 @@ pub struct SweepSummary {
     pub kept_blobs: usize,
     /// Bytes of the blobs that stay.
     pub kept_bytes: u64,
-    /// Number of older files in `trash/`, and of logs and interrupted states for keys that are not
+    /// Number of older files in the trash, and of logs and interrupted states for keys that are not
     /// marked.
     pub trash: usize,
     /// Bytes of those files.
@@ -50,8 +51,15 @@ struct SweepFile {
     stat: FileStat,
 }
 
-/// Prefix of a collection's own files in `trash/`.
+/// Prefix of a collection's own files in the trash.
 const OWN: &str = "gc.";
+
+/// Returns true for a file in the trash with a name that this program gives. The file of a folder that had
+/// a blob's name counts by the folder.
+fn is_trash_name(name: &str) -> bool {
+    let name = name.split('/').next().unwrap_or_default();
+    is_database_aside(name) || is_fresh_name(name.strip_prefix(OWN).unwrap_or(name).as_ref())
+}
 
 impl Store {
     /// Deletes every record that is neither marked nor young, then every blob that no remaining
@@ -130,10 +138,10 @@ impl Store {
         Ok(stored)
     }
 
-    /// Old files in `trash/`: those of earlier collections, and those moved there long enough ago.
+    /// Old files in the trash: those of earlier collections, and those moved there long enough ago.
     fn old_trash(&self, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
         let mut old = Vec::new();
-        for (name, path) in self.files_of("trash")? {
+        for (name, path) in self.files_of(TRASH)?.into_iter().filter(|(name, _)| is_trash_name(name)) {
             // The ctime is the time of the move; the content may have any age.
             if let Ok(stat) = self.disk.stat(&path)
                 && (name.starts_with(OWN) || stat.ctime_ns <= until_ns)
@@ -201,8 +209,8 @@ impl Store {
     fn delete<'a>(&self, files: impl Iterator<Item = &'a SweepFile>) -> Result<(), StoreError> {
         let mut moved = Vec::new();
         for (number, file) in files.enumerate() {
-            // A killed collection leaves its files in `trash/`, where the next one removes them.
-            let to = self.root.join("trash").join(format!("{OWN}{}.{number}", std::process::id()));
+            // A killed collection leaves its files in the trash, where the next one removes them.
+            let to = self.root.join(TRASH).join(format!("{OWN}{}", fresh_name(number)));
             self.disk.rename(&file.path, &to)?;
             moved.push(to);
         }

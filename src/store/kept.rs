@@ -1,15 +1,16 @@
 //! Frames that steps keep for later ones, in `frames/<name>/`. They are no outputs: a step can be made without
 //! them, and their readers compare each entry with its hash.
 
+use super::blob::is_fresh_name;
 use super::disk::{disk_error, is_absent};
 use super::fs::FileStat;
 use super::gc::GcSweep;
-use super::{Digest, Store, StoreError};
+use super::{Digest, Store, StoreError, TMP};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Folder of kept frames.
-const FRAMES: &str = "frames";
+pub(super) const FRAMES: &str = "frames";
 
 /// Number and bytes of files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -34,7 +35,7 @@ impl Store {
     /// opened next.
     #[must_use]
     pub fn fresh_frames(&self) -> PathBuf {
-        self.blobs.fresh("tmp")
+        self.blobs.fresh(TMP)
     }
 
     /// Keeps a finished file under a name. If the files of all names exceed `limit` bytes, those without a use
@@ -98,8 +99,13 @@ impl Store {
         Ok(swept)
     }
 
+    /// The files with names that this program gives, below folders with such names.
     fn all_frames(&self) -> Result<Vec<(PathBuf, FileStat)>, StoreError> {
-        let files = self.files_of(FRAMES)?.into_iter();
+        let is_ours = |name: &str| {
+            let parts = name.split_once('/');
+            parts.is_some_and(|(of, file)| of.parse::<Digest>().is_ok() && is_fresh_name(file.as_ref()))
+        };
+        let files = self.files_of(FRAMES)?.into_iter().filter(|(name, _)| is_ours(name));
         Ok(files.filter_map(|(_, path)| self.disk.stat(&path).ok().map(|stat| (path, stat))).collect())
     }
 }

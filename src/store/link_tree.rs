@@ -5,6 +5,7 @@
 
 use super::Store;
 use super::record::StoredOutput;
+use crate::files::{self, Removal};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -57,7 +58,7 @@ impl<'a> LinkTree<'a> {
         for entry in fs::read_dir(&folder).map_err(link_error(&folder))? {
             let path = entry.map_err(link_error(&folder))?.path();
             if !wanted.contains(&path) && self.is_own(&path) {
-                fs::remove_file(&path).map_err(link_error(&path))?;
+                files::remove(&path, Removal::File).map_err(link_error(&path))?;
             }
         }
         for (path, output) in outputs.iter().map(|output| (folder.join(&output.name), output)) {
@@ -81,7 +82,7 @@ impl<'a> LinkTree<'a> {
             return Ok(());
         }
         if self.is_own(path) {
-            fs::remove_file(path).map_err(link_error(path))?;
+            files::remove(path, Removal::File).map_err(link_error(path))?;
         }
         if let Some(parent) = path.parent() {
             fs::create_dir_all(parent).map_err(link_error(parent))?;

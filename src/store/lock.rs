@@ -3,6 +3,7 @@
 //! that is not locked is overwritten.
 
 use super::{StoreError, disk};
+use crate::files::{self, LinkRule, Removal};
 use rustix::fs::{Mode, OFlags};
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, Write};
@@ -31,6 +32,9 @@ impl Default for LockClaim {
 /// Interval between attempts to take a held lock.
 const TRY: Duration = Duration::from_millis(50);
 
+/// Name of the lock of a store.
+pub(super) const LOCK: &str = "lock";
+
 /// An exclusive lock between processes, held until it is dropped.
 #[derive(Debug)]
 pub struct StoreLock {
@@ -48,17 +52,12 @@ impl StoreLock {
         wait: bool,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let path = root.join("lock");
-        let mut file = File::options()
-            .read(true)
-            .write(true)
-            .create(true)
-            // Until the lock is taken, the text is that of another holder.
-            .truncate(false)
-            .open(&path)
-            .map_err(disk::disk_error("opening", &path))?;
+        let path = root.join(LOCK);
+        // Until the lock is taken, the text is that of another holder.
+        let mut file = open_own(&path).map_err(disk::disk_error("opening", &path))?;
         let request = LockRequest { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
         request.lock(&mut file, waiting)?;
+        refuse_foreign(&mut file).map_err(disk::disk_error("locking", &path))?;
         write_holder(&mut file, &LockHolder::this_process(claim).to_text())
             .map_err(disk::disk_error("writing", &path))?;
         Ok(Self { file, temporary: None })
@@ -106,7 +105,7 @@ impl Drop for StoreLock {
         // its own.
         if let Some(path) = self.temporary.take().filter(|path| is_at(&self.file, path)) {
             // The next holder takes over a file that stays.
-            let _ = std::fs::remove_file(path);
+            let _ = files::remove(&path, Removal::File);
         }
     }
 }
@@ -155,6 +154,12 @@ fn open_own(path: &Path) -> io::Result<File> {
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let mode = Mode::from_raw_mode(0o644);
     Ok(File::from(rustix::fs::open(path, flags, mode)?))
+}
+
+/// Returns true if a lock wrote this file.
+pub(super) fn is_lock(path: &Path) -> bool {
+    let text = files::read_with(path, LinkRule::Refuse, files::MAX_TEXT);
+    text.is_ok_and(|text| text.starts_with(HOST.as_bytes()))
 }
 
 /// Returns true if `path` still names the open file.

@@ -3,7 +3,7 @@
 use super::blob::FinishedBlob;
 use super::record::{StepRecord, StoredOutput};
 use super::state::StateTable;
-use super::{BlobState, OutputMismatch, Store, StoreError, unlike};
+use super::{BlobState, OutputMismatch, Store, StoreError, TMP, unlike};
 use std::path::{Path, PathBuf};
 
 impl Store {
@@ -12,7 +12,7 @@ impl Store {
     /// # Errors
     /// It cannot be created.
     pub fn workspace(&self) -> Result<StepWorkspace<'_>, StoreError> {
-        let path = self.blobs.fresh("tmp");
+        let path = self.blobs.fresh(TMP);
         self.disk.create_dir(&path)?;
         Ok(StepWorkspace { path, store: self })
     }
@@ -88,7 +88,7 @@ impl Store {
     }
 }
 
-/// A folder under `tmp/` that is removed with its content when dropped.
+/// A folder for the files of a step that is removed with its content when dropped.
 #[derive(Debug)]
 pub struct StepWorkspace<'s> {
     path: PathBuf,

@@ -1,8 +1,9 @@
 //! Records of the outputs of a key: one immutable JSON file per key, in `ac/`.
 
+use super::blob::fresh_name;
 use super::description::ExplanationLine;
 use super::disk::StoreDisk;
-use super::{Digest, Key, StoreError};
+use super::{Digest, Key, StoreError, TMP};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -141,7 +142,7 @@ impl StepRecord {
             disk.create_dir(folder)?;
         }
         let bytes = self.to_bytes();
-        let temporary = root.join("tmp").join(format!("{}.{}.json", std::process::id(), self.key));
+        let temporary = root.join(TMP).join(fresh_name(format_args!("{}.json", self.key)));
         disk.write_atomically(&path, &temporary, &bytes)
     }
 
@@ -211,8 +212,8 @@ mod tests {
     fn any_cut_or_flipped_record_is_a_miss() {
         let folder = tempfile::tempdir().unwrap();
         let mut record = sample();
-        std::fs::create_dir(folder.path().join("tmp")).unwrap();
-        let disk = StoreDisk::new(std::sync::Arc::new(crate::store::fs::SystemFs), false);
+        std::fs::create_dir(folder.path().join(TMP)).unwrap();
+        let disk = StoreDisk::new(folder.path(), std::sync::Arc::new(crate::store::fs::SystemFs), false);
         record.write(folder.path(), &disk).unwrap();
         let read = || StepRecord::read(folder.path(), &disk, &record.key).unwrap();
         assert_eq!(read(), Some(record.clone()));

@@ -2,7 +2,7 @@
 //! release, in `roots/`.
 
 use super::disk::disk_error;
-use super::{Digest, Key, Store, StoreError};
+use super::{Digest, Key, Store, StoreError, TMP};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -16,7 +16,8 @@ pub struct ReleaseRoot {
     pub keys: Vec<Key>,
 }
 
-const FOLDER: &str = "roots";
+/// Folder of roots.
+pub(super) const FOLDER: &str = "roots";
 
 impl Store {
     /// Keeps the steps of a release, and replaces the previous root of its folder.
@@ -27,7 +28,7 @@ impl Store {
         let path = self.path_of_root(root);
         let bytes = serde_json::to_vec(root).map_err(|e| disk_error("writing", &path)(e.into()))?;
         self.disk.create_dir(&self.root.join(FOLDER))?;
-        self.disk.write_atomically(&path, &self.blobs.fresh("tmp"), &bytes)
+        self.disk.write_atomically(&path, &self.blobs.fresh(TMP), &bytes)
     }
 
     /// The roots, sorted by file name.

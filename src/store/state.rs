@@ -14,12 +14,22 @@ use tables::{
     SUFFIXES, VERSION, connection, create_tables, is_damage, look_up, read_all, row_seal, with_suffix,
 };
 
-use super::StoreError;
 use super::disk::StoreDisk;
 use super::record::StepRecord;
+use super::{StoreError, TRASH};
+use crate::files::is_there;
 use rusqlite::{Connection, OpenFlags, params};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Beginning of the name of a database that was set aside. A number follows.
+const ASIDE: &str = "state.db.";
+
+/// Returns true for the name of a database that was set aside, or of one of its files.
+pub(super) fn is_database_aside(name: &str) -> bool {
+    let number = name.strip_prefix(ASIDE).and_then(|rest| rest.split('-').next());
+    number.is_some_and(|number| number.parse::<usize>().is_ok())
+}
 
 /// Number of bytes of the hash that a row carries.
 type Seal = [u8; 16];
@@ -58,7 +68,7 @@ impl StateDb {
             pending: BTreeMap::new(),
             notices: Vec::new(),
         };
-        if state.path.exists() {
+        if is_there(&state.path) {
             match state.connect() {
                 Ok(database) => state.database = Some(database),
                 Err(why) => state.give_up(&why),
@@ -79,6 +89,11 @@ impl StateDb {
         std::mem::take(&mut self.notices)
     }
 
+    /// Adds a notice.
+    pub(super) fn note(&mut self, line: String) {
+        self.notices.push(line);
+    }
+
     /// Makes every row count as absent from now on.
     fn give_up(&mut self, why: &str) {
         self.database = None;
@@ -94,6 +109,9 @@ impl StateDb {
 
     /// Opens the existing database. The error is the reason why it cannot be used.
     fn connect(&self) -> Result<Connection, String> {
+        if self.path.is_symlink() {
+            return Err("it is a link".to_owned());
+        }
         let access =
             if self.write { OpenFlags::SQLITE_OPEN_READ_WRITE } else { OpenFlags::SQLITE_OPEN_READ_ONLY };
         let database = connection(&self.path, access).map_err(|e| e.to_string())?;
@@ -109,7 +127,7 @@ impl StateDb {
     /// Sets the present database aside, and makes a new one from the records.
     fn rebuild(&mut self) -> Result<(), StoreError> {
         self.database = None;
-        let existed = self.path.exists();
+        let existed = is_there(&self.path);
         let aside = self.set_aside()?;
         let aside = aside.strip_prefix(&self.root).unwrap_or(&aside).display();
         let (records, damaged) = StepRecord::read_all(&self.root, &self.disk)?;
@@ -141,7 +159,7 @@ impl StateDb {
         for suffix in SUFFIXES {
             let left = with_suffix(&new, suffix);
             // Left by a process that was killed here.
-            if left.exists() {
+            if is_there(&left) {
                 self.disk.remove(&left)?;
             }
         }
@@ -155,17 +173,17 @@ impl StateDb {
         Ok(new)
     }
 
-    /// Moves the database and its log into `trash/`. A database outside the store is renamed in its
+    /// Moves the database and its log into the trash. A database outside the store is renamed in its
     /// own folder.
     fn set_aside(&self) -> Result<PathBuf, StoreError> {
         let home = self.path.parent().unwrap_or(Path::new(""));
-        let folder = if home == self.root { home.join("trash") } else { home.to_owned() };
-        let aside = |number: usize| folder.join(format!("state.db.{number}"));
-        let number = (1..).find(|n| !aside(*n).exists()).unwrap_or(1);
+        let folder = if home == self.root { home.join(TRASH) } else { home.to_owned() };
+        let aside = |number: usize| folder.join(format!("{ASIDE}{number}"));
+        let number = (1..).find(|n| !is_there(&aside(*n))).unwrap_or(1);
         // A log that stays behind would be taken for that of the new database.
         for suffix in SUFFIXES {
             let from = with_suffix(&self.path, suffix);
-            if from.exists() {
+            if is_there(&from) {
                 self.disk.rename(&from, &with_suffix(&aside(number), suffix))?;
             }
         }

@@ -190,8 +190,8 @@ impl Fs for Failing {
         self.pass(Kind::Rename, to, || SystemFs.rename(from, to))
     }
 
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        self.pass(Kind::Remove, path, || SystemFs.remove(path))
+    fn remove(&self, root: &Path, below: &Path) -> io::Result<()> {
+        self.pass(Kind::Remove, &root.join(below), || SystemFs.remove(root, below))
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {

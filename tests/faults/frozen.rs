@@ -56,8 +56,8 @@ impl Fs for Frozen {
         SystemFs.rename(from, to)
     }
 
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        SystemFs.remove(path)
+    fn remove(&self, root: &Path, below: &Path) -> io::Result<()> {
+        SystemFs.remove(root, below)
     }
 
     fn sync(&self, _: &Path) -> io::Result<()> {

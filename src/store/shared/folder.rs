@@ -3,7 +3,8 @@
 use super::medium::{SharedBytes, SharedMedium};
 use crate::store::disk::{StoreDisk, disk_error, is_absent};
 use crate::store::fs::Fs;
-use crate::store::{Digest, FORMAT, StoreError};
+use crate::store::marker::{StoreFolder, StoreKind, examine};
+use crate::store::{Digest, StoreError};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,27 +25,23 @@ impl SharedFolder {
     /// Opens a shared folder for reading.
     pub(super) fn open_for_reading(root: &Path, fs: Arc<dyn Fs>) -> Result<Self, StoreError> {
         // Each file is synced before others can see it, whatever the own store does.
-        let disk = StoreDisk::new(fs, true);
-        disk.check_format(root, FORMAT, false)?;
-        if crate::files::is_there(&root.join("lock")) {
-            return Err(StoreError::NotShared { path: root.to_owned() });
-        }
+        let disk = StoreDisk::new(root, fs, true);
+        examine(root, StoreKind::Shared)?;
         Ok(Self { root: root.to_owned(), disk, own: None, next: AtomicU64::new(0) })
     }
 
     /// Opens a shared folder, and creates it if it is absent.
     pub(super) fn open(root: &Path, fs: Arc<dyn Fs>) -> Result<Self, StoreError> {
         let mut shared = Self::open_for_reading(root, fs)?;
+        if shared.disk.claim(StoreKind::Shared).map_err(not_permitted)? == StoreFolder::Unmarked {
+            shared.disk.mark_earlier(StoreKind::Shared).map_err(not_permitted)?;
+        }
         for folder in ["cas", "ac", "tmp"] {
             shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
         }
         let tmp = root.join("tmp");
         let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
         shared.own = Some(own.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
-        if !crate::files::is_there(&root.join("VERSION")) {
-            // Another process may do the same at this moment.
-            shared.publish(SharedBytes::Memory(format!("{FORMAT}\n").as_bytes()), "VERSION")?;
-        }
         Ok(shared)
     }
 

@@ -117,9 +117,9 @@ impl Fs for Recorder {
         Ok(())
     }
 
-    fn remove(&self, path: &Path) -> io::Result<()> {
-        SystemFs.remove(path)?;
-        self.note(Op::Remove(self.below(path)));
+    fn remove(&self, root: &Path, below: &Path) -> io::Result<()> {
+        SystemFs.remove(root, below)?;
+        self.note(Op::Remove(self.below(&root.join(below))));
         Ok(())
     }
 
