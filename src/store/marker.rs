@@ -8,9 +8,10 @@ use super::disk::{StoreDisk, disk_error, is_absent};
 use super::lock::{LOCK, is_lock};
 use super::{FORMAT, StoreError};
 use crate::files::{self, LinkRule, MAX_TEXT};
-use std::fs;
-use std::hash::{BuildHasher as _, Hasher as _, RandomState};
-use std::path::{Path, PathBuf};
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Name of the marker.
 const VERSION: &str = "VERSION";
@@ -172,10 +173,15 @@ fn first_entry(root: &Path) -> std::io::Result<Option<String>> {
 /// Ending of the name of a marker that is not complete.
 const PART: &str = ".gs2e-version";
 
-/// A name for a marker that is being written. Processes of several machines can have one process id.
-fn fresh_part(root: &Path) -> PathBuf {
-    let random = RandomState::new().build_hasher().finish();
-    root.join(format!(".{random:016x}{PART}"))
+/// A file for a marker that is being written, with a name that no other process has. Members of a group may
+/// share the folder.
+fn fresh_part(root: &Path) -> Result<NamedTempFile, StoreError> {
+    let part = tempfile::Builder::new()
+        .prefix(".")
+        .suffix(PART)
+        .permissions(Permissions::from_mode(0o664))
+        .tempfile_in(root);
+    part.map_err(|e| StoreError::Io { doing: "creating a file in", path: root.to_owned(), source: e })
 }
 
 /// Returns true for a marker that another process is writing, or that a killed process left.
@@ -198,14 +204,12 @@ impl StoreDisk {
         let state = examine(root, kind)?;
         if state == StoreFolder::Empty {
             self.create_dir(root)?;
-            let (part, marker) = (fresh_part(root), root.join(VERSION));
+            let (part, marker) = (fresh_part(root)?, root.join(VERSION));
             // Synced before anything else: a newer program reads from it which format the store has.
             let careful = self.syncing_each();
-            careful.write(&part, kind.text().as_bytes())?;
+            careful.write(part.path(), kind.text().as_bytes())?;
             // A link never replaces a file: of two processes that claim the folder, one makes the marker.
-            let linked = careful.link_new(&part, &marker);
-            self.remove(&part)?;
-            if !linked? {
+            if !careful.link_new(part.path(), &marker)? {
                 examine(root, kind)?;
             }
         }
@@ -214,7 +218,7 @@ impl StoreDisk {
 
     /// Gives a store of an earlier version its marker. The caller holds the lock, if there is one.
     pub(super) fn mark_earlier(&self, kind: StoreKind) -> Result<(), StoreError> {
-        let (part, marker) = (fresh_part(self.root()), self.root().join(VERSION));
-        self.syncing_each().write_atomically(&marker, &part, kind.text().as_bytes())
+        let (part, marker) = (fresh_part(self.root())?, self.root().join(VERSION));
+        self.syncing_each().write_atomically(&marker, part.path(), kind.text().as_bytes())
     }
 }

@@ -91,7 +91,7 @@ fn until_done(
     orderly(&ended, tally)?;
     note_made(&ended.made(), &mut finished, tally)?;
     same(&place.finished()?, &undisturbed.products)?;
-    if std::fs::read_dir(place.path(".gs2e/tmp")).unwrap().next().is_some() {
+    if std::fs::read_dir(place.path(".gs2e/gs2e-tmp")).unwrap().next().is_some() {
         return Err("leftovers in tmp/ after a whole build".to_owned());
     }
     tally.count("builds finished", 1);
@@ -156,7 +156,7 @@ fn after_kill(
     finished: &mut BTreeSet<String>,
     tally: &mut Tally,
 ) -> Result<(), String> {
-    let begun = std::fs::read_dir(place.path(".gs2e/tmp")).into_iter().flatten();
+    let begun = std::fs::read_dir(place.path(".gs2e/gs2e-tmp")).into_iter().flatten();
     let at_work = begun.filter(|entry| entry.as_ref().is_ok_and(|entry| entry.path().is_dir())).count();
     tally.count("steps lost", at_work as u64);
     if at_work > MOST_AT_WORK {

@@ -71,7 +71,7 @@ impl Fixture {
         for name in ["state.db", "state.db-wal", "state.db-shm"] {
             let _ = fs::remove_file(self.place.store().join(name));
         }
-        let _ = fs::remove_dir_all(self.place.store().join("trash"));
+        let _ = fs::remove_dir_all(self.place.store().join("gs2e-trash"));
         self.records.iter().chain([&self.database, &self.log]).for_each(|file| file.put(&file.bytes));
     }
 

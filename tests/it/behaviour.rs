@@ -162,7 +162,7 @@ fn the_process_group_is_killed_while_an_output_is_half_written() {
     place.write("recipes/c.yaml", large.to_string());
     let mut command = place.command("build -j 1");
     let mut child = command.process_group(0).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-    while !is_half_written(&place.path(".gs2e/tmp")) {
+    while !is_half_written(&place.path(".gs2e/gs2e-tmp")) {
         assert!(child.try_wait().unwrap().is_none(), "it ended before its events were half written");
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -177,7 +177,7 @@ fn the_process_group_is_killed_while_an_output_is_half_written() {
     assert!(behind.iter().all(|step| unfinished.iter().any(|other| other == step)), "{unfinished:?}");
     assert!(!unfinished.contains(&"c/base/trajectory".to_owned()), "finished before: {unfinished:?}");
     assert_eq!(made(&place), unfinished);
-    assert_eq!(fs::read_dir(place.path(".gs2e/tmp")).unwrap().count(), 0, "leftovers are removed");
+    assert_eq!(fs::read_dir(place.path(".gs2e/gs2e-tmp")).unwrap().count(), 0, "leftovers are removed");
     stands_as_if_clean(&place);
 }
 

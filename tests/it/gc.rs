@@ -72,7 +72,7 @@ fn a_removed_recipe_frees_its_blobs_and_no_others() {
         (&json!(4), &json!(b.len()), &json!(false))
     );
     assert!(a.iter().all(|path| !path.exists()) && b.iter().all(|path| path.exists()));
-    assert_eq!(tree(&place.path(".gs2e/trash")).len(), 0);
+    assert_eq!(tree(&place.path(".gs2e/gs2e-trash")).len(), 0);
 
     assert_eq!(place.build("recipes"), [""; 0]);
     assert_eq!(gc(&place, "--min-age 0")["blobs"], 0);
@@ -116,7 +116,7 @@ fn a_young_record_keeps_old_blobs() {
 fn a_dry_run_says_the_same_and_changes_nothing() {
     let place = two();
     fs::remove_file(place.path("recipes/a.yaml")).unwrap();
-    place.write(".gs2e/trash/4711.0", "an altered blob");
+    place.write(".gs2e/gs2e-trash/4711.0", "an altered blob");
     let files = || -> BTreeMap<String, Vec<u8>> {
         let all = tree(&place.path(".gs2e")).into_iter();
         // SQLite's own log exists while the database is open for reading.
@@ -136,7 +136,7 @@ fn a_dry_run_says_the_same_and_changes_nothing() {
     );
     found["dry_run"] = json!(false);
     assert_eq!(gc(&place, "--min-age 0"), found);
-    assert_eq!(tree(&place.path(".gs2e/trash")).len(), 0);
+    assert_eq!(tree(&place.path(".gs2e/gs2e-trash")).len(), 0);
 
     let nowhere = Workspace::new();
     nowhere.write("recipes/a.yaml", scene("a", 1));
@@ -245,7 +245,7 @@ fn a_kill_at_any_moment_loses_no_marked_file() {
         let mut child =
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         // In every other round the delay begins when the first file is moved to the trash.
-        let first = place.path(&format!(".gs2e/trash/gc.{}.0", child.id()));
+        let first = place.path(&format!(".gs2e/gs2e-trash/gc.{}.0", child.id()));
         while round % 2 == 0 && !first.exists() && child.try_wait().unwrap().is_none() {}
         std::thread::sleep(instant());
         child.kill().unwrap();
@@ -261,5 +261,5 @@ fn a_kill_at_any_moment_loses_no_marked_file() {
     );
     place.ok("gc -q --min-age 0");
     assert_eq!(stored(&place), whole);
-    assert_eq!(tree(&place.path(".gs2e/trash")).len(), 0);
+    assert_eq!(tree(&place.path(".gs2e/gs2e-trash")).len(), 0);
 }

@@ -49,7 +49,7 @@ fn masked(place: &Workspace, text: &str) -> String {
     for (before, mask) in [("pid ", "PID"), ("wrote ", "SIZE"), ("knows ", "N")] {
         text = after(&text, before, mask, |c| c.is_ascii_digit() || c == '.');
     }
-    text = after(&text, "PLACE/.gs2e/tmp/", "FRESH", |c| c != '/');
+    text = after(&text, "PLACE/.gs2e/gs2e-tmp/", "FRESH", |c| c != '/');
     text = after(&text, "(cas/", "DIGEST", |c| c.is_ascii_hexdigit() || "/…".contains(c));
     hex(&text)
 }

@@ -165,7 +165,7 @@ fn a_pass_that_is_interrupted_records_nothing_of_its_steps() {
         value["camera"] = json!({ "width": 96, "height": 64 });
         place.write("tiny.yaml", value.to_string());
         let mut child = place.spawn("build -q tiny.yaml");
-        while !has_picture(&place.path(".gs2e/tmp")) {
+        while !has_picture(&place.path(".gs2e/gs2e-tmp")) {
             assert!(child.try_wait().unwrap().is_none(), "it ended before its pass");
             std::thread::sleep(std::time::Duration::from_millis(2));
         }

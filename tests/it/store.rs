@@ -1,9 +1,11 @@
 //! The store through its public interface: publishing, damage, lost indices, locks.
 
 use gs2e::store::description::describe_value;
+use gs2e::store::gc::GcSweep;
 use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
 use gs2e::store::{BlobState, Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
 fn open(root: &Path) -> Store {
     Store::open(root, StoreAccess::Write, &mut |_| {}).unwrap()
@@ -68,7 +70,7 @@ fn a_lost_or_broken_index_is_rebuilt_from_the_records() {
         let message = store.take_notices().join("\n");
         assert!(message.contains("rebuilt from 1 records"), "{damage:?}: {message}");
         assert_eq!(
-            message.contains("old file kept as trash/state.db."),
+            message.contains("old file kept as gs2e-trash/state.db."),
             damage.is_some(),
             "{damage:?}: {message}"
         );
@@ -130,9 +132,123 @@ fn a_second_writer_is_refused_or_waits_for_a_named_holder() {
 fn a_store_of_a_newer_program_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     drop(open(folder.path()));
-    std::fs::write(folder.path().join("VERSION"), "999\n").unwrap();
-    let refused = Store::open(folder.path(), StoreAccess::Read, &mut |_| {});
-    assert!(matches!(refused, Err(StoreError::Newer { .. })), "{refused:?}");
+    for version in ["999\n", "gs2e store, format 999\n", "gs2e store, format two\n"] {
+        std::fs::write(folder.path().join("VERSION"), version).unwrap();
+        let refused = Store::open(folder.path(), StoreAccess::Read, &mut |_| {});
+        assert!(matches!(refused, Err(StoreError::Newer { .. })), "{refused:?}");
+        assert!(Store::is_store(folder.path()));
+    }
+}
+
+/// The names and texts below a folder, with the targets of links.
+fn content(root: &Path) -> BTreeMap<PathBuf, String> {
+    let entries = walkdir::WalkDir::new(root).into_iter().map(Result::unwrap);
+    let text = |path: &Path| match std::fs::read_link(path) {
+        Ok(target) => format!("-> {}", target.display()),
+        Err(_) => std::fs::read_to_string(path).unwrap_or_default(),
+    };
+    entries.map(|entry| (entry.path().to_owned(), text(entry.path()))).collect()
+}
+
+/// A folder with content becomes no store, whichever names of a store it has.
+#[test]
+fn a_folder_of_others_is_refused_and_stays() {
+    let names =
+        ["tmp/thesis", "cas/ab/notes", "ac/ab/notes", "frames/1.png", "trash/old", "state.db", "lock"];
+    for version in [None, Some(""), Some("1\n"), Some("gs2e\n"), Some("gs2e shared store, format 1\n")] {
+        for count in 1..=names.len() {
+            let folder = tempfile::tempdir().unwrap();
+            for name in &names[..count] {
+                std::fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+                std::fs::write(folder.path().join(name), "mine").unwrap();
+            }
+            version.iter().for_each(|text| std::fs::write(folder.path().join("VERSION"), text).unwrap());
+            let before = content(folder.path());
+            for access in [StoreAccess::Read, StoreAccess::Write, StoreAccess::WriteNow] {
+                let refused = Store::open(folder.path(), access, &mut |_| {});
+                assert!(
+                    matches!(refused, Err(StoreError::Foreign { .. })),
+                    "{version:?} {count}: {refused:?}"
+                );
+            }
+            assert_eq!(content(folder.path()), before, "{version:?} {count}");
+            assert!(!Store::is_store(folder.path()));
+        }
+    }
+}
+
+/// The store of an earlier version had a number as its marker, which a power cut could empty.
+#[test]
+fn a_store_of_an_earlier_version_gets_a_marker() {
+    for version in ["1\n", "1", "", "\0\0"] {
+        let folder = tempfile::tempdir().unwrap();
+        let made = publish(&open(folder.path()), "a", &[("a.txt", "one")]).unwrap();
+        let marker = folder.path().join("VERSION");
+        let text = std::fs::read_to_string(&marker).unwrap();
+        std::fs::write(&marker, version).unwrap();
+        std::fs::create_dir(folder.path().join("tmp")).unwrap();
+        std::fs::write(folder.path().join("tmp/thesis"), "mine").unwrap();
+        let reader = Store::open(folder.path(), StoreAccess::Read, &mut |_| {}).unwrap();
+        assert_eq!(outputs(&reader, "a"), Some(made.clone()), "{version:?}");
+        assert_eq!(std::fs::read_to_string(&marker).unwrap(), version, "a reader writes nothing");
+        let store = open(folder.path());
+        assert_eq!(outputs(&store, "a"), Some(made), "{version:?}");
+        let notices = store.take_notices().join("\n");
+        assert!(notices.contains("folders tmp and trash are not used any more"), "{notices}");
+        assert_eq!(std::fs::read_to_string(&marker).unwrap(), text);
+        assert_eq!(std::fs::read_to_string(folder.path().join("tmp/thesis")).unwrap(), "mine");
+    }
+}
+
+#[test]
+fn a_link_in_a_store_is_refused_and_not_followed() {
+    for name in ["gs2e-tmp", "gs2e-trash", "cas", "ac", "frames", "logs", "resume", "roots"] {
+        let folder = tempfile::tempdir().unwrap();
+        let (root, others) = (folder.path().join("store"), folder.path().join("others"));
+        drop(open(&root));
+        std::fs::create_dir(&others).unwrap();
+        std::fs::write(others.join("4711.0"), "mine").unwrap();
+        let _ = std::fs::remove_dir_all(root.join(name));
+        std::os::unix::fs::symlink(&others, root.join(name)).unwrap();
+        let refused = Store::open(&root, StoreAccess::Write, &mut |_| {});
+        assert!(matches!(refused, Err(StoreError::Link { .. })), "{name}: {refused:?}");
+        assert_eq!(std::fs::read_to_string(others.join("4711.0")).unwrap(), "mine", "{name}");
+    }
+}
+
+/// Of several processes that find an empty folder, each gets the store in its turn.
+#[test]
+fn an_empty_folder_becomes_one_store_for_all() {
+    let folder = tempfile::tempdir().unwrap();
+    // As the root of an ext4 file system.
+    std::fs::create_dir(folder.path().join("lost+found")).unwrap();
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| drop(open(folder.path())));
+        }
+    });
+    let hidden = content(folder.path()).into_keys().filter(|path| path.ends_with(".gs2e-version"));
+    assert_eq!(hidden.count(), 0);
+    assert!(Store::is_store(folder.path()));
+}
+
+/// Files that a person keeps in a store's folders stay, unless they have names of this program.
+#[test]
+fn files_with_other_names_are_not_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    drop(open(folder.path()));
+    let kept =
+        ["gs2e-tmp/thesis", "gs2e-tmp/12.thesis", "gs2e-trash/thesis", "frames/000001.png", "logs/a.txt"];
+    for name in kept.iter().chain(&["gs2e-trash/4711.0", "gs2e-tmp/4711.0"]) {
+        std::fs::create_dir_all(folder.path().join(name).parent().unwrap()).unwrap();
+        std::fs::write(folder.path().join(name), "mine").unwrap();
+    }
+    let sweep = GcSweep { until_ns: i64::MAX, dry_run: false };
+    let store = open(folder.path());
+    assert_eq!(store.sweep(&BTreeSet::new(), sweep).unwrap().trash, 1);
+    assert_eq!(store.sweep_frames(&BTreeSet::new(), sweep).unwrap().files, 0);
+    assert!(kept.iter().all(|name| folder.path().join(name).exists()));
+    assert!(!folder.path().join("gs2e-tmp/4711.0").exists());
 }
 
 #[test]
@@ -148,10 +264,10 @@ fn looking_at_a_missing_store_creates_no_store() {
 fn leftovers_of_a_dead_process_are_removed() {
     let folder = tempfile::tempdir().unwrap();
     drop(open(folder.path()));
-    std::fs::create_dir(folder.path().join("tmp/4711.0")).unwrap();
-    std::fs::write(folder.path().join("tmp/4711.0/half"), "half").unwrap();
+    std::fs::create_dir(folder.path().join("gs2e-tmp/4711.0")).unwrap();
+    std::fs::write(folder.path().join("gs2e-tmp/4711.0/half"), "half").unwrap();
     drop(open(folder.path()));
-    assert_eq!(std::fs::read_dir(folder.path().join("tmp")).unwrap().count(), 0);
+    assert_eq!(std::fs::read_dir(folder.path().join("gs2e-tmp")).unwrap().count(), 0);
 }
 
 /// Digests are those of the published algorithm, by the test vector of the empty input.

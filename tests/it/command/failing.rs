@@ -22,7 +22,7 @@ fn fails(place: &Workspace) -> Ended {
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let reconstruct = ("trained/reconstruct".to_owned(), "run".to_owned());
     assert!(place.plan("recipe.yaml").contains(&reconstruct), "nothing is recorded");
-    let left = fs::read_dir(place.path(".gs2e/tmp")).unwrap().count();
+    let left = fs::read_dir(place.path(".gs2e/gs2e-tmp")).unwrap().count();
     assert_eq!(left, 0, "nothing is left of its folder");
     ended
 }
@@ -146,7 +146,7 @@ fn an_interrupt_stops_the_program_and_its_children() {
         assert!(said.contains("interrupted: "), "{said}");
     });
     assert!(log(&place).ends_with("begun\n"));
-    assert_eq!(fs::read_dir(place.path(".gs2e/tmp")).unwrap().count(), 0);
+    assert_eq!(fs::read_dir(place.path(".gs2e/gs2e-tmp")).unwrap().count(), 0);
     write_script(&place, COPY);
     place.ok("build --allow-commands recipe.yaml");
 }

@@ -206,6 +206,6 @@ fn an_unmet_need_leaves_the_release_as_it_was() {
         let names: Vec<_> =
             fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(names.len(), 3, "{names:?}");
-        assert_eq!(fs::read_dir(place.path(".gs2e/tmp")).unwrap().count(), 0, "{include}");
+        assert_eq!(fs::read_dir(place.path(".gs2e/gs2e-tmp")).unwrap().count(), 0, "{include}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{export, plane};
 use crate::release::small;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -79,12 +79,41 @@ fn a_killed_export_is_cleared_by_the_next() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     signalled(&out, "-KILL");
-    let hidden = folder.path().join(".out.gs2e-export");
-    assert!(hidden.exists() && !out.exists(), "it was killed while it wrote");
-    std::fs::write(hidden.join("left"), "over").unwrap();
+    let hidden = hidden_folder(&out).expect("it was killed while it wrote");
+    assert!(!out.exists());
     let output = export(plane::centred().release(), &out, "event-3dgs", &["--trajectory", "base"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(!hidden.exists() && !out.join("left").exists() && out.join("export.json").exists());
+    assert!(!hidden.exists() && out.join("export.json").exists());
+}
+
+/// Folders with the name of a hidden folder that no export made, or to which a person added something, stay.
+#[test]
+fn folders_of_others_with_hidden_names_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    signalled(&out, "-KILL");
+    let killed = hidden_folder(&out).expect("it was killed while it wrote");
+    std::fs::write(killed.join("notes"), "mine").unwrap();
+    let names = [".out.gs2e-export", ".out.gs2e-export-abcdefgh01234567", ".out.gs2e-export-notes"];
+    for name in names {
+        std::fs::create_dir_all(folder.path().join(name).join("tree")).unwrap();
+        std::fs::write(folder.path().join(name).join("about"), "mine").unwrap();
+        std::fs::write(folder.path().join(name).join("tree/thesis"), "mine").unwrap();
+    }
+    let output = export(plane::centred().release(), &out, "colmap", &["--trajectory", "base"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    for name in names {
+        assert_eq!(std::fs::read_to_string(folder.path().join(name).join("tree/thesis")).unwrap(), "mine");
+    }
+    assert!(killed.join("notes").exists() && killed.join("tree/images").exists());
+}
+
+/// The hidden folder of an export to `out` that has begun.
+fn hidden_folder(out: &Path) -> Option<PathBuf> {
+    let prefix = format!(".{}.gs2e-export-", out.file_name()?.to_str()?);
+    let entries = std::fs::read_dir(out.parent()?).ok()?.flatten();
+    let mut begun = entries.filter(|e| e.file_name().to_string_lossy().starts_with(&prefix));
+    begun.next().map(|entry| entry.path())
 }
 
 /// Waits until an export of the plane to `out` writes pictures, then sends it a signal.
@@ -97,8 +126,9 @@ fn signalled(out: &Path, signal: &str) -> std::process::ExitStatus {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let (pictures, start) = (out.with_file_name(".out.gs2e-export").join("images"), Instant::now());
-    while !pictures.exists() && start.elapsed() < Duration::from_secs(60) {
+    let start = Instant::now();
+    let writes = || hidden_folder(out).is_some_and(|hidden| hidden.join("tree/images").exists());
+    while !writes() && start.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(1));
     }
     let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
@@ -119,13 +149,15 @@ fn an_interrupted_export_leaves_nothing() {
 fn a_link_in_the_hidden_place_is_not_followed() {
     let folder = tempfile::tempdir().unwrap();
     let others = folder.path().join("others");
-    std::fs::create_dir(&others).unwrap();
-    std::fs::write(others.join("kept"), "mine").unwrap();
-    std::os::unix::fs::symlink(&others, folder.path().join(".out.gs2e-export")).unwrap();
+    std::fs::create_dir_all(others.join("tree")).unwrap();
+    std::fs::write(others.join("about"), "export of gs2e, not complete\n").unwrap();
+    std::fs::write(others.join("tree/kept"), "mine").unwrap();
+    let link = folder.path().join(".out.gs2e-export-abcdefgh01234567");
+    std::os::unix::fs::symlink(&others, &link).unwrap();
     let output = export(small::release(), &folder.path().join("out"), "colmap", &["--trajectory", "base"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("a file or a link"));
-    assert_eq!(std::fs::read_to_string(others.join("kept")).unwrap(), "mine");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(link.is_symlink());
+    assert_eq!(std::fs::read_to_string(others.join("tree/kept")).unwrap(), "mine");
 }
 
 #[test]

@@ -58,7 +58,7 @@ fn an_interrupt_reports_the_number_of_kept_steps() {
     let all = 6 * SCENES;
     let said = format!("interrupted: {} of {all} steps are finished and kept", finished.len());
     assert!(stderr.contains(&said), "not `{said}`:\n{stderr}");
-    assert_eq!(files_in(&place, ".gs2e/tmp"), 0);
+    assert_eq!(files_in(&place, ".gs2e/gs2e-tmp"), 0);
 
     let after: BTreeSet<String> = place.build("recipes").into_iter().collect();
     assert!(after.is_disjoint(&finished), "made twice: {after:?} and {finished:?}");

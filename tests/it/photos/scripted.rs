@@ -141,7 +141,7 @@ fn fails(place: &Workspace, wanted: &[&str]) {
         let message = ended.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(message.contains(text), "{text}\n{}", ended.stderr);
     }
-    let left = fs::read_dir(place.path(".gs2e/tmp")).map_or(0, Iterator::count);
+    let left = fs::read_dir(place.path(".gs2e/gs2e-tmp")).map_or(0, Iterator::count);
     assert_eq!(left, 0, "nothing is left of its folder");
 }
 
