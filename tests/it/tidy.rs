@@ -4,6 +4,7 @@
 mod families;
 mod imports;
 mod references;
+mod removal;
 mod source;
 mod words;
 
@@ -44,6 +45,11 @@ fn imports_go_upward() {
 #[test]
 fn banned_words_are_absent() {
     none(&words::banned_words(&crate_sources()));
+}
+
+#[test]
+fn only_listed_places_delete_and_replace() {
+    none(&removal::deletions_and_replacements(&crate_sources()));
 }
 
 #[test]
@@ -106,6 +112,17 @@ fn the_rule_of_imports_bites() {
         1,
         "no place in the table"
     );
+}
+
+#[test]
+fn the_rule_of_deletions_bites() {
+    let t = |path, bad, good| bites(removal::faults_of_one, path, bad, good);
+    t("src/scene/ply.rs", "std::fs::remove_file(path)?;", "files::open(path)?;");
+    t("src/scene/ply.rs", "files::remove(&path, Removal::File)?;", "set.remove(&path);");
+    t("src/export/tree.rs", "fs::remove_dir_all(&folder)", "files::remove(&folder, Removal::Tree)");
+    t("src/scene/ply.rs", "File::create(path)?", "File::create_new(path)?");
+    t("src/scene/ply.rs", "fs::write(path, text)?", "fs::write_all(path)?");
+    t("src/recipe.rs", "fs::rename(&from, &to)?", "store.rename(&from, &to)?");
 }
 
 #[test]

@@ -1,0 +1,116 @@
+//! The places that delete files, and those that may replace or truncate one.
+//!
+//! One function deletes. Each caller is listed with the reason why it deletes nothing of a person. A file that
+//! a person names is written by `files::write_by_rename`; the other places write where only this program does.
+
+use super::Fault;
+use super::source::Source;
+
+/// A file with the reason why it is allowed to delete or replace.
+type Place = (&'static str, &'static str);
+
+/// The calls that delete. Only one file has them.
+const DELETING: [&str; 4] = ["remove_file(", "remove_dir(", "remove_dir_all(", "unlinkat("];
+const REMOVAL: &str = "src/files/removal.rs";
+
+/// The callers of the function that deletes.
+const CALLERS: &[Place] = &[
+    ("src/event/h5/writer.rs", "the file that this writer created"),
+    ("src/event/npz/writer.rs", "the files that this writer created"),
+    ("src/export/npy.rs", "a spool of an archive, in the hidden folder of the export"),
+    ("src/export/tree.rs", "a hidden folder whose name cannot be guessed, with the text of an export in it"),
+    ("src/files/rename.rs", "a part with a name of this process"),
+    ("src/frames/kept.rs", "a fresh file in a store"),
+    ("src/release/removal.rs", "files of a release, by a list with their bytes or sizes; empty folders"),
+    ("src/release/target.rs", "empty folders that this claim made"),
+    ("src/release/tree.rs", "a file of the tree that this process writes, in a folder of its own"),
+    ("src/release/work.rs", "the two lists of a work folder, and the empty folder"),
+    ("src/run/kept.rs", "a fresh file in a store"),
+    ("src/stage/context.rs", "the folder that this step made in its workspace"),
+    ("src/stage/reconstruct/command.rs", "the folder that this step made in its workspace"),
+    ("src/store/fs.rs", "files of a store, below a folder with its marker"),
+    ("src/store/link_tree.rs", "links into this store"),
+    ("src/store/lock.rs", "the lock that this process holds"),
+];
+
+/// The calls that can replace or truncate a file.
+const REPLACING: [&str; 6] =
+    ["File::create(", "fs::write(", "fs::rename(", ".truncate(true)", ".set_len(", ".persist("];
+
+/// The places that have them. A name that ends with `/` stands for the files of a folder.
+const WRITERS: &[Place] = &[
+    ("src/artifact.rs", "the workspace of a step"),
+    ("src/cli/study/meter.rs", "a file of the kernel"),
+    ("src/cluster/submission.rs", "a part of `write_by_rename`"),
+    ("src/event/aedat4/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("src/event/evt/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("src/event/npz/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("src/event/text/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("src/export/tree.rs", "the move of a hidden folder to a free place"),
+    ("src/files/rename.rs", "the one rename"),
+    ("src/foreign/", "a folder that this process made for another program"),
+    ("src/reconstruct/command.rs", "the log of a step, in the store"),
+    ("src/reconstruct/layout.rs", "a folder that this step made for another program"),
+    ("src/release/signature.rs", "the signature, in the work folder of the release"),
+    ("src/release/tree.rs", "the work folder of the release"),
+    ("src/release/work/swap.rs", "the swap of a release with a folder that this program wrote"),
+    ("src/source/colmap/", "a folder that this step made"),
+    ("src/stage/", "the workspace of a step"),
+    ("src/store/fs.rs", "files of a store, below a folder with its marker"),
+    ("src/store/lock.rs", "the lock that this process holds"),
+    ("src/store/shared/bucket.rs", "a fresh file in a store"),
+];
+
+/// Deletions outside of the one function, its unlisted callers, unlisted replacements, and list entries
+/// without a call.
+pub(super) fn deletions_and_replacements(sources: &[Source]) -> Vec<Fault> {
+    let mut faults = faults_of_one(sources);
+    for (list, what) in [(CALLERS, "deletes nothing"), (WRITERS, "replaces nothing")] {
+        for (path, _) in list {
+            let calls: fn(&str) -> bool = if what == "deletes nothing" { deletes } else { replaces };
+            let is_of = |source: &&Source| is_at(source, path);
+            let used = sources.iter().filter(is_of).any(|source| source.lines().any(|(_, line)| calls(line)));
+            if !used {
+                faults.push(Fault { place: (*path).to_owned(), what: format!("{what}, but is listed") });
+            }
+        }
+    }
+    faults
+}
+
+/// The faults of sources alone.
+pub(super) fn faults_of_one(sources: &[Source]) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    for source in sources.iter().filter(|source| source.path != REMOVAL) {
+        let is_in = |list: &[Place]| list.iter().any(|(path, _)| is_at(source, path));
+        for (number, line) in source.lines() {
+            let what = if DELETING.iter().any(|call| line.contains(call)) {
+                "deletes; only `files::remove` and `files::remove_below` do"
+            } else if deletes(line) && !is_in(CALLERS) {
+                "deletes, and is not listed"
+            } else if replaces(line) && !is_in(WRITERS) {
+                "may replace a file, and is not listed; `files::write_by_rename` is the way"
+            } else {
+                continue;
+            };
+            faults.push(Fault::new(source, number, what));
+        }
+    }
+    faults
+}
+
+/// Returns true if a source is a file, or lies in a folder whose name ends with `/`.
+fn is_at(source: &Source, path: &str) -> bool {
+    source.path == path || path.ends_with('/') && source.path.starts_with(path)
+}
+
+/// Returns true for a line with a call of the function that deletes.
+fn deletes(line: &str) -> bool {
+    line.contains("Removal::")
+}
+
+fn replaces(line: &str) -> bool {
+    // `Hdf5File::create(` is another function.
+    let is_whole = |at: usize| !line[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_');
+    REPLACING.iter().any(|call| line.match_indices(call).any(|(at, _)| is_whole(at) || call.starts_with('.')))
+}
