@@ -104,5 +104,6 @@ mod training;
 mod trajectories;
 mod trajectory_verb;
 mod tree;
+mod untouched;
 mod warnings;
 mod why;

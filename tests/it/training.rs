@@ -22,7 +22,7 @@ const VIEWS: u32 = 9;
 const HOLD_OUT: usize = 4;
 
 /// Photos of the row of Gaussians from an arc of half a radian, with their poses.
-fn photographed() -> Workspace {
+pub(crate) fn photographed() -> Workspace {
     let place = Workspace::new();
     let frame = |i: u32| {
         let (sin, cos) = (0.06 * f64::from(i) - 0.24).sin_cos();
