@@ -158,7 +158,7 @@ const SOUND: &[(&str, &str)] = &[
     ("study thresholds", "--thresholds 1 tiny.yaml"),
     ("study real", "--frames rel/tiny/base/sharp --fps 2400 --events rel/tiny/base/events.h5"),
     ("study sensor", "esim"),
-    ("train", "--capture transforms.json --iterations 20 --out t.ply"),
+    ("train", "--capture transforms.json --gaussians 300 --iterations 20 --out t.ply"),
     ("trajectory", "--capture transforms.json --recipe tiny.yaml --name base --out poses.txt"),
     ("doctor", ""),
     ("schema", ""),
