@@ -11,9 +11,11 @@ mod group;
 mod job;
 mod kept;
 mod order;
+mod recheck;
 mod resources;
 
 pub use job::monotonic_seconds;
+pub use recheck::{ADOPTED_SHARE, RecheckPolicy};
 pub use resources::ResourceBudget;
 
 use crate::frames::rendered::TimeSaved;
@@ -41,8 +43,8 @@ pub struct RunOptions {
     pub budget: ResourceBudget,
     /// True if the run continues with steps that do not depend on a failed one.
     pub keep_going: bool,
-    /// Choice of steps that are up to date and made again, to compare them with the record.
-    pub recheck: Option<RecheckPolicy>,
+    /// Choice of steps that are made again, to compare them with the record.
+    pub recheck: RecheckPolicy,
     /// True if programs named by recipes may run. Otherwise a step that needs one fails, and one
     /// that is up to date is not made again.
     pub allow_commands: bool,
@@ -50,26 +52,6 @@ pub struct RunOptions {
     pub programs: ProgramFinder,
     /// Bytes that the frames of all steps may take, if they are kept for later builds.
     pub kept_frames: Option<u64>,
-}
-
-/// The steps that are made again although they are up to date.
-#[derive(Debug, Clone, Copy)]
-pub struct RecheckPolicy {
-    /// Share of these steps, 0 to 1.
-    pub share: f64,
-    /// Seed of the choice.
-    pub seed: u64,
-}
-
-impl RecheckPolicy {
-    /// Returns true if this step is chosen.
-    fn chooses(&self, key: &Key) -> bool {
-        // Drawn from the key, so the choice does not depend on the order of the steps.
-        let bytes = [&key.0.as_bytes()[..], &self.seed.to_le_bytes()].concat();
-        let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
-        // 2^64: a share of 1 is above every draw.
-        (drawn as f64) < self.share * 18_446_744_073_709_551_616.0
-    }
 }
 
 /// An event for an observer.
@@ -150,6 +132,8 @@ pub enum StepOrigin {
     Twice,
     /// Another one: they were copied from the shared store.
     Elsewhere,
+    /// Another one. They were made again here, with the same bytes.
+    Confirmed,
 }
 
 /// Receives the events of a run: those of one step in order, from the thread of the run or of the
@@ -202,8 +186,10 @@ pub struct RunSummary {
     pub made: usize,
     /// Number of these that another machine made at the same time.
     pub twice: usize,
-    /// Number of steps whose outputs were copied from the shared store.
+    /// Number of steps whose outputs the shared store had.
     pub adopted: usize,
+    /// Number of these that were made again, with the same result.
+    pub confirmed: usize,
     /// Number of steps up to date.
     pub kept: usize,
     /// Number of steps up to date that were made again with the same result.
@@ -243,6 +229,7 @@ impl RunSummary {
             made: self.made + second.made,
             twice: self.twice + second.twice,
             adopted: self.adopted + second.adopted,
+            confirmed: self.confirmed + second.confirmed,
             // The steps that the first run made are up to date in the second.
             kept: second.kept.saturating_sub(self.made + self.adopted),
             rechecked: self.rechecked + second.rechecked,

@@ -118,6 +118,11 @@ pub trait Stage: serde::Serialize {
         false
     }
 
+    /// Returns true if the stage trains a scene, which may take hours.
+    fn is_training(&self) -> bool {
+        false
+    }
+
     /// A program whose version the class lacks. The program was not asked, so the key is not known.
     fn unasked(&self) -> Option<&'static str> {
         None

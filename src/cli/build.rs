@@ -65,7 +65,8 @@ pub(super) struct TrustOptions {
     /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
-    /// Make this share of the up-to-date steps again, and compare the bytes: 0.01 or 1%
+    /// Make this share of the up-to-date steps again, and of those that the shared store has, and compare the bytes:
+    /// 0.01 or 1% [default: 1% of the steps of the shared store, without trainings and steps of other programs]
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     recheck: Option<f64>,
     /// Sync of files to disk: in batches, or each before the next
@@ -424,9 +425,10 @@ fn run_options(
     let cores = common.cores();
     let kept_frames = care.keep_frames.unwrap_or_default().limit(scenes);
     let memory = care.memory.unwrap_or_else(machine::free_memory);
-    // The steps that are made again differ from run to run. The seed enters no file.
-    let seed =
-        SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| u64::from(since.subsec_nanos()));
+    // The steps that are made again differ from run to run, and no other member of a shared store knows them
+    // before. The seed enters no file.
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let seed = since.as_secs() ^ u64::from(since.subsec_nanos()).rotate_right(32);
     RunOptions {
         budget: ResourceBudget {
             cores,
@@ -435,7 +437,7 @@ fn run_options(
             gpus: chosen.gpu_count(),
         },
         keep_going: common.keep_going,
-        recheck: care.recheck.map(|share| RecheckPolicy { share, seed }),
+        recheck: RecheckPolicy { share: care.recheck, seed },
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
         kept_frames,

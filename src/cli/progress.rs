@@ -72,8 +72,8 @@ struct StepEnd<'a> {
     key: Option<&'a Key>,
     outputs: &'a [StoredOutput],
     seconds: Option<f64>,
-    /// True if another machine made it at the same time.
-    is_twice: bool,
+    /// The machine that made it.
+    origin: StepOrigin,
     /// Cores and memory in bytes, if the step ran.
     used: Option<(usize, u64)>,
     /// The work that the step left out, if it renders.
@@ -88,7 +88,7 @@ impl<'a> StepEnd<'a> {
         key: Option<&'a Key>,
         outputs: &'a [StoredOutput],
     ) -> Self {
-        Self { step, state, key, outputs, seconds: None, is_twice: false, used: None, left_out: None }
+        Self { step, state, key, outputs, seconds: None, origin: StepOrigin::Here, used: None, left_out: None }
     }
 }
 
@@ -194,7 +194,7 @@ impl<'a> Progress<'a> {
     }
 
     fn to_json(&self, ended: &StepEnd<'_>) -> Value {
-        let StepEnd { step, state, key, outputs, seconds, is_twice, used, left_out } = ended;
+        let StepEnd { step, state, key, outputs, seconds, origin, used, left_out } = ended;
         let bytes: u64 = outputs.iter().map(|output| output.size).sum();
         let mut record = json!({
             "scene": self.place(*step).0, "step": self.name(*step), "state": state,
@@ -202,8 +202,10 @@ impl<'a> Progress<'a> {
             "seconds": seconds, "cores": used.map(|(cores, _)| cores), "memory": used.map(|(_, memory)| memory),
             "bytes": bytes, "host": self.host.0, "job": self.host.1, "ended": clock::utc_now(),
         });
-        if *is_twice {
-            record["twice"] = json!(true);
+        match origin {
+            StepOrigin::Twice => record["twice"] = json!(true),
+            StepOrigin::Confirmed => record["confirmed"] = json!(true),
+            StepOrigin::Here | StepOrigin::Elsewhere => {}
         }
         if let Some(OmissionTable { rows, saving }) = left_out {
             record["left_out"] = json!(rows);
@@ -349,10 +351,11 @@ impl RunObserver for Progress<'_> {
             } => {
                 shown.finished += 1;
                 let left_out = self.left_out(shown, step, outputs, saving);
+                let is_adopted = matches!(origin, StepOrigin::Elsewhere | StepOrigin::Confirmed);
                 let ended = StepEnd {
                     step,
-                    state: if origin == StepOrigin::Elsewhere { "adopted" } else { "made" },
-                    is_twice: origin == StepOrigin::Twice,
+                    state: if is_adopted { "adopted" } else { "made" },
+                    origin,
                     key: Some(key),
                     outputs,
                     seconds: Some(seconds),

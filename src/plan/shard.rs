@@ -40,9 +40,11 @@ impl SceneShard {
         let mut sorted: Vec<(u64, &Recipe)> =
             recipes.iter().map(|recipe| (expected_cost(recipe), recipe)).collect();
         sorted.sort_by(|(a, one), (b, other)| b.cmp(a).then_with(|| one.scene.cmp(&other.scene)));
-        // The last field breaks ties, so that every process finds the same shares.
+        // Each scene has a cost, so the first ones go to a share of their own, and shares beyond the number of
+        // scenes stay empty. The last field breaks ties, so that every process finds the same shares.
+        let used = u32::try_from(sorted.len()).map_or(self.of, |scenes| scenes.min(self.of));
         let mut shares: BinaryHeap<Reverse<(u64, u32)>> =
-            (1..=self.of).map(|number| Reverse((0, number))).collect();
+            (1..=used).map(|number| Reverse((0, number))).collect();
         let mut chosen = Vec::new();
         for (cost, recipe) in sorted {
             let Some(mut least) = shares.peek_mut() else { break };
@@ -119,5 +121,14 @@ sensor: {{ voltmeter: {{ preset: dvs346-paper }} }}
             let bound = largest.max(all.div_ceil(u64::from(of)));
             assert!(3 * longest <= 4 * bound, "{longest} of {bound} in {of}");
         }
+    }
+
+    #[test]
+    fn shares_beyond_the_number_of_scenes_are_empty_and_need_no_memory() {
+        let recipes = [scene("a", 100), scene("b", 200)];
+        let share = |number| SceneShard { number, of: u32::MAX }.choose(&recipes);
+        let names = |number| share(number).iter().map(|recipe| recipe.scene.as_str()).collect::<Vec<_>>();
+        assert_eq!([names(1), names(2)], [["b"], ["a"]]);
+        assert!(share(3).is_empty() && share(u32::MAX).is_empty());
     }
 }

@@ -191,7 +191,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             step_alone(self.plan, self.store, planned, &outputs_of)?;
         let key = key.expect("a step has a key once its inputs and its programs are known");
         let may_run = self.options.allow_commands || planned.step.programs().is_empty();
-        let chosen = || may_run && self.options.recheck.is_some_and(|r| r.chooses(&key));
+        let chosen = || may_run && self.options.recheck.chooses(&key);
         let recheck = outputs.clone().filter(|_| chosen());
         if action != StepAction::Keep || recheck.is_some() {
             let files = self.open_inputs(step);
@@ -264,6 +264,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             allows_commands,
             programs,
             kept_frames,
+            recheck: self.options.recheck,
         };
         let (sender, last) = (sender.clone(), members[count - 1].0);
         let thread = scope.spawn(move || run_group(&job, members, &sender));
@@ -315,8 +316,9 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     }
 
     fn count(&mut self, origin: StepOrigin, is_recheck: bool) {
-        if origin == StepOrigin::Elsewhere {
+        if matches!(origin, StepOrigin::Elsewhere | StepOrigin::Confirmed) {
             self.summary.adopted += 1;
+            self.summary.confirmed += usize::from(origin == StepOrigin::Confirmed);
         } else if is_recheck {
             self.summary.kept += 1;
             self.summary.rechecked += 1;

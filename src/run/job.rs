@@ -1,7 +1,7 @@
 //! The work of one step on its own thread, from its inputs to a record.
 
 use super::kept::KeptStep;
-use super::{RunEvent, RunObserver, StepError, StepOrigin};
+use super::{RecheckPolicy, RunEvent, RunObserver, StepError, StepOrigin};
 use crate::artifact::ArtifactFiles;
 use crate::frames::rendered::{ReaderSeconds, TimeSaved};
 use crate::plan::assess::{SourceFiles, StepReason, read_sources};
@@ -63,6 +63,7 @@ pub(super) struct StepJob<'a> {
     pub(super) programs: ProgramFinder,
     /// Bytes that kept frames may take; `None` to keep none.
     pub(super) kept_frames: Option<u64>,
+    pub(super) recheck: RecheckPolicy,
 }
 
 /// A step before its work.
@@ -86,7 +87,7 @@ struct StepWork {
 
 impl<'a> StepJob<'a> {
     pub(super) fn run(&self, step: StepId, stale: &StaleStep) -> Result<StepResult, StepError> {
-        match self.prepare(stale)? {
+        match self.prepare(step, stale)? {
             PreparedStep::Adopted(adopted) => Ok(*adopted),
             PreparedStep::Workspace(workspace) => {
                 self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
@@ -99,7 +100,7 @@ impl<'a> StepJob<'a> {
         let mut results: Vec<Option<Result<StepResult, StepError>>> = Vec::new();
         let mut places = Vec::new();
         for (at, (_, stale)) in members.iter().enumerate() {
-            results.push(match self.prepare(stale) {
+            results.push(match self.prepare(members[at].0, stale) {
                 Ok(PreparedStep::Adopted(adopted)) => Some(Ok(*adopted)),
                 Ok(PreparedStep::Workspace(workspace)) => {
                     places.push((at, workspace));
@@ -159,12 +160,13 @@ impl<'a> StepJob<'a> {
     }
 
     /// Takes the outputs of another machine, or makes a folder for a step.
-    fn prepare(&self, stale: &StaleStep) -> Result<PreparedStep<'a>, StepError> {
+    fn prepare(&self, step: StepId, stale: &StaleStep) -> Result<PreparedStep<'a>, StepError> {
         if let StepReason::BlobAltered { digest } = &stale.reason {
             // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
         if stale.recheck.is_none()
+            && !self.doubts(step, stale)
             && let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))?
         {
             return Ok(PreparedStep::Adopted(Box::new(adopted)));
@@ -172,6 +174,16 @@ impl<'a> StepJob<'a> {
         // Even an empty folder cannot be created on a full disk.
         let workspace = self.store.workspace().map_err(|e| self.with_space(e.into(), 0))?;
         Ok(PreparedStep::Workspace(workspace))
+    }
+
+    /// Returns true if a step that another machine may have made is made here, to compare the bytes.
+    fn doubts(&self, step: StepId, stale: &StaleStep) -> bool {
+        let step = &*self.plan.steps()[step.0].step;
+        // The record of the own store says which bytes are right.
+        let is_known =
+            matches!(stale.reason, StepReason::BlobMissing { .. } | StepReason::BlobAltered { .. });
+        let may_run = self.allows_commands || step.programs().is_empty();
+        !is_known && may_run && self.recheck.chooses_adopted(&stale.key, step)
     }
 
     /// The facilities for a step.
@@ -262,8 +274,11 @@ impl<'a> StepJob<'a> {
         self.store.forget_resume(&stale.key)?;
         let was_there = self.store.share(&stale.key)?;
         // A step that is made again for comparison is there by intention.
-        let is_twice = was_there && stale.recheck.is_none();
-        let origin = if is_twice { StepOrigin::Twice } else { StepOrigin::Here };
+        let origin = match was_there && stale.recheck.is_none() {
+            true if self.doubts(step, stale) => StepOrigin::Confirmed,
+            true => StepOrigin::Twice,
+            false => StepOrigin::Here,
+        };
         let memory = stale.need.memory;
         Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving, memory, origin })
     }

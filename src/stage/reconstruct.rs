@@ -166,6 +166,10 @@ impl Stage for ReconstructStage {
         }
     }
 
+    fn is_training(&self) -> bool {
+        self.is_trained()
+    }
+
     fn programs(&self) -> Vec<String> {
         match self {
             Self::Command(training) => training.programs(),

@@ -53,6 +53,9 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Returns true if the stage runs programs that need no permission.
     fn runs_known_programs(&self) -> bool;
 
+    /// See [`Stage::is_training`].
+    fn is_training(&self) -> bool;
+
     /// A program that must be asked for its version before the key is known.
     fn unasked(&self) -> Option<&'static str>;
 
@@ -119,6 +122,10 @@ where
 
     fn runs_known_programs(&self) -> bool {
         self.stage.runs_known_programs()
+    }
+
+    fn is_training(&self) -> bool {
+        self.stage.is_training()
     }
 
     fn unasked(&self) -> Option<&'static str> {

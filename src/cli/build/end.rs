@@ -43,6 +43,9 @@ pub(in crate::cli) fn tell_end(summary: &RunSummary, seconds: f64, console: &Con
     if summary.interrupted && console.json {
         console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
     }
+    if summary.confirmed > 0 {
+        console.say(&format!("{} steps of the shared store rerun, each with its bytes", summary.confirmed));
+    }
     if summary.rechecked > 0 {
         console.say(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
     }

@@ -129,7 +129,7 @@ impl PartsFound {
     pub(super) fn join(dir: &Path, parts: Vec<AuditPart>) -> Result<Self, PartsError> {
         let of = parts.first().ok_or(PartsError::Empty)?.of;
         let sums = checksum::sha256_of_file(&dir.join(checksum::NAME)).unwrap_or_default();
-        let mut missing: BTreeSet<u32> = (1..=of).collect();
+        let mut seen = BTreeSet::new();
         let mut joined = Self::default();
         for part in parts {
             let unlike = |because| Err(PartsError::Unlike { number: part.number, because });
@@ -142,7 +142,10 @@ impl PartsFound {
             if part.sums != sums {
                 return unlike("of another release, or of an earlier state of this one");
             }
-            if !missing.remove(&part.number) {
+            if !(1..=of).contains(&part.number) {
+                return unlike("not one of its number of parts");
+            }
+            if !seen.insert(part.number) {
                 return unlike("there twice");
             }
             joined.files.extend(part.files);
@@ -150,8 +153,9 @@ impl PartsFound {
                 |(id, faults): (String, Vec<PartFault>)| (id, faults.into_iter().map(Into::into).collect());
             joined.contents.extend(part.contents.into_iter().map(faults));
         }
-        match missing.first() {
-            Some(&number) => Err(PartsError::Missing { number, of }),
+        // No list of all numbers: the number of parts is what a file says.
+        match (1..=of).find(|number| !seen.contains(number)) {
+            Some(number) => Err(PartsError::Missing { number, of }),
             None => Ok(joined),
         }
     }
