@@ -1,11 +1,12 @@
 //! Scenes that the tasks of a batch system build, with a shared store between them.
 //!
 //! ```text
-//! shared store/  plans/<digest>/  plan.json  shard-0001.json …  task.sh  results/<job>_<task>.{jsonl,log,end}
+//! shared store/  gs2e-plans/<digest>/  plan.json  shard-0001.json …  task.sh  results/<job>_<task>/
 //! ```
 //! An array job has a folder with its plan: which scenes each task builds. These files never change. A task
-//! reads the file of its own share, and writes three files with its own name. The digest is in the name of
-//! the job, so the queue of the batch system tells which plans are at work, and nothing else has to be kept.
+//! reads the file of its own share, and writes `steps.jsonl`, `log` and `end` in a folder of its own. The digest
+//! is in the name of the job, so the queue of the batch system tells which plans are at work, and nothing else
+//! has to be kept.
 //!
 //! The records of the shared store alone decide which work is finished. The files of tasks say why something
 //! is not finished, and are lost without harm.
@@ -16,6 +17,7 @@ pub mod queue;
 pub mod report;
 pub mod scene_state;
 pub mod script;
+mod shell;
 pub mod slurm;
 pub mod submission;
 
@@ -66,5 +68,11 @@ pub enum ClusterError {
         path: PathBuf,
         /// The difference.
         because: String,
+    },
+    /// A file of a plan has other bytes than the one that was submitted.
+    #[error("{} was altered after it was submitted", path.display())]
+    Altered {
+        /// The file.
+        path: PathBuf,
     },
 }

@@ -5,6 +5,7 @@
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
 
+pub(crate) mod below;
 mod removal;
 pub(crate) mod rename;
 mod walk;

@@ -21,7 +21,7 @@ pub use process::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, run, run_wit
 pub use quoted::quoted;
 pub use report::{NoReport, ProgramReport};
 
-pub use log::{last_lines, length, says};
+pub use log::{last_lines, last_lines_in, length, says};
 
 use rustix::fs::Access;
 use std::collections::BTreeMap;

@@ -28,10 +28,10 @@ use crate::run::backends::RendererChoice;
 use crate::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use crate::sensor::SensorChoice;
 use crate::stage::StepId;
-use crate::store::Store;
 use crate::store::link_tree::{LinkError, LinkTree};
 use crate::store::record::StoredOutput;
 use crate::store::space::DiskSpace;
+use crate::store::{Digest, Store};
 use crate::units::Hertz;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -49,8 +49,11 @@ pub(super) struct BuildArgs {
     #[arg(long, value_name = "I/N")]
     shard: Option<SceneShard>,
     /// Build the scenes of a task: FILE is a shard of a plan that `gs2e submit` wrote
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "recipes"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "recipes"], requires = "plan_digest")]
     shard_file: Option<PathBuf>,
+    /// BLAKE3 of the plan of the shard: files that were altered are refused
+    #[arg(long, value_name = "DIGEST", requires = "shard_file", value_parser = parse_digest)]
+    plan_digest: Option<Digest>,
     /// Remove files that the shared store has where the own store exceeds this size, as 50GB
     #[arg(long, value_name = "BYTES", value_parser = machine::parse_bytes, requires = "shared_store")]
     #[arg(conflicts_with = "to")]
@@ -128,6 +131,10 @@ enum SyncArg {
     Always,
 }
 
+fn parse_digest(text: &str) -> Result<Digest, String> {
+    text.parse().map_err(|_| "wanted 64 hexadecimal digits".to_owned())
+}
+
 /// A share, as `0.01` or `1%`.
 fn parse_share(text: &str) -> Result<f64, String> {
     let (number, unit) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
@@ -139,9 +146,9 @@ impl BuildArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
         let chosen = common.renderers()?;
-        let task = match &self.shard_file {
-            Some(file) => Some(recipe::read_files(&read_shard(file)?)?),
-            None => None,
+        let task = match (&self.shard_file, &self.plan_digest) {
+            (Some(file), Some(plan)) => Some(recipe::read_files(&read_shard(file, plan)?)?),
+            _ => None,
         };
         if task.is_none() {
             self.targets.resolve()?;

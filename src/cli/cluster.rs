@@ -97,6 +97,10 @@ impl ClusterTargets {
         }
         let scenes = asked_scenes(&plan, &progress);
         let view = ClusterView::look(&self.shared_store, slurm, &scenes)?;
+        view.refused().iter().for_each(|error| {
+            let what = format!("{error}; its tasks are not known");
+            console.tell(&UserMessage::new(MessageLevel::Warning, "plan-unread", what));
+        });
         let is_recorded = |key: &Key| matches!(store.shared_record(key), Ok(Some(_)));
         let states = scenes.iter().map(|scene| view.state(scene, &is_recorded)).collect();
         Ok(ClusterScenes { plan, progress, view, states })
@@ -165,6 +169,8 @@ impl From<ClusterError> for VerbError {
             ClusterError::Unread { .. } => Self::failed("slurm", what),
             ClusterError::Io { .. } => Self::failed("plan-files", what),
             ClusterError::Plan { .. } => Self::usage("plan-newer", what).help("use the gs2e that wrote it"),
+            ClusterError::Altered { .. } => Self::failed("plan-altered", what)
+                .help("nothing was built; find out who can write to that folder, and run gs2e submit again"),
         }
     }
 }

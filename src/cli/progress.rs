@@ -88,7 +88,16 @@ impl<'a> StepEnd<'a> {
         key: Option<&'a Key>,
         outputs: &'a [StoredOutput],
     ) -> Self {
-        Self { step, state, key, outputs, seconds: None, origin: StepOrigin::Here, used: None, left_out: None }
+        Self {
+            step,
+            state,
+            key,
+            outputs,
+            seconds: None,
+            origin: StepOrigin::Here,
+            used: None,
+            left_out: None,
+        }
     }
 }
 

@@ -10,9 +10,12 @@ use super::{CommonArgs, machine, on_interrupt};
 use crate::cluster::scene_state::{SceneState, StateCounts};
 use crate::cluster::script::BatchOptions;
 use crate::cluster::slurm::Slurm;
+use crate::escape::is_hidden;
 use serde_json::json;
 use std::collections::BTreeSet;
+use std::io::Write as _;
 use std::path::PathBuf;
+use tempfile::NamedTempFile;
 use watch::{WatchEnd, wait_for_tasks};
 
 /// Arguments of `submit`.
@@ -147,7 +150,8 @@ impl SubmitArgs {
         let mut names = BTreeSet::new();
         for array in self.arrays(found, common)? {
             array.submission.write(&array.tasks, &array.script)?;
-            let job = slurm.submit(&array.submission.script())?;
+            // Not the copy in the shared store: others can write there.
+            let job = slurm.submit(private_script(&array.script)?.path())?;
             let plan = &array.submission.plan;
             let scenes: usize = plan.tasks.iter().map(Vec::len).sum();
             console.say(&format!(
@@ -162,7 +166,7 @@ impl SubmitArgs {
                     "memory_mb": plan.memory_mb,
                 }));
             }
-            names.insert(array.submission.name);
+            names.insert(array.submission.name());
         }
         Ok(names)
     }
@@ -189,8 +193,9 @@ impl SubmitArgs {
         let given = [("account", account), ("partition", partition), ("time", time), ("gres", gres)];
         let slurm: Vec<_> =
             given.into_iter().filter_map(|(name, value)| Some((name, value.clone()?))).collect();
-        if let Some((name, value)) = slurm.iter().find(|(_, value)| value.chars().any(char::is_control)) {
-            let what = format!("--{name} `{value}` has a control character, wanted one line of text");
+        if let Some((name, value)) = slurm.iter().find(|(_, value)| value.chars().any(is_hidden)) {
+            let what =
+                format!("--{name} `{value}` has a control or invisible character, wanted one line of text");
             return Err(VerbError::usage("usage", what));
         }
         let absolute = |path: &Option<PathBuf>| path.as_deref().map(absolute).transpose();
@@ -201,4 +206,14 @@ impl SubmitArgs {
             task_store: absolute(&self.task_store)?,
         })
     }
+}
+
+/// A file with the script that only this user can write to.
+fn private_script(text: &str) -> Result<NamedTempFile, VerbError> {
+    let write = || {
+        let mut file = tempfile::Builder::new().prefix("gs2e-").suffix(".sh").tempfile()?;
+        file.write_all(text.as_bytes())?;
+        std::io::Result::Ok(file)
+    };
+    write().map_err(|e| VerbError::failed("plan-files", format!("failed to write a script for sbatch: {e}")))
 }

@@ -1,23 +1,30 @@
 //! The files that tasks write: their ends, their logs, and one line per step.
+//!
+//! Each run of a task has a folder, `<job>_<task>`; a run after a restart has its number at the end, as in
+//! `41_1.2`.
 
 use super::ClusterError;
 use super::queue::TaskId;
-use super::submission::{RESULTS, Submission, io_error};
+use super::submission::{PLANS, RESULTS, Submission, io_error};
 use crate::files;
+use crate::files::below::FolderBelow;
 use crate::programs;
 use crate::store::Key;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ffi::OsString;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// The files of one task.
 #[derive(Debug, Clone)]
 pub struct TaskReport {
     /// The task.
     pub id: TaskId,
-    /// Path of the files, without their endings.
-    stem: PathBuf,
+    /// The shared store.
+    shared: PathBuf,
+    /// The folders of its runs, relative to the shared store, in their order.
+    runs: Vec<PathBuf>,
 }
 
 /// Largest file of steps that is read, bytes.
@@ -93,39 +100,66 @@ impl TaskReport {
     /// # Errors
     /// The folder cannot be read.
     pub fn all(submission: &Submission) -> Result<Vec<Self>, ClusterError> {
-        let folder = submission.folder.join(RESULTS);
-        let entries = match std::fs::read_dir(&folder) {
+        let below = submission.below().join(RESULTS);
+        let path = submission.shared.join(&below);
+        let names = match results_of(submission) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-            entries => entries.map_err(io_error(&folder))?,
+            names => names.map_err(io_error(&path))?,
         };
-        let mut found = BTreeMap::new();
-        for entry in entries {
-            let path = entry.map_err(io_error(&folder))?.path();
-            let id = path.file_stem().and_then(|stem| TaskId::parse(stem.to_str()?));
-            found.extend(id.map(|id| (id, path.with_extension(""))));
+        let mut found: BTreeMap<TaskId, BTreeMap<u32, PathBuf>> = BTreeMap::new();
+        for name in names {
+            let Some((id, restart)) = name.to_str().and_then(run_of) else { continue };
+            found.entry(id).or_default().insert(restart, below.join(name));
         }
-        Ok(found.into_iter().map(|(id, stem)| Self { id, stem }).collect())
+        let report = |(id, runs): (TaskId, BTreeMap<u32, PathBuf>)| Self {
+            id,
+            shared: submission.shared.clone(),
+            runs: runs.into_values().collect(),
+        };
+        Ok(found.into_iter().map(report).collect())
+    }
+
+    /// A file of a run. Others can write to the shared store, so no link is followed.
+    fn read(&self, run: &Path, name: &str, limit: u64) -> io::Result<Vec<u8>> {
+        files::read_below(&self.shared, &run.join(name), limit)
     }
 
     /// Exit code of its last run; `None` if that was killed with its script.
     #[must_use]
     pub fn exit_code(&self) -> Option<i32> {
-        let text = files::read_text(&self.stem.with_extension("end"), files::MAX_TEXT).ok()?;
-        text.lines().last()?.trim().parse().ok()
+        let text = self.read(self.runs.last()?, "end", files::MAX_TEXT).ok()?;
+        String::from_utf8(text).ok()?.trim().parse().ok()
     }
 
-    /// The last lines of its log.
+    /// The last lines of the log of its last run.
     #[must_use]
     pub fn last_lines(&self) -> Vec<String> {
-        programs::last_lines(&self.stem.with_extension("log"), 0)
+        let log = self.runs.last().and_then(|run| files::open_below(&self.shared, &run.join("log")).ok());
+        log.map(|log| programs::last_lines_in(log, 0)).unwrap_or_default()
     }
 
     /// Its steps. A line that is cut off counts as absent, and so does an unreadable file.
     #[must_use]
     pub fn steps(&self) -> ReportedSteps {
-        let text = files::read(&self.stem.with_extension("jsonl"), MAX_STEPS).unwrap_or_default();
-        read_steps(&String::from_utf8_lossy(&text))
+        let texts = self.runs.iter().filter_map(|run| self.read(run, "steps.jsonl", MAX_STEPS).ok());
+        let texts: Vec<String> = texts.map(|text| String::from_utf8_lossy(&text).into_owned()).collect();
+        // A run that was killed may have ended within a line.
+        read_steps(&texts.join("\n"))
     }
+}
+
+fn results_of(submission: &Submission) -> io::Result<Vec<OsString>> {
+    let mut folder = FolderBelow::open(&submission.shared)?;
+    for name in [PLANS, &submission.digest.short(), RESULTS] {
+        folder = folder.enter(name)?;
+    }
+    folder.names()
+}
+
+/// The task and the number of restarts in the name of a folder.
+fn run_of(name: &str) -> Option<(TaskId, u32)> {
+    let (task, restart) = name.split_once('.').unwrap_or((name, "0"));
+    Some((TaskId::parse(task)?, restart.parse().ok()?))
 }
 
 fn read_steps(text: &str) -> ReportedSteps {

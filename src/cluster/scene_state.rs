@@ -5,7 +5,7 @@ use super::finished::SceneProgress;
 use super::queue::{LiveTask, TaskEnd, TaskId};
 use super::report::{MadeStep, ReportedSteps, TaskReport};
 use super::slurm::Slurm;
-use super::submission::Submission;
+use super::submission::{FoundPlans, Submission};
 use crate::store::{Digest, Key};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -128,6 +128,8 @@ struct ReportedPlan {
 #[derive(Debug)]
 pub struct ClusterView {
     plans: Vec<ReportedPlan>,
+    /// Reasons why other plans are not used. Their scenes may be at work.
+    refused: Vec<ClusterError>,
     live: Vec<LiveTask>,
     /// Ends of tasks that Slurm still knows, by job.
     ends: BTreeMap<u64, BTreeMap<u32, TaskEnd>>,
@@ -142,24 +144,37 @@ impl ClusterView {
     /// Looks at the plans of these scenes. Without `slurm`, nothing is queued or running.
     ///
     /// # Errors
-    /// A plan cannot be read, or Slurm does not answer.
+    /// The plans cannot be listed, or Slurm does not answer.
     pub fn look(shared: &Path, slurm: Option<&Slurm>, scenes: &[AskedScene]) -> Result<Self, ClusterError> {
         let asked: BTreeSet<&Digest> = scenes.iter().map(|scene| &scene.recipe).collect();
         let mut plans = Vec::new();
-        for submission in Submission::all(shared)? {
+        let FoundPlans { sound, mut refused } = Submission::all(shared)?;
+        for submission in sound {
             if submission.plan.tasks.iter().flatten().any(|scene| asked.contains(&scene.recipe)) {
-                plans.push(ReportedPlan { reports: TaskReport::all(&submission)?, submission });
+                // Without the results, a scene that failed is shown as open.
+                let reports = TaskReport::all(&submission).unwrap_or_else(|error| {
+                    refused.push(error);
+                    Vec::new()
+                });
+                plans.push(ReportedPlan { reports, submission });
             }
         }
-        let names: Vec<&str> = plans.iter().map(|plan| plan.submission.name.as_str()).collect();
+        let names: Vec<String> = plans.iter().map(|plan| plan.submission.name()).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let live = slurm.map(|slurm| slurm.live(&names)).transpose()?.unwrap_or_default();
-        let mut view = Self { plans, live, ends: BTreeMap::new() };
+        let mut view = Self { plans, refused, live, ends: BTreeMap::new() };
         if let Some(slurm) = slurm {
             for job in view.ended_badly() {
                 view.ends.insert(job, slurm.ends(job)?);
             }
         }
         Ok(view)
+    }
+
+    /// Reasons why plans or their results are not used.
+    #[must_use]
+    pub fn refused(&self) -> &[ClusterError] {
+        &self.refused
     }
 
     /// Jobs with tasks that are not live and did not end well.
@@ -175,7 +190,7 @@ impl ClusterView {
 
     /// The tasks that have not ended, with the plan of each.
     pub fn live(&self) -> impl Iterator<Item = (&LiveTask, &Submission)> {
-        let plan = |task: &LiveTask| self.plans.iter().find(|plan| plan.submission.name == task.name);
+        let plan = |task: &LiveTask| self.plans.iter().find(|plan| plan.submission.name() == task.name);
         self.live.iter().filter_map(move |task| Some((task, &plan(task)?.submission)))
     }
 

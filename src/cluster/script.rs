@@ -1,7 +1,7 @@
 //! The batch script of an array job of Slurm.
 
+use super::shell::shell_word;
 use super::submission::{RESULTS, Submission};
-use crate::programs::quoted;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -40,6 +40,27 @@ const STEP_MEMORY_PERCENT: u64 = 80;
 /// Seconds before the time limit at which a task is asked to end.
 const SECONDS_TO_END: u32 = 60;
 
+/// Exit code of a task whose results have no safe place, as of `sysexits.h`: a file cannot be created.
+const NO_PLACE: u8 = 73;
+
+/// Gives the results a folder of their own. `$shared` is the shared store, and `$below` the plan in it.
+///
+/// Other people can write to the shared store, so a link may have taken the place of any folder. The shell enters
+/// each, and only then compares its path, which no one can change any more. Nobody else can write to the new
+/// folder.
+const RESULT_FOLDER: &str = "\
+task=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID
+run=$task${SLURM_RESTART_COUNT:+.$SLURM_RESTART_COUNT}
+shard=$shared/$below/shard-$(printf %04d \"$SLURM_ARRAY_TASK_ID\").json
+# The results are in a new folder that only this user can write to, and no link leads there.
+cd -P \"$shared\" && root=$(pwd -P) && cd -P \"./$below/$results\" && [ \"$(pwd -P)\" = \"$root/$below/$results\" ] &&
+    mkdir -m 755 \"$run\" && cd -P \"./$run\" && [ \"$(pwd -P)\" = \"$root/$below/$results/$run\" ] || exit \"$no_place\"
+mask=$(umask)
+umask 022
+exec 3>steps.jsonl 4>end >log 2>&1
+umask \"$mask\"
+";
+
 /// The end of every script. `$work` is the program.
 const TAIL: &str = "\
 work=$!
@@ -52,7 +73,9 @@ while kill -0 \"$work\" 2>/dev/null; do
     wait \"$work\"
     code=$?
 done
-echo \"$code\" >>\"$out.end\"
+echo \"$code\" >&4
+# Others may delete these results when they are old.
+chmod g+w .
 ";
 
 impl BatchScript<'_> {
@@ -60,19 +83,19 @@ impl BatchScript<'_> {
     #[must_use]
     pub fn text(&self) -> String {
         let mut text = self.head();
-        let plan = quote(&self.submission.folder);
-        let _ = write!(
-            text,
-            "\nplan={plan}\ntask=${{SLURM_ARRAY_JOB_ID}}_$SLURM_ARRAY_TASK_ID\nout=$plan/{RESULTS}/$task\n\
-             shard=$plan/shard-$(printf %04d \"$SLURM_ARRAY_TASK_ID\").json\n"
-        );
+        let [shared, folder] = [self.shared, self.folder].map(shell_word);
+        let below = shell_word(&self.submission.below());
+        let _ = write!(text, "\nshared={shared}\nbelow={below}\nresults={RESULTS}\nno_place={NO_PLACE}\n");
+        text.push_str(RESULT_FOLDER);
         match &self.options.task_store {
-            None => text.push_str("store=${TMPDIR:-/tmp}/gs2e-$task\n"),
+            None => {
+                text.push_str("store=$(mktemp -d \"${TMPDIR:-/tmp}/gs2e-XXXXXXXX\") || exit \"$no_place\"\n");
+            }
             Some(folder) => {
-                let _ = writeln!(text, "store={}/$SLURM_ARRAY_TASK_ID", quote(folder));
+                let _ = writeln!(text, "store={}/$SLURM_ARRAY_TASK_ID", shell_word(folder));
             }
         }
-        let _ = writeln!(text, "{} >>\"$out.jsonl\" &", self.command());
+        let _ = writeln!(text, "(cd {folder} && exec {} >&3 3>&- 4>&-) &", self.command());
         text.push_str(TAIL);
         if self.options.task_store.is_none() {
             text.push_str("rm -rf \"$store\"\n");
@@ -82,24 +105,22 @@ impl BatchScript<'_> {
 
     /// The options of `sbatch`.
     fn head(&self) -> String {
-        let Submission { name, plan, folder } = self.submission;
+        let Submission { plan, .. } = self.submission;
         let mut lines = vec![
-            ("job-name", name.clone()),
+            ("job-name", self.submission.name()),
             ("array", format!("1-{}", plan.tasks.len())),
             ("cpus-per-task", plan.cores.to_string()),
             ("mem", format!("{}M", plan.memory_mb)),
         ];
         lines.extend(self.options.slurm.iter().cloned());
-        let log = folder.join(RESULTS).to_string_lossy().replace('%', "%%") + "/%A_%a.log";
         lines.extend([
             ("signal", format!("B:TERM@{SECONDS_TO_END}")),
-            ("output", log),
-            ("open-mode", "append".to_owned()),
-            ("chdir", self.folder.to_string_lossy().into_owned()),
+            // Slurm follows links when it opens this file, so it is none that others can replace.
+            ("output", "/dev/null".to_owned()),
         ]);
         let mut text = "#!/bin/sh\n".to_owned();
         for (option, value) in lines {
-            let _ = writeln!(text, "#SBATCH --{option}={}", quote(Path::new(&value)));
+            let _ = writeln!(text, "#SBATCH --{option}={}", shell_word(Path::new(&value)));
         }
         // The node failed, and not the work.
         text + "#SBATCH --requeue\n"
@@ -109,10 +130,10 @@ impl BatchScript<'_> {
     fn command(&self) -> String {
         let plan = &self.submission.plan;
         let mut command = match &self.options.container {
-            None => quote(self.program),
+            None => shell_word(self.program),
             Some(image) => {
                 let gpu = if self.options.gpu { " --nv" } else { "" };
-                let [shared, folder, image] = [self.shared, self.folder, image.as_path()].map(quote);
+                let [shared, folder, image] = [self.shared, self.folder, image.as_path()].map(shell_word);
                 format!(
                     "apptainer exec{gpu} --bind {shared} --bind {folder} --bind \"${{TMPDIR:-/tmp}}\" {image} gs2e"
                 )
@@ -121,18 +142,15 @@ impl BatchScript<'_> {
         let memory = plan.memory_mb * STEP_MEMORY_PERCENT / 100;
         let _ = write!(
             command,
-            " build --shard-file \"$shard\" --store \"$store\" --shared-store {} --keep-going --json --quiet \
-             --jobs {} --memory {memory}MB",
-            quote(self.shared),
+            " build --shard-file \"$shard\" --plan-digest {} --store \"$store\" --shared-store {} --keep-going --json \
+             --quiet --jobs {} --memory {memory}MB",
+            self.submission.digest,
+            shell_word(self.shared),
             plan.cores,
         );
-        self.words.iter().for_each(|word| command.push_str(&format!(" {}", quote(Path::new(word)))));
+        self.words.iter().for_each(|word| command.push_str(&format!(" {}", shell_word(Path::new(word)))));
         command
     }
-}
-
-fn quote(path: &Path) -> String {
-    quoted([path])
 }
 
 #[cfg(test)]
@@ -168,9 +186,10 @@ mod tests {
             "#SBATCH --array=1-2\n",
             "#SBATCH --mem=4000M\n",
             "#SBATCH --account='lab 7'\n",
-            "#SBATCH --chdir='/home of it/x'\n",
+            "#SBATCH --output=/dev/null\n",
             "#SBATCH --requeue\n",
-            "--jobs 2 --memory 3200MB --backend cpu >>\"$out.jsonl\" &\n",
+            "(cd '/home of it/x' && exec /opt/gs2e build ",
+            "--jobs 2 --memory 3200MB --backend cpu >&3 3>&- 4>&-) &\n",
             "rm -rf \"$store\"\n",
         ];
         wanted.iter().for_each(|line| assert!(text.contains(line), "{line}\n{text}"));

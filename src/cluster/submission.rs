@@ -1,21 +1,28 @@
 //! The plan of one array job: which scenes each of its tasks builds. Its files never change.
+//!
+//! Other people can write to the shared store. A plan has the digests of the files of its tasks, and the script
+//! has that of the plan, so a task builds what was submitted or nothing. No link in the store is followed.
 
 use super::ClusterError;
-use crate::files::rename::write_by_rename;
+use crate::files::below::FolderBelow;
 use crate::files::{self, MAX_DOCUMENT};
 use crate::recipe::RecipeFile;
 use crate::store::Digest;
 use serde::{Deserialize, Serialize};
+use std::ffi::OsString;
 use std::io;
+use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 use std::path::{Path, PathBuf};
 
 /// Folder of the plans in a shared store.
-const PLANS: &str = "plans";
+pub const PLANS: &str = "gs2e-plans";
 const PLAN: &str = "plan.json";
-/// Folder of what tasks print, in the folder of a plan.
+/// Copy of the batch script, for people.
+const SCRIPT: &str = "task.sh";
+/// Folder of the results of tasks, in the folder of a plan.
 pub const RESULTS: &str = "results";
-/// Format of the files. A plan of another format is refused.
-const FORMAT: u32 = 1;
+/// Format of the files. A plan of another format is not used.
+const FORMAT: u32 = 2;
 
 /// A scene of a plan.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,6 +43,8 @@ pub struct SubmissionPlan {
     pub cores: u16,
     /// True if a scene is done once its task says so. Otherwise its keys decide.
     pub by_report: bool,
+    /// Digests of the files of the tasks.
+    shards: Vec<Digest>,
     /// The scenes of each task. The first task has the number 1.
     pub tasks: Vec<Vec<SubmittedScene>>,
 }
@@ -49,19 +58,52 @@ struct ShardFile {
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 struct ShardRecipe {
-    recipe: PathBuf,
-    defaults: Option<PathBuf>,
+    recipe: StoredPath,
+    defaults: Option<StoredPath>,
 }
 
-/// A plan with its folder.
+/// A path in JSON: as text, or as bytes if it is not UTF-8.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(untagged)]
+enum StoredPath {
+    Text(String),
+    Bytes(Vec<u8>),
+}
+
+impl From<&PathBuf> for StoredPath {
+    fn from(path: &PathBuf) -> Self {
+        path.to_str()
+            .map_or_else(|| Self::Bytes(path.as_os_str().as_bytes().to_vec()), |p| Self::Text(p.into()))
+    }
+}
+
+impl From<StoredPath> for PathBuf {
+    fn from(path: StoredPath) -> Self {
+        match path {
+            StoredPath::Text(text) => text.into(),
+            StoredPath::Bytes(bytes) => OsString::from_vec(bytes).into(),
+        }
+    }
+}
+
+/// A plan in a shared store.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Submission {
-    /// Absolute path.
-    pub folder: PathBuf,
-    /// Name of its jobs.
-    pub name: String,
+    /// Absolute path of the shared store.
+    pub shared: PathBuf,
+    /// Digest of the plan.
+    pub digest: Digest,
     /// The plan.
     pub plan: SubmissionPlan,
+}
+
+/// The plans of a shared store.
+#[derive(Debug, Default)]
+pub struct FoundPlans {
+    /// The sound ones, in the order of their names.
+    pub sound: Vec<Submission>,
+    /// Reasons why others are not used.
+    pub refused: Vec<ClusterError>,
 }
 
 /// Resources of each task.
@@ -84,72 +126,121 @@ impl Submission {
     pub fn plan(shared: &Path, need: TaskNeed, tasks: &[PlannedTask]) -> Self {
         let TaskNeed { memory_mb, cores, gpu } = need;
         let scenes = |task: &PlannedTask| task.iter().map(|(scene, _)| scene.clone()).collect();
+        let shards = tasks.iter().map(|task| Digest::of_bytes(&shard_bytes(task))).collect();
         let tasks = tasks.iter().map(scenes).collect();
-        let plan = SubmissionPlan { format: FORMAT, memory_mb, cores, by_report: gpu, tasks };
-        let digest = Digest::of_bytes(&to_json(&plan)).short();
-        Self { folder: shared.join(PLANS).join(&digest), name: job_name(&digest), plan }
+        let plan = SubmissionPlan { format: FORMAT, memory_mb, cores, by_report: gpu, shards, tasks };
+        Self { shared: shared.to_owned(), digest: Digest::of_bytes(&to_json(&plan)), plan }
+    }
+
+    /// Name of its jobs.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("gs2e-{}", self.digest.short())
+    }
+
+    /// Its folder, relative to the shared store.
+    #[must_use]
+    pub fn below(&self) -> PathBuf {
+        Path::new(PLANS).join(self.digest.short())
     }
 
     /// Writes the plan, the files of its tasks, and the script.
     ///
     /// # Errors
-    /// They cannot be written.
+    /// They cannot be written, or a folder on the way is a link.
     pub fn write(&self, tasks: &[PlannedTask], script: &str) -> Result<(), ClusterError> {
-        let results = self.folder.join(RESULTS);
-        std::fs::create_dir_all(&results).map_err(io_error(&results))?;
-        for (number, task) in (1..).zip(tasks) {
-            let recipe = |(_, file): &(SubmittedScene, RecipeFile)| ShardRecipe {
-                recipe: file.path.clone(),
-                defaults: file.defaults.clone(),
-            };
-            let shard = ShardFile { format: FORMAT, recipes: task.iter().map(recipe).collect() };
-            put(&self.folder.join(shard_name(number)), &to_json(&shard))?;
+        let path = self.shared.join(self.below());
+        let mut folder = FolderBelow::open(&self.shared).map_err(io_error(&self.shared))?;
+        for name in [PLANS, &self.digest.short()] {
+            folder = folder.enter_or_create(name).map_err(io_error(&path))?;
         }
-        put(&self.script(), script.as_bytes())?;
+        folder.enter_or_create(RESULTS).map_err(io_error(&path.join(RESULTS)))?;
+        let put = |name: &str, bytes: &[u8]| {
+            // Equal plans have equal files, so a file that is there is this one.
+            let is_there = folder.read(name, MAX_DOCUMENT).is_ok_and(|there| there == bytes);
+            if is_there { Ok(()) } else { folder.write(name, bytes).map_err(io_error(&path.join(name))) }
+        };
+        for (number, task) in (1..).zip(tasks) {
+            put(&shard_name(number), &shard_bytes(task))?;
+        }
+        put(SCRIPT, script.as_bytes())?;
         // Last: a folder without it is not a plan yet.
-        put(&self.folder.join(PLAN), &to_json(&self.plan))
+        put(PLAN, &to_json(&self.plan))
     }
 
-    /// Path of the batch script.
-    #[must_use]
-    pub fn script(&self) -> PathBuf {
-        self.folder.join("task.sh")
-    }
-
-    /// The plans of a shared store, in unspecified order.
+    /// The plans of a shared store. A plan that cannot be read, was altered, or has another format is none.
     ///
     /// # Errors
-    /// A plan cannot be read, or has another format.
-    pub fn all(shared: &Path) -> Result<Vec<Self>, ClusterError> {
-        let folder = shared.join(PLANS);
-        let entries = match std::fs::read_dir(&folder) {
-            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-            entries => entries.map_err(io_error(&folder))?,
+    /// The folder of the plans cannot be listed.
+    pub fn all(shared: &Path) -> Result<FoundPlans, ClusterError> {
+        let path = shared.join(PLANS);
+        let plans = match FolderBelow::open(shared).and_then(|shared| shared.enter(PLANS)) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(FoundPlans::default()),
+            plans => plans.map_err(io_error(&path))?,
         };
-        let mut found = Vec::new();
-        for entry in entries {
-            let folder = entry.map_err(io_error(&folder))?.path();
-            let path = folder.join(PLAN);
-            if !files::is_there(&path) {
-                continue;
+        let mut names: Vec<String> =
+            plans.names().map_err(io_error(&path))?.into_iter().filter_map(is_plan).collect();
+        names.sort();
+        let mut found = FoundPlans::default();
+        for name in names {
+            match Self::read(shared, &plans, &name) {
+                Ok(plan) => found.sound.extend(plan),
+                Err(error) => found.refused.push(error),
             }
-            let plan: SubmissionPlan = read(&path)?;
-            let digest = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            found.push(Self { name: job_name(&digest), folder, plan });
         }
-        found.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(found)
+    }
+
+    /// The plan in a folder; `None` if it is not complete yet.
+    fn read(shared: &Path, plans: &FolderBelow, name: &str) -> Result<Option<Self>, ClusterError> {
+        let path = shared.join(PLANS).join(name).join(PLAN);
+        let bytes = match plans.enter(name).and_then(|folder| folder.read(PLAN, MAX_DOCUMENT)) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            bytes => bytes.map_err(io_error(&path))?,
+        };
+        let plan: SubmissionPlan = parse(&path, &bytes)?;
+        let digest = Digest::of_bytes(&bytes);
+        if digest.short() != name {
+            return Err(ClusterError::Altered { path });
+        }
+        Ok(Some(Self { shared: shared.to_owned(), digest, plan }))
     }
 }
 
-/// The recipes of a task, from its file.
+/// The name of a folder, if it can be that of a plan.
+fn is_plan(name: OsString) -> Option<String> {
+    let name = name.into_string().ok()?;
+    let is_digit = |c: char| matches!(c, '0'..='9' | 'a'..='f');
+    (name.len() == Digest::of_bytes(&[]).short().len() && name.chars().all(is_digit)).then_some(name)
+}
+
+/// The recipes of a task, from its file, beside which the plan with this digest lies.
 ///
 /// # Errors
-/// The file cannot be read, or has another format.
-pub fn read_shard(path: &Path) -> Result<Vec<RecipeFile>, ClusterError> {
-    let shard: ShardFile = read(path)?;
-    let file = |recipe: ShardRecipe| RecipeFile { path: recipe.recipe, defaults: recipe.defaults };
+/// A file cannot be read, has another format, or is not that of the plan.
+pub fn read_shard(path: &Path, digest: &Digest) -> Result<Vec<RecipeFile>, ClusterError> {
+    let number = path.file_name().and_then(|name| shard_number(name.to_str()?));
+    let wanted = |because: &str| ClusterError::Plan { path: path.to_owned(), because: because.to_owned() };
+    let number = number.ok_or_else(|| wanted("its name is not shard-NUMBER.json"))?;
+    let plan_path = path.with_file_name(PLAN);
+    let plan = read_unaltered(&plan_path, digest)?;
+    let plan: SubmissionPlan = parse(&plan_path, &plan)?;
+    let of_task = plan.shards.get(number - 1).ok_or_else(|| wanted("its plan has no such task"))?;
+    let shard: ShardFile = parse(path, &read_unaltered(path, of_task)?)?;
+    let file = |recipe: ShardRecipe| RecipeFile {
+        path: recipe.recipe.into(),
+        defaults: recipe.defaults.map(Into::into),
+    };
     Ok(shard.recipes.into_iter().map(file).collect())
+}
+
+fn read_unaltered(path: &Path, digest: &Digest) -> Result<Vec<u8>, ClusterError> {
+    let bytes = files::read(path, MAX_DOCUMENT).map_err(io_error(path))?;
+    if Digest::of_bytes(&bytes) == *digest {
+        Ok(bytes)
+    } else {
+        Err(ClusterError::Altered { path: path.to_owned() })
+    }
 }
 
 /// Name of the file of a task.
@@ -158,34 +249,35 @@ pub fn shard_name(task: usize) -> String {
     format!("shard-{task:04}.json")
 }
 
-fn job_name(digest: &str) -> String {
-    format!("gs2e-{digest}")
+/// The number of the task of a file, from 1.
+fn shard_number(name: &str) -> Option<usize> {
+    let number = name.strip_prefix("shard-")?.strip_suffix(".json")?.parse().ok()?;
+    (number > 0).then_some(number)
+}
+
+fn shard_bytes(task: &PlannedTask) -> Vec<u8> {
+    let recipe = |(_, file): &(SubmittedScene, RecipeFile)| ShardRecipe {
+        recipe: (&file.path).into(),
+        defaults: file.defaults.as_ref().map(Into::into),
+    };
+    to_json(&ShardFile { format: FORMAT, recipes: task.iter().map(recipe).collect() })
 }
 
 fn to_json(value: &impl Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("plans are plain data")
 }
 
-fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, ClusterError> {
+fn parse<T: serde::de::DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T, ClusterError> {
     #[derive(Deserialize)]
     struct Format {
         format: u32,
     }
-    let bytes = files::read(path, MAX_DOCUMENT).map_err(io_error(path))?;
     let refused = |because: String| ClusterError::Plan { path: path.to_owned(), because };
-    let Format { format } = serde_json::from_slice(&bytes).map_err(|e| refused(e.to_string()))?;
+    let Format { format } = serde_json::from_slice(bytes).map_err(|e| refused(e.to_string()))?;
     if format != FORMAT {
         return Err(refused(format!("it has format {format}, wanted {FORMAT}")));
     }
-    serde_json::from_slice(&bytes).map_err(|e| refused(e.to_string()))
-}
-
-fn put(path: &Path, bytes: &[u8]) -> Result<(), ClusterError> {
-    // Equal plans have equal files, so a file that is there is this one.
-    if files::read(path, MAX_DOCUMENT).is_ok_and(|there| there == bytes) {
-        return Ok(());
-    }
-    write_by_rename(path, |part| std::fs::write(part, bytes)).map_err(io_error(path))
+    serde_json::from_slice(bytes).map_err(|e| refused(e.to_string()))
 }
 
 pub(super) fn io_error(path: &Path) -> impl FnOnce(io::Error) -> ClusterError {
@@ -210,31 +302,60 @@ mod tests {
     #[test]
     fn a_plan_is_read_as_it_was_written() {
         let folder = tempfile::tempdir().unwrap();
-        assert_eq!(Submission::all(folder.path()).unwrap(), []);
-        let tasks = [task("a"), task("b")];
+        let all = || Submission::all(folder.path()).unwrap().sound;
+        assert_eq!(all(), []);
+        let mut tasks = [task("a"), task("b")];
+        tasks[1][0].1.path = OsString::from_vec(b"/r/\xff.yaml".to_vec()).into();
         let written = Submission::plan(folder.path(), NEED, &tasks);
         // Twice, as if it were submitted again.
         written.write(&tasks, "#!/bin/sh\n").unwrap();
         written.write(&tasks, "#!/bin/sh\n").unwrap();
-        assert_eq!(Submission::all(folder.path()).unwrap(), std::slice::from_ref(&written));
-        let shard = read_shard(&written.folder.join("shard-0002.json")).unwrap();
-        assert_eq!(shard, [tasks[1][0].1.clone()]);
-        let need = TaskNeed { memory_mb: 8000, ..NEED };
-        let other = Submission::plan(folder.path(), need, &tasks);
-        assert_ne!(other.name, written.name);
+        assert_eq!(all(), std::slice::from_ref(&written));
+        let shard = folder.path().join(written.below()).join("shard-0002.json");
+        assert_eq!(read_shard(&shard, &written.digest).unwrap(), [tasks[1][0].1.clone()]);
+        let other = Submission::plan(folder.path(), TaskNeed { memory_mb: 8000, ..NEED }, &tasks);
+        assert_ne!(other.name(), written.name());
+        // Equal scenes with recipes elsewhere are another plan.
+        tasks[0][0].1.path = "/other/a.yaml".into();
+        assert_ne!(Submission::plan(folder.path(), NEED, &tasks).name(), written.name());
     }
 
     #[test]
-    fn plans_of_other_formats_are_refused() {
+    fn a_task_refuses_files_that_were_altered() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("plans/abc/plan.json");
+        let tasks = [task("a"), task("b")];
+        let written = Submission::plan(folder.path(), NEED, &tasks);
+        written.write(&tasks, "").unwrap();
+        let at = |name: &str| folder.path().join(written.below()).join(name);
+        let refused = |name: &str| read_shard(&at(name), &written.digest).unwrap_err().to_string();
+        assert!(refused("shard-0003.json").contains("its plan has no such task"));
+        assert!(refused("plan.json").contains("its name is not shard-NUMBER.json"));
+        // The file of another task is sound, and not the one of this task.
+        std::fs::copy(at("shard-0002.json"), at("shard-0001.json")).unwrap();
+        assert!(refused("shard-0001.json").contains("shard-0001.json was altered"));
+        let mut plan = std::fs::read(at("plan.json")).unwrap();
+        plan.push(b' ');
+        std::fs::write(at("plan.json"), plan).unwrap();
+        assert!(refused("shard-0002.json").contains("plan.json was altered"));
+        let FoundPlans { sound, refused } = Submission::all(folder.path()).unwrap();
+        assert!(sound.is_empty() && refused[0].to_string().contains("plan.json was altered"), "{refused:?}");
+    }
+
+    #[test]
+    fn plans_that_cannot_be_read_are_named_and_the_others_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let tasks = [task("a")];
+        let written = Submission::plan(folder.path(), NEED, &tasks);
+        written.write(&tasks, "").unwrap();
+        let path = folder.path().join("gs2e-plans/0123456789ab/plan.json");
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         for (text, wanted) in
-            [(r#"{"format":2}"#, "it has format 2"), ("{", "EOF"), (r#"{"format":1}"#, "missing")]
+            [(r#"{"format":9}"#, "it has format 9"), ("{", "EOF"), (r#"{"format":2}"#, "missing")]
         {
             std::fs::write(&path, text).unwrap();
-            let error = Submission::all(folder.path()).unwrap_err().to_string();
-            assert!(error.contains(wanted), "{error}");
+            let FoundPlans { sound, refused } = Submission::all(folder.path()).unwrap();
+            assert_eq!((sound.len(), refused.len()), (1, 1));
+            assert!(refused[0].to_string().contains(wanted), "{refused:?}");
         }
     }
 }

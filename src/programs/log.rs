@@ -1,6 +1,7 @@
 //! Log files of programs: the command first, then all output.
 
 use crate::files;
+use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
@@ -68,9 +69,16 @@ fn holds(said: &str, version: &str) -> bool {
 /// bar, the last text counts.
 #[must_use]
 pub fn last_lines(log: &Path, from: u64) -> Vec<String> {
+    files::open(log).map(|log| last_lines_in(log, from)).unwrap_or_default()
+}
+
+/// As [`last_lines`], of an open log.
+#[must_use]
+pub fn last_lines_in(mut log: File, from: u64) -> Vec<String> {
     // A log may be large, and its end is enough for a message.
-    let from = from.max(length(log).saturating_sub(LAST_BYTES));
-    let text = said(log, from, LAST_BYTES);
+    let length = log.metadata().map_or(0, |about| about.len());
+    let from = from.max(length.saturating_sub(LAST_BYTES));
+    let text = log.seek(SeekFrom::Start(from)).map(|_| read_text(log, LAST_BYTES)).unwrap_or_default();
     let shown = |line: &str| {
         let line = line.trim_end().rsplit('\r').next().unwrap_or_default();
         line.chars().filter(|c| *c == '\t' || !c.is_control()).collect::<String>()

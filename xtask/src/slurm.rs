@@ -304,12 +304,9 @@ impl Place {
 
     /// The keys of the steps that tasks say they made, once for each time.
     fn made(&self) -> Vec<String> {
-        let plans = fs::read_dir(self.folder.join("shared/plans")).into_iter().flatten().flatten();
+        let plans = fs::read_dir(self.folder.join("shared/gs2e-plans")).into_iter().flatten().flatten();
         let results = plans.flat_map(|plan| fs::read_dir(plan.path().join("results")).into_iter().flatten());
-        let files = results
-            .flatten()
-            .map(|file| file.path())
-            .filter(|path| path.extension() == Some("jsonl".as_ref()));
+        let files = results.flatten().map(|run| run.path().join("steps.jsonl"));
         let text: String = files.filter_map(|path| read(&path).ok()).collect();
         let lines = text.lines().filter(|line| line.contains("\"state\":\"made\""));
         let key = |line: &str| Some(line.split("\"key\":\"").nth(1)?.split('"').next()?.to_owned());
