@@ -49,7 +49,7 @@ pub use cache::EvictedFiles;
 pub use kept::KeptFiles;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
-pub use shared::{SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
+pub use shared::{PLANS, SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
 pub use unlike::OutputMismatch;
 
 use cache::StoreCache;

@@ -8,7 +8,7 @@ use crate::run::StepError;
 use crate::stage::StageError;
 use crate::store::record::{StepProvenance, StepRecord, content_digest};
 use crate::store::space::DiskSpace;
-use crate::store::{OutputMismatch, StoreError};
+use crate::store::{OutputMismatch, SharedMismatch, StoreError};
 use crate::units::format_amount;
 
 /// A step, and the progress of the run.
@@ -47,11 +47,21 @@ pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessa
                 .help(format!("{kept}; gs2e why {scene}/{step} shows the inputs"))
         }
         StepError::Store(StoreError::SharedMismatch(sides)) => {
-            new("nondeterministic", format!("{scene}/{step}: {sides}"))
-                .help("build --recheck 1 on both machines shows which of them is wrong")
+            shared_mismatch(new("nondeterministic", format!("{scene}/{step}: {sides}")), sides)
         }
         StepError::Store(error) => new("store", format!("{scene}/{step}: failed {error}")),
     }
+}
+
+/// A record of the shared store that this machine contradicts.
+fn shared_mismatch(message: UserMessage, sides: &SharedMismatch) -> UserMessage {
+    let StepProvenance { tool, seconds, threads, .. } = &sides.first.provenance;
+    message
+        .detail(format!("record: {} (gs2e {tool}, {seconds:.1} s, {threads} threads)", sides.record()))
+        .help(
+            "build --recheck 1 on a third machine shows which of them is wrong; if it is the record, delete that \
+             file and run the same command",
+        )
 }
 
 /// The message about a program that a step ran: how it ended, and its last lines.

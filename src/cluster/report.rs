@@ -5,11 +5,11 @@
 
 use super::ClusterError;
 use super::queue::TaskId;
-use super::submission::{PLANS, RESULTS, Submission, io_error};
+use super::submission::{RESULTS, Submission, io_error};
 use crate::files;
 use crate::files::below::FolderBelow;
 use crate::programs;
-use crate::store::Key;
+use crate::store::{Key, PLANS};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;

@@ -7,15 +7,13 @@ use super::ClusterError;
 use crate::files::below::FolderBelow;
 use crate::files::{self, MAX_DOCUMENT};
 use crate::recipe::RecipeFile;
-use crate::store::Digest;
+use crate::store::{Digest, PLANS};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::io;
 use std::os::unix::ffi::{OsStrExt as _, OsStringExt as _};
 use std::path::{Path, PathBuf};
 
-/// Folder of the plans in a shared store.
-pub const PLANS: &str = "gs2e-plans";
 const PLAN: &str = "plan.json";
 /// Copy of the batch script, for people.
 const SCRIPT: &str = "task.sh";

@@ -97,6 +97,12 @@ impl BlobFolders {
         Ok(FinishedBlob { output: StoredOutput { name, digest, size }, path })
     }
 
+    /// A file in a workspace whose digest is known, after making it read-only.
+    pub(super) fn known(&self, output: &StoredOutput, path: PathBuf) -> Result<FinishedBlob, StoreError> {
+        self.disk.make_read_only(&path)?;
+        Ok(FinishedBlob { output: output.clone(), path })
+    }
+
     /// Publishes a finished file; the first writer wins. Returns true if this file became the blob.
     /// Its name in the workspace is removed at once: removing it later would change the blob's
     /// ctime, and the blob would be read again.

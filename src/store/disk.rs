@@ -161,6 +161,23 @@ impl StoreDisk {
         .map_err(disk_error("copying to", to))
     }
 
+    /// Copies a file from a folder to which other people can write; see [`Fs::copy_foreign`].
+    pub(super) fn copy_foreign(
+        &self,
+        from: &Path,
+        to: &Path,
+        size: u64,
+    ) -> Result<Option<Digest>, StoreError> {
+        retry_interrupted(|| {
+            match self.try_remove(to) {
+                Err(e) if !is_absent(&e) => return Err(e),
+                _ => {}
+            }
+            self.fs.copy_foreign(from, to, size)
+        })
+        .map_err(disk_error("copying to", to))
+    }
+
     /// Creates or replaces a file. After an error, it may have part of the bytes.
     pub(super) fn write(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
         retry_interrupted(|| self.fs.write(path, bytes)).map_err(disk_error("writing", path))

@@ -65,6 +65,12 @@ pub trait Fs: fmt::Debug + Send + Sync {
         fs::copy(from, to).map(drop)
     }
 
+    /// Copies a regular file of `size` bytes to a new file, from a folder to which other people can write.
+    /// Returns the digest of the bytes that were copied, or `None` if no such file is there. A link is none.
+    fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
+        Digest::of_copy(from, to, size)
+    }
+
     /// Reads a file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
 
@@ -74,12 +80,12 @@ pub trait Fs: fmt::Debug + Send + Sync {
     /// The stat fields of a path. Links are followed.
     fn stat(&self, path: &Path) -> io::Result<FileStat>;
 
-    /// Sets the times of a file to now, by the clock of the file system.
+    /// Sets the times of a file to now, by the clock of the file system. Those of a link are its own.
     fn touch(&self, path: &Path) -> io::Result<()> {
         // The time is left to the file system, since the clocks of machines differ.
         let now = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
         let times = Timestamps { last_access: now, last_modification: now };
-        Ok(rustix::fs::utimensat(CWD, path, &times, AtFlags::empty())?)
+        Ok(rustix::fs::utimensat(CWD, path, &times, AtFlags::SYMLINK_NOFOLLOW)?)
     }
 
     /// The entries of a folder, sorted by path. A link to a folder is an error.

@@ -6,11 +6,12 @@
 //! that stays in the core's own cache, and hashes each piece while it is there.
 
 use super::Digest;
-use crate::files;
+use super::disk::is_absent;
+use crate::files::{self, LinkRule};
 use blake3::Hasher;
 use blake3::hazmat::{self, ChainingValue, HasherExt, Mode};
 use std::fs::File;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind, Read, Write as _};
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
@@ -47,6 +48,36 @@ impl Digest {
             }
         }
         to_the_end(file)
+    }
+}
+
+impl Digest {
+    /// Copies a regular file of `size` bytes to a new file, and hashes the bytes meanwhile. `None` if no such
+    /// file is there: it is absent, has another size, or is a link, a folder or a special file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or the new one cannot be written. It may then have a part of the bytes.
+    pub(super) fn of_copy(from: &Path, to: &Path, size: u64) -> io::Result<Option<Self>> {
+        let file = match files::open_with(from, LinkRule::Refuse) {
+            Err(e) if is_absent(&e) || files::is_no_file(&e) => return Ok(None),
+            file => file?,
+        };
+        if file.metadata()?.len() != size {
+            return Ok(None);
+        }
+        let (mut hasher, mut piece) = (Hasher::new(), vec![0; PIECE]);
+        let (mut file, mut copy) = (file.take(size), File::create_new(to)?);
+        loop {
+            match file.read(&mut piece) {
+                Ok(0) => return Ok(Some(hasher.finalize().into())),
+                Ok(n) => {
+                    hasher.update(&piece[..n]);
+                    copy.write_all(&piece[..n])?;
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(e),
+            }
+        }
     }
 }
 

@@ -3,7 +3,12 @@
 //!
 //! Files appear whole and never change: the first writer wins. There is no lock, no counter and no database,
 //! because those fail on network file systems. A file that is seen late by a cache of the file system costs a
-//! copy, and nothing else. The bytes are not trusted: every file that is taken is compared with its name.
+//! copy, and nothing else.
+//!
+//! Other people can write there. A blob is compared with its name while it is copied, no link is followed, and
+//! a file that is no blob or no record counts as absent. Records are trusted: a record says which blobs belong
+//! to a key, and only another run of the step can prove it wrong. A build therefore makes a share of the steps
+//! again.
 
 #[cfg(feature = "s3")]
 mod bucket;
@@ -32,6 +37,9 @@ pub(super) struct SharedStore {
     damaged: Mutex<BTreeSet<Digest>>,
 }
 
+/// Folder of the plans of array jobs. Only `gs2e gc` needs its name here.
+pub const PLANS: &str = "gs2e-plans";
+
 /// Different outputs of one key, in the shared store and on this machine.
 #[derive(Debug)]
 pub struct SharedMismatch {
@@ -52,6 +60,14 @@ impl fmt::Display for SharedMismatch {
             "{} has other outputs of key {} than this machine: {file} differs",
             self.shared, self.own.key
         )
+    }
+}
+
+impl SharedMismatch {
+    /// The file of the record that was there first.
+    #[must_use]
+    pub fn record(&self) -> String {
+        format!("{}/{}", self.shared, StepRecord::record_name(&self.first.key))
     }
 }
 
@@ -109,9 +125,9 @@ impl SharedStore {
     }
 
     fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
-        let StoredOutput { digest, size, .. } = output;
+        let digest = &output.digest;
         let name = blob_name(digest);
-        let is_sound = || Ok(!self.damaged().contains(digest) && self.medium.is_sound(&name, digest, *size)?);
+        let is_sound = || Ok(!self.damaged().contains(digest) && self.medium.is_sound(output)?);
         if !is_sound()? && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound()? {
             self.medium.replace(SharedBytes::File(own), &name)?;
         }
@@ -143,19 +159,18 @@ impl Store {
         shared.medium.mark_used(&StepRecord::record_name(key))?;
         let Some(record) = shared.record(key)? else { return Ok(None) };
         let workspace = self.workspace()?;
-        let mut wrong = Vec::new();
+        let (mut files, mut wrong) = (Vec::new(), Vec::new());
         for output in &record.outputs {
             let to = workspace.path().join(&output.name);
             if let Some(folder) = to.parent() {
                 self.disk.create_dir(folder)?;
             }
-            if !shared.medium.take(&blob_name(&output.digest), output.size, &to)? {
+            if shared.medium.take(output, &to)? {
+                files.push(self.blobs.known(output, to)?);
+            } else {
                 wrong.push(output.digest);
             }
         }
-        let files = self.blobs.finish(workspace.path())?;
-        let found = |wanted: &StoredOutput| files.iter().any(|file| file.output == *wanted);
-        wrong.extend(record.outputs.iter().filter(|output| !found(output)).map(|output| output.digest));
         if !wrong.is_empty() {
             shared.damaged().extend(wrong);
             return Ok(None);

@@ -158,6 +158,18 @@ impl Fs for Failing {
         }
     }
 
+    fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
+        match self.meets(Kind::Copy, to) {
+            None => SystemFs.copy_foreign(from, to, size),
+            Some(How::Short) => {
+                let bytes = SystemFs.read(from)?;
+                SystemFs.write(to, &bytes[..bytes.len() / 2])?;
+                Err(How::Short.error())
+            }
+            Some(how) => Err(how.error()),
+        }
+    }
+
     fn touch(&self, path: &Path) -> io::Result<()> {
         self.pass(Kind::Touch, path, || SystemFs.touch(path))
     }

@@ -43,7 +43,9 @@ pub(super) fn run(
 }
 
 fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
-    let SharedSwept { records, blobs, bytes, kept_records, restored, deleted, deleted_bytes, .. } = *swept;
+    let SharedSwept {
+        records, blobs, bytes, kept_records, restored, deleted, deleted_bytes, refused, ..
+    } = *swept;
     let mb = |bytes: u64| bytes as f64 * 1e-6;
     let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
     console.say(&format!("{moved} {records} records and {blobs} blobs, {:.1} MB, to the trash", mb(bytes)));
@@ -53,6 +55,9 @@ fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
     ));
     if restored > 0 {
         console.say(&format!("{restored} files were used meanwhile, and are back"));
+    }
+    if refused > 0 {
+        console.say(&format!("{refused} old folders of other users stay: only they may delete them"));
     }
     console.say(&format!("kept {kept_records} records"));
     if swept.clock_difference >= TOLD_DIFFERENCE {

@@ -9,8 +9,10 @@
 
 mod credentials;
 
-use super::medium::{SharedBytes, SharedMedium};
+use super::medium::{MAX_RECORD, SharedBytes, SharedMedium};
+use crate::store::blob::blob_name;
 use crate::store::disk::disk_error;
+use crate::store::record::StoredOutput;
 use crate::store::{BucketEnvironment, Digest, FORMAT, StoreError};
 use credentials::SharedProfile;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
@@ -116,6 +118,21 @@ impl SharedBucket {
         }
     }
 
+    /// The bytes of an object; `None` if it is absent or has another size.
+    fn get(&self, name: &str, has_size: impl Fn(u64) -> bool) -> Result<Option<Vec<u8>>, StoreError> {
+        let at = self.at(name);
+        let got = self.send(async || {
+            let found = self.bucket.get(&at).await?;
+            // The size is known before the bytes are read.
+            if has_size(found.meta.size) { found.bytes().await.map(Some) } else { Ok(None) }
+        });
+        match got {
+            Ok(bytes) => Ok(bytes.map(|bytes| bytes.to_vec())),
+            Err(e) if is_absent(&e) => Ok(None),
+            Err(e) => Err(self.error("reading", name, &e)),
+        }
+    }
+
     fn at(&self, name: &str) -> ObjectPath {
         name.split('/').fold(self.prefix.clone(), |path, part| path.join(part))
     }
@@ -203,36 +220,31 @@ impl SharedBucket {
 
 impl SharedMedium for SharedBucket {
     fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        let at = self.at(name);
-        let got = self.send(async || self.bucket.get(&at).await?.bytes().await);
-        match got {
-            Ok(bytes) => Ok(Some(bytes.to_vec())),
-            Err(e) if is_absent(&e) => Ok(None),
-            Err(e) => Err(self.error("reading", name, &e)),
-        }
+        self.get(name, |size| size <= MAX_RECORD)
     }
 
-    fn take(&self, name: &str, size: u64, to: &Path) -> Result<bool, StoreError> {
+    fn take(&self, blob: &StoredOutput, to: &Path) -> Result<bool, StoreError> {
+        let (name, size) = (blob_name(&blob.digest), blob.size);
         if size <= PART {
-            let Some(bytes) = self.read(name)?.filter(|bytes| bytes.len() as u64 == size) else {
-                return Ok(false);
-            };
-            return std::fs::write(to, bytes).map(|()| true).map_err(disk_error("writing", to));
+            let Some(bytes) = self.get(&name, |found| found == size)? else { return Ok(false) };
+            std::fs::write(to, &bytes).map_err(disk_error("writing", to))?;
+            return Ok(Digest::of_bytes(&bytes) == blob.digest);
         }
-        if !self.has(name, size)? {
+        if !self.has(&name, size)? {
             return Ok(false);
         }
-        let at = self.at(name);
+        let at = self.at(&name);
         let mut file = File::create_new(to).map_err(disk_error("writing", to))?;
-        let mut from = 0;
+        let (mut from, mut hasher) = (0, blake3::Hasher::new());
         while from < size {
             let range = from..size.min(from + PART);
             from = range.end;
             let got = self.send(|| self.bucket.get_range(&at, range.clone()));
-            let bytes = got.map_err(|e| self.error("reading", name, &e))?;
+            let bytes = got.map_err(|e| self.error("reading", &name, &e))?;
+            hasher.update(&bytes);
             file.write_all(&bytes).map_err(disk_error("writing", to))?;
         }
-        Ok(true)
+        Ok(Digest::from(hasher.finalize()) == blob.digest)
     }
 
     fn publish(&self, bytes: SharedBytes<'_>, name: &str) -> Result<bool, StoreError> {
@@ -250,9 +262,9 @@ impl SharedMedium for SharedBucket {
         }
     }
 
-    fn is_sound(&self, name: &str, _: &Digest, size: u64) -> Result<bool, StoreError> {
+    fn is_sound(&self, blob: &StoredOutput) -> Result<bool, StoreError> {
         // Objects are never there in part, and the service compared the bytes with their checksum.
-        self.has(name, size)
+        self.has(&blob_name(&blob.digest), blob.size)
     }
 
     fn is_gone(&self, _: &str) -> Result<bool, StoreError> {

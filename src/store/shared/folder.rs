@@ -1,22 +1,30 @@
 //! A shared store in a folder.
 
-use super::medium::{SharedBytes, SharedMedium};
+use super::PLANS;
+use super::medium::{MAX_RECORD, SharedBytes, SharedMedium};
+use crate::files::is_no_file;
+use crate::store::blob::blob_name;
 use crate::store::disk::{StoreDisk, disk_error, is_absent};
 use crate::store::fs::Fs;
 use crate::store::marker::{StoreFolder, StoreKind, examine};
-use crate::store::{Digest, StoreError};
+use crate::store::record::StoredOutput;
+use crate::store::{StoreError, TMP, TRASH};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use tempfile::TempDir;
 
-/// A folder: `VERSION`, `cas/` and `ac/` as in a store, and `tmp/`.
+/// Beginning of the names of folders of one process.
+pub(super) const OWN_FOLDER: &str = "gs2e-";
+
+/// A folder: `VERSION`, `cas/` and `ac/` as in a store, and folders for files that are being written, and that are
+/// about to be deleted.
 #[derive(Debug)]
 pub(super) struct SharedFolder {
     pub(super) root: PathBuf,
     pub(super) disk: StoreDisk,
-    /// A folder below `tmp/` that no other process has: machines may have equal process ids. `None` for a
-    /// reader.
+    /// A folder that no other process has: machines may have equal process ids. Only this user can write to it,
+    /// so no link takes the place of a file there. `None` for a reader.
     pub(super) own: Option<TempDir>,
     next: AtomicU64,
 }
@@ -36,11 +44,12 @@ impl SharedFolder {
         if shared.disk.claim(StoreKind::Shared).map_err(not_permitted)? == StoreFolder::Unmarked {
             shared.disk.mark_earlier(StoreKind::Shared).map_err(not_permitted)?;
         }
-        for folder in ["cas", "ac", "tmp"] {
+        shared.disk.refuse_links(&[TRASH, PLANS])?;
+        for folder in ["cas", "ac", TMP] {
             shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
         }
-        let tmp = root.join("tmp");
-        let own = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&tmp);
+        let tmp = root.join(TMP);
+        let own = tempfile::Builder::new().prefix(OWN_FOLDER).tempdir_in(&tmp);
         shared.own = Some(own.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
         Ok(shared)
     }
@@ -71,18 +80,37 @@ impl SharedFolder {
     }
 }
 
+impl SharedFolder {
+    /// Moves what is no file out of the way of a file.
+    fn clear(&self, path: &Path) -> Result<(), StoreError> {
+        match std::fs::symlink_metadata(path) {
+            Ok(about) if about.is_dir() => {
+                let name = path.file_name().unwrap_or_default();
+                self.disk.rename(path, &self.fresh_trash()?.join(name))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Returns true if a regular file of at most, or of exactly, this size is there. A link is none.
+fn is_file(path: &Path, has_size: impl Fn(u64) -> bool) -> Result<bool, StoreError> {
+    match std::fs::symlink_metadata(path) {
+        Ok(about) => Ok(about.is_file() && has_size(about.len())),
+        Err(e) if is_absent(&e) => Ok(false),
+        Err(e) => Err(disk_error("reading", path)(e)),
+    }
+}
+
 impl SharedMedium for SharedFolder {
     fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError> {
-        self.disk.read_optional(&self.root.join(name))
+        let path = self.root.join(name);
+        if is_file(&path, |size| size <= MAX_RECORD)? { self.disk.read_optional(&path) } else { Ok(None) }
     }
 
-    fn take(&self, name: &str, _: u64, to: &Path) -> Result<bool, StoreError> {
-        let from = self.root.join(name);
-        match self.disk.stat(&from) {
-            Ok(_) => self.disk.copy(&from, to).map(|()| true),
-            Err(e) if is_absent(&e) => Ok(false),
-            Err(e) => Err(disk_error("reading", &from)(e)),
-        }
+    fn take(&self, blob: &StoredOutput, to: &Path) -> Result<bool, StoreError> {
+        let from = self.root.join(blob_name(&blob.digest));
+        Ok(self.disk.copy_foreign(&from, to, blob.size)? == Some(blob.digest))
     }
 
     fn publish(&self, bytes: SharedBytes<'_>, name: &str) -> Result<bool, StoreError> {
@@ -90,15 +118,20 @@ impl SharedMedium for SharedFolder {
     }
 
     fn replace(&self, bytes: SharedBytes<'_>, name: &str) -> Result<(), StoreError> {
-        self.disk.rename(&self.lay(bytes)?, &self.root.join(name))
+        let path = self.root.join(name);
+        self.clear(&path)?;
+        self.disk.rename(&self.lay(bytes)?, &path)
     }
 
-    fn is_sound(&self, name: &str, digest: &Digest, _: u64) -> Result<bool, StoreError> {
+    fn is_sound(&self, blob: &StoredOutput) -> Result<bool, StoreError> {
         // Bytes without a record are rare, and may be those of a machine that lost its power.
-        let path = self.root.join(name);
+        let path = self.root.join(blob_name(&blob.digest));
+        if !is_file(&path, |size| size == blob.size)? {
+            return Ok(false);
+        }
         match self.disk.digest(&path) {
-            Ok(found) => Ok(found == *digest),
-            Err(e) if is_absent(&e) => Ok(false),
+            Ok(found) => Ok(found == blob.digest),
+            Err(e) if is_absent(&e) || is_no_file(&e) => Ok(false),
             Err(e) => Err(disk_error("reading", &path)(e)),
         }
     }
@@ -138,7 +171,7 @@ fn not_permitted(error: StoreError) -> StoreError {
 }
 
 /// Returns true if the system refused an operation.
-fn is_refused(error: &std::io::Error) -> bool {
+pub(super) fn is_refused(error: &std::io::Error) -> bool {
     use std::io::ErrorKind::{PermissionDenied, ReadOnlyFilesystem};
     matches!(error.kind(), PermissionDenied | ReadOnlyFilesystem)
 }

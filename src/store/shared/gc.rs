@@ -2,7 +2,7 @@
 //!
 //! A folder that several people share has no list of all recipes, so age decides, and not reference. A
 //! record is touched when it is adopted or offered; a blob stays as long as a record names it. A file goes
-//! to `trash/` first, and is deleted by a later collection, after the same time again: a process that reads
+//! to the trash first, and is deleted by a later collection, after the same time again: a process that reads
 //! it meanwhile reads on.
 //!
 //! There is no lock, so a process may adopt or publish at the same time. A record is touched before it is
@@ -10,15 +10,19 @@
 //! looks at its files afterwards, and the collection looks for new records after it moved files: one of the
 //! two sees the other, and the file is there again.
 //!
+//! Only files with names of this program are moved or deleted, and no link is followed. Two collections at the
+//! same time do no harm: a file that one of them does not find was moved by the other.
+//!
 //! Times are those of the file system, but some file systems take them from the client. The clocks of two
 //! machines may differ by two hours.
 
-use super::folder::SharedFolder;
+use super::PLANS;
+use super::folder::{OWN_FOLDER, SharedFolder, is_refused};
 use super::medium::read_record;
 use crate::store::blob::blob_name;
 use crate::store::disk::{disk_error, is_absent};
 use crate::store::fs::{FileStat, FolderEntry, SystemFs};
-use crate::store::{Digest, Key, StoreError};
+use crate::store::{Digest, Key, StoreError, TMP, TRASH};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -42,21 +46,23 @@ pub struct SharedSweep {
 /// The result of a collection, or of its dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct SharedSwept {
-    /// Number of records moved to `trash/`.
+    /// Number of records moved to the trash.
     pub records: usize,
-    /// Number of blobs moved to `trash/`.
+    /// Number of blobs moved to the trash.
     pub blobs: usize,
     /// Bytes of these blobs.
     pub bytes: u64,
     /// Number of records that stay.
     pub kept_records: usize,
-    /// Number of files that returned from `trash/`, because they were used meanwhile.
+    /// Number of files that returned from the trash, because they were used meanwhile.
     pub restored: usize,
-    /// Number of files deleted: those moved to `trash/` long ago, those that killed processes left, and those
+    /// Number of files deleted: those moved to the trash long ago, those that killed processes left, and those
     /// of plans without a recent task.
     pub deleted: usize,
     /// Bytes of the deleted files.
     pub deleted_bytes: u64,
+    /// Number of old folders that stay, because this user may not delete them.
+    pub refused: usize,
     /// Largest difference that was seen between the clock of this machine and the times of files, s. Files
     /// of the past have any age, so only a file system that is behind shows, and files of the future.
     pub clock_difference: u64,
@@ -147,12 +153,11 @@ impl Collection<'_> {
             if !self.shared.move_to(&record.path, &to)? {
                 continue;
             }
-            let now = self.shared.disk.stat(&to).map_err(disk_error("reading", &to))?;
-            if now.mtime_ns > self.until_ns {
-                self.shared.link(&to, &record.path)?;
-                self.swept.restored += 1;
-            } else {
-                self.swept.records += 1;
+            match self.shared.disk.stat(&to) {
+                Ok(now) if now.mtime_ns > self.until_ns => self.put_back(&to, &record.path)?,
+                Ok(_) => self.swept.records += 1,
+                Err(e) if is_absent(&e) => {}
+                Err(e) => return Err(disk_error("reading", &to)(e)),
             }
         }
         Ok(())
@@ -161,32 +166,40 @@ impl Collection<'_> {
     /// Moves blobs back that a record names: it was published during this collection, or during one that was
     /// killed.
     fn restore(&mut self, named: &NamedFiles) -> Result<(), StoreError> {
-        for batch in self.shared.folders("trash")? {
-            for (name, path) in self.shared.disk.files_below(&batch.path)? {
+        for batch in self.shared.folders(TRASH)? {
+            for (name, path) in self.shared.files_of(&batch.path)? {
                 let Some(digest) = name.parse().ok().filter(|digest| named.holds(digest)) else { continue };
-                self.shared.link(&path, &self.shared.root.join(blob_name(&digest)))?;
+                self.put_back(&path, &self.shared.root.join(blob_name(&digest)))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Gives a file of the trash its name again.
+    fn put_back(&mut self, from: &Path, to: &Path) -> Result<(), StoreError> {
+        match self.shared.link(from, to) {
+            // Another collection put it back.
+            Err(StoreError::Io { source, .. }) if is_absent(&source) => {}
+            done => {
+                done?;
                 self.swept.restored += 1;
             }
         }
         Ok(())
     }
 
-    /// Folders of `trash/` and `tmp/` in which nothing was put for long, and of `plans/` in which no task wrote
-    /// for long.
+    /// Folders of the trash and of processes in which nothing was put for long, and of plans in which no task
+    /// wrote for long. A folder with a file that this program does not write is none of them.
     fn expired(&self) -> Result<Vec<PathBuf>, StoreError> {
+        let is_old = |path: &Path| self.shared.disk.stat(path).is_ok_and(|s| s.mtime_ns <= self.until_ns);
         let mut expired = Vec::new();
-        for plan in self.shared.folders("plans")? {
-            let files = self.shared.disk.files_below(&plan.path)?;
-            let is_old = |path: &Path| self.shared.disk.stat(path).is_ok_and(|s| s.mtime_ns <= self.until_ns);
-            if is_old(&plan.path) && files.iter().all(|(_, path)| is_old(path)) {
-                expired.push(plan.path);
-            }
-        }
-        for name in ["trash", "tmp"] {
-            for folder in self.shared.folders(name)? {
-                // A folder without a time was removed by its process.
-                let stat = self.shared.disk.stat(&folder.path);
-                if stat.is_ok_and(|stat| stat.mtime_ns <= self.until_ns) {
+        for kind in [OldFolder::Plan, OldFolder::Trash, OldFolder::Process] {
+            for folder in self.shared.folders(kind.place())? {
+                let name = folder.path.file_name().unwrap_or_default().to_string_lossy();
+                let files = self.shared.files_of(&folder.path)?;
+                let is_ours = kind.names(&name) && files.iter().all(|(name, _)| kind.holds(name));
+                let is_idle = kind != OldFolder::Plan || files.iter().all(|(_, path)| is_old(path));
+                if is_ours && is_idle && is_old(&folder.path) {
                     expired.push(folder.path);
                 }
             }
@@ -196,16 +209,71 @@ impl Collection<'_> {
 
     fn delete(&mut self, expired: &[PathBuf], dry_run: bool) -> Result<(), StoreError> {
         for folder in expired {
-            for (_, path) in self.shared.disk.files_below(folder)? {
-                let size = self.shared.disk.stat(&path).map_or(0, |stat| stat.size);
-                self.swept.deleted += 1;
-                self.swept.deleted_bytes += size;
-            }
-            if !dry_run {
-                self.shared.disk.remove(folder)?;
+            let files = self.shared.files_of(folder)?;
+            let bytes: u64 =
+                files.iter().filter_map(|(_, path)| Some(self.shared.disk.stat(path).ok()?.size)).sum();
+            match if dry_run { Ok(()) } else { self.shared.disk.remove(folder) } {
+                // Another collection removes it.
+                Err(StoreError::Io { source, .. }) if is_absent(&source) => {}
+                Err(StoreError::Io { source, .. }) if is_refused(&source) => self.swept.refused += 1,
+                done => {
+                    done?;
+                    self.swept.deleted += files.len();
+                    self.swept.deleted_bytes += bytes;
+                }
             }
         }
         Ok(())
+    }
+}
+
+/// Kinds of folders that are deleted when they are old.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum OldFolder {
+    /// That of an array job.
+    Plan,
+    /// That of a collection, or of a folder in the place of a file.
+    Trash,
+    /// That of a process.
+    Process,
+}
+
+impl OldFolder {
+    /// The folder of these folders.
+    fn place(self) -> &'static str {
+        match self {
+            Self::Plan => PLANS,
+            Self::Trash => TRASH,
+            Self::Process => TMP,
+        }
+    }
+
+    /// Returns true if a folder of this kind can have this name.
+    fn names(self, name: &str) -> bool {
+        match self {
+            Self::Plan => name.len() == 12 && name.chars().all(|c| c.is_ascii_hexdigit()),
+            Self::Trash | Self::Process => name.starts_with(OWN_FOLDER),
+        }
+    }
+
+    /// Returns true if a folder of this kind can hold a file of this name.
+    fn holds(self, file: &str) -> bool {
+        let parts: Vec<&str> = file.split('/').collect();
+        let is_number = |text: &str| text.chars().all(|c| c.is_ascii_digit());
+        match (self, parts.as_slice()) {
+            (Self::Plan, [name]) => {
+                let is_shard = name.starts_with("shard-") && name.ends_with(".json");
+                let is_part = name.starts_with(".gs2e-") && name.ends_with(".part");
+                matches!(*name, "plan.json" | "task.sh") || is_shard || is_part
+            }
+            (Self::Plan, ["results", run, name]) => {
+                run.split(['_', '.']).all(is_number) && matches!(*name, "steps.jsonl" | "log" | "end")
+            }
+            // A folder in the place of a file may hold anything.
+            (Self::Trash, [name, ..]) => name.strip_suffix(".json").unwrap_or(name).parse::<Digest>().is_ok(),
+            (Self::Process, [name]) => is_number(name),
+            _ => false,
+        }
     }
 }
 
@@ -243,11 +311,11 @@ impl SharedFolder {
         Ok(stat.mtime_ns)
     }
 
-    /// A new folder in `trash/`.
-    fn fresh_trash(&self) -> Result<PathBuf, StoreError> {
-        let trash = self.root.join("trash");
+    /// A new folder in the trash.
+    pub(super) fn fresh_trash(&self) -> Result<PathBuf, StoreError> {
+        let trash = self.root.join(TRASH);
         self.disk.create_dir(&trash)?;
-        let folder = tempfile::Builder::new().prefix("gs2e-").tempdir_in(&trash);
+        let folder = tempfile::Builder::new().prefix(OWN_FOLDER).tempdir_in(&trash);
         Ok(folder.map_err(disk_error("creating a folder in", &trash))?.keep())
     }
 
@@ -271,6 +339,14 @@ impl SharedFolder {
         let own = self.own.as_ref().map(|own| own.path().to_owned());
         let entries = self.disk.entries(&folder)?.into_iter();
         Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != own.as_ref()).collect())
+    }
+
+    /// The files below a folder, as [`StoreDisk::files_below`]; empty if another process removed it.
+    fn files_of(&self, folder: &Path) -> Result<Vec<(String, PathBuf)>, StoreError> {
+        match self.disk.files_below(folder) {
+            Err(StoreError::Io { source, .. }) if is_absent(&source) || is_refused(&source) => Ok(Vec::new()),
+            files => files,
+        }
     }
 
     /// The files of `cas/` or `ac/` with names that this program gives.

@@ -79,6 +79,11 @@ impl Fs for Recorder {
         SystemFs.copy(from, to)
     }
 
+    fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
+        self.note(Op::Write(self.below(to), fs::read(from)?));
+        SystemFs.copy_foreign(from, to, size)
+    }
+
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         SystemFs.read(path)
     }

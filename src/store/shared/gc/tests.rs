@@ -50,7 +50,7 @@ impl Place {
 
     /// Makes every file and folder of the shared folder this old.
     fn age(&self, by: Duration) {
-        for folder in ["ac", "cas", "tmp", "trash"] {
+        for folder in ["ac", "cas", TMP, TRASH] {
             let all = walkdir::WalkDir::new(self.shared().join(folder)).contents_first(true);
             all.into_iter().flatten().for_each(|entry| set_age(entry.path(), by));
         }
@@ -152,7 +152,7 @@ fn a_file_that_a_record_names_returns_from_the_trash() {
     let place = Place::new();
     let key = place.step(&place.store("one"), "a", "bytes");
     // As if a collection had been killed after it moved the file of a record that came meanwhile.
-    let batch = place.shared().join("trash/gs2e-killed");
+    let batch = place.shared().join("gs2e-trash/gs2e-killed");
     fs::create_dir_all(&batch).unwrap();
     let blob = place.blob_path("bytes");
     fs::rename(&blob, batch.join(blob.file_name().unwrap())).unwrap();
@@ -166,7 +166,7 @@ fn folders_of_killed_processes_are_deleted_and_those_of_running_ones_stay() {
     let running = place.store("one");
     place.step(&running, "a", "a");
     place.age(3 * DAY);
-    let killed = place.shared().join("tmp/gs2e-killed");
+    let killed = place.shared().join("gs2e-tmp/gs2e-killed");
     fs::create_dir_all(&killed).unwrap();
     fs::write(killed.join("0"), "part").unwrap();
     set_age(&killed, 3 * DAY);
