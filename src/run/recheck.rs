@@ -13,7 +13,7 @@ use crate::store::{Digest, Key};
 pub const ADOPTED_SHARE: f64 = 0.01;
 
 /// The steps that are made again although their outputs exist.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct RecheckPolicy {
     /// Share of the steps, 0 to 1, as the user asked for it. `None`: no step that is up to date, and
     /// [`ADOPTED_SHARE`] of the steps of other machines.
@@ -43,5 +43,41 @@ impl RecheckPolicy {
         let drawn = Digest::of_bytes(&bytes).as_bytes().first_chunk().map_or(0, |b| u64::from_le_bytes(*b));
         // 2^64: a share of 1 is above every draw.
         (drawn as f64) < share * 18_446_744_073_709_551_616.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Number of keys of which `policy` draws a share.
+    fn drawn(policy: RecheckPolicy, share: f64) -> u32 {
+        let key = |n: u32| Key(Digest::of_bytes(&n.to_le_bytes()));
+        (0..100_000).map(|n| u32::from(policy.draws(&key(n), share))).sum()
+    }
+
+    #[test]
+    fn a_share_of_the_keys_is_drawn_and_another_one_by_another_seed() {
+        let [one, other] = [1, 2].map(|seed| RecheckPolicy { share: None, seed });
+        // Binomial, of 100,000 keys: the standard deviation of 1% is 31, and 5 of them are 157.
+        for policy in [one, other] {
+            assert!(drawn(policy, ADOPTED_SHARE).abs_diff(1000) < 157);
+            assert_eq!((drawn(policy, 0.0), drawn(policy, 1.0)), (0, 100_000));
+        }
+        let both = |n: &u32| {
+            let key = Key(Digest::of_bytes(&n.to_le_bytes()));
+            one.draws(&key, ADOPTED_SHARE) && other.draws(&key, ADOPTED_SHARE)
+        };
+        // 10 are expected in both; Poisson exceeds 30 with a probability below 1e-7.
+        assert!((0..100_000).filter(both).count() < 30);
+    }
+
+    #[test]
+    fn without_a_wish_only_steps_of_others_are_made_again() {
+        let key = |n: u32| Key(Digest::of_bytes(&n.to_le_bytes()));
+        let usual = RecheckPolicy::default();
+        assert!((0..10_000).all(|n| !usual.chooses(&key(n))));
+        let all = RecheckPolicy { share: Some(1.0), seed: 1 };
+        assert!((0..100).all(|n| all.chooses(&key(n))));
     }
 }

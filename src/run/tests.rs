@@ -106,7 +106,7 @@ fn run_with(folder: &Path, steps: Steps, keep_going: bool, cancelled: bool) -> R
     let options = RunOptions {
         budget,
         keep_going,
-        recheck: RecheckPolicy { share: None, seed: 1 },
+        recheck: RecheckPolicy::default(),
         allow_commands: false,
         kept_frames: None,
         programs: ProgramFinder::default(),

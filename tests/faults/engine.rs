@@ -5,7 +5,7 @@ use gs2e::plan::assess::{StepAction, assess_plan};
 use gs2e::plan::survey::{PlanSurvey, survey_recipes};
 use gs2e::programs::ProgramFinder;
 use gs2e::render::backend::Backend;
-use gs2e::run::{ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
+use gs2e::run::{RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
 use gs2e::stage::StepId;
 use gs2e::store::fs::Fs;
 use gs2e::store::record::StoredOutput;
@@ -93,7 +93,7 @@ impl Engine {
         let options = RunOptions {
             budget,
             keep_going: false,
-            recheck: None,
+            recheck: RecheckPolicy::default(),
             allow_commands: false,
             kept_frames: None,
             programs: ProgramFinder::default(),

@@ -70,7 +70,11 @@ const TESTS: [Test; 10] = [
     Test { name: "flips", what: "single bits of release files and blobs flipped", run: flips::run },
     Test { name: "full", what: "a disk that fills and is freed", run: full::run },
     Test { name: "together", what: "two coordinators on a store, eight writers to one", run: together::run },
-    Test { name: "shared", what: "a shared store: kills, lost stores, flips, a full disk", run: shared::run },
+    Test {
+        name: "shared",
+        what: "a shared store: kills, flips, a full disk, a hostile member",
+        run: shared::run,
+    },
     Test { name: "repeat", what: "threads, order, folder and clock", run: repeat::run },
     Test { name: "edits", what: "random edit sequences against clean builds", run: edits::run },
 ];

@@ -1,5 +1,7 @@
-//! Machines with a shared store: they are killed and lose their own stores, bits of shared files flip, and the
-//! disk of the shared store fills.
+//! Machines with a shared store: they are killed and lose their own stores, bits of shared files flip, the disk of
+//! the shared store fills, and a member plants links, special files, altered records and plans.
+
+mod member;
 
 use crate::damage::Flip;
 use crate::full::Disk;
@@ -27,7 +29,14 @@ fn build(machine: usize) -> String {
 
 pub(crate) fn run(size: Size) -> Tally {
     let mut tally = Tally::default();
-    for figure in ["kills", "finished steps redone", "flips", "builds that met a full shared disk"] {
+    for figure in [
+        "kills",
+        "finished steps redone",
+        "flips",
+        "builds that met a full shared disk",
+        "harms of a member",
+        "harms that were refused",
+    ] {
         tally.count(figure, 0);
     }
     let place = place();
@@ -39,11 +48,12 @@ pub(crate) fn run(size: Size) -> Tally {
         tally.notes.push("no disk could be mounted, so none was full".to_owned());
     }
     let end = size.end();
-    for round in (0..size.of(45, 1500)).take_while(|_| !is_over(end)) {
+    for round in (0..size.of(60, 2000)).take_while(|_| !is_over(end)) {
         let mut random = Random::new(size.seed, round);
-        let (name, ended) = match round % 3 {
+        let (name, ended) = match round % 4 {
             0 => ("kills", killed(&truth, patience, &mut random, &mut tally)),
             1 => ("flips", flipped(&truth, &mut random, &mut tally)),
+            2 => ("a hostile member", member::harmed(&truth, &mut random, &mut tally)),
             _ if mounts => ("a full disk", filled(&truth, &mut random, &mut tally)),
             _ => continue,
         };

@@ -74,7 +74,7 @@ control_release() {
   either '! exited 0' 'exited 0 && [ -e out/manifest.json ]'
 }
 tests='control_release'
-for group in code files folders trees limits processes words; do
+for group in code files folders trees limits processes words shared; do
   # shellcheck source=/dev/null
   . "$here/$group.sh"
 done

@@ -7,7 +7,7 @@ use gs2e::plan::survey::survey_recipes;
 use gs2e::programs::ProgramFinder;
 use gs2e::recipe::read_all;
 use gs2e::render::backend::Backend;
-use gs2e::run::{ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
+use gs2e::run::{RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
 use gs2e::store::{Digest, Store, StoreAccess};
 use serde_json::{Value, json};
 use std::fs;
@@ -40,7 +40,7 @@ fn build(place: &Workspace) -> usize {
     let options = RunOptions {
         budget,
         keep_going: false,
-        recheck: None,
+        recheck: RecheckPolicy::default(),
         allow_commands: false,
         kept_frames: None,
         programs: ProgramFinder::default(),

@@ -2,6 +2,7 @@
 
 mod bounded;
 mod faults;
+mod hostile;
 
 use crate::support::steps::recipe;
 use crate::support::workspace::{Workspace, same_tree};
@@ -191,15 +192,8 @@ fn a_record_whose_files_lie_elsewhere_is_not_adopted() {
     let store = store(&own, &shared).unwrap();
     let key = publish(&store, "one");
     store.share(&key).unwrap();
-    // A sound seal, since whoever can write here can seal.
     let path = files_below(&shared.join("ac")).remove(0);
-    let mut record: StepRecord = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-    record.outputs[0].name = "../../../outside.txt".to_owned();
-    let mut value = serde_json::to_value(&record).unwrap();
-    value["seal"] = json!("");
-    let unsealed: StepRecord = serde_json::from_value(value.clone()).unwrap();
-    value["seal"] = json!(Digest::of_bytes(&serde_json::to_vec(&unsealed).unwrap()).to_string());
-    std::fs::write(&path, value.to_string()).unwrap();
+    hostile::forge(&path, |record| record["outputs"][0]["name"] = json!("../../../outside.txt"));
     assert!(store.adopt(&key).unwrap().is_none());
     assert!(!folder.path().join("outside.txt").exists());
 }
@@ -214,7 +208,7 @@ fn folders_that_cannot_be_shared_are_refused() {
         assert!(ended.stderr.contains(wanted), "{shared}: {}", ended.stderr);
     };
     refused("alone", "is the store of one machine");
-    place.write("newer/VERSION", "99\n");
+    place.write("newer/VERSION", "gs2e shared store, format 99\n");
     refused("newer", "has format 99");
     refused("newer", "use a newer gs2e");
     place.write("file", "text");
@@ -226,4 +220,7 @@ fn folders_that_cannot_be_shared_are_refused() {
     }
     let ended = place.ok("build --shard 9/9");
     assert!(ended.stderr.contains("shard 9 of 9: 0 of 6 scenes"), "{}", ended.stderr);
+    // No number of shares needs more memory than the scenes.
+    let ended = place.ok("build --shard 4294967295/4294967295");
+    assert!(ended.stderr.contains(": 0 of 6 scenes"), "{}", ended.stderr);
 }

@@ -54,3 +54,11 @@ fn parts_are_files_and_the_verdict_has_the_exit_code() {
     run(&["--shard", "2/2"], 0);
     assert!(run(&[], 3).contains("speed.json: its SHA-256 is "));
 }
+
+#[test]
+fn any_number_of_parts_is_counted_without_a_list() {
+    let folder = copy();
+    let parts = vec![AuditPart::audit(folder.path(), 1, u32::MAX).unwrap()];
+    let missing = PartsError::Missing { number: 2, of: u32::MAX };
+    assert_eq!(audit_parts(folder.path(), None, parts).unwrap_err(), missing);
+}

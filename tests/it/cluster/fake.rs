@@ -18,16 +18,19 @@ echo "$job" >"$FAKE/jobs"
 echo "sbatch: warning: this is a fake" >&2
 name=$(sed -n 's/^#SBATCH --job-name=//p' "$script")
 tasks=$(sed -n 's/^#SBATCH --array=1-//p' "$script")
-results=$(dirname "$script")/results
+# Where the script says that results go. The last script is kept, as Slurm keeps its own copy.
+eval "$(sed -n '/^shared=/,/^results=/p' "$script")"
+results=$shared/$below/$results
+cp "$script" "$FAKE/script"
 for task in $(seq "$tasks"); do
     out=$results/${job}_$task
     case $mode in
-    run) SLURM_ARRAY_JOB_ID=$job SLURM_ARRAY_TASK_ID=$task sh "$script" >>"$out.log" 2>&1 ;;
+    run) SLURM_ARRAY_JOB_ID=$job SLURM_ARRAY_TASK_ID=$task sh "$script" >>"$FAKE/output" 2>&1 ;;
     queue) echo "$job|$task|PENDING||$name|Priority" >>"$FAKE/queue" ;;
     # As the first run of a task whose node is lost, or that the kernel kills.
-    lose) echo "the node burns" >"$out.log" ;;
-    kill) echo 137 >"$out.end"; echo "Killed" >"$out.log" ;;
-    fail) cat "$FAKE/steps" >"$out.jsonl"; echo 1 >"$out.end"; echo "see the steps" >"$out.log" ;;
+    lose) mkdir "$out"; echo "the node burns" >"$out/log" ;;
+    kill) mkdir "$out"; echo 137 >"$out/end"; echo "Killed" >"$out/log" ;;
+    fail) mkdir "$out"; cat "$FAKE/steps" >"$out/steps.jsonl"; echo 1 >"$out/end"; echo "see the steps" >"$out/log" ;;
     esac
 done
 # What follows happens to the next job.
@@ -133,9 +136,19 @@ impl FakeSlurm {
         self.status("").iter().map(|line| line["state"].as_str().unwrap().to_owned()).collect()
     }
 
+    /// Runs a task of the last script, as Slurm would. Returns its exit code.
+    pub(super) fn run_task(&self, job: u32, task: u32) -> i32 {
+        let fake = self.place.path("slurm");
+        let mut shell = Command::new("sh");
+        shell.arg(fake.join("script")).current_dir("/").stdin(Stdio::null()).stderr(Stdio::null());
+        shell.env("SLURM_ARRAY_JOB_ID", job.to_string()).env("SLURM_ARRAY_TASK_ID", task.to_string());
+        shell.env("TMPDIR", self.place.path(""));
+        hidden_gpus(shell).status().unwrap().code().unwrap()
+    }
+
     /// The folders of the plans.
     pub(super) fn plans(&self) -> Vec<PathBuf> {
-        let plans = fs::read_dir(self.place.path("shared/plans")).unwrap();
+        let plans = fs::read_dir(self.place.path("shared/gs2e-plans")).unwrap();
         plans.map(|plan| plan.unwrap().path()).collect()
     }
 }

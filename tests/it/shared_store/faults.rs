@@ -27,7 +27,7 @@ fn a_folder_without_permission_is_named() {
     let ended = as_nobody(&build).unwrap();
     let said = String::from_utf8_lossy(&ended.stderr).into_owned();
     assert_eq!(ended.status.code(), Some(1), "{said}");
-    assert!(said.contains("shared/tmp") && said.contains("Permission denied"), "{said}");
+    assert!(said.contains("shared/gs2e-tmp") && said.contains("Permission denied"), "{said}");
     assert!(said.contains("help: the users of a shared store need one group"), "{said}");
     // A reader needs no permission to write.
     let ended = as_nobody(&[program, "status", "--shared-store", "shared", "recipes/lab/s0.yaml"]).unwrap();
@@ -61,7 +61,7 @@ fn a_full_disk_on_one_machine_costs_the_others_nothing() {
 }
 
 /// Sets the time of everything in a folder, and of the folder.
-fn set_times_below(folder: &Path, to: SystemTime) {
+pub(super) fn set_times_below(folder: &Path, to: SystemTime) {
     for entry in walkdir::WalkDir::new(folder).contents_first(true) {
         let path = entry.unwrap().into_path();
         if path.is_file() {
@@ -113,19 +113,22 @@ fn plans_go_when_no_task_has_written_for_long() {
     const DAY: Duration = Duration::from_secs(86_400);
     let place = place();
     states(start(&place, "m1", ""));
-    for plan in ["idle", "at-work"] {
-        place.write(&format!("shared/plans/{plan}/plan.json"), "{}");
-        place.write(&format!("shared/plans/{plan}/results/7_1.jsonl"), "{}");
-        set_times_below(&place.path(&format!("shared/plans/{plan}")), SystemTime::now() - 2 * DAY);
+    for plan in ["aaaaaaaaaaaa", "bbbbbbbbbbbb"] {
+        place.write(&format!("shared/gs2e-plans/{plan}/plan.json"), "{}");
+        place.write(&format!("shared/gs2e-plans/{plan}/results/7_1/steps.jsonl"), "{}");
+        set_times_below(&place.path(&format!("shared/gs2e-plans/{plan}")), SystemTime::now() - 2 * DAY);
     }
     // A task of an old plan wrote a line today.
-    File::open(place.path("shared/plans/at-work/results/7_1.jsonl"))
+    File::open(place.path("shared/gs2e-plans/bbbbbbbbbbbb/results/7_1/steps.jsonl"))
         .unwrap()
         .set_modified(SystemTime::now())
         .unwrap();
     let swept = place.ok("gc --shared-store shared --older-than 1d").stderr;
     assert!(swept.contains("deleted 2 files of the trash, of old plans"), "{swept}");
-    assert!(!place.path("shared/plans/idle").exists() && place.path("shared/plans/at-work").exists());
+    assert!(
+        !place.path("shared/gs2e-plans/aaaaaaaaaaaa").exists()
+            && place.path("shared/gs2e-plans/bbbbbbbbbbbb").exists()
+    );
 }
 
 #[test]
@@ -159,9 +162,9 @@ fn ages_and_folders_that_make_no_sense_are_refused() {
     refused("--shared-store shared", "--older-than");
     refused("--older-than 1d", "--shared-store");
     refused("--shared-store shared --older-than 1d", "there is no shared store in shared");
-    place.write("shared/VERSION", "1\n");
+    place.write("shared/VERSION", "gs2e shared store, format 1\n");
     refused("--shared-store shared --older-than 5m", "wanted 1h or more");
     refused("--shared-store shared --older-than 1d recipes", "cannot be used with");
-    place.write("shared/VERSION", "99\n");
+    place.write("shared/VERSION", "gs2e shared store, format 99\n");
     refused("--shared-store shared --older-than 1d", "has format 99");
 }

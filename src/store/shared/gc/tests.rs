@@ -212,3 +212,38 @@ fn no_record_loses_its_files_while_a_collection_runs() {
         assert!(reader.adopt(&key).unwrap().is_some(), "step {i} {step}");
     }
 }
+
+/// All of them find the same files to move, to put back and to delete.
+#[test]
+fn collections_at_the_same_time_end_well() {
+    for round in 0..20 {
+        let place = Place::new();
+        let store = place.store("one");
+        let keys: Vec<Key> = (0..8).map(|i| place.step(&store, &format!("{i}"), &format!("{i}"))).collect();
+        // A killed collection left a file that a record names, and another one that no record names.
+        let batch = place.shared().join("gs2e-trash/gs2e-killed");
+        fs::create_dir_all(&batch).unwrap();
+        let blob = place.blob_path("0");
+        fs::rename(&blob, batch.join(blob.file_name().unwrap())).unwrap();
+        fs::write(batch.join(Digest::of_bytes(b"old").to_string()), "old").unwrap();
+        fs::create_dir_all(place.shared().join("gs2e-tmp/gs2e-killed")).unwrap();
+        place.age(3 * DAY);
+        for key in &keys[..4] {
+            set_age(&place.record_path(key), HOUR);
+        }
+        let barrier = std::sync::Barrier::new(4);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    barrier.wait();
+                    place.sweep(2 * DAY)
+                });
+            }
+        });
+        assert!(!batch.exists(), "{round}");
+        for (i, key) in keys.iter().enumerate() {
+            let adopted = place.store("two").adopt(key).unwrap();
+            assert_eq!(adopted.is_some(), i < 4, "round {round}, step {i}");
+        }
+    }
+}
