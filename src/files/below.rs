@@ -10,7 +10,8 @@ use std::os::fd::{AsFd as _, OwnedFd};
 use std::os::unix::ffi::OsStringExt as _;
 use std::path::Path;
 
-use rustix::fs::{AtFlags, Dir, Mode, OFlags};
+use super::removal::remove_file_at;
+use rustix::fs::{Dir, Mode, OFlags};
 use rustix::io::Errno;
 
 /// An open folder.
@@ -100,7 +101,7 @@ impl FolderBelow {
         let written = write();
         if written.is_err() {
             // The first error is the one to report.
-            let _ = rustix::fs::unlinkat(&self.0, &part, AtFlags::empty());
+            let _ = remove_file_at(&self.0, &part);
         }
         written
     }

@@ -47,6 +47,11 @@ pub fn remove_below(root: &Path, below: &Path, what: Removal) -> io::Result<()> 
     Ok(())
 }
 
+/// Removes a file or a link in an open folder.
+pub(super) fn remove_file_at(folder: impl AsFd, name: &str) -> io::Result<()> {
+    Ok(unlinkat(folder, name, AtFlags::empty())?)
+}
+
 fn remove_tree(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<()> {
     if type_at(folder, Path::new(name))? != FileType::Directory {
         return Ok(unlinkat(folder, name, AtFlags::empty())?);
