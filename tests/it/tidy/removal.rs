@@ -41,7 +41,6 @@ const REPLACING: [&str; 6] =
 const WRITERS: &[Place] = &[
     ("src/artifact.rs", "the workspace of a step"),
     ("src/cli/study/meter.rs", "a file of the kernel"),
-    ("src/cluster/submission.rs", "a part of `write_by_rename`"),
     ("src/event/aedat4/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
     ("src/event/evt/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
     ("src/event/npz/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
