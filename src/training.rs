@@ -223,6 +223,16 @@ impl<'a> SceneTrainer<'a> {
         (self.settings.iterations / REPORTS).max(1)
     }
 
+    /// Returns true if a report follows this iteration.
+    fn reports_at(&self, iteration: u32) -> bool {
+        iteration.is_multiple_of(self.iterations_per_report()) || iteration == self.settings.iterations
+    }
+
+    /// The iterations up to this one that a report follows.
+    fn reports_until(&self, iteration: u32) -> Vec<u32> {
+        (1..=iteration).filter(|iteration| self.reports_at(*iteration)).collect()
+    }
+
     /// The reason to end now, if there is one. After a resumption it is the same as before.
     fn ends(&self, pace: &TrainingPace) -> Option<TrainingEnd> {
         let TrainingGoal { psnr, minutes } = self.settings.until;
@@ -248,7 +258,10 @@ impl<'a> SceneTrainer<'a> {
         {
             news(&TrainingNews::StartsAgain { because });
         }
-        let keep = |trainer: &Self| checkpoint.map_or(Ok(()), |file| trainer.save(file.path, key));
+        let keep = |trainer: &Self| {
+            trainer.check_state()?;
+            checkpoint.map_or(Ok(()), |file| trainer.save(file.path, key))
+        };
         let pace = TrainingPace::new(clock, self.iteration);
         loop {
             if let Some(ended) = self.ends(&pace) {
@@ -261,8 +274,7 @@ impl<'a> SceneTrainer<'a> {
                 return Err(TrainingError::Stopped);
             }
             self.losses += self.step()?;
-            let is_last = self.iteration == self.settings.iterations;
-            if self.iteration.is_multiple_of(self.iterations_per_report()) || is_last {
+            if self.reports_at(self.iteration) {
                 news(&TrainingNews::Report(self.report(&pace)?));
                 keep(self)?;
             }

@@ -17,13 +17,17 @@
 //! disk, so a kill leaves the old one or the new one. Draws are functions of the seed and the
 //! iteration, so none are kept. Both directions go through a small buffer: the file is nearly as
 //! large as the state.
+//!
+//! The digest protects from damage, not from a stranger, who can compute it as well. All values are
+//! therefore compared with the training before one of them becomes its state.
 
+use super::adam::GEOMETRY;
 use super::settings::{TrainingGoal, TrainingSettings};
 use super::watch::CheckpointFile;
 use super::{AdamMeans, CoursePoint, SceneTrainer, TrainingError};
-use crate::files;
+use crate::files::{self, write_by_rename};
 use glam::DVec3;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read as _, Seek as _, Write};
 use std::path::Path;
 
@@ -59,17 +63,16 @@ impl SceneTrainer<'_> {
 
     /// Writes a checkpoint.
     pub(super) fn save(&self, path: &Path, key: blake3::Hash) -> Result<(), TrainingError> {
-        let part = path.with_extension("part");
-        let write = || -> io::Result<()> {
-            let out = BufWriter::new(File::create(&part)?);
+        let write = |part: &Path| -> io::Result<()> {
+            let out = BufWriter::new(File::create_new(part)?);
             let mut out = DigestWriter { hasher: blake3::Hasher::new(), out };
             self.write_state(&mut out, key)?;
             let DigestWriter { hasher, mut out } = out;
             out.write_all(hasher.finalize().as_bytes())?;
-            out.into_inner()?.sync_all()?;
-            fs::rename(&part, path)
+            out.flush()
         };
-        write().map_err(|e| TrainingError::Checkpoint { path: path.to_owned(), because: e.to_string() })
+        write_by_rename(path, write)
+            .map_err(|e| TrainingError::Checkpoint { path: path.to_owned(), because: e.to_string() })
     }
 
     fn write_state(&self, out: &mut impl Write, key: blake3::Hash) -> io::Result<()> {
@@ -109,26 +112,53 @@ impl SceneTrainer<'_> {
             return Ok(None);
         }
         let failed = |because: String| TrainingError::Checkpoint { path: path.to_owned(), because };
-        match CheckpointReader::open_sound(path, key) {
+        match self.open_valid(path, key) {
             // From here on the state changes, so a disk that fails is an error in any case.
-            Ok(mut reader) => self.take_state(&mut reader).map(|()| None).map_err(failed),
+            Ok(state) => self.take_state(state).map(|()| None).map_err(failed),
             Err(because) if replaces => Ok(Some(because)),
-            Err(because) => Err(failed(because)),
+            Err(because) => Err(failed(format!("{because}; delete it or name another file"))),
         }
     }
 
-    fn take_state(&mut self, reader: &mut CheckpointReader) -> Result<(), String> {
-        let iteration = u32::from_le_bytes(reader.take()?);
-        let count = usize::try_from(u64::from_le_bytes(reader.take()?)).map_err(|e| e.to_string())?;
-        let origin = [reader.float64()?, reader.float64()?, reader.float64()?];
-        let losses = reader.float64()?;
-        let points = u32::from_le_bytes(reader.take()?);
-        let course = (0..points).map(|_| reader.course_point()).collect::<Result<_, _>>()?;
-        let sh_len = self.renderer.scene().sh_len();
-        let wanted = count.saturating_mul(4 * (3 * 11 + 3 * 3 * sh_len + 2));
-        if reader.left != wanted as u64 || count > self.settings.gaussians as usize {
-            return Err(format!("{} bytes for {count} Gaussians, wanted {wanted}", reader.left));
+    /// Opens a checkpoint of this training whose values this training can have.
+    fn open_valid(&self, path: &Path, key: blake3::Hash) -> Result<StoredState, String> {
+        let words = |e: io::Error| e.to_string();
+        let mut reader = CheckpointReader::open_sound(path, key)?;
+        let head = reader.head()?;
+        self.check_head(&head, reader.left)?;
+        let (arrays, left) = (reader.file.stream_position().map_err(words)?, reader.left);
+        reader.check_arrays(&head, self.renderer.scene().sh_len())?;
+        reader.file.seek(io::SeekFrom::Start(arrays)).map_err(words)?;
+        reader.left = left;
+        Ok(StoredState { head, reader })
+    }
+
+    /// Compares the head of a checkpoint with this training. `left` is the length of the arrays.
+    fn check_head(&self, head: &StateHead, left: u64) -> Result<(), String> {
+        let StateHead { iteration, count, origin, losses, course } = head;
+        let last = self.settings.iterations;
+        if *iteration > last {
+            return Err(format!("it is at iteration {iteration} of {last}"));
         }
+        let budget = self.settings.gaussians as usize;
+        if !(1..=budget).contains(count) {
+            return Err(format!("it has {count} Gaussians, wanted 1 to {budget}"));
+        }
+        let wanted = count.saturating_mul(4 * state_len(self.renderer.scene().sh_len()));
+        if left != wanted as u64 {
+            return Err(format!("it has {left} bytes for {count} Gaussians, wanted {wanted}"));
+        }
+        let reported: Vec<u32> = course.iter().map(|point| point.iteration).collect();
+        if reported != self.reports_until(*iteration) {
+            return Err(format!("its {} reports are not those of {iteration} iterations", reported.len()));
+        }
+        let finite = course.iter().map(|point| point.loss).chain(*origin).chain([*losses]);
+        if finite.into_iter().all(f64::is_finite) { Ok(()) } else { Err(NOT_FINITE.to_owned()) }
+    }
+
+    fn take_state(&mut self, StoredState { head, mut reader }: StoredState) -> Result<(), String> {
+        let StateHead { iteration, count, origin, losses, course } = head;
+        let sh_len = self.renderer.scene().sh_len();
         let taken = self.renderer.rebuild(|scene| -> Result<(), String> {
             scene.origin = DVec3::from_array(origin);
             reader.rows(&mut scene.positions, count)?;
@@ -149,6 +179,50 @@ impl SceneTrainer<'_> {
         (self.iteration, self.losses, self.course) = (iteration, losses, course);
         Ok(())
     }
+
+    /// Stops a training whose state is not finite: it would be refused when it is resumed.
+    pub(super) fn check_state(&self) -> Result<(), TrainingError> {
+        let (scene, means) = (self.renderer.scene(), &self.means);
+        let ([g0, g1], [h0, h1]) = (&means.geometry, &means.harmonics);
+        let sh_len = scene.sh_len();
+        let is_finite = |i: usize| {
+            let harmonics = [&scene.sh, h0, h1].map(|sh| sh[i * sh_len..(i + 1) * sh_len].as_flattened());
+            let geometry: [&[f32]; 5] =
+                [&scene.positions[i], &scene.log_scales[i], &scene.rotations[i], &g0[i], &g1[i]];
+            let single = [scene.opacity_logits[i], self.scores[i]];
+            geometry.into_iter().chain(harmonics).flatten().chain(&single).all(|v| v.is_finite())
+        };
+        let Some(gaussian) = (0..scene.len()).find(|i| !is_finite(*i)) else { return Ok(()) };
+        let view = self.draws.view(self.iteration.saturating_sub(1), self.views.shown.len());
+        Err(TrainingError::NotFinite {
+            iteration: self.iteration,
+            view: self.views.shown[view].name.clone(),
+            what: format!("state of Gaussian {gaussian}"),
+        })
+    }
+}
+
+/// The problem with a state that holds an infinite number or NaN.
+const NOT_FINITE: &str = "it holds a number that is not finite";
+
+/// Floats of a Gaussian in the arrays: parameters, two means, age and score.
+const fn state_len(sh_len: usize) -> usize {
+    3 * (GEOMETRY + 3 * sh_len) + 2
+}
+
+/// The values in front of the arrays.
+struct StateHead {
+    iteration: u32,
+    count: usize,
+    origin: [f64; 3],
+    losses: f64,
+    course: Vec<CoursePoint>,
+}
+
+/// A state that fits the training, with a reader that stands at its arrays.
+struct StoredState {
+    head: StateHead,
+    reader: CheckpointReader,
 }
 
 /// Hashes what it passes on.
@@ -203,15 +277,13 @@ impl CheckpointReader {
         let mut digest = [0; 32];
         file.read_exact(&mut digest).map_err(words)?;
         if hasher.finalize() != digest {
-            let because = "it is damaged: its digest differs from its content";
-            return Err(format!("{because}; delete it to start again"));
+            return Err("it is damaged: its digest differs from its content".to_owned());
         }
         file.seek(io::SeekFrom::Start(MAGIC.len() as u64)).map_err(words)?;
         let left = bytes - DIGEST - MAGIC.len() as u64;
         let mut reader = Self { file: BufReader::new(file), left };
         if reader.take::<32>()? != *key.as_bytes() {
-            let because = "it belongs to another training: settings, photos or points differ";
-            return Err(format!("{because}; name another file or delete it"));
+            return Err("it belongs to another training: settings, photos or points differ".to_owned());
         }
         Ok(reader)
     }
@@ -232,6 +304,46 @@ impl CheckpointReader {
         let [loss, psnr] = [self.float64()?, self.float64()?];
         let gaussians = u64::from_le_bytes(self.take()?);
         Ok(CoursePoint { iteration, loss, psnr: Some(psnr).filter(|psnr| !psnr.is_nan()), gaussians })
+    }
+
+    fn head(&mut self) -> Result<StateHead, String> {
+        let iteration = u32::from_le_bytes(self.take()?);
+        let count = usize::try_from(u64::from_le_bytes(self.take()?)).map_err(|e| e.to_string())?;
+        let origin = [self.float64()?, self.float64()?, self.float64()?];
+        let losses = self.float64()?;
+        let points = u32::from_le_bytes(self.take()?);
+        let course = (0..points).map(|_| self.course_point()).collect::<Result<_, _>>()?;
+        Ok(StateHead { iteration, count, origin, losses, course })
+    }
+
+    /// Reads the arrays, and refuses values that no training has.
+    fn check_arrays(&mut self, head: &StateHead, sh_len: usize) -> Result<(), String> {
+        let (count, harmonics) = (head.count, 3 * sh_len * head.count);
+        // Parameters and means of any sign, then mean squares, for the geometry and the harmonics.
+        self.check_floats(2 * GEOMETRY * count + harmonics, f32::MIN)?;
+        self.check_floats(GEOMETRY * count, 0.0)?;
+        self.check_floats(harmonics, f32::MIN)?;
+        self.check_floats(harmonics, 0.0)?;
+        for _ in 0..count {
+            let age = u32::from_le_bytes(self.take()?);
+            if age > head.iteration {
+                return Err(format!("a Gaussian has taken {age} steps in {} iterations", head.iteration));
+            }
+        }
+        self.check_floats(count, 0.0)
+    }
+
+    fn check_floats(&mut self, count: usize, least: f32) -> Result<(), String> {
+        for _ in 0..count {
+            let value = f32::from_le_bytes(self.take()?);
+            if !value.is_finite() {
+                return Err(NOT_FINITE.to_owned());
+            }
+            if value < least {
+                return Err(format!("it holds {value} where no number below {least} can be"));
+            }
+        }
+        Ok(())
     }
 
     fn floats(&mut self, to: &mut Vec<f32>, count: usize) -> Result<(), String> {

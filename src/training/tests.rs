@@ -134,3 +134,18 @@ fn a_value_that_is_not_finite_is_named() {
         other => panic!("{other:?}"),
     }
 }
+
+/// No gradient and no loss shows it: a Gaussian that is not finite is not drawn.
+#[test]
+fn a_state_that_is_not_finite_is_named() {
+    let (_folder, capture, files) = striped();
+    let settings = settings(NO_GOAL);
+    let views = TrainingViews::read(&capture, &files, (48, 8), &|| true).unwrap();
+    let mut trainer = SceneTrainer::new(&views, &[], (&settings, &Backend::Cpu)).unwrap();
+    trainer.check_state().unwrap();
+    trainer.renderer.rebuild(|scene| scene.log_scales[3][1] = f32::INFINITY).unwrap();
+    match trainer.check_state() {
+        Err(TrainingError::NotFinite { what, .. }) => assert_eq!(what, "state of Gaussian 3"),
+        other => panic!("{other:?}"),
+    }
+}

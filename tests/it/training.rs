@@ -386,3 +386,104 @@ fn a_recipe_trains_its_scene() {
     let page = fs::read_to_string(place.path("tree/report.html")).unwrap();
     assert!(page.contains("Training: 6 photos, 60 iterations; 3 held-out photos"), "no word of the training");
 }
+
+/// The bytes of a checkpoint with these bytes at an offset, and a digest that fits them.
+fn forged(sound: &[u8], at: usize, bytes: &[u8]) -> Vec<u8> {
+    let mut forged = sound[..sound.len() - 32].to_vec();
+    forged[at..at + bytes.len()].copy_from_slice(bytes);
+    let digest = blake3::hash(&forged);
+    forged.extend(digest.as_bytes());
+    forged
+}
+
+/// Offset of the iteration in a checkpoint: behind its magic number and its key.
+const ITERATION: usize = 48;
+
+/// Offset of the logits in a checkpoint: behind the numbers of the head, the course, and ten floats per
+/// Gaussian.
+fn logits(state: &[u8]) -> usize {
+    let points = u32::from_le_bytes(state[92..96].try_into().unwrap()) as usize;
+    let gaussians = usize::try_from(u64::from_le_bytes(state[52..60].try_into().unwrap())).unwrap();
+    96 + 28 * points + 4 * 10 * gaussians
+}
+
+/// A digest is no signature: anyone can compute it.
+#[test]
+fn a_checkpoint_with_values_of_no_training_is_refused() {
+    let place = photographed();
+    let train = TRAIN.replace("120", "40");
+    // Ends in the middle, where a checkpoint is of use.
+    place.ok(&format!("{train} --out sound.ply --checkpoint state --until-psnr 1"));
+    let sound = fs::read(place.path("state")).unwrap();
+    let logits = logits(&sound);
+    let t = |at: usize, bytes: &[u8], wanted: &str| {
+        let state = forged(&sound, at, bytes);
+        place.write("state", &state);
+        let ended = place.gs2e(&format!("{train} --out x.ply --checkpoint state"));
+        assert!(ended.code == 1 && ended.stderr.contains(wanted), "{wanted}: {}", ended.stderr);
+        assert!(!place.path("x.ply").exists(), "{wanted}");
+        assert!(fs::read(place.path("state")).unwrap() == state, "{wanted}: the file was changed");
+    };
+    t(ITERATION, &41_u32.to_le_bytes(), "it is at iteration 41 of 40");
+    t(ITERATION, &u32::MAX.to_le_bytes(), "it is at iteration 4294967295 of 40");
+    // Untrained, and said to be done.
+    t(ITERATION, &40_u32.to_le_bytes(), "reports are not those of 40 iterations");
+    t(ITERATION + 4, &u64::MAX.to_le_bytes(), "Gaussians, wanted 1 to 300");
+    t(ITERATION + 4, &0_u64.to_le_bytes(), "it has 0 Gaussians, wanted 1 to 300");
+    t(logits, &f32::INFINITY.to_le_bytes(), "it holds a number that is not finite");
+    t(sound.len() - 36, &f32::NAN.to_le_bytes(), "it holds a number that is not finite");
+    t(sound.len() - 36, &(-1.0_f32).to_le_bytes(), "it holds -1 where no number below 0 can be");
+    place.write("state", &sound);
+    place.ok(&format!("{train} --out x.ply --checkpoint state"));
+    place.ok(&format!("{train} --out whole.ply"));
+    assert!(fs::read(place.path("x.ply")).unwrap() == fs::read(place.path("whole.ply")).unwrap());
+}
+
+/// The state in a store is the program's own: the training starts again, and says so.
+#[test]
+fn a_kept_state_with_values_of_no_training_is_replaced() {
+    let place = photographed();
+    place.write("recipe.yaml", training_recipe("").replace("iterations: 60", "iterations: 120"));
+    let whole = trained_outputs(&place, "--store one");
+    let states = || files_below(&place.path("two/resume"));
+    let mut child = place.spawn("build --store two recipe.yaml");
+    while !states().iter().any(|path| path.ends_with("state")) {
+        assert!(child.try_wait().unwrap().is_none(), "it ended without a checkpoint");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let state = states().into_iter().find(|path| path.ends_with("state")).unwrap();
+    let sound = fs::read(&state).unwrap();
+    fs::write(&state, forged(&sound, ITERATION, &9999_u32.to_le_bytes())).unwrap();
+    let ended = place.ok("build --store two recipe.yaml");
+    assert!(ended.stderr.contains("the training started again, because its kept state"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("it is at iteration 9999 of 120"), "{}", ended.stderr);
+    assert_eq!(trained_outputs(&place, "--store two"), whole);
+}
+
+/// The suffix of browsers for downloads, and of a name that `--checkpoint` itself may have.
+#[test]
+fn a_checkpoint_replaces_no_other_file() {
+    let place = photographed();
+    place.write("state.part", "precious");
+    place.write("behind", "precious");
+    std::os::unix::fs::symlink("behind", place.path("link.part")).unwrap();
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe.part")).status().unwrap();
+    assert!(made.success());
+    let train = TRAIN.replace("120", "20");
+    let names = || {
+        let entries = fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().file_name());
+        entries.map(|name| name.into_string().unwrap()).collect::<std::collections::BTreeSet<_>>()
+    };
+    let mut wanted = names();
+    for checkpoint in ["state.ckpt", "link.ckpt", "pipe.ckpt", "own.part"] {
+        place.ok(&format!("{train} --out x.ply --checkpoint {checkpoint}"));
+        wanted.insert(checkpoint.to_owned());
+    }
+    wanted.insert("x.ply".to_owned());
+    assert_eq!(names(), wanted);
+    assert_eq!(fs::read(place.path("state.part")).unwrap(), b"precious");
+    assert_eq!(fs::read(place.path("behind")).unwrap(), b"precious");
+    assert!(fs::symlink_metadata(place.path("link.part")).unwrap().is_symlink());
+}

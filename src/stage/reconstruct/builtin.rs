@@ -70,8 +70,9 @@ impl BuiltinStage {
         let judged = record.means();
         cx.remark =
             judged.map(|[psnr, _]| format!("{psnr:.2} dB on {} held-out photos", record.held_out.len()));
-        cx.warnings
-            .extend(again.map(|because| format!("the training started again: its checkpoint {because}")));
+        cx.warnings.extend(again.map(|because| {
+            format!("the training started again, because its kept state cannot be used: {because}")
+        }));
         if without_photo > 0 {
             cx.warnings
                 .push(format!("{without_photo} views were not used for training: their photos are missing"));
