@@ -2,11 +2,11 @@
 
 use super::super::problem::VerbError;
 use crate::escape;
-use crate::files::{self, is_there};
+use crate::files::{self, Removal, is_there, write_by_rename};
 use crate::recipe::draft;
 use std::fmt::Write as _;
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 /// The list of rejected scenes, in the folder of the recipes. It is no recipe.
@@ -22,12 +22,10 @@ pub(super) fn make_folder(path: &Path) -> Result<(), VerbError> {
     fs::create_dir_all(path).map_err(write_failed(path))
 }
 
-/// Writes a file through a temporary file in the same folder, which no walk over recipes sees.
+/// Writes a file whole or not at all.
 pub(super) fn write_file(path: &Path, text: &str) -> Result<(), VerbError> {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let partial = path.with_file_name(format!(".{name}.partial"));
-    let write = fs::write(&partial, text).and_then(|()| fs::rename(&partial, path));
-    write.map_err(write_failed(path))
+    write_by_rename(path, |part| File::create_new(part)?.write_all(text.as_bytes()))
+        .map_err(write_failed(path))
 }
 
 /// The path from a recipe's folder to a place, as it is written in the recipe.
@@ -58,7 +56,7 @@ pub(super) fn write_rejected(
 ) -> Result<(), VerbError> {
     let path = rejected_in(folder);
     if rejected.is_empty() {
-        return match fs::remove_file(&path) {
+        return match files::remove(&path, Removal::File) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(write_failed(&path)(e)),
             _ => Ok(()),
         };

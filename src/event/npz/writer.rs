@@ -4,6 +4,7 @@
 use super::{ARRAYS, END_US, LABEL, SIZE};
 use crate::event::order::StreamOrder;
 use crate::event::{Event, EventFileError, EventSink, StreamHeader};
+use crate::files::rename::parent_folder;
 use crate::files::{self, Removal};
 use npyz::{DType, WriteOptions, WriterBuilder};
 use std::fs::File;
@@ -17,8 +18,8 @@ const LEVEL: i64 = 4;
 
 /// Writes one stream in constant memory.
 ///
-/// The archive appears with [`Writer::finish`]. Until then, the columns are in `<path>.t.part` and
-/// similar files, which are always removed.
+/// The archive appears with [`Writer::finish`]. Until then, the columns are in files without a name in
+/// its folder.
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
@@ -34,8 +35,8 @@ impl Writer {
     /// # Errors
     /// A file next to `path` cannot be created.
     pub fn create(path: &Path, header: &StreamHeader) -> Result<Self, EventFileError> {
-        let [t, x, y, p] = ARRAYS.map(|(name, _)| ColumnSpool::create(path, name));
-        let labels = header.labelled.then(|| ColumnSpool::create(path, LABEL.0)).transpose()?;
+        let [t, x, y, p] = ARRAYS.map(|_| ColumnSpool::beside(path));
+        let labels = header.labelled.then(|| ColumnSpool::beside(path)).transpose()?;
         let order = StreamOrder::new(header.size, END_US);
         let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
         let size = [side(header.size.width), side(header.size.height)];
@@ -112,28 +113,20 @@ fn write_npy_header(out: &mut impl Write, kind: &str, count: u64) -> std::io::Re
 /// The bytes of one column until the archive is written.
 #[derive(Debug)]
 struct ColumnSpool {
-    path: PathBuf,
     file: BufWriter<File>,
 }
 
 impl ColumnSpool {
-    fn create(archive: &Path, name: &str) -> std::io::Result<Self> {
-        let mut path = archive.as_os_str().to_owned();
-        path.push(format!(".{name}.part"));
-        let file = File::options().read(true).write(true).create_new(true).open(&path)?;
-        Ok(Self { path: path.into(), file: BufWriter::new(file) })
+    /// An empty column on the file system of the archive. Its file has no name, so it replaces none and
+    /// is gone when the process ends.
+    fn beside(archive: &Path) -> std::io::Result<Self> {
+        let file = tempfile::tempfile_in(parent_folder(archive))?;
+        Ok(Self { file: BufWriter::new(file) })
     }
 
     fn rewound(&mut self) -> std::io::Result<&File> {
         // The rewind also flushes the buffer, so that the file is complete behind it.
         self.file.rewind()?;
         Ok(self.file.get_ref())
-    }
-}
-
-impl Drop for ColumnSpool {
-    fn drop(&mut self) {
-        // If the removal fails, a `.part` file remains that nothing reads.
-        let _ = files::remove(&self.path, Removal::File);
     }
 }
