@@ -16,7 +16,7 @@ mod process;
 mod quoted;
 mod report;
 
-pub use piped::PipedProgram;
+pub use piped::{PipedProgram, WatchedProgram};
 pub use process::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, run, run_within};
 pub use quoted::quoted;
 pub use report::{NoReport, ProgramReport};

@@ -80,8 +80,9 @@ impl VideoSource<'_> {
         // With the protocol in front, no name is taken for an option or an address.
         let mut input = OsString::from("file:");
         input.push(self.path.canonicalize().map_err(unreadable)?);
-        // A playlist may name addresses; nothing but files is opened.
-        let fixed = ["-v", if program == PROBE { "error" } else { "quiet" }, "-protocol_whitelist", "file"];
+        let level = if program == PROBE { "error" } else { "quiet" };
+        // A playlist may name addresses, and other files of this machine.
+        let fixed = ["-v", level, "-protocol_whitelist", "file", "-format_whitelist", CONTAINERS];
         let words = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
         let arguments = [words(&fixed), words(before), vec![input], words(after)].concat();
         let folder = PathBuf::from("/");
@@ -122,6 +123,10 @@ impl VideoSource<'_> {
         self.start(DECODER, &["-nostdin", "-i"], &[&output[..], &pictures[..]].concat())
     }
 }
+
+/// Containers that are read. Playlists and texts, which FFmpeg can show as a video, are not among them.
+const CONTAINERS: &str = "mov,matroska,avi,mpegts,mpeg,mpegvideo,flv,ogg,asf,ivf,gif,apng,yuv4mpegpipe,nut,mxf,\
+                          h264,hevc,obu,m4v,dv";
 
 const PROBE: &str = "ffprobe";
 const DECODER: &str = "ffmpeg";
@@ -256,9 +261,11 @@ fn parse_side(text: &str) -> Option<u32> {
     text.parse().ok().filter(|side| *side > 0)
 }
 
-/// The next picture of a stream of binary PPM files; `None` at the end.
-fn read_picture(from: &mut impl BufRead) -> io::Result<Option<(Size, Vec<[u8; 3]>)>> {
-    let invalid = |what: String| io::Error::new(io::ErrorKind::InvalidData, what);
+/// The size of the next picture of a stream of binary PPM files, whose pixels follow; `None` at the end.
+///
+/// # Errors
+/// The stream fails, or is no such picture.
+pub fn picture_size(from: &mut impl BufRead) -> io::Result<Option<Size>> {
     let Some(kind) = short_line(from)? else { return Ok(None) };
     let mut header = kind;
     // `P6`, the sides, and the largest value, each on a line of its own.
@@ -271,7 +278,16 @@ fn read_picture(from: &mut impl BufRead) -> io::Result<Option<(Size, Vec<[u8; 3]
         _ => None,
     };
     let (width, height) = sides.ok_or_else(|| invalid("its output is no picture".to_owned()))?;
-    let size = Size { width, height };
+    Ok(Some(Size { width, height }))
+}
+
+fn invalid(what: String) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, what)
+}
+
+/// The next picture of a stream of binary PPM files; `None` at the end.
+fn read_picture(from: &mut impl BufRead) -> io::Result<Option<(Size, Vec<[u8; 3]>)>> {
+    let Some(size) = picture_size(from)? else { return Ok(None) };
     size.check_sensor().map_err(|e| invalid(format!("a picture of {e}")))?;
     let mut pixels = crate::budget::try_filled([0u8; 3], size.pixels())?;
     from.read_exact(pixels.as_flattened_mut())?;

@@ -1,9 +1,11 @@
 //! Programs whose output is read while they run.
 
-use super::process::SupervisedChild;
+use super::process::{LOOK, SupervisedChild};
 use super::{EndKind, ProgramCall, ProgramFinder};
+use rustix::fs::OFlags;
 use std::io::{self, BufRead, BufReader, PipeReader, Read};
 use std::process::Stdio;
+use std::thread;
 
 /// A program that runs, and its output: all that it prints, to stdout and to stderr. Dropping it kills the
 /// program.
@@ -33,6 +35,18 @@ impl PipedProgram {
         start().map_err(EndKind::NotStarted)
     }
 
+    /// The output, whose reads end with an error once `goes_on` returns false, also while the program
+    /// prints nothing.
+    ///
+    /// # Errors
+    /// The pipe cannot be made non-blocking.
+    pub fn watched(mut self, goes_on: &dyn Fn() -> bool) -> io::Result<WatchedProgram<'_>> {
+        let pipe = self.output.get_mut();
+        let flags = rustix::fs::fcntl_getfl(&*pipe)?;
+        rustix::fs::fcntl_setfl(&*pipe, flags | OFlags::NONBLOCK)?;
+        Ok(WatchedProgram { program: self, goes_on })
+    }
+
     /// Waits for the end of a program whose output was read to its end.
     ///
     /// # Errors
@@ -55,5 +69,41 @@ impl BufRead for PipedProgram {
 
     fn consume(&mut self, amount: usize) {
         self.output.consume(amount);
+    }
+}
+
+/// A program that runs while a condition holds. Dropping it kills the program.
+pub struct WatchedProgram<'a> {
+    program: PipedProgram,
+    goes_on: &'a dyn Fn() -> bool,
+}
+
+impl std::fmt::Debug for WatchedProgram<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("WatchedProgram").finish_non_exhaustive()
+    }
+}
+
+impl WatchedProgram<'_> {
+    /// Waits for the end of a program whose output was read to its end.
+    ///
+    /// # Errors
+    /// The program failed.
+    pub fn finish(self) -> Result<(), EndKind> {
+        self.program.finish()
+    }
+}
+
+impl Read for WatchedProgram<'_> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        loop {
+            if !(self.goes_on)() {
+                return Err(io::Error::other("it was asked to stop"));
+            }
+            match self.program.read(into) {
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => thread::sleep(LOOK),
+                read => return read,
+            }
+        }
     }
 }

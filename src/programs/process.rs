@@ -91,7 +91,7 @@ pub enum ProgramEnd {
 }
 
 /// Time between two checks on a program.
-const LOOK: Duration = Duration::from_millis(20);
+pub(super) const LOOK: Duration = Duration::from_millis(20);
 /// Number of checks before a program that was asked to end is killed: 5 s.
 const LOOKS_TO_END: u32 = 250;
 

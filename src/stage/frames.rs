@@ -25,7 +25,7 @@ pub struct FramesStage {
     pub version: Option<String>,
 }
 
-/// Memory of ffmpeg with the reference frames of a 4K video, and of a frame per core, bytes.
+/// Memory of ffmpeg with the reference frames of a 4K video, bytes.
 const BYTES: u64 = 1 << 30;
 
 impl Stage for FramesStage {

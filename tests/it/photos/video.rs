@@ -9,6 +9,7 @@ use gs2e::foreign::video::{FrameError, TakenFrames, take_frames};
 use gs2e::reconstruct::ProgramWorkspace;
 use gs2e::source::solving::FramePicking;
 use std::fs;
+use std::path::PathBuf;
 use std::process::Command;
 
 fn ffmpeg_is_there() -> bool {
@@ -109,6 +110,69 @@ fn videos_that_cannot_be_used_are_named() {
     t("list.mp4", 1, "run ffmpeg");
     place.write("concat.mp4", "ffconcat version 1.0\nfile film.mkv\n");
     t("concat.mp4", 1, "run ffmpeg");
+}
+
+/// In a pattern of ffmpeg, `%` begins a number.
+#[test]
+fn a_folder_with_a_per_cent_sign_takes_frames() {
+    if !ffmpeg_is_there() {
+        return;
+    }
+    let place = Workspace::new();
+    film(&place, 5);
+    let [to, folder] = ["to", "50% done %d"].map(|name| place.path(name));
+    [&to, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
+    let (log, programs) = (place.path("log"), programs());
+    let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
+    let picking = FramePicking { every: 1, sharpness: 0.0 };
+    let taken = take_frames(&place.path("film.mkv"), picking, (&to, 3), workspace).unwrap();
+    assert_eq!((taken.kept, fs::read_dir(&to).unwrap().count()), (5, 5));
+}
+
+/// Encodes frames that ffmpeg draws.
+fn drawn(place: &Workspace, name: &str, source: &str) {
+    let words = ["-v", "error", "-f", "lavfi", "-i", source, "-c:v", "ffv1", name];
+    assert!(Command::new("ffmpeg").args(words).current_dir(place.path("")).status().unwrap().success());
+}
+
+/// Nothing is on the disk before the frames are chosen, and no frame is too large for the memory.
+#[test]
+fn a_video_is_bounded_before_its_frames_are_written() {
+    if !ffmpeg_is_there() {
+        return;
+    }
+    let place = Workspace::new();
+    drawn(&place, "many.mkv", "color=size=16x16:rate=1000:duration=5.012");
+    let picking = FramePicking { every: 1, sharpness: 0.0 };
+    let told = take(&place, "many.mkv", picking).unwrap_err().to_string();
+    assert!(told.contains("one frame in 1 gives more than 5000"), "{told}");
+    let entries = fs::read_dir(place.path("")).unwrap().map(|entry| entry.unwrap().path());
+    let desks: Vec<PathBuf> =
+        entries.filter(|path| path.file_name().unwrap().to_string_lossy().starts_with("desk")).collect();
+    assert_eq!(desks.len(), 1);
+    assert_eq!(fs::read_dir(&desks[0]).unwrap().count(), 0, "frames were written");
+
+    drawn(&place, "large.mkv", "color=size=9000x9000:rate=1:duration=3");
+    let told = take(&place, "large.mkv", picking).unwrap_err().to_string();
+    assert!(told.contains("run ffmpeg"), "{told}");
+    let log = fs::read_to_string(place.path("log")).unwrap();
+    assert!(log.contains("max pixel"), "{log}");
+}
+
+/// A video without a frame for minutes must still end when it is asked to.
+#[test]
+fn a_stopped_video_ends() {
+    if !ffmpeg_is_there() {
+        return;
+    }
+    let place = Workspace::new();
+    film(&place, 4);
+    let folder = place.path("desk");
+    fs::create_dir(&folder).unwrap();
+    let (log, programs) = (place.path("log"), programs());
+    let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| false, programs: &programs };
+    let taken = take_frames(&place.path("film.mkv"), FramePicking::default(), (&folder, 3), workspace);
+    assert!(matches!(taken, Err(FrameError::Program(gs2e::foreign::ForeignError::Stopped))), "{taken:?}");
 }
 
 #[test]
