@@ -27,12 +27,14 @@ pub mod scene_checks;
 pub mod segmentation;
 pub mod sharp;
 pub mod shot;
+mod size;
 mod target;
 pub mod trajectory;
 mod wired;
 
 pub use need::StepNeed;
 use need::{rendering_need, small_stage_memory};
+pub use size::{ExpectedSize, PathLength};
 
 pub use wired::{AnyStep, WiredStage};
 
@@ -105,6 +107,16 @@ pub trait Stage: serde::Serialize {
     /// order.
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         StepNeed::for_parts([small_stage_memory(files)])
+    }
+
+    /// The length of the path that the stage makes, if its parameters state it.
+    fn path_length(&self) -> Option<PathLength> {
+        None
+    }
+
+    /// The expected size of the product along a path, if the parameters state it.
+    fn expected_size(&self, _: PathLength) -> Option<ExpectedSize> {
+        None
     }
 
     /// The programs that the stage would run, one command per line, as typed in a shell.

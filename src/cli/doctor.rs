@@ -22,7 +22,7 @@ use trial::{TrialPicture, TrialScene};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Add its output to a report of an error. The trial renders the embedded scene for about a second on the CPU and \
-    on each GPU. Nothing is written."
+    on each GPU. gs2e writes nothing; the driver of a GPU may keep compiled shaders in its own cache, as Mesa does in ~/.cache."
 )]
 pub(super) struct DoctorArgs {
     /// Leave out the trial

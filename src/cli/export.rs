@@ -2,8 +2,8 @@
 
 use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
-use super::on_interrupt;
 use super::problem::{ExitKind, VerbError};
+use super::{on_interrupt, output};
 use crate::export::{
     ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, FORMATS, SubjectChoice,
     TestViews, format_named, write_export,
@@ -89,6 +89,7 @@ impl ExportArgs {
             let what = format!("--epoch: {} has no absolute times", format.name());
             return Err(VerbError::usage("epoch", what).help("--to mcap has"));
         }
+        output::refuse_inside(&self.out, &self.release, "the release")?;
         let description = self.export(format, console).map_err(|error| self.to_error(error))?;
         let selection = &description["selection"];
         console.say(&format!(

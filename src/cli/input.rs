@@ -2,6 +2,7 @@
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
+use crate::files;
 use crate::image::Size;
 use crate::source::SourceError;
 use std::io;
@@ -17,6 +18,18 @@ pub(super) fn unreadable_file(what: &str, error: &dyn std::error::Error) -> Verb
     let message =
         UserMessage::new(MessageLevel::Error, "input-unreadable", format!("failed to read the {what}"));
     VerbError::from_message(ExitKind::Failed, message.because(error.to_string()))
+}
+
+/// Refuses a path where no regular file lies, also if nothing would read it. `what` names its option.
+pub(super) fn require_file(what: &str, path: &Path) -> Result<(), VerbError> {
+    match files::open(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Err(missing_file(what, path)),
+        Err(error) if files::is_no_file(&error) => {
+            Err(VerbError::usage("input-missing", format!("{what}: {} is {error}", path.display())))
+        }
+        // Its reader has the words for a file without permission.
+        _ => Ok(()),
+    }
 }
 
 /// The error for a source that is absent, has no known layout, or cannot be read.

@@ -65,6 +65,23 @@ pub(super) fn screen_outputs<'a>(
     Ok(())
 }
 
+/// Refuses an output in a folder whose files must stay as they are. `what` names the folder.
+pub(super) fn refuse_inside(path: &Path, folder: &Path, what: &str) -> Result<(), VerbError> {
+    if !resolved(path).starts_with(resolved(folder)) {
+        return Ok(());
+    }
+    let what = format!("{} is in {what} {}, wanted a place outside of it", path.display(), folder.display());
+    Err(VerbError::usage("output-unwritable", what))
+}
+
+/// An absolute path without links, as far as it exists.
+fn resolved(path: &Path) -> PathBuf {
+    let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let found = whole.ancestors().find_map(|part| Some((part.canonicalize().ok()?, part)));
+    let joined = found.and_then(|(there, part)| Some(there.join(whole.strip_prefix(part).ok()?)));
+    joined.unwrap_or(whole)
+}
+
 /// Writes all outputs. Each file is written under a temporary name in its folder, and gets its own
 /// name when the last one is complete.
 pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError> {

@@ -3,7 +3,7 @@
 use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, failure_message};
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, clock};
+use super::{CommonArgs, clock, output};
 use crate::cluster::page::{ShownScene, StatusPage};
 use crate::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
 use crate::cluster::slurm::Slurm;
@@ -32,6 +32,7 @@ pub(super) struct StatusArgs {
 impl StatusArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.targets.resolve()?;
+        output::screen_outputs(self.html.as_deref(), [], console.json)?;
         self.targets.require_store()?;
         let slurm = Slurm::new(common.programs());
         let slurm = slurm.require().is_ok().then_some(slurm);

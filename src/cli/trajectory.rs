@@ -8,7 +8,6 @@ use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input};
 use crate::camera::{self, Camera};
-use crate::files::is_there;
 use crate::recipe::{self, ChainError, TrajectoryChain, TrajectoryFragment};
 use crate::render::backend::Backend;
 use crate::render::flow::PixelFlowMeter;
@@ -56,6 +55,7 @@ impl TrajectoryArgs {
         let inputs = [Some(&self.recipe), self.capture.as_ref(), self.scene.as_ref()];
         let inputs = inputs.into_iter().flatten().map(PathBuf::as_path);
         output::screen_outputs(self.files().map(|(_, path)| path), inputs, console.json)?;
+        self.scene.iter().try_for_each(|scene| input::require_file("scene", scene))?;
         common.limit_cores();
         let fragment = recipe::read_fragment(&self.recipe)?;
         let chain = fragment.chain(&self.name).map_err(|error| chain_error(&error))?;
@@ -148,9 +148,6 @@ impl TrajectoryArgs {
             let help = "pass --capture, or write in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)
         })?;
-        if !is_there(scene) {
-            return Err(input::missing_file("scene", scene));
-        }
         let gaussians = crate::scene::read_file(scene).map_err(|e| input::unreadable_file("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
         let renderer = backend.renderer(Arc::new(gaussians), style);

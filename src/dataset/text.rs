@@ -29,13 +29,15 @@ fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
 }
 
 /// A time in microseconds.
-#[expect(clippy::cast_possible_truncation, reason = "seconds of a clock; more saturates")]
+#[expect(clippy::cast_possible_truncation, reason = "compared with the largest integer before")]
 fn parse_time(word: &str) -> Option<i64> {
     if let Ok(whole) = word.parse::<i64>() {
         return Some(if whole.abs() >= NANOSECONDS { whole.div_euclid(1000) } else { whole });
     }
-    let seconds: f64 = word.parse().ok().filter(|s: &f64| s.is_finite())?;
-    Some((seconds * 1e6).round() as i64)
+    let seconds: f64 = word.parse().ok()?;
+    let micros = (seconds * 1e6).round();
+    // The cast would turn larger ones into the last stamp that there is. NaN is not below either.
+    (micros.abs() < i64::MAX as f64).then_some(micros as i64)
 }
 
 /// Reads the first word of each line as a stamp, in microseconds.

@@ -65,6 +65,9 @@ fn key_id(number: &[u8]) -> String {
 const KDF: std::ops::Range<usize> = 2..4;
 const NO_KDF: [u8; 2] = [0; 2];
 
+/// Length of a public key, which no secret key has: its algorithm, its number, and the key.
+const PUBLIC_KEY_BYTES: usize = 42;
+
 /// The bytes of a secret key: the second line of its file.
 fn decode_key(text: &str) -> Option<Vec<u8>> {
     Base64::decode_to_vec(text.lines().nth(1)?.trim(), None).ok()
@@ -94,6 +97,9 @@ impl SigningKey {
         let bytes = files::read(path, MAX_BYTES).map_err(io_error(path))?;
         let text = String::from_utf8(bytes).map_err(|_| refuse("it is not UTF-8 text".to_owned()))?;
         let bytes = decode_key(&text).ok_or_else(|| refuse("its second line is not base64".to_owned()))?;
+        if bytes.len() == PUBLIC_KEY_BYTES {
+            return Err(refuse("it is a public key, wanted the secret key of the pair".to_owned()));
+        }
         let secret = if bytes.get(KDF) == Some(&NO_KDF) {
             SecretKey::from_bytes(&bytes).map_err(|e| refuse(e.to_string()))?
         } else {

@@ -2,7 +2,7 @@
 
 use super::colmap::ColmapModel;
 use super::kind::CaptureKind;
-use super::photo::PhotoScrutiny;
+use super::photo::{self, PhotoScrutiny};
 use super::solving::PoseSolving;
 use super::{Capture, CapturedView, SourceError, SourceWarning, UnusedPhoto, UnusedReason};
 use glob::Pattern;
@@ -95,9 +95,12 @@ impl DiskCapture {
     /// Returns the files that [`DiskCapture::read`] reads, each with its name within the source.
     ///
     /// # Errors
-    /// The names of the photos are in a file that cannot be read; see [`DiskCapture::read`].
+    /// The names of the photos are in a file that cannot be read; see [`DiskCapture::read`]. A photo
+    /// exceeds the limit, which is found before anything hashes it.
     pub fn files(&self) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        self.kind.as_layout().files(self)
+        let found = self.kind.as_layout().files(self)?;
+        found.iter().try_for_each(|(_, path)| photo::check_length(path))?;
+        Ok(found)
     }
 
     /// Returns the COLMAP model of its poses, if they come from a model.

@@ -72,6 +72,15 @@ fn is_photo(path: &Path) -> bool {
     ending.is_some_and(|ending| ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)))
 }
 
+/// Refuses a photo beyond the limit, by its length. Other files and faults are left to their readers.
+pub(super) fn check_length(path: &Path) -> Result<(), SourceError> {
+    let length = || std::fs::metadata(path).map_or(0, |about| about.len());
+    if !is_photo(path) || length() <= files::MAX_PICTURE {
+        return Ok(());
+    }
+    open(path).map(drop)
+}
+
 /// Returns true if a folder itself has a photo. A folder that cannot be listed has none.
 pub(super) fn has_photos(folder: &Path) -> bool {
     let entries = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);

@@ -104,6 +104,4 @@ mod training;
 mod trajectories;
 mod trajectory_verb;
 mod tree;
-mod untouched;
-mod warnings;
-mod why;
+mod unused_inputs;

@@ -2,6 +2,7 @@
 //! verdict.
 
 use crate::cli::console::Console;
+use crate::cli::output;
 use crate::cli::problem::VerbError;
 use crate::files::{self, MAX_DOCUMENT, write_by_rename};
 use crate::plan::shard::SceneShard;
@@ -25,6 +26,7 @@ impl PartArgs {
     /// Writes a part, if one is asked for.
     pub(super) fn write(&self, dir: &Path, console: &Console) -> Result<bool, VerbError> {
         let (Some(shard), Some(folder)) = (self.shard, &self.parts) else { return Ok(false) };
+        output::refuse_inside(folder, dir, "the release")?;
         let SceneShard { number, of } = shard;
         let part = AuditPart::audit(dir, number, of).map_err(|e| {
             VerbError::failed("input-unreadable", format!("{} cannot be read: {e}", dir.display()))

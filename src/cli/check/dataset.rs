@@ -67,6 +67,9 @@ const PICTURE_US: i64 = 10_000;
 impl DatasetArgs {
     /// Runs the checks, and writes the page if one is asked for. `place` is what `--events` names.
     pub(super) fn run(&self, place: &Path, console: &Console) -> Result<DatasetReport, VerbError> {
+        for (what, path) in [("stamps", &self.stamps), ("poses", &self.poses), ("camera", &self.camera)] {
+            path.iter().try_for_each(|path| input::require_file(what, path))?;
+        }
         let paths = self.paths(place);
         output::screen_outputs(self.report.as_deref(), [paths.events.as_path()], console.json)?;
         let frames = self.read_frames(&paths)?;

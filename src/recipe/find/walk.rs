@@ -103,11 +103,11 @@ fn is_recipe(entry: &DirEntry) -> bool {
     yaml && !other && !entry.file_type().is_dir()
 }
 
-/// Returns a fault if a file has the name of the takedown list in other letters: its scenes would
-/// be released.
+/// Returns a fault if a file has the name of the takedown list in other letters, or with blanks around it:
+/// its scenes would be released.
 pub(in crate::recipe) fn misnamed(path: &Path) -> Option<RecipeFault> {
     let name = path.file_name()?.to_str()?;
-    let other = name.eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
+    let other = name.trim().eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
     other.then(|| {
         let message = format!("a file with this name is ignored, wanted {TAKEDOWN}");
         RecipeFault::of_file(path, &message, Some("rename the file"))
