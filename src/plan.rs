@@ -3,8 +3,10 @@
 pub mod asked;
 pub mod assess;
 pub mod kept;
+pub mod lens;
 pub mod past;
 pub mod shard;
+pub mod size;
 pub mod survey;
 mod wire;
 

@@ -14,14 +14,18 @@ use super::problem::{ExitKind, VerbError};
 use super::progress::{EndSummary, Progress};
 use super::renderers::tell_gpu;
 use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
-use super::{CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, plan, takedown};
+use super::{
+    CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, output, plan, takedown,
+};
 use crate::cluster::submission::read_shard;
 use crate::escape;
 use crate::files::is_there;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, assess_plan};
+use crate::plan::lens::{UnfitLens, unfit_lens};
 use crate::plan::past::past_costs;
 use crate::plan::shard::SceneShard;
+use crate::plan::size::expected_bytes;
 use crate::plan::survey::{PlanSurvey, SettledScene, SettledStep, plan_all, survey_recipes};
 use crate::recipe;
 use crate::run::backends::RendererChoice;
@@ -145,6 +149,7 @@ fn parse_share(text: &str) -> Result<f64, String> {
 impl BuildArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let started = Instant::now();
+        self.to.iter().try_for_each(|to| output::refuse_inside(to, &common.store, "the store"))?;
         let chosen = common.renderers()?;
         let task = match (&self.shard_file, &self.plan_digest) {
             (Some(file), Some(plan)) => Some(recipe::read_files(&read_shard(file, plan)?)?),
@@ -333,6 +338,7 @@ impl BuildRequest<'_> {
             let assessed = assess_plan(&plan, store)?;
             idle = assessed.iter().all(|a| a.action == StepAction::Keep);
             commands::refuse_commands(&plan, &assessed, common)?;
+            refuse_lens(&plan)?;
             self.warn_of_space(&plan, &assessed, store)?;
         }
         if !idle {
@@ -348,8 +354,7 @@ impl BuildRequest<'_> {
         Ok((plan, summary))
     }
 
-    /// Warns if the outputs of the steps that run are expected to exceed the free space. Steps unlike any
-    /// that ran before have no expected size.
+    /// Warns if the outputs of the steps that run are expected to exceed the free space.
     fn warn_of_space(
         &self,
         plan: &Plan,
@@ -357,9 +362,9 @@ impl BuildRequest<'_> {
         store: &Store,
     ) -> Result<(), VerbError> {
         let Ok(space) = DiskSpace::holding_path(&self.common.store) else { return Ok(()) };
-        let past = past_costs(plan, store)?.into_iter().zip(assessed);
-        let stale = past.filter(|(_, assessed)| assessed.action != StepAction::Keep);
-        let bytes: f64 = stale.filter_map(|(past, _)| Some(past?.bytes)).sum();
+        let expected = expected_bytes(plan, &past_costs(plan, store)?).into_iter().zip(assessed);
+        let stale = expected.filter(|(_, assessed)| assessed.action != StepAction::Keep);
+        let bytes: f64 = stale.filter_map(|(bytes, _)| bytes).sum();
         if bytes > space.free as f64 {
             let [needed, free] = [bytes, space.free as f64].map(|bytes| bytes * 1e-9);
             let mount = escape::path(&space.mount);
@@ -421,6 +426,13 @@ impl BuildRequest<'_> {
         }
         options
     }
+}
+
+/// Refuses a lens that does not fit the camera of its source, which its steps would find out late.
+pub(super) fn refuse_lens(plan: &Plan) -> Result<(), VerbError> {
+    let Some(UnfitLens { scene, because }) = unfit_lens(plan) else { return Ok(()) };
+    let what = format!("the camera of {scene} {because}");
+    Err(VerbError::usage("recipe-invalid", what).help("fx in `camera` is a focal length of its own"))
 }
 
 fn run_options(

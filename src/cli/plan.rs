@@ -8,9 +8,11 @@ use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
 use crate::plan::kept::kept_names;
 use crate::plan::past::{past_costs, sharing_steps};
+use crate::plan::size::expected_bytes;
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
 use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
+use crate::units::format_amount;
 use serde::Serialize;
 use serde_json::json;
 
@@ -63,6 +65,7 @@ impl PlanArgs {
         );
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         let assessed = assess_plan(&plan, &store)?;
+        super::build::refuse_lens(&plan)?;
         // Programs get a single array, so nothing else may go to stdout.
         super::build::tell_notices(&store, &console.for_people());
         super::takedown::show_takedown(taken_down, &console.for_people());
@@ -151,7 +154,8 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
 struct EstimateTotal {
     /// Number of steps that will or may run.
     steps: usize,
-    /// Number of steps without an earlier run of their kind. They are in none of the sums.
+    /// Number of steps without an earlier run of their kind. They are in no sum but that of bytes, and there
+    /// only if their parameters state a size.
     unknown: usize,
     core_seconds: f64,
     /// Wall time at best, if the work is shared evenly among the cores.
@@ -171,17 +175,19 @@ fn estimate_run(
     let mut sum = EstimateTotal::default();
     let past = past_costs(plan, store)?;
     let runs: Vec<bool> = assessed.iter().map(|a| a.action != StepAction::Keep).collect();
-    for ((past, runs), shares) in past.into_iter().zip(&runs).zip(sharing_steps(plan, &runs)) {
+    let bytes = expected_bytes(plan, &past);
+    let steps = past.into_iter().zip(bytes).zip(&runs).zip(sharing_steps(plan, &runs));
+    for (((past, bytes), runs), shares) in steps {
         if !runs {
             continue;
         }
         sum.steps += 1;
+        sum.bytes += bytes.unwrap_or(0.0);
         let Some(past) = past else {
             sum.unknown += 1;
             continue;
         };
         sum.core_seconds += if shares { past.core_seconds } else { past.alone_core_seconds };
-        sum.bytes += past.bytes;
         sum.memory = sum.memory.max(past.memory);
     }
     let cores = common.cores();
@@ -191,22 +197,25 @@ fn estimate_run(
         return Ok(());
     }
     let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
+    let outputs = bytes_text(bytes);
     if unknown == steps && steps > 0 {
         console.print(&format!(
-            "{steps} steps would run, or may: time, disk and memory are unknown, because no step like them ran before"
+            "{steps} steps would run, or may: time and memory are unknown, because no step like them ran before"
         ));
+        console.print(&format!("outputs of known size: {outputs}"));
         return Ok(());
     }
     console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
-    console.print(&format!(
-        "{:.1} MB of outputs; {:.0} MB of memory for the largest step",
-        bytes * 1e-6,
-        memory * 1e-6
-    ));
+    console.print(&format!("{outputs} of outputs; {:.0} MB of memory for the largest step", memory * 1e-6));
     if unknown > 0 {
         console.print(&format!("{unknown} of them are not counted: no step of their kind has run before"));
     }
     Ok(())
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cast saturates")]
+fn bytes_text(bytes: f64) -> String {
+    format_amount(bytes as u64, "B")
 }
 
 /// A reason in words for people.

@@ -23,6 +23,8 @@ pub struct PastCosts {
     pub alone_core_seconds: f64,
     /// Bytes of its outputs.
     pub bytes: f64,
+    /// Number of its pictures.
+    pub pictures: f64,
     /// Granted memory, bytes.
     pub memory: f64,
 }
@@ -30,11 +32,14 @@ pub struct PastCosts {
 impl PastCosts {
     fn from_record(record: &RecordSummary) -> Self {
         let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
+        let is_picture = |name: &str| name.ends_with(".png") || name.ends_with(".npy");
+        let pictures = record.outputs.iter().filter(|o| is_picture(&o.name)).count();
         let threads = record.threads as f64;
         Self {
             core_seconds: record.seconds * threads,
             alone_core_seconds: record.alone_seconds.unwrap_or(record.seconds) * threads,
             bytes: bytes as f64,
+            pictures: pictures as f64,
             memory: record.memory as f64,
         }
     }
@@ -123,14 +128,15 @@ fn stage_means(store: &Store) -> BTreeMap<String, PastCosts> {
         sum.core_seconds += past.core_seconds;
         sum.alone_core_seconds += past.alone_core_seconds;
         sum.bytes += past.bytes;
+        sum.pictures += past.pictures;
         // Memory is a peak: the mean would be too low for many steps of the stage.
         sum.memory = sum.memory.max(past.memory);
     }
     let mean = |(stage, (count, sum)): (String, (f64, PastCosts))| {
-        let PastCosts { core_seconds, alone_core_seconds, bytes, memory } = sum;
-        let [core_seconds, alone_core_seconds, bytes] =
-            [core_seconds, alone_core_seconds, bytes].map(|sum| sum / count);
-        (stage, PastCosts { core_seconds, alone_core_seconds, bytes, memory })
+        let PastCosts { core_seconds, alone_core_seconds, bytes, pictures, memory } = sum;
+        let [core_seconds, alone_core_seconds, bytes, pictures] =
+            [core_seconds, alone_core_seconds, bytes, pictures].map(|sum| sum / count);
+        (stage, PastCosts { core_seconds, alone_core_seconds, bytes, pictures, memory })
     };
     sums.into_iter().map(mean).collect()
 }

@@ -2,7 +2,8 @@
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{ShotParameters, exposure_failure, record_work};
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::size::PNG_BYTES;
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_json};
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedPose;
@@ -48,6 +49,10 @@ impl Stage for BlurStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_pictures(path.exposures(self.shutter.frames), self.shot.camera, PNG_BYTES))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {

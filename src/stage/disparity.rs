@@ -2,7 +2,7 @@
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
 use crate::camera::stereo::Rectification;
 use crate::camera::{self, Camera, CameraChoice};
@@ -36,6 +36,9 @@ pub struct DisparityStage {
 /// Memory per pixel of an image and its copy, bytes, as for depth.
 const BYTES_A_PIXEL: u64 = 8;
 
+/// Bytes per pixel of an image: a number of 32 bits.
+const BYTES_OF_IMAGE: f64 = 4.0;
+
 impl Stage for DisparityStage {
     const NAME: &'static str = "disparity";
     const REVISION: u32 = 1;
@@ -48,6 +51,10 @@ impl Stage for DisparityStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_IMAGE))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {

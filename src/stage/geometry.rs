@@ -2,7 +2,7 @@
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::image::Image;
@@ -43,6 +43,8 @@ pub trait PixelQuantity: Debug + Send + Sync {
     const REVISION: u32;
     /// Memory per pixel of an image and its copy, bytes, as measured.
     const BYTES_A_PIXEL: u64;
+    /// Bytes per pixel of a file.
+    const FILE_BYTES: f64;
     /// The rendered channels.
     const CHANNELS: ChannelSet;
 
@@ -66,6 +68,7 @@ impl PixelQuantity for DepthQuantity {
     const NAME: &'static str = "depth";
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 8;
+    const FILE_BYTES: f64 = 4.0;
     const CHANNELS: ChannelSet = ChannelSet { depth: true, ..ChannelSet::NONE };
 
     type Pixel = f32;
@@ -79,6 +82,7 @@ impl PixelQuantity for FlowQuantity {
     const NAME: &'static str = "flow";
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 20;
+    const FILE_BYTES: f64 = 8.0;
     const CHANNELS: ChannelSet = ChannelSet { flow: true, ..ChannelSet::NONE };
 
     type Pixel = [f32; 2];
@@ -100,6 +104,10 @@ impl<Q: PixelQuantity> Stage for GeometryStage<Q> {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         self.shot.need(files, Q::BYTES_A_PIXEL)
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, Q::FILE_BYTES))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {

@@ -1,6 +1,6 @@
 //! Stage `imu`: inertial measurements along a trajectory.
 
-use super::{Stage, StageContext, StageError, StepTarget};
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{ImuRecording, TrajectoryProduct};
 use crate::imu::files::{self, SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
 use crate::imu::{ImuModel, ImuSampler};
@@ -24,12 +24,20 @@ pub struct ImuStage {
 /// Jump of the rates at the knots, divided by the mean rate, above which accelerations depend on the frame rate.
 const SMOOTH: f64 = 1e-3;
 
+/// Bytes of a sample and its state in their files, by the digits of their numbers; fewer if biases are zero.
+const BYTES_A_SAMPLE: f64 = 450.0;
+
 impl Stage for ImuStage {
     const NAME: &'static str = "imu";
     const REVISION: u32 = 1;
     /// The capture, if its views say what is up.
     type Inputs = (StepTarget<TrajectoryProduct>, Option<StepTarget<Capture>>);
     type Output = ImuRecording;
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        let samples = 1.0 + path.seconds * self.model.rate.to_f64();
+        Some(ExpectedSize::of_text(samples, BYTES_A_SAMPLE))
+    }
 
     fn run(
         &self,

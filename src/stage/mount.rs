@@ -1,6 +1,7 @@
 //! Stage `mount`: the path of a camera on a body, from the path of the body.
 
-use super::{Stage, StageContext, StageError, StepTarget};
+use super::trajectory::BYTES_A_POSE;
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::TrajectoryProduct;
 use crate::trajectory::mount::CameraMount;
 use serde::Serialize;
@@ -20,6 +21,10 @@ impl Stage for MountStage {
     /// The path of the body.
     type Inputs = StepTarget<TrajectoryProduct>;
     type Output = TrajectoryProduct;
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_text(path.poses, BYTES_A_POSE))
+    }
 
     fn run(&self, body: TrajectoryProduct, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let trajectory = body.trajectory.of_mounted(&self.mount);

@@ -2,7 +2,7 @@
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, OBJECT_PLACES, PictureSet, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedPose;
@@ -30,6 +30,9 @@ pub struct SegmentationStage {
 /// Memory per pixel of a batch of masks, of the weights of the objects, and of the encoders, bytes.
 const BYTES_A_PIXEL: u64 = 48;
 
+/// Bytes per pixel of a mask, which is one colour in most places; an estimate.
+const BYTES_OF_MASK: f64 = 0.02;
+
 impl Stage for SegmentationStage {
     const NAME: &'static str = "segmentation";
     const REVISION: u32 = 1;
@@ -42,6 +45,10 @@ impl Stage for SegmentationStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         self.shot.need(files, BYTES_A_PIXEL)
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_MASK))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {

@@ -2,7 +2,8 @@
 
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters, exposure_failure};
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::size::PNG_BYTES;
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedPose;
@@ -52,6 +53,12 @@ impl Stage for SharpStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         self.shot.need(files, PoseStage::bytes_a_pixel(self))
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        let exposed = self.exposed.map_or(0.0, |frames| path.exposures(frames));
+        let pictures = path.pictures(self.every) + exposed;
+        Some(ExpectedSize::of_pictures(pictures, self.shot.camera, PNG_BYTES))
     }
 
     fn role(&self) -> Option<PassRole<'_>> {

@@ -1,7 +1,7 @@
 //! Stage `trajectory`: makes a dense path at the prescribed speed, from captured views or other
 //! inputs.
 
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
 use crate::camera::CameraChoice;
 use crate::image::Size;
@@ -60,6 +60,9 @@ pub struct ViewingSetup {
     pub backend: Backend,
 }
 
+/// Bytes of a pose in all files.
+pub(super) const BYTES_A_POSE: f64 = 200.0;
+
 impl Stage for TrajectoryStage {
     const NAME: &'static str = "trajectory";
     const REVISION: u32 = 2;
@@ -87,6 +90,15 @@ impl Stage for TrajectoryStage {
             }
             _ => StepNeed::for_parts([super::small_stage_memory(files)]),
         }
+    }
+
+    fn path_length(&self) -> Option<PathLength> {
+        let poses = self.path.stated_poses(self.rate)?;
+        Some(PathLength::at_rate(poses, self.rate.to_f64()))
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(ExpectedSize::of_text(path.poses, BYTES_A_POSE))
     }
 
     fn run(

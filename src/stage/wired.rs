@@ -4,7 +4,7 @@ use super::context::StageContext;
 use super::error::StageError;
 use super::pass::PassRole;
 use super::target::StageInputs;
-use super::{SourceFile, Stage, StepId, StepNeed};
+use super::{ExpectedSize, PathLength, SourceFile, Stage, StepId, StepNeed};
 use crate::artifact::ArtifactFiles;
 use crate::store::description::{DescribedValue, describe_value};
 use crate::store::{Digest, Key};
@@ -46,6 +46,12 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
 
     /// Resources needed, by the sizes of the inputs.
     fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed;
+
+    /// The length of the path that the stage makes, if its parameters state it.
+    fn path_length(&self) -> Option<PathLength>;
+
+    /// The expected size of the product along a path, if the parameters state it.
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize>;
 
     /// The programs that the stage would run, one command per line.
     fn programs(&self) -> Vec<String>;
@@ -114,6 +120,14 @@ where
 
     fn need(&self, inputs: &[ArtifactFiles]) -> StepNeed {
         self.stage.need(inputs)
+    }
+
+    fn path_length(&self) -> Option<PathLength> {
+        self.stage.path_length()
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        self.stage.expected_size(path)
     }
 
     fn programs(&self) -> Vec<String> {

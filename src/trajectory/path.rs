@@ -6,10 +6,11 @@ use super::keyframes::KeyframePath;
 use super::novel::{BaseTrajectory, NovelGroup};
 use super::orbit::OrbitPath;
 use super::refine::RefinePath;
-use super::travel::TravelPlan;
+use super::travel::{PoseCount, TravelPlan};
 use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
 use crate::camera::Camera;
 use crate::scene::survey::SceneSurvey;
+use crate::units::Hertz;
 use serde::Serialize;
 
 /// A path, by its kind.
@@ -72,6 +73,16 @@ impl CameraPath {
             Self::Refine(_) => true,
             Self::Orbit(orbit) => orbit.centre.is_none() || orbit.from.is_none() || orbit.up.is_none(),
             Self::Novel(_) | Self::Keyframes(_) => false,
+        }
+    }
+
+    /// The number of poses, if the path states it. Otherwise the views or the speed decide.
+    #[must_use]
+    pub fn stated_poses(&self, rate: Hertz) -> Option<f64> {
+        match self.travel().count {
+            PoseCount::Frames(frames) => Some(frames as f64),
+            PoseCount::Duration(seconds) => Some(1.0 + (seconds.to_f64() * rate.to_f64()).ceil()),
+            PoseCount::Factor(_) | PoseCount::Flow => None,
         }
     }
 
