@@ -74,4 +74,4 @@ control_release() {
   either '! exited 0' 'exited 0 && [ -e out/manifest.json ]'
 }
 tests='control_release'
-for group in code files trees limits processes words bounds; do
+for group in code files folders shared bounds trees limits processes words; do
