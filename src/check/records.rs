@@ -6,6 +6,7 @@
 //! without the others contradicts them, even if all sums were computed again.
 
 pub mod exposure;
+pub mod inertial;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, Verdict};

@@ -2,6 +2,7 @@
 //!
 //! Neither comparison knows the path that made the data. States are interpolated at the times of the poses; the
 //! samples at both ends of an interval are compared with the turn and the change of velocity of the states over it.
+//! No sample is beyond the range of its sensor, and one at its bound belongs to states beyond that bound.
 //! What noise and interpolation allow follows from the model of the sensor, and from the states themselves.
 
 use super::ImuModel;
@@ -41,6 +42,15 @@ impl fmt::Display for InertialDifference {
     }
 }
 
+/// The comparisons of the inertial data of a path.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct InertialComparison {
+    /// The differences, allowed or not.
+    pub differences: Vec<InertialDifference>,
+    /// The sensors of which every sample is next to one at its bound, so that nothing was compared with the states.
+    pub bounded: Vec<&'static str>,
+}
+
 /// Half of the rounding of a pose's stamp, s.
 const HALF_STAMP: f64 = 0.5e-6;
 /// Rounding of the numbers of both files, in their units.
@@ -74,19 +84,21 @@ struct StatedInterval {
 /// Compares samples and states of a path with its poses. `gravity` is in world axes, m/s^2.
 ///
 /// # Errors
-/// The files have other stamps, or fewer than three lines.
+/// The files have other stamps than the rate of the sensor gives for the duration of the poses, or fewer than three
+/// lines.
 pub fn compare_inertial(
     model: &ImuModel,
     (samples, states): (&InertialLines, &InertialLines),
     gravity: DVec3,
     poses: &Trajectory,
-) -> Result<Vec<InertialDifference>, String> {
+) -> Result<InertialComparison, String> {
     if samples.len() < 3 {
         return Err(format!("there are {} samples, wanted at least 3", samples.len()));
     }
     if !samples.iter().map(|(t, _)| t).eq(states.iter().map(|(t, _)| t)) {
         return Err("the states have other stamps than the samples".to_owned());
     }
+    check_stamps(model, samples, poses)?;
     let states: Vec<StatedMotion> = states.iter().map(StatedMotion::from_line).collect();
     let intervals: Vec<StatedInterval> = states.windows(2).map(StatedInterval::between).collect();
     let shown = |first: usize| samples.iter().map(move |(_, v)| vector(v, first)).collect::<Vec<DVec3>>();
@@ -95,19 +107,43 @@ pub fn compare_inertial(
         axes: model.gyroscope,
         rate: model.rate.to_f64(),
         of_states: &|i, shown| shown - states[i].biases[0],
+        shown_for: &|i, rate| rate + states[i].biases[0],
         mean: &|i| intervals[i].rate,
+        words: &GYROSCOPE,
     };
     let pushed = ShownAxes {
         shown: shown(3),
         axes: model.accelerometer,
         rate: model.rate.to_f64(),
         of_states: &|i, shown| states[i].rotation * (shown - states[i].biases[1]) + gravity,
+        shown_for: &|i, rate| states[i].rotation.conjugate() * (rate - gravity) + states[i].biases[1],
         mean: &|i| intervals[i].acceleration,
+        words: &ACCELEROMETER,
     };
-    let mut found = against_poses(&states, &intervals, poses, model.metres_per_unit).to_vec();
-    found.extend(turned.differences("the gyroscope differs from the turn of the states by", " rad/s"));
-    found.extend(pushed.differences("the accelerometer differs from the motion of the states by", " m/s^2"));
+    let mut found = InertialComparison {
+        differences: against_poses(&states, &intervals, poses, model.metres_per_unit).to_vec(),
+        bounded: Vec::new(),
+    };
+    turned.compare(&mut found);
+    pushed.compare(&mut found);
     Ok(found)
+}
+
+/// Checks that the samples have the stamps of the sensor's rate, from the first pose to the last.
+fn check_stamps(model: &ImuModel, samples: &InertialLines, poses: &Trajectory) -> Result<(), String> {
+    let wanted = (0..).map(|i| model.rate.stamp_ns(i));
+    let wrong = samples.iter().zip(wanted).enumerate().find(|(_, ((found, _), wanted))| found != wanted);
+    if let Some((i, ((found, _), wanted))) = wrong {
+        let rate = model.rate.to_f64();
+        return Err(format!("sample {i} is at {found} ns, wanted {wanted} ns at {rate} samples per second"));
+    }
+    let end_ns = poses.stamps_us.last().map_or(0, |end| end * 1000);
+    let next = model.rate.stamp_ns(samples.len() as u64);
+    // The stamp of the last pose is rounded to a microsecond.
+    if next + 1000 <= end_ns {
+        return Err(format!("the samples end before {next} ns, wanted some until the last pose at {end_ns} ns"));
+    }
+    Ok(())
 }
 
 fn vector(values: &[f64], first: usize) -> DVec3 {
@@ -188,6 +224,30 @@ fn cubic_between([p, q]: [DVec3; 2], [a, b]: [DVec3; 2], s: f64) -> DVec3 {
     p + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
 }
 
+/// The phrases about a sensor.
+struct SensorWords {
+    name: &'static str,
+    unit: &'static str,
+    largest: &'static str,
+    bounded: &'static str,
+    off: &'static str,
+}
+
+const GYROSCOPE: SensorWords = SensorWords {
+    name: "gyroscope",
+    unit: " rad/s",
+    largest: "the largest value of the gyroscope is",
+    bounded: "the gyroscope shows its bound where the states are below it by",
+    off: "the gyroscope differs from the turn of the states by",
+};
+const ACCELEROMETER: SensorWords = SensorWords {
+    name: "accelerometer",
+    unit: " m/s^2",
+    largest: "the largest value of the accelerometer is",
+    bounded: "the accelerometer shows its bound where the states are below it by",
+    off: "the accelerometer differs from the motion of the states by",
+};
+
 /// The samples of three axes, and what the states say of them.
 struct ShownAxes<'a> {
     shown: Vec<DVec3>,
@@ -195,36 +255,95 @@ struct ShownAxes<'a> {
     rate: f64,
     /// A sample as a rate that the states have, without its bias.
     of_states: &'a dyn Fn(usize, DVec3) -> DVec3,
+    /// The sample without noise and range that shows a rate of the states.
+    shown_for: &'a dyn Fn(usize, DVec3) -> DVec3,
     /// The mean of that rate over an interval.
     mean: &'a dyn Fn(usize) -> DVec3,
+    words: &'static SensorWords,
+}
+
+/// Sums over the intervals of which neither end is at its bound.
+#[derive(Default)]
+struct IntervalSums {
+    squares: f64,
+    bends: f64,
+    used: u32,
 }
 
 impl ShownAxes<'_> {
-    /// The root mean square of the differences over all intervals; and where noise is all that differs, how far its
-    /// density is below the stated one.
-    fn differences(&self, what: &'static str, unit: &'static str) -> Vec<InertialDifference> {
+    fn compare(&self, found: &mut InertialComparison) {
+        found.differences.extend(self.range_differences());
+        match self.interval_sums() {
+            IntervalSums { used: 0, .. } => found.bounded.push(self.words.name),
+            sums => found.differences.extend(self.noise_differences(&sums)),
+        }
+    }
+
+    fn is_bounded(&self, i: usize) -> bool {
+        self.axes.range.is_some_and(|range| self.shown[i].abs().max_element() >= range)
+    }
+
+    /// The largest value, and the largest distance of the states from the bound that a sample shows.
+    fn range_differences(&self) -> Vec<InertialDifference> {
+        let Some(range) = self.axes.range else { return Vec::new() };
+        let SensorWords { unit, largest, bounded, .. } = *self.words;
+        let most = self.shown.iter().map(|shown| shown.abs().max_element()).fold(0.0, f64::max);
+        let mut found = vec![InertialDifference { what: largest, off: most, allowed: range, unit }];
+        let places = (0..self.shown.len()).filter(|i| self.is_bounded(*i));
+        let below = places.flat_map(|i| self.below_bound(i, range));
+        let share = |(off, allowed): &(f64, f64)| off / allowed;
+        let worst = below.max_by(|a, b| share(a).total_cmp(&share(b)));
+        found.extend(worst.map(|(off, allowed)| InertialDifference { what: bounded, off, allowed, unit }));
+        found
+    }
+
+    /// For each axis of a sample that shows its bound, the distance by which the states are below it, and what noise and
+    /// interpolation allow.
+    fn below_bound(&self, i: usize, range: f64) -> impl Iterator<Item = (f64, f64)> {
+        let last = self.shown.len() - 2;
+        let [before, after] = [i.saturating_sub(1), i.min(last)].map(|k| (self.mean)(k));
+        let expected = (self.shown_for)(i, 0.5 * (before + after));
+        // The rate at the sample is between the means around it, or as far outside at an end of the path.
+        let beyond = if (1..=last).contains(&i) { (after - before).length() } else { self.end_bend(i) };
+        let allowed = DEVIATIONS * self.axes.noise * self.rate.sqrt() + beyond + ROUNDING * range.max(1.0);
+        let shown = self.shown[i].to_array().into_iter().zip(expected.to_array());
+        shown
+            .filter(move |(shown, _)| shown.abs() >= range)
+            .map(move |(shown, expected)| (range - expected * shown.signum(), allowed))
+    }
+
+    /// The change of the rate from one interval to the next at an end of the path.
+    fn end_bend(&self, i: usize) -> f64 {
+        let last = self.shown.len() - 2;
+        let [near, far] = if i == 0 { [0, 1.min(last)] } else { [last, last.saturating_sub(1)] };
+        ((self.mean)(near) - (self.mean)(far)).length()
+    }
+
+    fn interval_sums(&self) -> IntervalSums {
         let count = self.shown.len() - 1;
-        let range = self.axes.range.unwrap_or(f64::INFINITY);
-        let is_bounded = |i: usize| self.shown[i].abs().max_element() >= range;
-        let (mut squares, mut bends, mut used) = (0.0, 0.0, 0_u32);
-        for i in (0..count).filter(|i| !is_bounded(*i) && !is_bounded(i + 1)) {
+        let mut sums = IntervalSums::default();
+        for i in (0..count).filter(|i| !self.is_bounded(*i) && !self.is_bounded(i + 1)) {
             let ends = [i, i + 1].map(|k| (self.of_states)(k, self.shown[k]));
             let own = (self.mean)(i);
-            squares += (0.5 * (ends[0] + ends[1]) - own).length_squared();
+            sums.squares += (0.5 * (ends[0] + ends[1]) - own).length_squared();
             let before = i.checked_sub(1).map_or(own, |j| (self.mean)(j));
             let next = if i + 1 < count { (self.mean)(i + 1) } else { own };
             // The mean of both ends misses that of the interval by a twelfth of the second difference, or by an eighth
             // of a bend within it, which shows as 3/4 there. A turn about a moving axis adds a twelfth of w x dw.
             let bend = (next - 2.0 * own + before).length() / 6.0;
             let turning = own.length() * (next - before).length() / (24.0 * self.rate);
-            bends += (bend + turning) * (bend + turning);
-            used += 1;
+            sums.bends += (bend + turning) * (bend + turning);
+            sums.used += 1;
         }
-        if used == 0 {
-            return Vec::new();
-        }
-        let n = f64::from(used);
-        let (off, bend) = ((squares / n).sqrt(), bends / n);
+        sums
+    }
+
+    /// The root mean square of the differences over the intervals; and where noise is all that differs, how far its
+    /// density is below the stated one.
+    fn noise_differences(&self, sums: &IntervalSums) -> Vec<InertialDifference> {
+        let SensorWords { unit, off: what, .. } = *self.words;
+        let n = f64::from(sums.used);
+        let (off, bend) = ((sums.squares / n).sqrt(), sums.bends / n);
         // Of three axes, each the mean of two draws of `density * sqrt(rate)`.
         let noise = 1.5 * self.axes.noise * self.axes.noise * self.rate;
         // Neighbouring intervals share a draw, so there are about half as many squares.

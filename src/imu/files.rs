@@ -4,6 +4,7 @@
 
 use super::{ImuModel, ImuSample, ImuState};
 use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 
 /// The names of the files.
@@ -12,6 +13,9 @@ pub const SAMPLES: &str = "imu.csv";
 pub const STATES: &str = "state.csv";
 /// The sensor.
 pub const SENSOR: &str = "sensor.yaml";
+
+/// Most characters of a value that a sentence shows.
+const MOST_SHOWN: usize = 60;
 
 /// The first line of the samples.
 pub const SAMPLES_HEAD: &str = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
@@ -95,6 +99,55 @@ pub fn rewritten(bytes: &[u8]) -> Result<Vec<u8>, String> {
         out.push('\n');
     }
     Ok(out.into_bytes())
+}
+
+/// The differences of a text of [`sensor_text`] from the sensor with this gravity, one sentence each: values are
+/// compared as numbers where they are some, and as words otherwise.
+///
+/// # Errors
+/// The text is no UTF-8, or has a line outside of a key.
+pub fn sensor_differences(bytes: &[u8], model: &ImuModel, gravity: DVec3) -> Result<Vec<String>, String> {
+    let text = std::str::from_utf8(bytes).map_err(|e| e.to_string())?;
+    let own = sensor_text(model, gravity);
+    let (found, wanted) = (sensor_values(text)?, sensor_values(&own)?);
+    let keys: BTreeSet<&String> = found.keys().chain(wanted.keys()).collect();
+    // A text of another origin may be long.
+    let shown = |values: Option<&Vec<&str>>| -> String {
+        values.map_or("absent".to_owned(), |values| values.join(" ").chars().take(MOST_SHOWN).collect())
+    };
+    let differs = |key: &&String| {
+        let (found, wanted) = (found.get(*key), wanted.get(*key));
+        let same = found.zip(wanted).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(is_same_value));
+        (!same).then(|| format!("its {key} is {}, wanted {}", shown(found), shown(wanted)))
+    };
+    Ok(keys.iter().filter_map(differs).collect())
+}
+
+/// The values of each key of a text of [`sensor_text`], which may go on over several lines.
+fn sensor_values(text: &str) -> Result<BTreeMap<String, Vec<&str>>, String> {
+    let mut found = BTreeMap::<String, Vec<&str>>::new();
+    let mut key: Option<String> = None;
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default();
+        let (own, values) = line.split_once(':').map_or((None, line), |(own, values)| (Some(own.trim()), values));
+        key = own.map(str::to_owned).or(key);
+        let values = values.split([',', '[', ']', ' ']).filter(|value| !value.is_empty());
+        match &key {
+            Some(key) => found.entry(key.clone()).or_default().extend(values),
+            None if line.trim().is_empty() => {}
+            None => return Err(format!("line {number} belongs to no key")),
+        }
+    }
+    Ok(found)
+}
+
+/// Returns true for equal numbers, and for equal words.
+fn is_same_value((found, wanted): (&&str, &&str)) -> bool {
+    let number = |text: &str| text.parse::<f64>().ok();
+    match (number(found), number(wanted)) {
+        (Some(a), Some(b)) => (a - b).abs() <= 0.0,
+        _ => found == wanted,
+    }
 }
 
 /// Gravity in a text of [`sensor_text`], m/s^2 in world axes.

@@ -156,8 +156,12 @@ mod against_poses {
     /// The comparisons that exceed what is allowed.
     fn faults(model: &ImuModel, [samples, states]: &[InertialLines; 2], poses: &Trajectory) -> Vec<String> {
         let gravity = DVec3::new(0.0, -model.gravity, 0.0);
-        let found = compare_inertial(model, (samples, states), gravity, poses).unwrap();
-        found.iter().filter(|found| !found.is_allowed()).map(ToString::to_string).collect()
+        let found = match compare_inertial(model, (samples, states), gravity, poses) {
+            Ok(found) => found,
+            Err(because) => return vec![because],
+        };
+        assert!(found.bounded.is_empty(), "{found:?}");
+        found.differences.iter().filter(|found| !found.is_allowed()).map(ToString::to_string).collect()
     }
 
     #[test]
@@ -204,6 +208,12 @@ mod against_poses {
         finds("poses of another clock", "the rotations", &|_, _, poses| {
             poses.stamps_us.iter_mut().for_each(|t| *t += 500);
         });
+        finds("stamps of another rate", "sample 1 is at", &|model, _, _| {
+            model.rate = Hertz(Ratio::new(999, 1).unwrap());
+        });
+        finds("the last tenth missing", "the samples end before", &|_, lines, _| {
+            lines.iter_mut().for_each(|lines| lines.truncate(900));
+        });
         finds("one displaced pose", "the positions", &|_, _, poses| {
             poses.world_from_camera[100].translation.x += 1e-3;
         });
@@ -216,4 +226,76 @@ mod against_poses {
         let found = compare_inertial(&model, (&samples, &states), DVec3::Y, &poses);
         assert_eq!(found.unwrap_err(), "the states have other stamps than the samples");
     }
+
+    /// A sensor whose range holds all of the walk's rates and forces.
+    const WIDE: AxisModel = AxisModel { range: Some(30.0), ..NOISY };
+
+    #[test]
+    fn samples_at_and_beyond_the_bound_are_found() {
+        let finds = |name: &str, word: &str, change: &dyn Fn(&mut Vec<f64>)| {
+            let (model, mut lines, poses) = written(1000, WIDE);
+            lines[0].iter_mut().for_each(|(_, values)| change(values));
+            let gravity = DVec3::new(0.0, -model.gravity, 0.0);
+            let found = compare_inertial(&model, (&lines[0], &lines[1]), gravity, &poses).unwrap();
+            let faults = found.differences.iter().filter(|found| !found.is_allowed());
+            let faults: Vec<String> = faults.map(ToString::to_string).collect();
+            assert!(faults.iter().any(|fault| fault.contains(word)), "{name}: {faults:?}");
+        };
+        finds("degrees beyond", "the largest value of the gyroscope", &|v| v[1] = v[1].to_degrees());
+        finds("degrees, bounded", "the gyroscope shows its bound", &|v| {
+            v[..3].iter_mut().for_each(|v| *v = v.to_degrees().clamp(-30.0, 30.0));
+        });
+        finds("saturated", "the gyroscope shows its bound", &|v| v[..3].copy_from_slice(&[30.0, 0.0, 0.0]));
+        finds("far beyond", "the largest value of the accelerometer", &|v| {
+            v[3..].copy_from_slice(&[1e6, 0.0, 0.0]);
+        });
+    }
+
+    /// A spin at 5 rad/s with a range of 4: each sample is bounded, and its states say so.
+    #[test]
+    fn a_sensor_that_is_always_at_its_bound_is_not_compared() {
+        let seconds: Vec<f64> = (0..=100).map(|j| f64::from(j) * 1e-3).collect();
+        let pose = |t: f64| Se3 { rotation: DQuat::from_rotation_x(5.0 * t), translation: DVec3::ZERO };
+        let poses: Vec<Se3> = seconds.iter().map(|t| pose(*t)).collect();
+        let stamps_us = (0..=100).map(|j| j * 1000).collect();
+        let path = SampledPath::with_end_rates(&poses, seconds).unwrap();
+        let model = ImuModel {
+            accelerometer: AxisModel::IDEAL,
+            ..model(500, AxisModel { range: Some(4.0), ..AxisModel::IDEAL })
+        };
+        let samples: Vec<ImuSample> = ImuSampler::new(&model, &path, DVec3::Y, Seed(3)).collect();
+        let lines = |write: &dyn Fn(&ImuSample, &mut Vec<u8>), head: &str| {
+            let mut file = format!("{head}\n").into_bytes();
+            samples.iter().for_each(|sample| write(sample, &mut file));
+            read_lines(&file, head).unwrap()
+        };
+        let shown = lines(&|sample, out| write_sample(sample, out).unwrap(), SAMPLES_HEAD);
+        let states = lines(&|sample, out| write_state(sample, out).unwrap(), STATES_HEAD);
+        let gravity = DVec3::new(0.0, -model.gravity, 0.0);
+        let poses = Trajectory { world_from_camera: poses, stamps_us };
+        let found = compare_inertial(&model, (&shown, &states), gravity, &poses).unwrap();
+        assert!(found.differences.iter().all(super::super::consistency::InertialDifference::is_allowed), "{found:?}");
+        assert_eq!(found.bounded, ["gyroscope"]);
+    }
+}
+
+#[test]
+fn a_description_of_another_sensor_is_named_by_its_keys() {
+    use super::files::{sensor_differences, sensor_text};
+    let (model, gravity) = (model(1000, AxisModel { noise: 2e-3, ..AxisModel::IDEAL }), DVec3::NEG_Y);
+    let text = sensor_text(&model, gravity);
+    let differences = |text: &str| sensor_differences(text.as_bytes(), &model, gravity).unwrap();
+    assert_eq!(differences(&text), [""; 0]);
+    // The form of the file is the concern of others.
+    assert_eq!(differences(&text.replace("1.0, 0.0", "1, 0")), [""; 0]);
+    let t = |from: &str, to: &str, key: &str| {
+        let found = differences(&text.replacen(from, to, 1));
+        assert!(found.len() == 1 && found[0].starts_with(&format!("its {key} is ")), "{found:?}");
+    };
+    t("data: [1.0", "data: [-1.0", "data");
+    t("accelerometer_noise_density: 0.002", "accelerometer_noise_density: 0.2", "accelerometer_noise_density");
+    t("rate_hz: 1000", "rate_hz: 200", "rate_hz");
+    t("metres_per_unit: 0.5", "metres_per_unit: 1", "metres_per_unit");
+    t("sensor_type: imu", "sensor_type: !!python/object/apply:os.system", "sensor_type");
+    t("cols: 4\n", "", "cols");
 }
