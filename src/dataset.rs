@@ -182,6 +182,7 @@ fn read_stream(
         resampled: None,
         views: None,
         geometry: None,
+        disparities: None,
         crossings: None,
         light_changes: false,
         is_release: true,

@@ -4,6 +4,10 @@
 //! Depth of soft edges is a mixture that moves by itself: on sound scenes, up to 0.45 of the motion is
 //! left. The limit is 0.7 of it. Depth images in another order, of another path, or of a camera that
 //! stands still leave at least all of it.
+//!
+//! `disparity`: disparity images of a stereo pair against depth, see [`disparity`].
+
+pub mod disparity;
 
 use super::photometric::{PairShares, judge_pairs};
 use super::{Finding, TrajectorySubject, ValidationPass};
@@ -24,6 +28,9 @@ impl ValidationPass for DepthConsistency {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let shares = PairShares { apart: SHARE, neighbours: SHARE };
-        judge_pairs(subject, NAME, subject.geometry.map(|g| &g.depths), shares, "depth images")
+        let depths = subject.geometry.map(|g| &g.depths);
+        let mut findings = judge_pairs(subject, NAME, depths, shares, "depth images");
+        findings.extend(disparity::judge_disparities(subject));
+        findings
     }
 }

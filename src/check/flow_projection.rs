@@ -5,6 +5,10 @@
 //! bits: 1e-6 of the flow, and as much of the parts that cancel in it. The limit is 0.1 %, for
 //! programs that take the derivative in another way. The pass finds poses, depth or flow of another
 //! scale, time, order or convention, and noise of single poses.
+//!
+//! `objects`: the flow of objects that move, see [`objects`].
+
+pub mod objects;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};
@@ -37,7 +41,7 @@ pub struct FlowDifference {
 }
 
 impl FlowDifference {
-    /// Compares two images of one size. `None` if no pixel has both.
+    /// Compares two images of one size. `None` if no pixel has a value in either.
     #[must_use]
     pub fn new(pose: usize, stated: &Image<[f32; 2]>, expected: &Image<[f32; 2]>) -> Option<Self> {
         let size = |[u, v]: [f64; 2]| (u * u + v * v).sqrt();
@@ -47,22 +51,25 @@ impl FlowDifference {
         let sizes = both().map(|(_, b)| size(b.map(f64::from))).collect();
         let off = both().map(|(a, b)| size([0, 1].map(|i| f64::from(a[i]) - f64::from(b[i])))).collect();
         let unpaired = pairs().filter(|(a, b)| is_known(a) != is_known(b)).count();
+        // An image without values says nothing of the flow, and yet lacks some.
+        let of = |values| rank(values, 50).or((unpaired > 0).then_some(0.0));
         Some(Self {
             pose,
-            median_px_s: rank(sizes, 50)?,
-            off_px_s: rank(off, PERCENT)?,
+            median_px_s: of(sizes)?,
+            off_px_s: rank(off, PERCENT).unwrap_or(0.0),
             unpaired: unpaired as f64 / stated.pixels().len().max(1) as f64,
         })
     }
 
     /// Difference as a share of the flow; a still image is compared with `usual` px/s.
     fn share(&self, usual: f64) -> f64 {
-        self.off_px_s / self.median_px_s.max(usual)
+        // Without a difference, there is no share of a flow that may be 0.
+        if self.off_px_s > 0.0 { self.off_px_s / self.median_px_s.max(usual) } else { 0.0 }
     }
 }
 
 /// The value that this percentage of all values does not exceed.
-fn rank(mut values: Vec<f64>, percent: usize) -> Option<f64> {
+pub(super) fn rank(mut values: Vec<f64>, percent: usize) -> Option<f64> {
     let at = (values.len() * percent).div_ceil(100).checked_sub(1)?;
     Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
@@ -74,14 +81,16 @@ impl ValidationPass for FlowProjection {
 
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         let not_run = |because: &str| vec![subject.not_run(NAME, "", because)];
-        match subject.geometry.map(|g| &g.flows) {
+        let mut findings = match subject.geometry.map(|g| &g.flows) {
             None => not_run("it needs the released pictures: `gs2e check --tree` reads them"),
             Some(Err(because)) => not_run(because),
             Some(Ok(flows)) => judge_flows(subject, flows).map_or_else(
                 || not_run("no flow image has a pixel with flow and depth"),
                 |finding| vec![finding],
             ),
-        }
+        };
+        findings.extend(objects::judge_objects(subject));
+        findings
     }
 }
 
@@ -90,7 +99,7 @@ fn judge_flows(subject: &TrajectorySubject<'_>, flows: &[FlowDifference]) -> Opt
     let usual = 0.01 * rank(flows.iter().map(|f| f.median_px_s).collect(), 50)?;
     let fault = |f: &FlowDifference| (f.share(usual) / SHARE).max(f.unpaired / MOST_UNPAIRED);
     let worst = flows.iter().max_by(|a, b| fault(a).total_cmp(&fault(b)))?;
-    if usual <= 0.0 && worst.off_px_s <= 0.0 {
+    if usual <= 0.0 && fault(worst) <= 0.0 {
         return Some(subject.not_run(NAME, "", "the camera does not move"));
     }
     let limit = LimitSide::gate(SHARE);
@@ -126,6 +135,9 @@ mod tests {
         // One pixel in a hundred may differ.
         stated.pixels_mut()[..3].copy_from_slice(&[[3.0, 4.5], [3.0, 4.0], [3.0, 4.0]]);
         assert!(FlowDifference::new(5, &stated, &expected).unwrap().off_px_s < 1e-12);
-        assert_eq!(FlowDifference::new(5, &Image::filled(SIZE, [f32::NAN; 2]), &expected), None);
+        let empty = Image::filled(SIZE, [f32::NAN; 2]);
+        let found = FlowDifference::new(5, &empty, &expected).unwrap();
+        assert_eq!((found.off_px_s, found.unpaired), (0.0, 1.0));
+        assert_eq!(FlowDifference::new(5, &empty, &empty), None);
     }
 }

@@ -5,6 +5,7 @@ pub mod readings;
 pub mod watch;
 
 use super::flow_projection::FlowDifference;
+use super::flow_projection::objects::ObjectFlow;
 use super::photometric::align::PairAlignment;
 use super::photometric::order::FrameTriple;
 
@@ -22,6 +23,8 @@ pub struct GeometryMeasures {
     pub depths: Measured<AlignedPairs>,
     /// Flow images against the flow of depth and poses, one per image.
     pub flows: Measured<Vec<FlowDifference>>,
+    /// Flow images against the motion of objects; `None` if nothing moves by itself.
+    pub objects: Option<Measured<Vec<ObjectFlow>>>,
 }
 
 /// The measurements that need no flow images.

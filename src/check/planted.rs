@@ -183,6 +183,7 @@ impl PlantedWorld {
             doubtful_share: self.doubtful_share,
             views: Some(30),
             geometry: None,
+            disparities: None,
             crossings: None,
             foreign: Some(&self.foreign),
             light_changes: false,

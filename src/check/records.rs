@@ -7,6 +7,7 @@
 
 pub mod exposure;
 pub mod inertial;
+pub mod objects;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, Verdict};

@@ -5,9 +5,10 @@ mod judgement;
 pub(super) use judgement::{Judgement, LimitSide, between_bounds};
 
 use super::coverage::ViewCoverage;
+use super::depth_consistency::disparity::DisparityDifference;
 use super::drift::DriftLaw;
 use super::event_times::crossing::StreamClock;
-use super::geometry::GeometryMeasures;
+use super::geometry::{GeometryMeasures, Measured};
 use super::sampling::ResampledIntervals;
 use super::{DetectableFault, Finding, Limits, StreamTally};
 use crate::foreign::ExternalReport;
@@ -53,6 +54,8 @@ pub struct TrajectorySubject<'a> {
     pub views: Option<usize>,
     /// Released pictures compared by the poses, if they were read.
     pub geometry: Option<&'a GeometryMeasures>,
+    /// Disparity images compared with depth images, if the trajectory has some.
+    pub disparities: Option<&'a Measured<Vec<DisparityDifference>>>,
     /// Times of the events compared with those that the released frames predict, if they were
     /// read. An error is the reason why they cannot be compared.
     pub crossings: Option<&'a Result<StreamClock, String>>,

@@ -102,7 +102,7 @@ impl DatasetViews {
         let flows = Err("the dataset has no flow images that the checks read".to_owned());
         Ok(ViewMeasures {
             trajectory: self.trajectory.clone(),
-            geometry: GeometryMeasures { pictures, order, depths, flows },
+            geometry: GeometryMeasures { pictures, order, depths, flows, objects: None },
             flows: self.flows()?,
         })
     }

@@ -18,7 +18,9 @@ mod tree;
 mod walk;
 
 use super::published;
+use super::scene::TrajectoryPart;
 use super::{ReleaseManifest, SceneRecord};
+use crate::camera::stereo::Rectification;
 use crate::check::{Finding, records};
 use crate::recipe::{Recipe, RecipeFaults};
 use std::path::{Path, PathBuf};
@@ -93,11 +95,21 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
         camera.size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
         let folder = format!("{id}/{}", part.name);
         let name = format!("{}/{}", scene.id, part.name);
-        let released =
-            ReleasedTrajectory { tree, folder: &folder, name: &name, recipe: &recipe, camera, part, photos };
+        let pair = stereo_pair(&recipe, &scene, part);
+        let (folder, name, recipe) = (folder.as_str(), name.as_str(), &recipe);
+        let released = ReleasedTrajectory { tree, folder, name, recipe, camera, part, pair, photos };
         findings.extend(released.findings()?);
     }
     Ok(findings)
+}
+
+/// The stereo pair whose first camera sees along a trajectory.
+fn stereo_pair(recipe: &Recipe, scene: &SceneRecord, part: &TrajectoryPart) -> Option<Rectification> {
+    let mounted = recipe.mounted(&part.name)?;
+    let name = format!("{}/{}", mounted.body, mounted.camera.second.as_ref()?.name);
+    let second = scene.trajectories.iter().find(|part| part.name == name)?;
+    let cameras = [part, second].map(|part| scene.camera_of(part).camera());
+    Rectification::new(cameras, &mounted.camera.second_from_first()?).ok()
 }
 
 fn recipe_of(scene: &SceneRecord) -> Result<Recipe, RecheckError> {

@@ -41,6 +41,12 @@ pub(super) fn held_part_views(scene: &Gaussians, view: &CameraView) -> Vec<Camer
     std::iter::once(*view).chain(parts.map(|part| seen_from(&part.at(view.seconds), view))).collect()
 }
 
+/// The view as it looks from what is still, and then from the axes of parts with these motions.
+#[must_use]
+pub fn views_of_motions(motions: &[PartMotion], view: &CameraView) -> Vec<CameraView> {
+    std::iter::once(*view).chain(motions.iter().map(|part| seen_from(part, view))).collect()
+}
+
 /// A view in the axes of a part.
 fn seen_from(part: &PartMotion, view: &CameraView) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;

@@ -86,6 +86,7 @@ impl Stage for ChecksStage {
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             views: None,
             geometry: None,
+            disparities: None,
             crossings: None,
             foreign: foreign.as_ref(),
             light_changes: self.light_changes,

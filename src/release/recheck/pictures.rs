@@ -1,7 +1,7 @@
 //! The pictures of a trajectory in a release tree. They are read here and nowhere else.
 
 use super::{AuditedTree, RecheckError};
-use crate::artifact::TrajectoryProduct;
+use crate::artifact::{OBJECT_PLACES, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::check::geometry::watch::PosedPictures;
 use crate::image::{GreyImage, Image, npy, png};
@@ -9,6 +9,7 @@ use crate::recipe::{OutputKind, Recipe};
 use crate::render::CameraView;
 use crate::render::flow::leave_out_parts;
 use crate::sampling::exposure;
+use crate::scene::motion::{PlaceLine, read_places};
 use std::io::Cursor;
 
 /// A trajectory's folder, and what its files say about its pictures.
@@ -106,39 +107,45 @@ impl ReleasedPictures<'_> {
         Ok(Image::from_vec(self.camera.size, values.as_chunks().0.to_vec()))
     }
 
-    /// The flow at a pose without the pixels of objects, px/s.
-    pub(super) fn still_flow(&self, pose: usize) -> Result<Image<[f32; 2]>, RecheckError> {
-        let mut flow = self.flow(pose)?;
-        self.mask(pose)?.iter().for_each(|mask| leave_out_parts(&mut flow, mask));
-        Ok(flow)
+    /// The depth at a pose, that of objects too, scene units.
+    pub(super) fn whole_depth(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
+        Ok(Image::from_vec(self.camera.size, self.values("depth", pose, &[])?))
     }
 
-    /// The depth at a pose without the pixels of objects; `None` if objects move and there is no mask, or the scene
-    /// changes with time.
-    pub(super) fn still_depth(&self, pose: usize) -> Result<Option<Image<f32>>, RecheckError> {
-        // Nothing says which pixels of a scene that changes are still.
-        if self.recipe.scene_time().is_some() {
+    /// The disparity at a pose, px.
+    pub(super) fn disparity(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
+        Ok(Image::from_vec(self.camera.size, self.values("disparity", pose, &[])?))
+    }
+
+    /// The places of the objects, if the recipe has some and the tree has their file.
+    pub(super) fn places(&self) -> Result<Option<Vec<PlaceLine>>, RecheckError> {
+        let name = format!("{}/segmentation/{OBJECT_PLACES}", self.folder);
+        if !self.has_objects() || !self.tree.has(&name)? {
             return Ok(None);
         }
-        let is_masked = !self.has_objects() || self.tree.has(&self.name("segmentation", pose, "png"))?;
-        is_masked.then(|| self.depth(pose)).transpose()
+        read_places(&self.tree.read(&name)?).map(Some).map_err(|e| self.tree.refusal(&name, e))
     }
 
     /// Returns true if things move on paths of their own.
-    fn has_objects(&self) -> bool {
+    pub(super) fn has_objects(&self) -> bool {
         !self.recipe.objects.is_empty()
+    }
+
+    /// Returns true if the scene changes with time.
+    pub(super) fn changes(&self) -> bool {
+        self.recipe.scene_time().is_some()
     }
 
     /// The words for a motion that is not that of the camera; `None` without one.
     pub(super) fn own_motion(&self) -> Option<&'static str> {
-        if self.recipe.scene_time().is_some() {
+        if self.changes() {
             return Some("the scene changes with time");
         }
         self.has_objects().then_some("objects move on paths of their own")
     }
 
     /// The mask at a pose, if objects move and the tree has one.
-    fn mask(&self, pose: usize) -> Result<Option<Image<u8>>, RecheckError> {
+    pub(super) fn mask(&self, pose: usize) -> Result<Option<Image<u8>>, RecheckError> {
         if !self.has_objects() {
             return Ok(None);
         }
@@ -184,7 +191,7 @@ impl PosedPictures for ReleasedPictures<'_> {
 
     fn depth(&self, pose: usize) -> Result<Image<f32>, RecheckError> {
         // Pixels of objects have a depth that the poses of the camera do not explain.
-        let mut depth = Image::from_vec(self.camera.size, self.values("depth", pose, &[])?);
+        let mut depth = self.whole_depth(pose)?;
         let mask = self.mask(pose)?;
         mask.iter().for_each(|mask| leave_out_parts(&mut depth, mask));
         Ok(depth)

@@ -4,15 +4,16 @@ use super::anchors::read_anchors;
 use super::crossings::CrossingWatch;
 use super::image_motion::MeasuredMotion;
 use super::pictures::ReleasedPictures;
-use super::walk::{PicturesPresent, walk_pictures};
+use super::walk::{PictureGround, PicturesPresent, WalkedPictures, walk_pictures};
 use super::{AuditedTree, RecheckError};
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
+use crate::camera::stereo::Rectification;
 use crate::check::drift::{DriftLaw, FrameRounding};
 use crate::check::event_times::crossing::StreamClock;
-use crate::check::geometry::GeometryMeasures;
 use crate::check::records;
 use crate::check::records::exposure::{ExposureMean, ExposureMismatch};
+use crate::check::records::objects::{judge_places, stated_motion};
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Finding, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
@@ -20,12 +21,14 @@ use crate::frames::anchors::AnchorFrames;
 use crate::recipe::{OutputKind, Recipe, SceneSource};
 use crate::release::scene::TrajectoryPart;
 use crate::sampling::exposure;
+use crate::scene::motion::{PartMotion, PlaceLine};
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::{self, FrontEnd};
 use crate::trajectory::Trajectory;
 use crate::trajectory::path::CameraPath;
 use crate::units::{Hertz, Ratio};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Largest number of blurred frames that are compared with their sharp frames.
@@ -42,6 +45,8 @@ pub(super) struct ReleasedTrajectory<'a> {
     pub(super) recipe: &'a Recipe,
     pub(super) camera: Camera,
     pub(super) part: &'a TrajectoryPart,
+    /// The stereo pair whose first camera sees along this trajectory.
+    pub(super) pair: Option<Rectification>,
     /// Number of photos that the scene was made from.
     pub(super) photos: usize,
 }
@@ -59,7 +64,7 @@ struct ReleasedStream<'a> {
 /// The measurements on the files of a trajectory.
 struct MeasuredTrajectory<'a> {
     motion: MeasuredMotion,
-    geometry: GeometryMeasures,
+    pictures: WalkedPictures,
     streams: Vec<CountedStream<'a>>,
 }
 
@@ -91,8 +96,10 @@ impl ReleasedTrajectory<'_> {
             motion: &motion,
             camera: self.camera,
         };
-        let (measured, blur) = rayon::join(|| self.measure(&pictures, Hertz(rate)), || self.blur(&pictures));
-        let MeasuredTrajectory { motion: measured, geometry, streams: counted } = measured?;
+        let places = pictures.places()?;
+        let measure = || self.measure(&pictures, places.as_deref(), Hertz(rate));
+        let (measured, blur) = rayon::join(measure, || self.blur(&pictures));
+        let MeasuredTrajectory { motion: measured, pictures: walked, streams: counted } = measured?;
         // Fields without data in a release are `None`, and their passes report that they were not
         // run.
         let whole = TrajectorySubject {
@@ -105,7 +112,8 @@ impl ReleasedTrajectory<'_> {
             tally: None,
             resampled: None,
             views: self.key_views(),
-            geometry: Some(&geometry),
+            geometry: Some(&walked.geometry),
+            disparities: walked.disparities.as_ref(),
             crossings: None,
             foreign: None,
             flow: measured.steps_px,
@@ -129,6 +137,9 @@ impl ReleasedTrajectory<'_> {
         let mut findings = judge_trajectory(&whole, &streams);
         findings.push(blur?);
         findings.extend(self.inertial(&motion)?);
+        findings.extend(places.map(|places| {
+            judge_places(self.name, &self.recipe.objects, &motion.trajectory.stamps_us, &places)
+        }));
         Ok(findings)
     }
 
@@ -137,6 +148,7 @@ impl ReleasedTrajectory<'_> {
     fn measure(
         &self,
         pictures: &ReleasedPictures<'_>,
+        places: Option<&[PlaceLine]>,
         rate: Hertz,
     ) -> Result<MeasuredTrajectory<'_>, RecheckError> {
         let measured = MeasuredMotion::of_pictures(pictures)?;
@@ -153,11 +165,12 @@ impl ReleasedTrajectory<'_> {
         let anchors = read_anchors(pictures, &front_ends, measured.steps_px)?;
         let seen = SeenAnchors { front_ends: &front_ends, anchors };
         let count = |stream| self.count_stream(stream, (pictures, rate), (&measured, &seen));
+        let ground = PictureGround { motions: places.map(motions_by_stamp), pair: self.pair.as_ref() };
         let mut tallies = Ok(Vec::new());
         // The readers of the walk stay on this thread.
-        let geometry = rayon::in_place_scope(|scope| {
+        let walked = rayon::in_place_scope(|scope| {
             scope.spawn(|_| tallies = streams.par_iter().map(count).collect());
-            walk_pictures(pictures, &present, &mut watches)
+            walk_pictures(pictures, &present, &ground, &mut watches)
         })?;
         let tallies: Vec<StreamTally> = tallies?;
         let crossings = watches.into_iter().map(CrossingWatch::finish);
@@ -166,7 +179,7 @@ impl ReleasedTrajectory<'_> {
             CountedStream { name, sensor, tally, crossings }
         });
         let streams = counted.collect();
-        Ok(MeasuredTrajectory { motion: measured, geometry, streams })
+        Ok(MeasuredTrajectory { motion: measured, pictures: walked, streams })
     }
 
     fn motion(&self) -> Result<TrajectoryProduct, RecheckError> {
@@ -245,6 +258,15 @@ impl ReleasedTrajectory<'_> {
         let compared: Vec<_> = compared.into_iter().flatten().collect();
         Ok(records::judge_blur(self.name, &compared))
     }
+}
+
+/// The motions of the objects at each stamp, in the order of their lines, which [`judge_places`] judges.
+fn motions_by_stamp(places: &[PlaceLine]) -> BTreeMap<i64, Vec<PartMotion>> {
+    let mut found = BTreeMap::<i64, Vec<PartMotion>>::new();
+    for line in places {
+        found.entry(line.stamp_us).or_default().extend(stated_motion(line));
+    }
+    found
 }
 
 /// Compares the blurred frame at a pose, if it and all of its sharp frames are in the tree.

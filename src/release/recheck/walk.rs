@@ -6,14 +6,20 @@
 use super::RecheckError;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
+use crate::camera::stereo::Rectification;
+use crate::check::depth_consistency::disparity::DisparityDifference;
 use crate::check::flow_projection::FlowDifference;
+use crate::check::flow_projection::objects::ObjectFlow;
 use crate::check::geometry::watch::GeometryWatch;
 use crate::check::geometry::{GeometryMeasures, Measured, PictureMeasures};
 use crate::check::photometric::align::smooth_picture;
 use crate::image::{GreyImage, Image};
 use crate::render::CameraView;
-use crate::render::flow::flow_rates;
+use crate::render::flow::{flow_rates, leave_out_parts};
+use crate::render::parts::views_of_motions;
+use crate::scene::motion::PartMotion;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Poses that are decoded at a time: enough for some cores, and little memory.
 const AT_ONCE: usize = 4;
@@ -24,6 +30,14 @@ pub(super) struct PicturesPresent {
     pub(super) sharp: Vec<usize>,
     depth: Vec<usize>,
     flow: Vec<usize>,
+    disparity: Vec<usize>,
+}
+
+/// The motion of the objects and the second camera of the pair, by which pictures are compared with each other.
+pub(super) struct PictureGround<'a> {
+    /// Motions of the objects by the stamp of the pose, us; `None` without a file of places.
+    pub(super) motions: Option<BTreeMap<i64, Vec<PartMotion>>>,
+    pub(super) pair: Option<&'a Rectification>,
 }
 
 /// The pictures at a pose.
@@ -33,6 +47,15 @@ struct DecodedPose {
     smoothed: Option<Image<f32>>,
     depth: Option<Image<f32>>,
     flow: Option<FlowDifference>,
+    objects: Option<ObjectFlow>,
+    disparity: Option<DisparityDifference>,
+}
+
+/// What a walk measures.
+pub(super) struct WalkedPictures {
+    pub(super) geometry: GeometryMeasures,
+    /// `None` if the trajectory has no disparity images.
+    pub(super) disparities: Option<Measured<Vec<DisparityDifference>>>,
 }
 
 impl PicturesPresent {
@@ -41,27 +64,49 @@ impl PicturesPresent {
             sharp: pictures.poses_with("sharp", "png")?,
             depth: pictures.poses_with("depth", "npy")?,
             flow: pictures.poses_with("flow", "npy")?,
+            disparity: pictures.poses_with("disparity", "npy")?,
         })
     }
 
     fn decode(
         &self,
         pictures: &ReleasedPictures<'_>,
-        views: &[CameraView],
+        ground: &PictureGround<'_>,
+        view: &CameraView,
         pose: usize,
     ) -> Result<DecodedPose, RecheckError> {
         let is_in = |poses: &[usize]| poses.binary_search(&pose).is_ok();
         let frame = if is_in(&self.sharp) { Some(pictures.frame_with_form(pose)?) } else { None };
-        let depth = if is_in(&self.depth) { pictures.still_depth(pose)? } else { None };
-        let flow = match &depth {
-            Some(depth) if is_in(&self.flow) => {
-                FlowDifference::new(pose, &pictures.still_flow(pose)?, &flow_rates(depth, &views[pose]))
-            }
-            _ => None,
-        };
         let unlit = frame.as_ref().and_then(|frame| pictures.unlit(pose, frame));
         let smoothed = unlit.as_ref().map(smooth_picture);
-        Ok(DecodedPose { pose, frame, smoothed, depth, flow })
+        let mut found =
+            DecodedPose { pose, frame, smoothed, depth: None, flow: None, objects: None, disparity: None };
+        if !is_in(&self.depth) {
+            return Ok(found);
+        }
+        let mut depth = pictures.whole_depth(pose)?;
+        if let Some(pair) = ground.pair.filter(|_| is_in(&self.disparity)) {
+            let stated = pictures.disparity(pose)?;
+            found.disparity = Some(DisparityDifference::new(pose, &stated, &pair.disparity_image(&depth)));
+        }
+        // Nothing says which pixels are still if the scene changes, or if objects move and there is no mask.
+        let mask = pictures.mask(pose)?;
+        if pictures.changes() || (pictures.has_objects() && mask.is_none()) {
+            return Ok(found);
+        }
+        let mut flow = if is_in(&self.flow) { Some(pictures.flow(pose)?) } else { None };
+        if let Some(mask) = &mask {
+            let motions = ground.motions.as_ref().and_then(|motions| motions.get(&pictures.stamp(pose)));
+            if let (Some(flow), Some(motions)) = (&flow, motions) {
+                let views = views_of_motions(motions, view);
+                found.objects = Some(ObjectFlow::new(pose, flow, &depth, mask, &views));
+            }
+            flow.iter_mut().for_each(|flow| leave_out_parts(flow, mask));
+            leave_out_parts(&mut depth, mask);
+        }
+        found.flow = flow.and_then(|flow| FlowDifference::new(pose, &flow, &flow_rates(&depth, view)));
+        found.depth = Some(depth);
+        Ok(found)
     }
 }
 
@@ -69,14 +114,15 @@ impl PicturesPresent {
 pub(super) fn walk_pictures(
     pictures: &ReleasedPictures<'_>,
     present: &PicturesPresent,
+    ground: &PictureGround<'_>,
     streams: &mut [CrossingWatch],
-) -> Result<GeometryMeasures, RecheckError> {
+) -> Result<WalkedPictures, RecheckError> {
     let views = pictures.views();
     let mut geometry = GeometryWatch::new(pictures.camera, &pictures.motion.trajectory.world_from_camera);
-    let mut differences = Vec::new();
+    let (mut differences, mut objects, mut disparities) = (Vec::new(), Vec::new(), Vec::new());
     let poses: Vec<usize> = (0..pictures.poses()).collect();
     let decode = |poses: &[usize]| -> Result<Vec<DecodedPose>, RecheckError> {
-        poses.par_iter().map(|pose| present.decode(pictures, &views, *pose)).collect()
+        poses.par_iter().map(|pose| present.decode(pictures, ground, &views[*pose], *pose)).collect()
     };
     // Decoding is the longest part, and independent per pose. The comparisons need the order of
     // time.
@@ -84,10 +130,13 @@ pub(super) fn walk_pictures(
     let mut decoded = decode(batches.next().unwrap_or_default())?;
     while !decoded.is_empty() {
         let (mut frames, mut compared) = (Vec::new(), Vec::new());
-        for DecodedPose { pose, frame, smoothed, depth, flow } in decoded {
-            differences.extend(flow);
-            frames.extend(frame.map(|frame| (pose, frame)));
-            compared.push((pose, smoothed, depth));
+        for found in decoded {
+            let pose = found.pose;
+            differences.extend(found.flow);
+            objects.extend(found.objects);
+            disparities.extend(found.disparity);
+            frames.extend(found.frame.map(|frame| (pose, frame)));
+            compared.push((pose, found.smoothed, found.depth));
         }
         let mut following = Ok(Vec::new());
         // The readers of streams stay on this thread.
@@ -101,10 +150,19 @@ pub(super) fn walk_pictures(
         decoded = following?;
     }
     let flows = present.flow_differences(differences);
+    let objects = pictures.has_objects().then(|| some_found(objects, NO_OBJECTS));
+    let disparities = (!present.disparity.is_empty()).then(|| some_found(disparities, NO_DISPARITIES));
     let moves = pictures.own_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
     let order = moves.map_or(order, Err);
-    Ok(GeometryMeasures { pictures, order, depths, flows })
+    Ok(WalkedPictures { geometry: GeometryMeasures { pictures, order, depths, flows, objects }, disparities })
+}
+
+const NO_OBJECTS: &str = "no pose has flow, depth and a mask with the places of its objects";
+const NO_DISPARITIES: &str = "no pose has both disparity and depth";
+
+fn some_found<T>(found: Vec<T>, none: &str) -> Measured<Vec<T>> {
+    if found.is_empty() { Err(none.to_owned()) } else { Ok(found) }
 }
 
 impl PicturesPresent {
