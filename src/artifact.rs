@@ -419,15 +419,30 @@ impl Artifact for PictureSet {
     }
 }
 
-/// Inertial data of a trajectory. No step reads them.
+/// Disparity images of a stereo pair. A kind of its own, so that a step can read them next to depth images.
 #[derive(Debug)]
-pub struct ImuRecording;
+pub struct DisparityPictures(pub PictureSet);
+
+impl Artifact for DisparityPictures {
+    const KIND: &'static str = "disparity";
+
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        PictureSet::open(files).map(Self)
+    }
+}
+
+/// Inertial data of a trajectory.
+#[derive(Debug)]
+pub struct ImuRecording {
+    /// Name and path of each file.
+    pub files: Vec<(String, PathBuf)>,
+}
 
 impl Artifact for ImuRecording {
     const KIND: &'static str = "imu";
 
-    fn open(_: &ArtifactFiles) -> Result<Self, ArtifactError> {
-        Ok(Self)
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        Ok(Self { files: files.iter().map(|(name, path)| (name.to_owned(), path.to_owned())).collect() })
     }
 }
 

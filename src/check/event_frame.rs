@@ -311,7 +311,8 @@ impl EventFramePass<'_> {
     ) -> Finding {
         if self.tally.compared.left_out() > 0.0 {
             let share = 100.0 * self.tally.compared.left_out();
-            because += &format!("; {share:.1} % of the pixels are too dark or clipped in 8-bit frames");
+            let hot = if self.tally.hot_left_out { "hot, or " } else { "" };
+            because += &format!("; {share:.1} % of the pixels are {hot}too dark or clipped in 8-bit frames");
         }
         let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
         self.subject.finding(NAME, part, judged)

@@ -6,7 +6,10 @@
 //! drifted far; then only the upper bound applies. `rhythm`: still pixels have no common clock, so
 //! the autocorrelation of their summed rate has no peak. A peak beyond five standard deviations
 //! means pixels that leak in step.
+//!
+//! `labels`: labels of noise and signal against the sensor's noise, see [`labels`].
 
+mod labels;
 pub mod still;
 
 use super::drift::DriftLaw;
@@ -47,26 +50,32 @@ impl ValidationPass for NoiseFloor {
     }
 
     fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
-        // Late events keep their rate, except behind a bus, which loses some.
-        let loses = subject.sensor.is_some_and(|sensor| sensor.readout().is_some());
-        // A latency hides no other reason.
-        let law = subject.sensor.map(|sensor| DriftLaw::for_sensor(&sensor.without_latency()));
-        if let Some(because) = law.and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0)) {
-            return vec![subject.not_run(NAME, "", because)];
-        }
-        let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
-            let because = match subject.drift_law() {
-                Ok(_) if tally.still.is_none() => UNKNOWN.to_owned(),
-                Ok(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
-                Err(because) => because.to_owned(),
-            };
-            return vec![subject.not_run(NAME, "", because)];
-        };
-        vec![judge_rate(subject, still), judge_rhythm(subject, still)]
+        let mut findings = judge_still(subject);
+        findings.extend(labels::judge_labels(subject));
+        findings
     }
+}
+
+fn judge_still(subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+    let Some(tally) = subject.tally else {
+        return vec![subject.not_run(NAME, "", "there are no events")];
+    };
+    // Late events keep their rate, except behind a bus, which loses some.
+    let loses = subject.sensor.is_some_and(|sensor| sensor.readout().is_some());
+    // A latency hides no other reason.
+    let law = subject.compared_sensor().map(|sensor| DriftLaw::for_sensor(&sensor.without_latency()));
+    if let Some(because) = law.and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0)) {
+        return vec![subject.not_run(NAME, "", because)];
+    }
+    let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
+        let because = match subject.drift_law() {
+            Ok(_) if tally.still.is_none() => UNKNOWN.to_owned(),
+            Ok(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
+            Err(because) => because.to_owned(),
+        };
+        return vec![subject.not_run(NAME, "", because)];
+    };
+    vec![judge_rate(subject, still), judge_rhythm(subject, still)]
 }
 
 fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {

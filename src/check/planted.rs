@@ -162,6 +162,8 @@ impl PlantedWorld {
             seen: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
+            hot_hz: &[],
+            labelled: false,
         };
         let mut observer = StreamObserver::new(SIZE, frame_rate(), end, against);
         for chunk in self.events.chunks(1000) {

@@ -144,7 +144,7 @@ fn largest_shift(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> f64 {
 /// The share of ON events predicted from the frames and the number of events.
 fn predicted_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Option<f64> {
     // Events that need not match the drift do not follow from it.
-    let [a, b] = subject.drift_law().ok().filter(|law| law.loose.is_none())?.thresholds;
+    let [a, b] = subject.compared_law().ok().filter(|law| law.loose.is_none())?.thresholds;
     let AnchorFit { expected, events, .. } = tally.compared.fits.last()?;
     if *events == 0 {
         return None;

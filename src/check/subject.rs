@@ -85,6 +85,17 @@ impl TrajectorySubject<'_> {
         self.sensor.map(DriftLaw::for_sensor).ok_or("there is no sensor")
     }
 
+    /// The sensor of the pixels that are compared with frames: known hot pixels are not among them.
+    pub(super) fn compared_sensor(&self) -> Option<SensorChoice> {
+        let without = self.tally.is_some_and(|tally| tally.hot_left_out);
+        self.sensor.map(|sensor| if without { sensor.without_hot_pixels() } else { sensor.clone() })
+    }
+
+    /// The law of the drift of these pixels, or the reason for its absence.
+    pub(super) fn compared_law(&self) -> Result<DriftLaw, &'static str> {
+        self.compared_sensor().as_ref().map(DriftLaw::for_sensor).ok_or("there is no sensor")
+    }
+
     /// The stream's comparison with the frames, or the reason for its absence. Signs and places of
     /// events can be compared for every law, and exact numbers only for one that is not loose.
     pub(super) fn compared(&self) -> Result<&StreamTally, &'static str> {
@@ -99,7 +110,7 @@ impl TrajectorySubject<'_> {
 
     /// As [`TrajectorySubject::compared`], for a law whose events follow the frames at once.
     pub(super) fn compared_at_once(&self) -> Result<(&StreamTally, DriftLaw), &'static str> {
-        let (tally, law) = (self.compared()?, self.drift_law()?);
+        let (tally, law) = (self.compared()?, self.compared_law()?);
         match law.loose.filter(|_| law.delay_us > 0.0) {
             Some(because) => Err(because),
             None => Ok((tally, law)),

@@ -3,9 +3,11 @@
 
 mod busy;
 mod crowding;
+mod labels;
 
 pub use busy::BusyPixels;
 pub use crowding::CrowdingSums;
+pub use labels::LabelCounts;
 
 use super::ahead::{AHEAD, load_ahead};
 use super::drift::DriftLaw;
@@ -18,6 +20,7 @@ use crate::frames::anchors::AnchorFrames;
 use crate::image::Size;
 use crate::units::Hertz;
 use crowding::CrowdingCounter;
+use labels::LabelWatch;
 
 /// Bins of the phase of event times within the frame interval.
 const PHASES: usize = 16;
@@ -68,6 +71,10 @@ pub struct StreamTally {
     pub window: Option<[Vec<u16>; 2]>,
     /// Events of pixels that see no change; `None` if these are unknown.
     pub still: Option<StillPixelCounts>,
+    /// True if hot pixels are known, and left out of the comparisons with frames.
+    pub hot_left_out: bool,
+    /// Labels of the events; `None` if they have none, or if frames and law are unknown.
+    pub labels: Option<LabelCounts>,
 }
 
 /// The references for a stream. Absent ones are not compared.
@@ -79,6 +86,11 @@ pub struct TallyReference<'a> {
     pub flows: &'a [FlowAt],
     /// Dead time of a pixel after an event, in whole microseconds.
     pub dead_us: i64,
+    /// Rates of the pixels that fire by themselves, Hz, 0 for the others; empty if they are unknown or none is. Known
+    /// ones are left out of comparisons with frames, whose law is then that of the other pixels.
+    pub hot_hz: &'a [f64],
+    /// True if the events have labels.
+    pub labelled: bool,
 }
 
 impl StreamTally {
@@ -115,6 +127,7 @@ pub struct StreamObserver<'a> {
     balance: Option<DriftBalance<'a>>,
     windows: WarpWindows<'a>,
     watch: Option<StillPixelWatch>,
+    labels: Option<LabelWatch<'a>>,
 }
 
 /// Events of each pixel since the first stamp.
@@ -148,10 +161,10 @@ impl<'a> StreamObserver<'a> {
     /// An anchor or a flow has another size.
     #[must_use]
     pub fn new(size: Size, rate: Hertz, end_us: i64, against: TallyReference<'a>) -> Self {
-        let TallyReference { seen, flows, dead_us } = against;
+        let TallyReference { seen, flows, dead_us, hot_hz, labelled } = against;
         let pixels = size.pixels();
         Self {
-            tally: StreamTally::without_events(size),
+            tally: StreamTally { hot_left_out: !hot_hz.is_empty(), ..StreamTally::without_events(size) },
             size,
             frames_per_us: rate.to_f64() * 1e-6,
             end_us,
@@ -165,9 +178,14 @@ impl<'a> StreamObserver<'a> {
             // overflow.
             last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
-            balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors)),
+            balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz)),
             windows: WarpWindows::new(size, end_us, flows),
-            watch: seen.and_then(|(law, anchors)| StillPixelWatch::new(size, end_us, &law, anchors, flows)),
+            watch: seen.and_then(|(law, anchors)| {
+                StillPixelWatch::new(size, end_us, &law, anchors, (flows, hot_hz))
+            }),
+            labels: seen
+                .filter(|_| labelled)
+                .map(|(law, anchors)| LabelWatch::new(end_us, &law, anchors, hot_hz)),
         }
     }
 
@@ -210,6 +228,7 @@ impl<'a> StreamObserver<'a> {
             tally.compared = balance.finish();
         }
         (tally.sharpness, tally.window) = self.windows.finish();
+        tally.labels = self.labels.map(LabelWatch::finish);
         tally.still = self.watch.map(StillPixelWatch::finish);
         self.tally
     }
@@ -236,8 +255,9 @@ impl<'a> StreamObserver<'a> {
         }
         self.crowds.see([event.x, event.y], t_us);
         self.windows.see(event, t_us);
-        if let Some(watch) = &mut self.watch {
-            watch.see(pixel, t_us);
+        let is_still = self.watch.as_mut().is_some_and(|watch| watch.see(pixel, t_us));
+        if let Some(labels) = &mut self.labels {
+            labels.see(pixel, event.label, is_still);
         }
     }
 
@@ -308,6 +328,8 @@ impl StreamTally {
             sharpness: Vec::new(),
             window: None,
             still: None,
+            hot_left_out: false,
+            labels: None,
         }
     }
 }

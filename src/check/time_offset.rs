@@ -49,7 +49,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
         Ok(tally) => tally,
         Err(because) => return not_run(because),
     };
-    if let Some(because) = subject.drift_law().ok().and_then(|law| law.loose) {
+    if let Some(because) = subject.compared_law().ok().and_then(|law| law.loose) {
         return not_run(because);
     }
     let pixels: u64 = tally.compared.fits.iter().map(|fit| fit.lag.pixels).sum();

@@ -141,7 +141,9 @@ fn check_stamps(model: &ImuModel, samples: &InertialLines, poses: &Trajectory) -
     let next = model.rate.stamp_ns(samples.len() as u64);
     // The stamp of the last pose is rounded to a microsecond.
     if next + 1000 <= end_ns {
-        return Err(format!("the samples end before {next} ns, wanted some until the last pose at {end_ns} ns"));
+        return Err(format!(
+            "the samples end before {next} ns, wanted some until the last pose at {end_ns} ns"
+        ));
     }
     Ok(())
 }

@@ -117,7 +117,8 @@ pub fn sensor_differences(bytes: &[u8], model: &ImuModel, gravity: DVec3) -> Res
     };
     let differs = |key: &&String| {
         let (found, wanted) = (found.get(*key), wanted.get(*key));
-        let same = found.zip(wanted).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(is_same_value));
+        let same =
+            found.zip(wanted).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(is_same_value));
         (!same).then(|| format!("its {key} is {}, wanted {}", shown(found), shown(wanted)))
     };
     Ok(keys.iter().filter_map(differs).collect())
@@ -129,7 +130,8 @@ fn sensor_values(text: &str) -> Result<BTreeMap<String, Vec<&str>>, String> {
     let mut key: Option<String> = None;
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.split('#').next().unwrap_or_default();
-        let (own, values) = line.split_once(':').map_or((None, line), |(own, values)| (Some(own.trim()), values));
+        let (own, values) =
+            line.split_once(':').map_or((None, line), |(own, values)| (Some(own.trim()), values));
         key = own.map(str::to_owned).or(key);
         let values = values.split([',', '[', ']', ' ']).filter(|value| !value.is_empty());
         match &key {

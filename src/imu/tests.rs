@@ -274,7 +274,10 @@ mod against_poses {
         let gravity = DVec3::new(0.0, -model.gravity, 0.0);
         let poses = Trajectory { world_from_camera: poses, stamps_us };
         let found = compare_inertial(&model, (&shown, &states), gravity, &poses).unwrap();
-        assert!(found.differences.iter().all(super::super::consistency::InertialDifference::is_allowed), "{found:?}");
+        assert!(
+            found.differences.iter().all(super::super::consistency::InertialDifference::is_allowed),
+            "{found:?}"
+        );
         assert_eq!(found.bounded, ["gyroscope"]);
     }
 }
@@ -293,7 +296,11 @@ fn a_description_of_another_sensor_is_named_by_its_keys() {
         assert!(found.len() == 1 && found[0].starts_with(&format!("its {key} is ")), "{found:?}");
     };
     t("data: [1.0", "data: [-1.0", "data");
-    t("accelerometer_noise_density: 0.002", "accelerometer_noise_density: 0.2", "accelerometer_noise_density");
+    t(
+        "accelerometer_noise_density: 0.002",
+        "accelerometer_noise_density: 0.2",
+        "accelerometer_noise_density",
+    );
     t("rate_hz: 1000", "rate_hz: 200", "rate_hz");
     t("metres_per_unit: 0.5", "metres_per_unit: 1", "metres_per_unit");
     t("sensor_type: imu", "sensor_type: !!python/object/apply:os.system", "sensor_type");

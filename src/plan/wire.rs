@@ -2,7 +2,7 @@
 //! without an output that uses its product.
 
 use super::{RendererPolicy, SceneWiring};
-use crate::artifact::{EventStreams, PictureSet, TrajectoryProduct};
+use crate::artifact::{DisparityPictures, EventStreams, ImuRecording, PictureSet, TrajectoryProduct};
 use crate::foreign::versions::VersionQuery;
 use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
 use crate::render::OmissionPolicy;
@@ -15,7 +15,7 @@ use crate::speed::SpeedChoice;
 use crate::stage::StepTarget;
 use crate::stage::blur::BlurStage;
 use crate::stage::capture::{CaptureStage, SolvingInputs};
-use crate::stage::checks::ChecksStage;
+use crate::stage::checks::{CheckedPair, ChecksStage};
 use crate::stage::disparity::DisparityStage;
 use crate::stage::events::EventsStage;
 use crate::stage::fidelity::FidelityStage;
@@ -222,13 +222,32 @@ fn wire_outputs(
     for output in recipe.outputs_of(trajectory) {
         wire_output(output, (recipe, trajectory), (motion, ground), &mut made, wiring);
     }
-    let MadeOutputs { events, sharp } = made;
+    let MadeOutputs { events, sharp, imu, disparity, depth } = made;
     let asking = asking.filter(|_| !recipe.is_of_body(trajectory));
     let foreign =
         asking.map(|asking| wiring.add(name("foreign"), asking, (ground.capture, motion, sharp, events)));
-    let checking =
-        ChecksStage { limits: recipe.checks.of_trajectory(), light_changes: recipe.lights.is_some() };
-    wiring.add(name("checks"), checking, (motion, events, foreign));
+    let checking = ChecksStage {
+        limits: recipe.checks.of_trajectory(),
+        light_changes: recipe.lights.is_some(),
+        imu: recipe.imu.clone().filter(|_| imu.is_some()),
+        pair: disparity.and_then(|_| checked_pair(recipe, trajectory)),
+    };
+    // Depth and the capture serve the disparity alone.
+    let products = (imu, disparity, depth.filter(|_| disparity.is_some()), disparity.map(|_| ground.capture));
+    wiring.add(name("checks"), checking, (motion, events, foreign, products));
+}
+
+/// The stereo pair whose first camera sees along a trajectory.
+fn checked_pair(recipe: &Recipe, trajectory: &str) -> Option<CheckedPair> {
+    let first = &recipe.mounted(trajectory)?.camera;
+    let (second, second_from_first) = (first.second.as_ref()?, first.second_from_first()?);
+    let mounts = [first.mount, second.mount];
+    Some(CheckedPair {
+        first: recipe.camera_along(trajectory),
+        second: second.camera,
+        mounts,
+        second_from_first,
+    })
 }
 
 /// The outputs of a trajectory that other steps read.
@@ -236,6 +255,9 @@ fn wire_outputs(
 struct MadeOutputs {
     events: Option<StepTarget<EventStreams>>,
     sharp: Option<StepTarget<PictureSet>>,
+    imu: Option<StepTarget<ImuRecording>>,
+    disparity: Option<StepTarget<DisparityPictures>>,
+    depth: Option<StepTarget<PictureSet>>,
 }
 
 /// Adds the step of one output of a trajectory.
@@ -257,7 +279,7 @@ fn wire_output(
         let seed = Seed::for_stream(recipe.seed, &recipe.scene, trajectory, StreamPurpose::Imu);
         // Without a direction of its own, the sensor needs the views.
         let views = model.up.is_none().then_some(capture);
-        wiring.add(name, ImuStage { model, seed }, (motion, views));
+        made.imu = Some(wiring.add(name, ImuStage { model, seed }, (motion, views)));
         return;
     }
     let inputs = (capture, seen.expect(RENDERED), motion);
@@ -286,14 +308,14 @@ fn wire_output(
             wiring.add(name, BlurStage { shot: shot(), shutter: recipe.shutter, lights }, inputs);
         }
         OutputKind::Depth => {
-            wiring.add(name, GeometryStage::<DepthQuantity>::new(shot(), every), inputs);
+            made.depth = Some(wiring.add(name, GeometryStage::<DepthQuantity>::new(shot(), every), inputs));
         }
         OutputKind::Flow => {
             wiring.add(name, GeometryStage::<FlowQuantity>::new(shot(), every), inputs);
         }
         OutputKind::Disparity => {
             let Some(stage) = disparity_stage(recipe, trajectory, (shot(), every)) else { return };
-            wiring.add(name, stage, inputs);
+            made.disparity = Some(wiring.add(name, stage, inputs));
         }
         OutputKind::Segmentation => {
             wiring.add(name, SegmentationStage { shot: shot(), every }, inputs);

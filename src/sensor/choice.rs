@@ -79,6 +79,13 @@ impl SensorChoice {
         self.as_model().with_settings(SensorSettings { latency: None, ..settings })
     }
 
+    /// The sensor without pixels that fire by themselves.
+    #[must_use]
+    pub fn without_hot_pixels(&self) -> Self {
+        let settings = self.as_model().settings();
+        self.as_model().with_settings(SensorSettings { hot_pixels: HotPixelNoise::default(), ..settings })
+    }
+
     /// The pixels that fire by themselves.
     #[must_use]
     pub fn hot_pixels(&self) -> noise::HotPixelNoise {

@@ -5,11 +5,15 @@
 //! `<check>.png`, or `<sensor>.<check>.png` for several sensors.
 
 mod pictures;
+mod products;
+
+pub use products::CheckedProducts;
 
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, TrajectoryProduct, VerdictsRecord, write_json,
 };
+use crate::camera::CameraChoice;
 use crate::check::coverage::ViewCoverage;
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::FlowAt;
@@ -18,9 +22,13 @@ use crate::check::{Limits, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
 use crate::foreign::ExternalReport;
 use crate::image::Image;
+use crate::imu::ImuModel;
 use crate::render::CameraView;
 use crate::render::flow::flow_rates;
+use crate::se3::Se3;
+use crate::trajectory::mount::CameraMount;
 use crate::units::{Hertz, Ratio};
+use products::OpenedProducts;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -35,13 +43,42 @@ pub struct ChecksStage {
     /// True if the light of the scene changes.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub light_changes: bool,
+    /// The inertial sensor, if its data are checked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imu: Option<ImuModel>,
+    /// The stereo pair, if disparity is checked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pair: Option<CheckedPair>,
 }
+
+/// The cameras of a stereo pair, and their places on the body.
+#[derive(Debug, Clone, Serialize)]
+pub struct CheckedPair {
+    /// The first camera, if it differs from that of the source.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub first: Option<CameraChoice>,
+    /// The second camera, if it differs from that of the source.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub second: Option<CameraChoice>,
+    /// Places of the first and the second camera.
+    pub mounts: [CameraMount; 2],
+    /// The motion between them.
+    #[serde(skip)]
+    pub second_from_first: Se3,
+}
+
+/// The inputs of the stage, opened.
+type CheckedInputs = (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>, OpenedProducts);
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
     const REVISION: u32 = 12;
-    type Inputs =
-        (StepTarget<TrajectoryProduct>, Option<StepTarget<EventStreams>>, Option<StepTarget<ExternalReport>>);
+    type Inputs = (
+        StepTarget<TrajectoryProduct>,
+        Option<StepTarget<EventStreams>>,
+        Option<StepTarget<ExternalReport>>,
+        CheckedProducts,
+    );
     type Output = VerdictsRecord;
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
@@ -60,7 +97,7 @@ impl Stage for ChecksStage {
 
     fn run(
         &self,
-        (motion, events, foreign): (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>),
+        (motion, events, foreign, products): CheckedInputs,
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio =
@@ -71,6 +108,7 @@ impl Stage for ChecksStage {
             None => Vec::new(),
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
+        let disparities = self.compare_disparities(&products, (&motion, events.as_ref()), cx)?;
         let whole = TrajectorySubject {
             name: "",
             rate,
@@ -86,7 +124,7 @@ impl Stage for ChecksStage {
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             views: None,
             geometry: None,
-            disparities: None,
+            disparities: disparities.as_ref(),
             crossings: None,
             foreign: foreign.as_ref(),
             light_changes: self.light_changes,
@@ -108,7 +146,8 @@ impl Stage for ChecksStage {
                 ..whole
             })
             .collect();
-        let findings = judge_trajectory(&whole, &streams);
+        let mut findings = judge_trajectory(&whole, &streams);
+        findings.extend(self.judge_inertial(products.0.as_ref(), &motion)?);
         for (subject, tally) in streams.iter().zip(&tallies) {
             let law = subject.sensor.map(DriftLaw::for_sensor);
             // The colours of residuals need events that balance the drift.
@@ -164,6 +203,8 @@ fn count_streams(
             seen: Some((DriftLaw::for_sensor(&stream.sensor), streams.seen_by(stream))),
             flows: &flows,
             dead_us: stream.sensor.dead_us(),
+            hot_hz: &[],
+            labelled: false,
         };
         let mut observer = StreamObserver::new(simulation.camera.size, rate, end_us, against);
         let mut reader = h5::Reader::open(file).map_err(StageError::work_failed("read events"))?;

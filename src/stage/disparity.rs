@@ -3,7 +3,7 @@
 use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
+use crate::artifact::{ArtifactFiles, DisparityPictures, TrajectoryProduct};
 use crate::camera::stereo::Rectification;
 use crate::camera::{self, Camera, CameraChoice};
 use crate::image::npy;
@@ -43,7 +43,7 @@ impl Stage for DisparityStage {
     const NAME: &'static str = "disparity";
     const REVISION: u32 = 1;
     type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
-    type Output = PictureSet;
+    type Output = DisparityPictures;
 
     fn class(&self) -> Option<String> {
         Some(self.shot.backend.class())

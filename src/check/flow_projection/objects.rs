@@ -6,9 +6,9 @@
 //! that a small object counts as much as a large one, and so does a mask that misses it. The limit is one in a hundred.
 
 use super::{NAME, rank};
+use crate::check::geometry::Measured;
 use crate::check::subject::{Judgement, LimitSide};
 use crate::check::{Finding, TrajectorySubject};
-use crate::check::geometry::Measured;
 use crate::image::Image;
 use crate::render::CameraView;
 use crate::render::flow::flow_of_parts;
@@ -96,8 +96,10 @@ pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Finding> 
         Err(because) => return Some(subject.not_run(NAME, PART, because.clone())),
     };
     let limit = LimitSide::gate(MOST_WRONG);
-    if let Some(ObjectFlow { pose, stranger: Some(number), .. }) = flows.iter().find(|f| f.stranger.is_some()) {
-        let because = format!("the mask at pose {pose} has the number {number}, which no object of the recipe has");
+    if let Some(ObjectFlow { pose, stranger: Some(number), .. }) = flows.iter().find(|f| f.stranger.is_some())
+    {
+        let because =
+            format!("the mask at pose {pose} has the number {number}, which no object of the recipe has");
         let judged = Judgement::from_value(limit.beyond, 1.0, limit, "1", because);
         return Some(subject.finding(NAME, PART, judged));
     }

@@ -52,13 +52,14 @@ impl StillPixelWatch {
         end_us: i64,
         law: &DriftLaw,
         anchors: &AnchorFrames,
-        flows: &[FlowAt],
+        (flows, hot_hz): (&[FlowAt], &[f64]),
     ) -> Option<Self> {
         let enough = anchors.images.len() >= if flows.is_empty() { WITHOUT_FLOW } else { 2 };
         if !enough || end_us <= 0 {
             return None;
         }
-        let still = find_still(size, end_us, law, anchors, flows);
+        let mut still = find_still(size, end_us, law, anchors, flows);
+        still.iter_mut().zip(hot_hz).for_each(|(still, hz)| *still &= *hz <= 0.0);
         let (mut expected, mut pixels) = (0.0, 0u64);
         for i in still.iter().enumerate().filter_map(|(i, still)| still.then_some(i)) {
             let sum: f64 = anchors.images.iter().map(|image| f64::from(image.pixels()[i].max(0.0))).sum();
@@ -73,10 +74,11 @@ impl StillPixelWatch {
         Some(Self { still, end_us, found, bins: BINS.map(|n| vec![0; n]) })
     }
 
+    /// Sees an event. Returns true if its pixel is still.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the bins")]
-    pub(in crate::check) fn see(&mut self, pixel: usize, t_us: i64) {
+    pub(in crate::check) fn see(&mut self, pixel: usize, t_us: i64) -> bool {
         if !self.still[pixel] {
-            return;
+            return false;
         }
         self.found.events += 1;
         // Events outside of the clip count to its outer bins.
@@ -85,6 +87,7 @@ impl StillPixelWatch {
             let at = ((share * bins.len() as f64) as usize).min(bins.len() - 1);
             bins[at] += 1;
         }
+        true
     }
 
     pub(in crate::check) fn finish(self) -> StillPixelCounts {

@@ -37,7 +37,9 @@ pub fn judge_places(
 ) -> Finding {
     let faults = match order_fault(objects, stamps_us, lines) {
         Some(fault) => vec![fault],
-        None => (0..objects.len()).filter_map(|i| object_fault(&objects[i], i, objects.len(), lines)).collect(),
+        None => {
+            (0..objects.len()).filter_map(|i| object_fault(&objects[i], i, objects.len(), lines)).collect()
+        }
     };
     judge_agreement(subject, "objects", "the places of segmentation/objects.csv", &faults)
 }
@@ -45,7 +47,8 @@ pub fn judge_places(
 /// The first line that is not that of its stamp and object, or the number of lines if that is wrong.
 fn order_fault(objects: &[ObjectSettings], stamps_us: &[i64], lines: &[PlaceLine]) -> Option<String> {
     let numbers = || (1_u8..=u8::MAX).zip(objects);
-    let wanted = stamps_us.iter().flat_map(|stamp| numbers().map(move |(number, own)| (*stamp, number, &own.name)));
+    let wanted =
+        stamps_us.iter().flat_map(|stamp| numbers().map(move |(number, own)| (*stamp, number, &own.name)));
     for (i, ((stamp, number, name), line)) in wanted.zip(lines).enumerate() {
         if (line.stamp_us, line.number, &line.name) != (stamp, number, name) {
             let PlaceLine { stamp_us: found_us, number: found, .. } = line;
@@ -75,7 +78,8 @@ fn object_fault(object: &ObjectSettings, i: usize, count: usize, lines: &[PlaceL
         Ok(path) => path,
         Err(because) => return Some(because),
     };
-    let differences = own.iter().map(|(seconds, stated)| (*seconds, difference(stated, &path.parts[0].at(*seconds))));
+    let differences =
+        own.iter().map(|(seconds, stated)| (*seconds, difference(stated, &path.parts[0].at(*seconds))));
     let (seconds, (what, off)) = differences.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     (off > SHARE || off.is_nan()).then(|| {
         format!(
@@ -93,7 +97,11 @@ fn difference(stated: &PartMotion, expected: &PartMotion) -> (&'static str, f64)
     let off = [
         ("place", (stated.pose.translation - expected.pose.translation).length() / arm),
         ("rotation", log_vector(stated.pose.rotation.conjugate() * expected.pose.rotation).length()),
-        ("velocity", (stated.velocity - expected.velocity).length() / (expected.velocity.length() + turn * arm).max(1.0)),
+        (
+            "velocity",
+            (stated.velocity - expected.velocity).length()
+                / (expected.velocity.length() + turn * arm).max(1.0),
+        ),
         ("angular velocity", (stated.angular - expected.angular).length() / turn.max(1.0)),
     ];
     off.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or(("place", 0.0))

@@ -26,6 +26,8 @@ pub(super) enum CrossingWatch {
 pub(super) struct CrossingEvents {
     law: DriftLaw,
     front_end: FrontEnd,
+    /// The hot pixels; empty without any.
+    is_hot: Vec<bool>,
     path: PathBuf,
     /// Stamp of the last frame, us.
     end_us: i64,
@@ -41,10 +43,11 @@ impl CrossingWatch {
     /// Opens a stream. `frames` of `stamps_us.len()` poses have a sharp frame.
     pub(super) fn open(
         path: PathBuf,
-        (sensor, recipe): (&SensorChoice, &Recipe),
+        (sensor, recipe, hot_hz): (&SensorChoice, &Recipe, &[f64]),
         (frames, stamps_us): (usize, &[i64]),
     ) -> Result<Self, RecheckError> {
-        let law = match law_of_crossings(sensor, recipe) {
+        // Known hot pixels are left out, so the law is that of the others.
+        let law = match law_of_crossings(&sensor.without_hot_pixels(), recipe) {
             Ok(law) => law,
             Err(because) => return Ok(Self::Unfit(because.to_owned())),
         };
@@ -60,6 +63,7 @@ impl CrossingWatch {
         Ok(Self::Events(Box::new(CrossingEvents {
             law,
             front_end: sensor.as_model().front_end(),
+            is_hot: hot_hz.iter().map(|hz| *hz > 0.0).collect(),
             path,
             end_us: stamps_us[frames - 1],
             observer: None,
@@ -72,7 +76,9 @@ impl CrossingWatch {
     /// Takes the next frame, and sees the events up to its stamp.
     pub(super) fn see(&mut self, t_us: i64, frame: &GreyImage) -> Result<(), RecheckError> {
         let Self::Events(events) = self else { return Ok(()) };
-        let frame = seen_frame(frame, t_us, &events.front_end);
+        let mut frame = seen_frame(frame, t_us, &events.front_end);
+        // A pixel that is cut off has no known drift, and is not compared.
+        frame.cut.iter_mut().zip(&events.is_hot).for_each(|(cut, hot)| *cut |= *hot);
         match &mut events.observer {
             None => {
                 let clip = (events.end_us, events.reader.count());

@@ -22,6 +22,7 @@ use crate::recipe::{OutputKind, Recipe, SceneSource};
 use crate::release::scene::TrajectoryPart;
 use crate::sampling::exposure;
 use crate::scene::motion::{PartMotion, PlaceLine};
+use crate::seed::{Seed, StreamPurpose};
 use crate::sensor::SensorChoice;
 use crate::sensor::front_end::{self, FrontEnd};
 use crate::trajectory::Trajectory;
@@ -59,6 +60,8 @@ struct ReleasedStream<'a> {
     /// Name of its file in the tree, and the path of that.
     events: String,
     path: PathBuf,
+    /// Rates of its hot pixels, Hz; empty without any.
+    hot_hz: Vec<f64>,
 }
 
 /// The measurements on the files of a trajectory.
@@ -156,7 +159,7 @@ impl ReleasedTrajectory<'_> {
         let streams = self.released_streams()?;
         let open = |stream: &ReleasedStream<'_>| {
             let stamps_us = pictures.motion.trajectory.stamps_us.as_slice();
-            let of = (stream.sensor, self.recipe);
+            let of = (stream.sensor, self.recipe, stream.hot_hz.as_slice());
             CrossingWatch::open(stream.path.clone(), of, (present.sharp.len(), stamps_us))
         };
         let mut watches: Vec<CrossingWatch> = streams.iter().map(open).collect::<Result<_, _>>()?;
@@ -208,13 +211,17 @@ impl ReleasedTrajectory<'_> {
     /// The streams that are in the tree.
     fn released_streams(&self) -> Result<Vec<ReleasedStream<'_>>, RecheckError> {
         let mut found = Vec::new();
+        let Recipe { seed, scene, .. } = self.recipe;
+        let seed = Seed::for_stream(*seed, scene, &self.part.name, StreamPurpose::Sensor);
         for (stream, sensor) in self.recipe.sensors_of(&self.part.name).iter() {
             let events = format!("{}/{}", self.folder, EventStream::released_name(stream));
             // Also checks that no link leads out of the tree: the readers open by path.
             if self.tree.has(&events)? {
                 let of = |stream| format!("{}/{stream}", self.name);
                 let name = stream.map_or_else(|| self.name.to_owned(), of);
-                found.push(ReleasedStream { name, sensor, path: self.tree.path_of(&events), events });
+                let path = self.tree.path_of(&events);
+                let hot_hz = sensor.hot_pixels().rates_hz(seed, self.camera.size);
+                found.push(ReleasedStream { name, sensor, path, events, hot_hz });
             }
         }
         Ok(found)
@@ -231,14 +238,21 @@ impl ReleasedTrajectory<'_> {
         let front_end = stream.sensor.as_model().front_end();
         let of = seen.front_ends.iter().position(|other| *other == front_end);
         let seen = of.and_then(|i| seen.anchors.get(i));
-        let law = DriftLaw::for_sensor(stream.sensor).with_rounding(FrameRounding { front_end, between });
+        // The hot pixels are known, so the law is that of the others.
+        let sensor = stream.sensor.without_hot_pixels();
+        let law = DriftLaw::for_sensor(&sensor).with_rounding(FrameRounding { front_end, between });
         let against = TallyReference {
             seen: seen.map(|seen| (law, seen)),
             flows: &measured.flows,
             dead_us: stream.sensor.dead_us(),
+            hot_hz: &stream.hot_hz,
+            labelled: false,
         };
-        let observer = StreamObserver::new(self.camera.size, rate, end_us, against);
-        count_events(&stream.path, observer).map_err(|e| self.tree.refusal(&stream.events, e))
+        let observe = |labelled| {
+            let against = TallyReference { labelled, ..against };
+            StreamObserver::new(self.camera.size, rate, end_us, against)
+        };
+        count_events(&stream.path, observe).map_err(|e| self.tree.refusal(&stream.events, e))
     }
 
     /// Compares some blurred frames with the mean of their sharp frames.
@@ -289,8 +303,12 @@ fn exposed(
     Ok(Some(mean.compare(&blurred, subframes)))
 }
 
-fn count_events(path: &Path, mut observer: StreamObserver<'_>) -> Result<StreamTally, String> {
+fn count_events<'a>(
+    path: &Path,
+    observe: impl FnOnce(bool) -> StreamObserver<'a>,
+) -> Result<StreamTally, String> {
     let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
+    let mut observer = observe(reader.labelled());
     let (mut chunk, mut following) = (Vec::new(), Vec::new());
     let mut more = reader.next_chunk(&mut chunk).map_err(|e| e.to_string())?;
     while more {

@@ -8,7 +8,8 @@
 
 use super::PixelSite;
 use super::poisson::PoissonTrain;
-use crate::seed::DrawSpace;
+use crate::image::Size;
+use crate::seed::{DrawSpace, Seed};
 use crate::sensor::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::LN_10;
@@ -68,11 +69,25 @@ impl HotPixelNoise {
 
     /// The process of the pixel at `site`; without events if the pixel is not hot.
     pub(in crate::sensor) fn train(&self, site: PixelSite) -> PoissonTrain {
+        if self.is_hot(site) { PoissonTrain::new(site, DrawSpace::Hot) } else { PoissonTrain::silent() }
+    }
+
+    fn is_hot(&self, site: PixelSite) -> bool {
         // Draw 0 decides; the events have indices from 1, so both use the same purpose.
-        if self.is_absent() || site.draws(DrawSpace::Hot, 0).uniform() >= self.share {
-            return PoissonTrain::silent();
+        !self.is_absent() && site.draws(DrawSpace::Hot, 0).uniform() < self.share
+    }
+
+    /// Rate of each pixel of a sensor with this seed, row after row, Hz: 0 for a pixel that is not hot. Empty if none
+    /// is.
+    #[must_use]
+    pub fn rates_hz(&self, seed: Seed, size: Size) -> Vec<f64> {
+        if self.is_absent() {
+            return Vec::new();
         }
-        PoissonTrain::new(site, DrawSpace::Hot)
+        let side = |n: u32| u16::try_from(n).unwrap_or(u16::MAX);
+        let rows = 0..side(size.height);
+        let sites = rows.flat_map(|y| (0..side(size.width)).map(move |x| PixelSite { seed, x, y }));
+        sites.map(|site| if self.is_hot(site) { 1e9 * self.per_ns(site) } else { 0.0 }).collect()
     }
 }
 
@@ -80,7 +95,6 @@ impl HotPixelNoise {
 mod tests {
     use super::super::poisson::LinearRate;
     use super::*;
-    use crate::seed::Seed;
 
     #[test]
     fn the_share_of_pixels_that_fire_is_as_stated() {

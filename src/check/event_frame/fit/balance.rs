@@ -18,6 +18,8 @@ const MAX_ROUNDING: f64 = 0.5;
 pub(in crate::check) struct DriftBalance<'a> {
     law: DriftLaw,
     anchors: &'a AnchorFrames,
+    /// Rates of hot pixels, which are left out; empty if they are unknown.
+    hot_hz: &'a [f64],
     first: Vec<f64>,
     /// Error of `first` by the rounding of the first frame.
     first_rounding: Vec<f64>,
@@ -77,7 +79,12 @@ struct AnchorView<'a> {
 
 impl<'a> DriftBalance<'a> {
     /// Starts at the first anchor; `None` if there are fewer than two.
-    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &'a AnchorFrames) -> Option<Self> {
+    pub(in crate::check) fn new(
+        size: Size,
+        law: DriftLaw,
+        anchors: &'a AnchorFrames,
+        hot_hz: &'a [f64],
+    ) -> Option<Self> {
         assert!(anchors.images.iter().all(|image| image.size() == size), "anchors are of the sensor's size");
         let first = anchors.images.first().filter(|_| anchors.images.len() > 1)?;
         let none = || vec![0.0; size.pixels()];
@@ -86,6 +93,7 @@ impl<'a> DriftBalance<'a> {
         Some(Self {
             law,
             anchors,
+            hot_hz,
             first: of_first(&|l| law.brightness(l)),
             first_rounding: of_first(&|l| law.rounding_error(l)),
             exposure: none(),
@@ -188,7 +196,8 @@ impl<'a> DriftBalance<'a> {
         let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
         let [a, b] = law.thresholds;
         // `max` would turn an unknown luminance into black.
-        let known = !(view.first[i].is_nan() || before.is_nan() || now.is_nan());
+        let is_hot = self.hot_hz.get(i).is_some_and(|hz| *hz > 0.0);
+        let known = !(is_hot || view.first[i].is_nan() || before.is_nan() || now.is_nan());
         let dv = law.drift(brightness - self.first[i], view.total, self.exposure[i]);
         PixelChange {
             dv: if known && rounding <= MAX_ROUNDING * law.least_threshold() { dv } else { f64::NAN },
