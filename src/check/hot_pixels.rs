@@ -5,8 +5,10 @@
 //! count that all but one in a thousand pixels have. A sensor with hot pixels in its recipe may
 //! have that many, plus five standard deviations. `dead`: a pixel without any event although the
 //! frames changed by more than two thresholds; this needs a law in which frames determine the
-//! drift.
+//! drift. `stray`, from the files of a release: a pixel whose events and drift differ by three thresholds more than is
+//! possible. It finds clusters that fire too slowly to be hot, and pixels that lose many of their events.
 
+use super::event_frame::fit::STRAY;
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
@@ -25,6 +27,8 @@ pub struct Limits {
 
 /// Share of pixels that may be abnormal.
 const SHARE: f64 = 1e-4;
+/// Number of stray pixels that a sensor of any size may have.
+const MOST_STRAY: f64 = 3.0;
 /// Minimum number of changed pixels for a share.
 const MIN_PIXELS: u64 = 1000;
 
@@ -43,7 +47,10 @@ impl ValidationPass for HotPixelsPass {
         let Some(tally) = subject.tally else {
             return vec![subject.not_run(NAME, "", "there are no events")];
         };
-        vec![judge_hot(subject, tally), judge_dead(subject, tally)]
+        let mut findings = vec![judge_hot(subject, tally), judge_dead(subject, tally)];
+        // In a build, the sensor's own account is exact: `drift_identity`.
+        findings.extend(subject.is_release.then(|| judge_stray(subject)).flatten());
+        findings
     }
 }
 
@@ -69,6 +76,28 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         "hot",
         Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
     )
+}
+
+/// Pixels whose events differ from their drift by far more than is possible; `None` where the law does not say how much
+/// is possible.
+fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Finding> {
+    let (tally, law) = subject.compared_at_once().ok()?;
+    let fits = &tally.compared.fits;
+    if law.loose.is_some() || law.has_floor() || fits.iter().any(|fit| fit.disturbed > 0.0) {
+        return None;
+    }
+    let share = |fit: &super::event_frame::fit::AnchorFit| fit.stray as f64 / fit.compared as f64;
+    let enough = fits.iter().filter(|fit| fit.compared >= MIN_PIXELS);
+    let fit = enough.max_by(|a, b| share(a).total_cmp(&share(b)))?;
+    // A few pixels of a small sensor are no share.
+    let limit = LimitSide::warning(SHARE.max(MOST_STRAY / fit.compared as f64));
+    let because = format!(
+        "{} of {} pixels have events that differ from their brightness change by {STRAY} thresholds more than is possible",
+        fit.stray, fit.compared
+    );
+    let measured = share(fit);
+    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
+    Some(subject.finding(NAME, "stray", judged).detecting(limit.value, "1"))
 }
 
 fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {

@@ -74,4 +74,59 @@ control_release() {
   either '! exited 0' 'exited 0 && [ -e out/manifest.json ]'
 }
 tests='control_release'
-for group in code files folders shared bounds trees limits processes words; do
+for group in code files folders shared bounds products trees limits processes words; do
+  # shellcheck source=/dev/null
+  . "$here/$group.sh"
+done
+
+# Runs a test with the program of this number, and writes the verdict to a file.
+verdict() {
+  local name=$1 i=$2
+  program=${programs[$i]} made=$base/made.$i
+  cd "$base/$name.$i" || exit
+  recipe >r.yaml
+  "$name" >log 2>&1
+  case $? in 0) echo defect ;; 1) echo sound ;; *) echo unclear ;; esac >"$base/$name.$i.part"
+  mv "$base/$name.$i.part" "$base/$name.$i.verdict"
+}
+prepare() {
+  mkdir "$base/made.$1" && cd "$base/made.$1" || exit
+  recipe >r.yaml
+  recipe | sed 's/gaussians: 300, views: 4, arc: 6/gaussians: 600, views: 10, arc: 30/
+    s/factor: 3/factor: 4/; s/sharp]/sharp, depth, flow]/' >moving.yaml
+  for to in out moving; do
+    "${programs[$1]}" release -q --copy --to $to "${to/#out/r}.yaml" 2>stderr || { cat stderr >&2; exit 1; }
+  done
+}
+(prepare 0) && (prepare 1) || exit 1
+
+declare -A count=([0defect]=0 [1defect]=0 [1unclear]=0)
+# Prints the line of the next test if both programs are done with it.
+printed=0
+print_next() {
+  local name=${names[$printed]} i found
+  [ -e "$base/$name.0.verdict" ] && [ -e "$base/$name.1.verdict" ] || return
+  for i in 0 1; do
+    found[i]=$(<"$base/$name.$i.verdict")
+    count[$i${found[i]}]=$((${count[$i${found[i]}]:-0} + 1))
+    if [ "${found[i]}" = unclear ]; then (cd "$base/$name.$i" && tail -n 8 log stdout stderr >&2); fi
+  done
+  printf '%-26s %-8s %s\n' "$name" "${found[@]}"
+  printed=$((printed + 1))
+}
+printf '%-26s %-8s %s\n' finding before now
+# shellcheck disable=SC2206
+names=(${*:-$tests})
+# Two tests more than cores at a time: many only wait.
+for name in "${names[@]}"; do
+  for i in 0 1; do
+    while [ "$(jobs -rp | wc -l)" -gt "$(($(nproc) + 1))" ]; do wait -n; done
+    mkdir "$base/$name.$i"
+    verdict "$name" $i &
+  done
+  print_next
+done
+wait
+while [ $printed -lt ${#names[@]} ]; do print_next || break; done
+echo "${#names[@]} tests: ${count[0defect]} defects before, ${count[1defect]} now"
+exit $((count[1defect] + count[1unclear] > 0))

@@ -6,6 +6,7 @@
 mod counted;
 mod from_files;
 mod planted_tree;
+mod products;
 mod sound;
 
 use crate::release::small::{gs2e, said};

@@ -27,6 +27,8 @@ const MAX_UNEQUAL_BLUR: f64 = 0.5;
 /// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
 /// many events of both polarities would blur it.
 const MAX_OWN_SPREAD: f64 = 1.5;
+/// Thresholds beyond a possible residual from which on a pixel is stray: single events that the bound misses are not.
+pub(in crate::check) const STRAY: f64 = 3.0;
 /// Standard deviations of a sum or a quantile that are allowed.
 const DEVIATIONS: f64 = 4.0;
 
@@ -54,6 +56,10 @@ pub struct AnchorFit {
     pub turned_by_floor: SpoiltPixels,
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
+    /// Number of all compared pixels whose events and drift differ by [`STRAY`] thresholds more than is possible.
+    pub stray: u64,
+    /// Number of the compared pixels.
+    pub compared: u64,
     /// Delay of the events, if a span of frames shows it.
     pub lag: LagSums,
     /// Thresholds at which ON and OFF events happen, relative to the stated ones.
@@ -180,6 +186,8 @@ impl FitSums {
             fit.maybe_impossible.add((by_floor + law.beyond_spread_error(counts)).min(1.0));
         }
         let fit = &mut self.fit;
+        let most = self.most_residual + error + STRAY * law.least_threshold();
+        fit.stray += u64::from((dv - s).abs() > most);
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
         // of the thresholds, beyond its own bound.
         if dv.abs() > 2.0 * threshold + unequal {
@@ -243,7 +251,7 @@ impl FitSums {
             }
         };
         let disturbed = self.fit.disturbed / self.known.max(1) as f64;
-        AnchorFit { edges: [edge(0), edge(1)], disturbed, ..self.fit }
+        AnchorFit { edges: [edge(0), edge(1)], disturbed, compared: self.known, ..self.fit }
     }
 }
 

@@ -34,12 +34,14 @@ depth: { every: 4 }
 flow: { every: 4 }
 ";
 
-/// The release, made once and never changed.
-fn release() -> &'static Path {
-    static RELEASE: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
-    let (_, path) = RELEASE.get_or_init(|| {
+/// A release, made once and never changed.
+pub(super) type PlantedRelease = OnceLock<(TempDir, PathBuf)>;
+
+/// The release of a recipe.
+fn release(made: &'static PlantedRelease, recipe: &str) -> &'static Path {
+    let (_, path) = made.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("scene.yaml"), RECIPE).unwrap();
+        fs::write(folder.path().join("scene.yaml"), recipe).unwrap();
         let output = gs2e(folder.path(), &["release", "--copy", "--to", "out", "scene.yaml"]);
         assert!(output.status.success(), "{}", said(&output));
         let path = folder.path().join("out");
@@ -51,20 +53,28 @@ fn release() -> &'static Path {
 /// A copy of the release. Files are links to the same bytes, so a change must replace the file.
 pub(super) struct PlantedTree {
     folder: TempDir,
+    base: &'static str,
 }
 
 impl PlantedTree {
     pub(super) fn new() -> Self {
-        let folder = tempfile::tempdir_in(release().parent().unwrap()).unwrap();
-        for entry in walkdir::WalkDir::new(release()).into_iter().map(Result::unwrap) {
-            let target = folder.path().join(entry.path().strip_prefix(release()).unwrap());
+        static RELEASE: PlantedRelease = OnceLock::new();
+        Self::of(&RELEASE, RECIPE, BASE)
+    }
+
+    /// A copy of the release of a recipe, whose changes are in the trajectory of the folder `base`.
+    pub(super) fn of(made: &'static PlantedRelease, recipe: &str, base: &'static str) -> Self {
+        let release = release(made, recipe);
+        let folder = tempfile::tempdir_in(release.parent().unwrap()).unwrap();
+        for entry in walkdir::WalkDir::new(release).into_iter().map(Result::unwrap) {
+            let target = folder.path().join(entry.path().strip_prefix(release).unwrap());
             if entry.file_type().is_dir() {
                 fs::create_dir_all(target).unwrap();
             } else {
                 fs::hard_link(entry.path(), target).unwrap();
             }
         }
-        Self { folder }
+        Self { folder, base }
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -72,7 +82,7 @@ impl PlantedTree {
     }
 
     fn in_base(&self, name: &str) -> PathBuf {
-        self.folder.path().join(BASE).join(name)
+        self.folder.path().join(self.base).join(name)
     }
 
     pub(super) fn write(&self, path: &str, bytes: &[u8]) {
@@ -102,9 +112,17 @@ impl PlantedTree {
         writer.finish(*self.stamps().last().unwrap()).unwrap();
     }
 
-    /// Computes all sums again and runs `check --tree`: the exit code, and `check#part: verdict` of
+    /// Computes all sums again and runs `check --tree`: the exit code, and `check#part: sentence` of
     /// each finding that is a failure or a warning.
     pub(super) fn faults(&self) -> (Option<i32>, Vec<String>) {
+        let (code, found) = self.findings();
+        let is_unsound = |(verdict, _): &(String, String)| ["fail", "warn"].contains(&verdict.as_str());
+        (code, found.into_iter().filter(is_unsound).map(|(_, text)| text).collect())
+    }
+
+    /// Computes all sums again and runs `check --tree`: the exit code, and the verdict and `check#part: sentence` of
+    /// each finding.
+    pub(super) fn findings(&self) -> (Option<i32>, Vec<(String, String)>) {
         // The forger writes into files, which are shared with the release.
         for name in ["manifest.json", "croissant.json", "SHA256SUMS", "B3SUMS"] {
             let bytes = fs::read(self.path().join(name)).unwrap();
@@ -114,11 +132,11 @@ impl PlantedTree {
         let output = gs2e(self.path(), &["check", "--json", "--tree", "."]);
         let text = String::from_utf8(output.stdout.clone()).unwrap();
         let records = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
-        let unsound = records.filter(|r| ["fail", "warn"].contains(&r["verdict"].as_str().unwrap()));
-        let name = |r: Value| {
-            let part = r["subject"].as_str().unwrap().split_once('#').map_or("", |(_, part)| part).to_owned();
-            format!("{}#{part}: {}", r["check"].as_str().unwrap(), r["because"].as_str().unwrap())
+        let found = |r: Value| {
+            let of = |key: &str| r[key].as_str().unwrap().to_owned();
+            let part = of("subject").split_once('#').map_or("", |(_, part)| part).to_owned();
+            (of("verdict"), format!("{}#{part}: {}", of("check"), of("because")))
         };
-        (output.status.code(), unsound.map(name).collect())
+        (output.status.code(), records.map(found).collect())
     }
 }
