@@ -68,7 +68,7 @@ impl ValidationPass for MotionCompensation {
             );
             return vec![subject.not_run(NAME, "", because)];
         }
-        if subject.sensor.is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
+        if subject.compared_sensor().is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
             return vec![subject.not_run(
                 NAME,
                 "",

@@ -124,6 +124,7 @@ pub struct StreamObserver<'a> {
     /// Time of each pixel's last event, us; empty without a dead time.
     last_us: Vec<i64>,
     dead_us: i64,
+    hot_hz: &'a [f64],
     balance: Option<DriftBalance<'a>>,
     windows: WarpWindows<'a>,
     watch: Option<StillPixelWatch>,
@@ -178,6 +179,7 @@ impl<'a> StreamObserver<'a> {
             // overflow.
             last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
+            hot_hz,
             balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz)),
             windows: WarpWindows::new(size, end_us, flows),
             watch: seen.and_then(|(law, anchors)| {
@@ -254,7 +256,10 @@ impl<'a> StreamObserver<'a> {
             *last = t_us;
         }
         self.crowds.see([event.x, event.y], t_us);
-        self.windows.see(event, t_us);
+        // The events of hot pixels do not move with the image.
+        if self.hot_hz.get(pixel).is_none_or(|hz| *hz <= 0.0) {
+            self.windows.see(event, t_us);
+        }
         let is_still = self.watch.as_mut().is_some_and(|watch| watch.see(pixel, t_us));
         if let Some(labels) = &mut self.labels {
             labels.see(pixel, event.label, is_still);

@@ -150,7 +150,8 @@ pub(super) fn walk_pictures(
         decoded = following?;
     }
     let flows = present.flow_differences(differences);
-    let objects = pictures.has_objects().then(|| some_found(objects, NO_OBJECTS));
+    let moves_in_flow = pictures.has_objects() && !present.flow.is_empty();
+    let objects = moves_in_flow.then(|| some_found(objects, NO_OBJECTS));
     let disparities = (!present.disparity.is_empty()).then(|| some_found(disparities, NO_DISPARITIES));
     let moves = pictures.own_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
