@@ -29,7 +29,7 @@ sampled() {
   awk -F, -v OFS=, "NR > 1 { $1 } 1" out/t/imu/base/imu/imu.csv >changed && mv changed out/t/imu/base/imu/imu.csv
   python forge seal out
   g check --tree out
-  either 'exited 0' 'exited 3 && said records'
+  either 'exited 0' 'exited 3 && said "base#imu"'
 }
 imu_degrees() { sampled '$2 *= 57.29578; $3 *= 57.29578; $4 *= 57.29578'; }
 imu_saturated() { sampled '$2 = 34.90658503988659; $3 = 0; $4 = 0'; }
@@ -40,7 +40,7 @@ sensor_yaml() {
   sed -i 's/^metres_per_unit: 0.5/metres_per_unit: 5/; s/data: \[1.0/data: [-1.0/' out/t/imu/base/imu/sensor.yaml
   python forge seal out
   g check --tree out
-  either 'exited 0' 'exited 3 && said records'
+  either 'exited 0' 'exited 3 && said "base#imu"'
 }
 # A stereo pair that passes a moving object, in few pixels.
 stereo() {
@@ -49,7 +49,7 @@ stereo() {
 rig:
   cameras:
     - { name: left }
-    - { name: right, extrinsic: { position: [0.1, 0, 0] }, outputs: [sharp] }
+    - { name: right, extrinsic: { position: [0.1, 0, 0] }, outputs: [depth] }
   stereo: [[left, right]]
 objects:
   - name: orange
