@@ -208,7 +208,7 @@ fn events_are_the_same_with_and_without_inertial_data() {
 }
 
 #[test]
-fn a_changed_sensor_makes_its_data_alone() {
+fn a_changed_sensor_makes_its_data_and_their_checks_alone() {
     let place = Workspace::new();
     place.write("recipes/tiny.yaml", with_imu(&["events", "imu"], json!({})).to_string());
     place.ok("build");
@@ -219,7 +219,7 @@ fn a_changed_sensor_makes_its_data_alone() {
         .filter(|(_, step)| step.action != "keep")
         .map(|(name, _)| name)
         .collect();
-    assert_eq!(stale, ["tiny/base/imu"]);
+    assert_eq!(stale, ["tiny/base/checks", "tiny/base/imu"]);
     let why = place.ok("why tiny/base/imu").stdout;
     assert!(why.contains("gyroscope.noise"), "{why}");
 }
