@@ -305,20 +305,23 @@ impl ShownAxes<'_> {
         let last = self.shown.len() - 2;
         let [before, after] = [i.saturating_sub(1), i.min(last)].map(|k| (self.mean)(k));
         let expected = (self.shown_for)(i, 0.5 * (before + after));
-        // The rate at the sample is between the means around it, or as far outside at an end of the path.
-        let beyond = if (1..=last).contains(&i) { (after - before).length() } else { self.end_bend(i) };
-        let allowed = DEVIATIONS * self.axes.noise * self.rate.sqrt() + beyond + ROUNDING * range.max(1.0);
+        let allowed = DEVIATIONS * self.axes.noise * self.rate.sqrt()
+            + self.change_around(i)
+            + ROUNDING * range.max(1.0);
         let shown = self.shown[i].to_array().into_iter().zip(expected.to_array());
         shown
             .filter(move |(shown, _)| shown.abs() >= range)
             .map(move |(shown, expected)| (range - expected * shown.signum(), allowed))
     }
 
-    /// The change of the rate from one interval to the next at an end of the path.
-    fn end_bend(&self, i: usize) -> f64 {
+    /// The changes of the rate over the two intervals on either side of a sample. At a peak with a bend, or at an end of
+    /// the path, the rate is outside of the means by half of a change, and the changes themselves are estimates.
+    fn change_around(&self, i: usize) -> f64 {
         let last = self.shown.len() - 2;
-        let [near, far] = if i == 0 { [0, 1.min(last)] } else { [last, last.saturating_sub(1)] };
-        ((self.mean)(near) - (self.mean)(far)).length()
+        let means: Vec<DVec3> = (i.saturating_sub(2)..=last.min(i + 1)).map(|k| (self.mean)(k)).collect();
+        // An end has two intervals on one side alone.
+        let outer = if i == 0 && last > 1 { ((self.mean)(2) - (self.mean)(1)).length() } else { 0.0 };
+        outer + means.windows(2).map(|pair| (pair[1] - pair[0]).length()).sum::<f64>()
     }
 
     fn interval_sums(&self) -> IntervalSums {
