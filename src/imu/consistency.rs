@@ -318,7 +318,8 @@ impl ShownAxes<'_> {
     /// the path, the rate is outside of the means by half of a change, and the changes themselves are estimates.
     fn change_around(&self, i: usize) -> f64 {
         let last = self.shown.len() - 2;
-        let means: Vec<DVec3> = (i.saturating_sub(2)..=last.min(i + 1)).map(|k| (self.mean)(k)).collect();
+        let means: Vec<DVec3> =
+            (i.min(last).saturating_sub(2)..=last.min(i + 1)).map(|k| (self.mean)(k)).collect();
         // An end has two intervals on one side alone.
         let outer = if i == 0 && last > 1 { ((self.mean)(2) - (self.mean)(1)).length() } else { 0.0 };
         outer + means.windows(2).map(|pair| (pair[1] - pair[0]).length()).sum::<f64>()
