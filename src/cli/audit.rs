@@ -9,8 +9,9 @@ use super::problem::{ExitKind, VerbError};
 use super::verdicts::show_findings;
 use super::{CommonArgs, check};
 use crate::check::Verdict;
+use crate::export::{IncludedExporter, SilentProgress};
 use crate::recipe::TakedownList;
-use crate::release::audit::{self, AuditFault};
+use crate::release::audit::{self, AuditFault, AuditOptions};
 use crate::release::recheck::recheck_tree;
 use crate::release::signature::PublisherKey;
 use serde_json::{Value, json};
@@ -50,13 +51,12 @@ impl AuditArgs {
         if self.parts.write(&self.dir, console)? {
             return Ok(ExitKind::Done);
         }
-        let audited = match self.parts.read()? {
-            None => audit::audit_against(&self.dir, takedown.as_ref()),
-            Some(parts) => audit::audit_parts(&self.dir, takedown.as_ref(), parts)
-                .map_err(|e| self.parts.refused(&self.dir, &e))?,
-        };
+        let exporter = IncludedExporter { progress: &SilentProgress };
+        let options = AuditOptions { takedown: takedown.as_ref(), exporter: Some(&exporter) };
+        let audited = audit::audit_with(&self.dir, options, self.parts.read()?)
+            .map_err(|e| self.parts.refused(&self.dir, &e))?;
         let mut report = audited
-            .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be read: {e}")))?;
+            .map_err(|e| VerbError::failed("input-unreadable", format!("{dir} cannot be audited: {e}")))?;
         if let Some(key) = &key {
             report.verify(&self.dir, key);
         }

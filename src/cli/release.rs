@@ -284,7 +284,7 @@ fn include_problem(refusal: IncludeRefusal) -> VerbError {
     let said = format!("{refusal}; nothing was released");
     let (exit, code) = match refusal.kind {
         IncludeFailure::Refused => (ExitKind::Usage, "unmet"),
-        IncludeFailure::Failed => (ExitKind::Failed, "not-written"),
+        IncludeFailure::Failed | IncludeFailure::Unwritten => (ExitKind::Failed, "not-written"),
         IncludeFailure::Interrupted => (ExitKind::Interrupted, "interrupted"),
     };
     let message = UserMessage::new(MessageLevel::Error, code, said);
@@ -293,7 +293,7 @@ fn include_problem(refusal: IncludeRefusal) -> VerbError {
         exit,
         match refusal.kind {
             IncludeFailure::Refused => message.help("change `include:` in release.yaml, or the recipe"),
-            IncludeFailure::Failed | IncludeFailure::Interrupted => message,
+            IncludeFailure::Failed | IncludeFailure::Unwritten | IncludeFailure::Interrupted => message,
         },
     )
 }

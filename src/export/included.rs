@@ -9,7 +9,9 @@ use crate::artifact::EventStream;
 use crate::camera::{Camera, choose_camera};
 use crate::image::Size;
 use crate::recipe::{HELD_OUT_EVERY, IncludedExport, Recipe};
-use crate::release::include::{ComposedScene, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name};
+use crate::release::include::{
+    ComposedScene, ExportOrder, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name,
+};
 use crate::se3::Se3;
 use crate::trajectory::Trajectory;
 use glam::{DQuat, DVec3};
@@ -70,19 +72,39 @@ impl ReleaseExporter for IncludedExporter<'_> {
         include: &IncludedExport,
         to: &Path,
     ) -> Result<(), IncludeRefusal> {
-        let written = self.export(scene, trajectory, include, to);
-        written.map(drop).map_err(|error| refusal(&scene.record.id, trajectory, include, error))
+        export(ExportOrder { scene, trajectory, include }, to, self.progress)
+    }
+
+    fn write_again(
+        &self,
+        order: ExportOrder<'_>,
+        to: &Path,
+        is_over: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), IncludeRefusal> {
+        export(order, to, &BoundedExport { is_over })
     }
 }
 
-impl IncludedExporter<'_> {
-    fn export(
-        &self,
-        scene: &Arc<ComposedScene>,
-        trajectory: &str,
-        include: &IncludedExport,
-        to: &Path,
-    ) -> Result<Value, ExportError> {
+/// Stops an export of which enough was written.
+struct BoundedExport<'a> {
+    is_over: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl ExportProgress for BoundedExport<'_> {
+    fn advance(&self, _: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        (self.is_over)()
+    }
+}
+
+fn export(
+    order: ExportOrder<'_>,
+    to: &Path,
+    progress: &dyn ExportProgress,
+) -> Result<(), IncludeRefusal> {
+    let ExportOrder { scene, trajectory, include } = order;
+    let write = || -> Result<Value, ExportError> {
         let choice = |trajectory: &str| SubjectChoice {
             scene: None,
             trajectory: Some(trajectory.to_owned()),
@@ -94,8 +116,9 @@ impl IncludedExporter<'_> {
             Some(other) => TestViews::From(Box::new(ExportSubject::of_scene(scene, &choice(other))?)),
         };
         let plan = ExportPlan::new(&subject, &test, None)?;
-        write_export(named(&include.format), &plan, (to, include.lossy), self.progress)
-    }
+        write_export(named(&include.format), &plan, (to, include.lossy), progress)
+    };
+    write().map(drop).map_err(|error| refusal(&scene.record.id, trajectory, include, error))
 }
 
 /// The format of this name.
@@ -126,10 +149,8 @@ fn refusal(scene: &str, trajectory: &str, include: &IncludedExport, error: Expor
         }
         ExportError::Selection(_) => (Vec::new(), IncludeFailure::Refused),
         ExportError::Interrupted => (Vec::new(), IncludeFailure::Interrupted),
-        ExportError::Source(_)
-        | ExportError::Exists { .. }
-        | ExportError::Data(_)
-        | ExportError::Write { .. } => (Vec::new(), IncludeFailure::Failed),
+        ExportError::Source(_) | ExportError::Data(_) => (Vec::new(), IncludeFailure::Failed),
+        ExportError::Exists { .. } | ExportError::Write { .. } => (Vec::new(), IncludeFailure::Unwritten),
     };
     IncludeRefusal { export: export_name(scene, trajectory, &include.format), because, details, kind }
 }

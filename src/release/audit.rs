@@ -28,6 +28,7 @@ mod walk;
 pub use fault::{AuditFault, FaultCode};
 pub use parts::{AuditPart, PartsError};
 
+use super::include::ReleaseExporter;
 use super::layout;
 use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use super::published::PublishedScene;
@@ -154,12 +155,22 @@ pub fn audit_release(dir: &Path) -> io::Result<AuditReport> {
     audit_against(dir, None)
 }
 
+/// The choices of an audit.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct AuditOptions<'a> {
+    /// Scenes that may not be in the release.
+    pub takedown: Option<&'a TakedownList>,
+    /// Makes the exports of the release once more. Without it, they are judged by their names and their
+    /// descriptions alone.
+    pub exporter: Option<&'a dyn ReleaseExporter>,
+}
+
 /// Audits the release in `dir`, and looks for scenes of a takedown list.
 ///
 /// # Errors
 /// As [`audit_release`].
 pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<AuditReport> {
-    audit_with(dir, takedown, PartsFound::default())
+    audit_all(dir, AuditOptions { takedown, exporter: None }, PartsFound::default())
 }
 
 /// The verdict on the release in `dir`, whose files were hashed and opened in parts. What is left is read.
@@ -171,14 +182,27 @@ pub fn audit_parts(
     takedown: Option<&TakedownList>,
     parts: Vec<AuditPart>,
 ) -> Result<io::Result<AuditReport>, PartsError> {
-    Ok(audit_with(dir, takedown, PartsFound::join(dir, parts)?))
+    audit_with(dir, AuditOptions { takedown, exporter: None }, Some(parts))
 }
 
-fn audit_with(dir: &Path, takedown: Option<&TakedownList>, mut parts: PartsFound) -> io::Result<AuditReport> {
+/// Audits the release in `dir`, or gives the verdict on its parts if there are some.
+///
+/// # Errors
+/// As [`audit_parts`]; or an export cannot be written to the folder of temporary files.
+pub fn audit_with(
+    dir: &Path,
+    options: AuditOptions<'_>,
+    parts: Option<Vec<AuditPart>>,
+) -> Result<io::Result<AuditReport>, PartsError> {
+    let parts = parts.map_or(Ok(PartsFound::default()), |parts| PartsFound::join(dir, parts))?;
+    Ok(audit_all(dir, options, parts))
+}
+
+fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io::Result<AuditReport> {
     let tree = walk::walk_tree(dir)?;
     let bytes = parts.bytes(dir, &tree.files);
     let (mut faults, mut written_by, mut scenes) = (tree.oddities, None, 0);
-    let mut has_exports = false;
+    let mut exports = None;
     let signed_by = read_signature(dir, &mut faults);
     // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
@@ -195,8 +219,8 @@ fn audit_with(dir: &Path, takedown: Option<&TakedownList>, mut parts: PartsFound
         if let Some(manifest) = &manifest {
             written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
             scenes = manifest.scenes.len();
-            has_exports = !manifest.include.is_empty();
-            faults.extend(audit_scenes(&tree, manifest, takedown, &parts));
+            exports = exports::covered(manifest, options.exporter);
+            faults.extend(audit_scenes(&tree, manifest, options, &parts)?);
             let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
         } else if !tree.has(super::manifest::NAME) {
@@ -208,9 +232,7 @@ fn audit_with(dir: &Path, takedown: Option<&TakedownList>, mut parts: PartsFound
     faults.sort();
     faults.dedup();
     let read = bytes.values().flatten();
-    let exports = has_exports
-        .then_some("exports: present, complete, and of the scene and format that manifest.json names");
-    let listed = takedown.map(|_| "scenes against the takedown list");
+    let listed = options.takedown.map(|_| "scenes against the takedown list");
     let covers = COVERS.into_iter().chain(exports).chain(listed).collect();
     let size = read.map(|hashes| hashes.size).sum();
     let (made_again, verified) = (0, false);
@@ -256,9 +278,9 @@ pub fn read_tree(dir: &Path) -> io::Result<u64> {
 fn audit_scenes(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
-    takedown: Option<&TakedownList>,
+    options: AuditOptions<'_>,
     parts: &PartsFound,
-) -> Vec<AuditFault> {
+) -> io::Result<Vec<AuditFault>> {
     let (mut faults, mut scenes) = (Vec::new(), Vec::new());
     let owners = &FileOwners::new(manifest);
     for listed in &manifest.scenes {
@@ -282,16 +304,19 @@ fn audit_scenes(
             scenes.push(scene);
         }
         // A listed scene is found by its id even if its own description cannot be read.
-        faults.extend(takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))));
+        faults.extend(options.takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))));
     }
     faults.extend(splits::audit_splits(manifest, &scenes));
     faults.extend(names::audit(tree, manifest, &scenes));
     faults.extend(exports::audit(tree, manifest, &scenes));
     // After the other checks, since it skips every scene that has a fault by now.
     let published = published(tree, manifest, &scenes, &mut faults);
+    if let Some(exporter) = options.exporter {
+        faults.extend(exports::compare_again(tree, manifest, published.as_deref(), exporter)?);
+    }
     faults.extend(top(tree, manifest, &scenes));
     faults.extend(composed(tree, manifest, published.as_deref(), &faults));
-    faults
+    Ok(faults)
 }
 
 /// Reads the scenes back from their files, and adds the faults of files that follow from others.

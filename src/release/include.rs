@@ -5,7 +5,7 @@
 //! options and the digests of the scene's files. A release with the same key takes the stored files,
 //! and every other change of the scene makes the export anew.
 
-use super::manifest::{KeyIngredients, ManifestFile};
+use super::manifest::{KeyIngredients, ManifestFile, ReleaseManifest};
 use super::scene::SceneRecord;
 use super::tree::{FileContent, ReleaseTree};
 use super::{ReleaseError, checksum, layout};
@@ -51,6 +51,28 @@ pub trait ReleaseExporter: std::fmt::Debug + Sync {
         include: &IncludedExport,
         to: &Path,
     ) -> Result<(), IncludeRefusal>;
+
+    /// Writes the export of a released scene once more, to the new folder `to`, unless `is_over` becomes true.
+    ///
+    /// # Errors
+    /// As [`ReleaseExporter::write`]; [`IncludeFailure::Interrupted`] if `is_over` became true.
+    fn write_again(
+        &self,
+        order: ExportOrder<'_>,
+        to: &Path,
+        is_over: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), IncludeRefusal>;
+}
+
+/// An export of a trajectory.
+#[derive(Debug, Clone, Copy)]
+pub struct ExportOrder<'a> {
+    /// The scene.
+    pub scene: &'a Arc<ComposedScene>,
+    /// Name of the trajectory.
+    pub trajectory: &'a str,
+    /// The format and its options.
+    pub include: &'a IncludedExport,
 }
 
 /// The reason why an export of a release cannot be made.
@@ -72,8 +94,10 @@ pub struct IncludeRefusal {
 pub enum IncludeFailure {
     /// The recipes or `release.yaml` have to change.
     Refused,
-    /// Reading or writing failed.
+    /// Reading failed.
     Failed,
+    /// The export could not be written.
+    Unwritten,
     /// The user stopped it.
     Interrupted,
 }
@@ -151,6 +175,21 @@ pub enum ComposedFile {
 }
 
 impl ComposedScene {
+    /// A scene of a written release, with the places of its files by their paths in the release.
+    pub(super) fn released(
+        manifest: &ReleaseManifest,
+        record: &SceneRecord,
+        files: BTreeMap<String, PathBuf>,
+    ) -> Self {
+        Self {
+            release: manifest.name.clone(),
+            version: manifest.version.clone(),
+            tool: super::TOOL,
+            record: record.clone(),
+            files: files.into_iter().map(|(path, place)| (path, ComposedFile::Stored(place))).collect(),
+        }
+    }
+
     /// The file at a path of the release.
     #[must_use]
     pub fn file(&self, path: &str) -> Option<&ComposedFile> {

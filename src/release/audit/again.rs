@@ -286,7 +286,7 @@ fn first_difference(path: &Path, wanted: &[u8]) -> String {
 }
 
 /// The beginning of a text.
-fn brief(text: &str) -> String {
+pub(super) fn brief(text: &str) -> String {
     const MAX_CHARACTERS: usize = 100;
     match text.char_indices().nth(MAX_CHARACTERS) {
         Some((at, _)) => format!("{}…", &text[..at]),

@@ -27,14 +27,17 @@ pub(super) fn audit(
             (scene.id.as_str(), exports::folders(manifest, scene).map(|(folder, ..)| folder).collect())
         })
         .collect();
-    let is_exported = |id: &str, path: &str| {
-        folders.get(id).is_some_and(|folders| folders.iter().any(|folder| path.starts_with(folder.as_str())))
+    let exported = |id: &str, path: &'_ str| {
+        folders.get(id)?.iter().find_map(|folder| path.strip_prefix(folder.as_str())).map(exports::may_have)
     };
     let mut faults: Vec<AuditFault> = Vec::new();
     for path in tree.intact.keys() {
         match owners.of(path) {
             None if !layout::is_top(path) => faults.push(stray(path, "at the top of a release")),
-            Some(scene) if is_exported(&scene.id, path) => {}
+            Some(scene) if exported(&scene.id, path) == Some(true) => {}
+            Some(scene) if exported(&scene.id, path).is_some() => {
+                faults.push(stray(path, "in an export").in_scene(&scene.id));
+            }
             Some(scene) if allowed.get(scene.id.as_str()).is_some_and(|paths| !paths.contains(*path)) => {
                 faults.push(stray(path, "in this scene").in_scene(&scene.id));
             }
