@@ -113,12 +113,18 @@ impl<'a> ImuSampler<'a> {
     /// The samples of `model` along a path, with gravity against the direction `up`.
     #[must_use]
     pub fn new(model: &'a ImuModel, path: &'a SampledPath, up: DVec3, seed: Seed) -> Self {
+        Self::under(model, path, -model.gravity * up.normalize_or_zero(), seed)
+    }
+
+    /// The samples of `model` along a path under this gravity, m/s^2 in world axes.
+    #[must_use]
+    pub fn under(model: &'a ImuModel, path: &'a SampledPath, gravity: DVec3, seed: Seed) -> Self {
         let rate = model.rate.to_f64();
         let errors = [(0, model.gyroscope), (3, model.accelerometer)];
         Self {
             model,
             path,
-            gravity: -model.gravity * up.normalize_or_zero(),
+            gravity,
             errors: errors.map(|(first, axes)| AxisErrors::new(axes, rate, first, seed)),
             next: 0,
             saturated: 0,

@@ -27,10 +27,12 @@ mod attributes;
 mod filter;
 mod index;
 mod outside;
+mod layout;
 mod reader;
 mod writer;
 
 pub use filter::{ChunkFilter, FilterError};
+pub use layout::foreign_object;
 pub use reader::Reader;
 pub use writer::Writer;
 

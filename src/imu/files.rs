@@ -3,6 +3,7 @@
 //! `imu0/sensor.yaml`.
 
 use super::{ImuModel, ImuSample, ImuState};
+use crate::budget::ByteBudget;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
@@ -58,47 +59,75 @@ pub fn write_state(sample: &ImuSample, out: &mut dyn Write) -> io::Result<()> {
 /// # Errors
 /// A line is missing or has other columns, a value is not a finite number, or stamps do not increase.
 pub fn read_lines(bytes: &[u8], head: &str) -> Result<Vec<(i64, Vec<f64>)>, String> {
-    let text = std::str::from_utf8(bytes).map_err(|e| e.to_string())?;
-    let mut lines = text.lines();
-    let first = lines.next().unwrap_or_default();
-    if first != head {
-        return Err(format!("its first line is `{first}`"));
-    }
-    let (columns, mut found) = (head.split(',').count(), Vec::<(i64, Vec<f64>)>::new());
-    for (number, line) in (2..).zip(lines) {
-        let fault = |what: &str| format!("line {number}: {what}");
-        let (stamp, values) = line.split_once(',').ok_or_else(|| fault("it has one column"))?;
-        let stamp: i64 = stamp.parse().map_err(|_| fault("its stamp is no whole number"))?;
-        if found.last().is_some_and(|(before, _)| stamp <= *before) {
-            return Err(fault("its stamp is not above the one before"));
-        }
-        let values: Vec<f64> = values
-            .split(',')
-            .map(|value| value.parse().ok().filter(|value: &f64| value.is_finite()))
-            .collect::<Option<_>>()
-            .ok_or_else(|| fault("a value is not a finite number"))?;
-        if values.len() + 1 != columns {
-            return Err(fault("it has another number of columns"));
-        }
+    let mut budget = ByteBudget::of(bytes.len());
+    let mut found = Vec::new();
+    for line in InertialText::new(bytes, head)? {
+        let (stamp, values) = line?;
+        // A list with its head and the word of the allocator in front of it.
+        budget.take(1, size_of::<(i64, Vec<f64>)>() + size_of_val(&*values) + 16).map_err(|e| e.to_string())?;
         found.push((stamp, values));
     }
     Ok(found)
 }
 
-/// Reads a file of samples or states, and returns it as this program writes it.
+/// The lines of a file of samples or states.
+struct InertialText<'a> {
+    lines: std::iter::Zip<std::ops::RangeFrom<usize>, std::str::Lines<'a>>,
+    columns: usize,
+    last: Option<i64>,
+}
+
+impl<'a> InertialText<'a> {
+    /// Begins behind the first line, which must be `head`.
+    fn new(bytes: &'a [u8], head: &str) -> Result<Self, String> {
+        let mut lines = std::str::from_utf8(bytes).map_err(|e| e.to_string())?.lines();
+        let first = lines.next().unwrap_or_default();
+        if first != head {
+            let shown: String = first.chars().take(head.len()).collect();
+            return Err(format!("its first line is `{shown}`"));
+        }
+        Ok(Self { lines: (2..).zip(lines), columns: head.split(',').count(), last: None })
+    }
+
+    fn parse(&mut self, line: &str) -> Result<(i64, Vec<f64>), &'static str> {
+        let (stamp, values) = line.split_once(',').ok_or("it has one column")?;
+        let stamp: i64 = stamp.parse().map_err(|_| "its stamp is no whole number")?;
+        if self.last.replace(stamp).is_some_and(|before| stamp <= before) {
+            return Err("its stamp is not above the one before");
+        }
+        if values.split(',').count() + 1 != self.columns {
+            return Err("it has another number of columns");
+        }
+        let value = |text: &str| text.parse().ok().filter(|value: &f64| value.is_finite());
+        let values: Option<Vec<f64>> = values.split(',').map(value).collect();
+        Ok((stamp, values.ok_or("a value is not a finite number")?))
+    }
+}
+
+impl Iterator for InertialText<'_> {
+    type Item = Result<(i64, Vec<f64>), String>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let (number, line) = self.lines.next()?;
+        Some(self.parse(line).map_err(|what| format!("line {number}: {what}")))
+    }
+}
+
+/// Returns true if a file of samples or states is in the form that this program writes.
 ///
 /// # Errors
 /// As [`read_lines`].
-pub fn rewritten(bytes: &[u8]) -> Result<Vec<u8>, String> {
+pub fn is_canonical(bytes: &[u8]) -> Result<bool, String> {
     let is_states = bytes.starts_with(STATES_HEAD.as_bytes());
     let head = if is_states { STATES_HEAD } else { SAMPLES_HEAD };
-    let mut out = format!("{head}\n");
-    for (stamp, values) in read_lines(bytes, head)? {
-        out.push_str(&stamp.to_string());
-        values.iter().for_each(|value| out.push_str(&format!(",{value}")));
-        out.push('\n');
+    let mut texts = std::str::from_utf8(bytes).map_err(|e| e.to_string())?.split_inclusive('\n');
+    let mut is_same = texts.next().is_some_and(|first| first.strip_suffix('\n') == Some(head));
+    for line in InertialText::new(bytes, head)? {
+        let (stamp, values) = line?;
+        let values: String = values.iter().map(|value| format!(",{value}")).collect();
+        is_same &= texts.next() == Some(format!("{stamp}{values}\n").as_str());
     }
-    Ok(out.into_bytes())
+    Ok(is_same)
 }
 
 /// The differences of a text of [`sensor_text`] from the sensor with this gravity, one sentence each: values are

@@ -93,6 +93,20 @@ fn pairs(cameras: &[(&RigCamera, Camera)]) -> Vec<([usize; 2], Rectification)> {
     cameras.iter().enumerate().filter_map(pair).collect()
 }
 
+/// The rectification of the stereo pair whose first camera sees along a trajectory, if there is one.
+pub(super) fn rectification(
+    recipe: &Recipe,
+    scene: &SceneRecord,
+    part: &TrajectoryPart,
+) -> Option<Rectification> {
+    let mounted = recipe.mounted(&part.name)?;
+    let own = &mounted.camera;
+    let second = format!("{}/{}", mounted.body, own.second.as_ref()?.name);
+    let second = scene.trajectories.iter().find(|part| part.name == second)?;
+    let cameras = [part, second].map(|part| scene.camera_of(part).camera());
+    Rectification::new(cameras, &own.second_from_first()?).ok()
+}
+
 const HEAD: &str = "# Lengths are in scene units. The centre of the first pixel is at (0, 0).\n";
 
 /// Model and coefficients of a camera's lens, as Kalibr names them.

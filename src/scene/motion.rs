@@ -315,14 +315,23 @@ pub struct PlaceLine {
 /// # Errors
 /// The first line that has another form.
 pub fn read_places(bytes: &[u8]) -> Result<Vec<PlaceLine>, String> {
+    place_lines(bytes)?.collect()
+}
+
+/// The lines of a file of [`write_places`], one in memory at a time.
+///
+/// # Errors
+/// The first line has another form. Each other line is an error by itself.
+pub fn place_lines(bytes: &[u8]) -> Result<impl Iterator<Item = Result<PlaceLine, String>>, String> {
     let text = str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
     let mut lines = text.lines();
     let columns = PLACES_HEAD.split(',').count();
     if lines.next() != Some(PLACES_HEAD) {
         return Err(format!("its first line is not {PLACES_HEAD}"));
     }
-    let line = |(number, line): (usize, &str)| {
-        let fields: Vec<&str> = line.split(',').collect();
+    let line = move |(number, line): (usize, &str)| {
+        // One field more than the columns shows that there are too many.
+        let fields: Vec<&str> = line.split(',').take(columns + 1).collect();
         let value = |text: &&str| text.parse().ok().filter(|value: &f64| value.is_finite());
         let values = || fields[3..].iter().map(value).collect::<Option<Vec<f64>>>();
         let read = || {
@@ -332,20 +341,22 @@ pub fn read_places(bytes: &[u8]) -> Result<Vec<PlaceLine>, String> {
         let found = (fields.len() == columns).then(read).flatten();
         found.ok_or_else(|| format!("line {} has not the {columns} columns of the first one", number + 2))
     };
-    lines.enumerate().map(line).collect()
+    Ok(lines.enumerate().map(line))
 }
 
-/// The bytes that [`write_places`] writes for the values of a file.
+/// Returns true if a file is in the form of [`write_places`].
 ///
 /// # Errors
 /// As [`read_places`].
-pub fn rewritten_places(bytes: &[u8]) -> Result<Vec<u8>, String> {
-    let mut text = format!("{PLACES_HEAD}\n");
-    for PlaceLine { stamp_us, number, name, values } in read_places(bytes)? {
+pub fn is_canonical(bytes: &[u8]) -> Result<bool, String> {
+    let mut texts = str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?.split_inclusive('\n');
+    let mut is_same = texts.next().is_some_and(|first| first.strip_suffix('\n') == Some(PLACES_HEAD));
+    for line in place_lines(bytes)? {
+        let PlaceLine { stamp_us, number, name, values } = line?;
         let values: String = values.iter().map(|value| format!(",{value}")).collect();
-        text += &format!("{stamp_us},{number},{name}{values}\n");
+        is_same &= texts.next() == Some(format!("{stamp_us},{number},{name}{values}\n").as_str());
     }
-    Ok(text.into_bytes())
+    Ok(is_same)
 }
 
 impl Gaussians {

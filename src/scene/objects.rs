@@ -3,6 +3,7 @@
 use super::motion::{MAX_PARTS, PartError, PartPath, PartRecord, SceneMotion};
 use super::{Gaussians, SceneError, read_file};
 use crate::files;
+use crate::se3::Se3;
 use crate::se3::rotation::exp_vector;
 use glam::{DQuat, DVec3};
 use serde::Serialize;
@@ -62,6 +63,29 @@ pub enum ObjectSource {
         #[serde(skip)]
         file: PathBuf,
     },
+}
+
+impl ObjectSettings {
+    /// Its place at rest, world from part, but for the origins that positions are stored relative to.
+    #[must_use]
+    pub fn rest(&self) -> Se3 {
+        match &self.from {
+            ObjectSource::Scene { at, turn, .. } => {
+                let turn = DVec3::from_array(turn.to_array().map(f64::to_radians));
+                Se3 { rotation: exp_vector(turn), translation: *at }
+            }
+            _ => Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO },
+        }
+    }
+
+    /// The point about which it turns, if that does not depend on its Gaussians.
+    #[must_use]
+    pub fn stated_pivot(&self) -> Option<DVec3> {
+        match &self.path {
+            PartPath::Orbit { centre, .. } => Some(*centre),
+            _ => self.pivot,
+        }
+    }
 }
 
 impl ObjectSource {
@@ -132,25 +156,21 @@ pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaus
     let mut records = Vec::with_capacity(objects.len());
     for (number, (object, placed)) in (1_u8..=u8::MAX).zip(objects.iter().zip(&placed)) {
         let first = all.len();
-        let (shift, rotation, translation) = match (placed, &object.from) {
-            (Some(own), ObjectSource::Scene { at, turn, scale, .. }) => {
+        let Se3 { rotation, translation } = object.rest();
+        let shift = match (placed, &object.from) {
+            (Some(own), ObjectSource::Scene { scale, .. }) => {
                 all.extend_from(own, 0..own.len());
                 grow(&mut all, first, *scale);
-                let turn = DVec3::from_array(turn.to_array().map(f64::to_radians));
-                (own.origin * *scale - scene.origin, exp_vector(turn), *at)
+                own.origin * *scale - scene.origin
             }
             _ => {
                 all.extend_from(scene, owned(number));
-                (DVec3::ZERO, DQuat::IDENTITY, DVec3::ZERO)
+                DVec3::ZERO
             }
         };
         let count = (all.len() - first) as f64;
         let mean = (first..all.len()).map(|i| all.position(i) / count).sum::<DVec3>() + shift;
-        let pivot = match (&object.path, object.pivot) {
-            (PartPath::Orbit { centre, .. }, _) => *centre,
-            (_, Some(pivot)) => pivot,
-            (_, None) => rotation * mean + translation,
-        };
+        let pivot = object.stated_pivot().unwrap_or(rotation * mean + translation);
         let (name, path) = (object.name.clone(), object.path.clone());
         records.push(PartRecord { name, first, shift, rotation, translation, pivot, path });
     }

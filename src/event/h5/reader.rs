@@ -337,7 +337,7 @@ fn read_elements<T: H5Type>(
 
 /// Runs code of rust-hdf5. Version 0.7.9 panics on some damaged files (a datatype with an
 /// overflowing size); the panic becomes an error.
-fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
+pub(super) fn guard_panics<T>(read: impl FnOnce() -> Result<T, EventFileError>) -> Result<T, EventFileError> {
     std::panic::catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
         Err(EventFileError::Container(
             "the HDF5 structure is damaged: the HDF5 library cannot report how".to_owned(),

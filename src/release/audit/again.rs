@@ -1,6 +1,9 @@
 //! Composes files once more from the others and compares them byte for byte: everything that people
 //! read or run. The composers are those that write a release.
 
+mod compared;
+mod products;
+
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::artifact::TrajectoryProduct;
 use crate::files::{self, LinkRule};
@@ -9,7 +12,8 @@ use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifes
 use crate::release::published::{self, PublishedScene, PublishedTrajectory};
 use crate::release::scene::{self, SceneRecord, TrajectoryPart};
 use crate::release::tree::FileContent;
-use crate::release::{calibration, checksum, layout, loader, path_picture, products};
+use crate::release::products::SHARP;
+use crate::release::{calibration, checksum, layout, loader, path_picture};
 use crate::speed::SpeedChoice;
 use crate::trajectory::sample::PoseSchedule;
 use crate::trajectory::{Trajectory, picture};
@@ -87,6 +91,7 @@ pub(super) fn scene(
                 .into_iter()
                 .filter_map(|(name, wanted)| compare(tree, &path(&name), &wanted)),
         );
+        faults.extend(products::faults(tree, scene, part, &of.motion));
     }
     faults.extend(counts(listed, scene));
     faults.into_iter().map(|fault| fault.in_scene(id)).collect()
@@ -96,8 +101,12 @@ pub(super) fn scene(
 fn described(scene: &PublishedScene) -> Vec<AuditFault> {
     // Maximum number of listed differences: many values follow from one wrong value of a recipe.
     const MAX_LISTED: usize = 8;
-    let [found, wanted] = [&scene.file, &scene::again(scene)]
-        .map(|file| serde_json::to_value(file).expect("a description is plain data"));
+    let mut files = [scene.file.clone(), scene::again(scene)];
+    // As values, the list of photos takes ten times its memory, and mostly it was copied.
+    if files[0].images == files[1].images {
+        files.iter_mut().for_each(|file| file.images.clear());
+    }
+    let [found, wanted] = files.map(|file| serde_json::to_value(file).expect("a description is plain data"));
     let mut differences = Vec::new();
     differ("", &found, &wanted, &mut differences);
     let path = format!("{}/{}", scene.file.id, layout::SCENE);
@@ -144,7 +153,7 @@ fn trajectory(
         bytes
     };
     let camera = scene.file.camera_of(part).camera();
-    let frames = products::SHARP.name();
+    let frames = SHARP.name();
     let sharp = scene.in_folder(&part.name, frames).filter_map(|path| path.rsplit('/').next());
     // The tree lacks the frames of a withheld scene, but its `transforms.json` lists their poses.
     let planned = super::contents::pictures_planned(tree, &scene.file, part);

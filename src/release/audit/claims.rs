@@ -1,8 +1,10 @@
 //! Comparison of the tree's own descriptions with each other.
 
 use super::{AuditFault, FaultCode, TrustedTree, again};
+use crate::budget;
 use crate::files::{self, LinkRule};
 use crate::release::checksum;
+use crate::release::layout;
 use crate::release::manifest::{ManifestScene, ReleaseManifest};
 use crate::release::scene::{SceneConventions, SceneRecord};
 use serde::Serialize;
@@ -24,6 +26,8 @@ pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
 fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Vec<AuditFault>) -> Option<T> {
     let on_disk = tree.intact_path(path)?;
     let parsed = match files::read_with(&on_disk, LinkRule::Refuse, files::MAX_DOCUMENT) {
+        // The other files have a few values for each of their bytes at most.
+        Ok(bytes) if path.ends_with(layout::SCENE) && let Err(e) = budget::check_json(&bytes) => Err(e.to_string()),
         Ok(bytes) => {
             serde_json::from_slice(&bytes).map_err(|e| format!("it does not have the expected form: {e}"))
         }

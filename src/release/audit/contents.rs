@@ -11,6 +11,7 @@ use crate::check::{Finding, Verdict};
 use crate::release::calibration;
 use crate::release::layout::{self, CHECKS};
 use crate::release::path_picture;
+use crate::release::published;
 use crate::release::products::{self, ReleaseProduct};
 use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use rayon::prelude::*;
@@ -26,6 +27,8 @@ struct TrajectoryFolder<'a> {
     path: &'a str,
     part: &'a TrajectoryPart,
     camera: Camera,
+    /// True if this version of the program wrote the scene.
+    is_own: bool,
 }
 
 impl TrajectoryFolder<'_> {
@@ -50,12 +53,22 @@ impl TrajectoryFolder<'_> {
 /// Audits the contents of a scene's files. An absent file is one fault and is not opened.
 pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<AuditFault> {
     let mut faults = photo_faults(tree, scene);
+    // A recipe that cannot be read is reported where the scene is composed again.
+    let recipe = published::recipe(scene).ok();
     for part in &scene.trajectories {
         let path = format!("{}/{}", scene.id, part.name);
-        let folder = TrajectoryFolder { tree, path: &path, part, camera: scene.camera_of(part).camera() };
+        let camera = scene.camera_of(part).camera();
+        let is_own = scene.gs2e_version == env!("CARGO_PKG_VERSION");
+        let folder = TrajectoryFolder { tree, path: &path, part, camera, is_own };
         faults.extend(missing_files(&folder, scene));
         let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
-        let contents = streams.flat_map(|(name, stated)| events::audit_stream(&folder, &name, stated));
+        let sensors = recipe.as_ref().map(|recipe| recipe.sensors_of(&part.name));
+        let sensor = |name: &str| {
+            let mut all = sensors?.iter();
+            all.find(|(own, _)| EventStream::released_name(*own) == name).map(|(_, sensor)| sensor)
+        };
+        let contents = streams
+            .flat_map(|(name, stated)| events::audit_stream(&folder, (&name, stated), sensor(&name)));
         faults.extend(contents.collect::<Vec<_>>());
         // Absent poses are a fault already, and the other files are compared with the poses.
         if folder.has("poses.txt") {

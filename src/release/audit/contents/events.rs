@@ -2,18 +2,21 @@
 //! the sensor, within the time, and have the stated counts.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::event::{Event, EventFileError, EventSource, Polarity, h5};
+use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, h5};
 use crate::release::scene::TrajectoryStatistics;
+use crate::sensor::SensorChoice;
 
 /// Audits one stream. `stated` holds the counts of `scene.json`.
 pub(super) fn audit_stream(
     folder: &TrajectoryFolder<'_>,
-    name: &str,
-    stated: &TrajectoryStatistics,
+    (name, stated): (&str, &TrajectoryStatistics),
+    sensor: Option<&SensorChoice>,
 ) -> Vec<AuditFault> {
     let mut faults = Vec::new();
     match count_stream(folder, name) {
         Ok(counted) => {
+            let label = sensor.and_then(|sensor| label_fault(sensor, &counted));
+            faults.extend(label.map(|message| folder.fault(FaultCode::ClaimsDisagree, name, message)));
             let StreamCount { events, on, peak, active, .. } = counted;
             faults.extend(counted.faults.map(|message| folder.fault(FaultCode::Unreadable, name, message)));
             let all = [
@@ -39,6 +42,29 @@ pub(super) fn audit_stream(
     faults
 }
 
+/// Describes labels that the sensor cannot have made.
+fn label_fault(sensor: &SensorChoice, counted: &StreamCount) -> Option<String> {
+    let asked = sensor.as_model().labels();
+    if counted.labelled != asked {
+        let [found, wanted] = [counted.labelled, asked].map(|has| if has { "labels" } else { "no labels" });
+        return Some(format!("it has {found}, the sensor of the recipe makes {wanted}"));
+    }
+    let noise = counted.noise;
+    (noise > 0 && has_no_noise(sensor)).then(|| {
+        format!("{noise} of its events are labelled as noise, the sensor of the recipe has no source of noise")
+    })
+}
+
+/// Returns true if brightness alone makes the events of a sensor.
+fn has_no_noise(sensor: &SensorChoice) -> bool {
+    match sensor {
+        SensorChoice::Esim(sensor) => sensor.keeps_balance(),
+        SensorChoice::V2e(sensor) => sensor.keeps_balance(),
+        // Its voltage is noisy.
+        SensorChoice::Voltmeter(_) => false,
+    }
+}
+
 /// The first misplaced event and the counts of a stream.
 struct StreamCount {
     faults: Option<String>,
@@ -48,6 +74,10 @@ struct StreamCount {
     peak: u64,
     /// Number of pixels with an event.
     active: u64,
+    /// True if the events have labels.
+    labelled: bool,
+    /// Number of events that are labelled as noise.
+    noise: u64,
 }
 
 fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount, EventFileError> {
@@ -55,7 +85,12 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     // The reader takes the index as it stands, so the index is verified first.
     reader.verify_index()?;
     let size = folder.camera.size;
-    let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0 };
+    let labelled = reader.labelled();
+    let mut counted =
+        StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0, labelled, noise: 0 };
+    counted.faults = h5::foreign_object(&folder.on_disk(name))?.map(|what| {
+        format!("it has {what}, which the release format does not")
+    });
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor does not have the size {size} of scene.json"));
     }
@@ -74,6 +109,7 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
                     .map(|because| format!("event {number} {because}"));
             }
             counted.events += 1;
+            counted.noise += u64::from(event.label == EventLabel::Noise);
             counted.on += u64::from(event.polarity == Polarity::On);
             // Sorted events make one run of each millisecond; events out of order are a fault
             // already.

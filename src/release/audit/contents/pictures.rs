@@ -5,10 +5,10 @@ use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::artifact::OBJECT_PLACES;
 use crate::files::{self, LinkRule};
 use crate::image::{Image, Size, npy, png};
-use crate::imu::files::{SENSOR, rewritten};
+use crate::imu;
 use crate::release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use crate::sampling::exposure;
-use crate::scene::motion::rewritten_places;
+use crate::scene::motion;
 use rayon::prelude::*;
 use serde_json::Value;
 use std::io::Cursor;
@@ -49,31 +49,40 @@ fn picture_fault(
     product: Option<&ReleaseProduct>,
     name: &str,
 ) -> Option<AuditFault> {
+    // The audit composes inertial data of this version.
+    if folder.is_own && product.is_some_and(|product| product.form == ProductForm::Samples) {
+        return None;
+    }
     let bytes = match files::read_with(&folder.on_disk(name), LinkRule::Refuse, files::MAX_DOCUMENT) {
         Ok(bytes) => bytes,
         Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.to_string())),
     };
     let size = folder.camera.size;
-    let again = match product.map(|product| (product.name(), product.form)) {
+    let same = |again: Result<Vec<u8>, String>| again.map(|again| again == bytes);
+    let is_same = match product.map(|product| (product.name(), product.form)) {
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
-            check_numbers(kind, (size, channels), positive, &bytes)
+            same(check_numbers(kind, (size, channels), positive, &bytes))
         }
-        Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => rewritten_places(&bytes),
-        Some((_, ProductForm::Masks(_))) => check_mask(size, &bytes),
-        // Nothing but its sum speaks of the text on the sensor.
-        Some((_, ProductForm::Samples)) if name.ends_with(SENSOR) => Ok(bytes.clone()),
-        Some((_, ProductForm::Samples)) => rewritten(&bytes),
+        Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
+        Some((_, ProductForm::Masks(_))) => same(check_mask(size, &bytes)),
+        // The text on the sensor has the form of the version that wrote it.
+        Some((_, ProductForm::Samples)) if name.ends_with(imu::files::SENSOR) => Ok(true),
+        Some((_, ProductForm::Samples)) => imu::files::is_canonical(&bytes),
         Some(_) => {
-            png::read_sized(Cursor::new(&bytes), size).map(|image| written(&image)).map_err(|e| e.to_string())
+            let image = png::read_sized(Cursor::new(&bytes), size);
+            same(image.map(|image| written(&image)).map_err(|e| e.to_string()))
         }
         // Only pictures of checks may have another size than the camera.
-        None => png::read_rgb(Cursor::new(&bytes)).map(|image| written(&image)).map_err(|e| e.to_string()),
+        None => {
+            let image = png::read_rgb(Cursor::new(&bytes));
+            same(image.map(|image| written(&image)).map_err(|e| e.to_string()))
+        }
     };
-    match again {
+    match is_same {
         // A decoder skips what it does not need, so the picture is written again: with equal bytes
         // the file holds nothing else.
-        Ok(again) if again == bytes => None,
-        Ok(_) => Some(folder.fault(
+        Ok(true) => None,
+        Ok(false) => Some(folder.fault(
             FaultCode::NotComposed,
             name,
             "it holds more than its picture, or another encoding: this program writes different bytes for the same picture",
