@@ -26,8 +26,8 @@
 mod attributes;
 mod filter;
 mod index;
-mod outside;
 mod layout;
+mod outside;
 mod reader;
 mod writer;
 

@@ -98,11 +98,7 @@ impl ExportProgress for BoundedExport<'_> {
     }
 }
 
-fn export(
-    order: ExportOrder<'_>,
-    to: &Path,
-    progress: &dyn ExportProgress,
-) -> Result<(), IncludeRefusal> {
+fn export(order: ExportOrder<'_>, to: &Path, progress: &dyn ExportProgress) -> Result<(), IncludeRefusal> {
     let ExportOrder { scene, trajectory, include } = order;
     let write = || -> Result<Value, ExportError> {
         let choice = |trajectory: &str| SubjectChoice {

@@ -64,7 +64,9 @@ pub fn read_lines(bytes: &[u8], head: &str) -> Result<Vec<(i64, Vec<f64>)>, Stri
     for line in InertialText::new(bytes, head)? {
         let (stamp, values) = line?;
         // A list with its head and the word of the allocator in front of it.
-        budget.take(1, size_of::<(i64, Vec<f64>)>() + size_of_val(&*values) + 16).map_err(|e| e.to_string())?;
+        budget
+            .take(1, size_of::<(i64, Vec<f64>)>() + size_of_val(&*values) + 16)
+            .map_err(|e| e.to_string())?;
         found.push((stamp, values));
     }
     Ok(found)

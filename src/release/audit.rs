@@ -304,7 +304,9 @@ fn audit_scenes(
             scenes.push(scene);
         }
         // A listed scene is found by its id even if its own description cannot be read.
-        faults.extend(options.takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))));
+        faults.extend(
+            options.takedown.and_then(|list| takedown::takedown_fault(list, listed, scenes.get(known))),
+        );
     }
     faults.extend(splits::audit_splits(manifest, &scenes));
     faults.extend(names::audit(tree, manifest, &scenes));

@@ -74,7 +74,7 @@ control_release() {
   either '! exited 0' 'exited 0 && [ -e out/manifest.json ]'
 }
 tests='control_release'
-for group in code files folders shared bounds products trees limits processes words; do
+for group in code files folders shared bounds products audit trees limits processes words; do
   # shellcheck source=/dev/null
   . "$here/$group.sh"
 done

@@ -4,7 +4,10 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 mod data;
+mod exported;
 mod held_out;
+mod products;
+mod rich;
 mod rows;
 
 use crate::release::forger::{read, reseal, reseal_sums};

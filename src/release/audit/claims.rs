@@ -27,7 +27,12 @@ fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Ve
     let on_disk = tree.intact_path(path)?;
     let parsed = match files::read_with(&on_disk, LinkRule::Refuse, files::MAX_DOCUMENT) {
         // The other files have a few values for each of their bytes at most.
-        Ok(bytes) if path.ends_with(layout::SCENE) && let Err(e) = budget::check_json(&bytes) => Err(e.to_string()),
+        Ok(bytes)
+            if path.ends_with(layout::SCENE)
+                && let Err(e) = budget::check_json(&bytes) =>
+        {
+            Err(e.to_string())
+        }
         Ok(bytes) => {
             serde_json::from_slice(&bytes).map_err(|e| format!("it does not have the expected form: {e}"))
         }

@@ -8,12 +8,14 @@ use super::{AuditFault, FaultCode, TrustedTree, claims};
 use crate::artifact::EventStream;
 use crate::camera::Camera;
 use crate::check::{Finding, Verdict};
+use crate::recipe::Recipe;
 use crate::release::calibration;
 use crate::release::layout::{self, CHECKS};
 use crate::release::path_picture;
-use crate::release::published;
 use crate::release::products::{self, ReleaseProduct};
+use crate::release::published;
 use crate::release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
+use events::StatedStream;
 use rayon::prelude::*;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -61,14 +63,9 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
         let is_own = scene.gs2e_version == env!("CARGO_PKG_VERSION");
         let folder = TrajectoryFolder { tree, path: &path, part, camera, is_own };
         faults.extend(missing_files(&folder, scene));
-        let streams = stream_files(part).into_par_iter().filter(|(name, _)| folder.has(name));
-        let sensors = recipe.as_ref().map(|recipe| recipe.sensors_of(&part.name));
-        let sensor = |name: &str| {
-            let mut all = sensors?.iter();
-            all.find(|(own, _)| EventStream::released_name(*own) == name).map(|(_, sensor)| sensor)
-        };
-        let contents = streams
-            .flat_map(|(name, stated)| events::audit_stream(&folder, (&name, stated), sensor(&name)));
+        let streams = stated_streams(part, recipe.as_ref()).into_par_iter();
+        let streams = streams.filter(|stream| folder.has(&stream.name));
+        let contents = streams.flat_map(|stream| events::audit_stream(&folder, &stream));
         faults.extend(contents.collect::<Vec<_>>());
         // Absent poses are a fault already, and the other files are compared with the poses.
         if folder.has("poses.txt") {
@@ -78,6 +75,17 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
         faults.extend(pictures::audit_pictures(&folder));
     }
     faults.into_iter().map(|fault| fault.in_scene(&scene.id)).collect()
+}
+
+/// The event streams that a trajectory can have, with their sensors by the recipe.
+fn stated_streams<'a>(part: &'a TrajectoryPart, recipe: Option<&'a Recipe>) -> Vec<StatedStream<'a>> {
+    let sensors = recipe.map(|recipe| recipe.sensors_of(&part.name));
+    let find = |name: &str| {
+        let mut all = sensors?.iter();
+        all.find(|(own, _)| EventStream::released_name(*own) == name).map(|(_, sensor)| sensor)
+    };
+    let stated = stream_files(part).into_iter();
+    stated.map(|(name, counts)| StatedStream { sensor: find(&name), name, counts }).collect()
 }
 
 /// Returns the file name of each event stream that a trajectory can have, with the counts stated of

@@ -45,8 +45,13 @@ struct StatedSelection {
     trajectory: String,
 }
 
-/// The folder of an export, with its trajectory and its entry of the manifest.
-pub(super) type ExportPlace<'a> = (String, &'a str, &'a IncludedExport);
+/// An export of the manifest.
+pub(super) struct ExportPlace<'a> {
+    /// Its folder in the tree, with a slash at the end.
+    pub(super) folder: String,
+    trajectory: &'a str,
+    include: &'a IncludedExport,
+}
 
 /// The folders of a scene's exports.
 pub(super) fn folders<'a>(
@@ -57,8 +62,8 @@ pub(super) fn folders<'a>(
     shown.flat_map(|part| {
         let covering = manifest.include.iter().filter(|entry| entry.covers(&part.name));
         covering.map(|entry| {
-            let folder = export_name(&scene.id, &part.name, &entry.format);
-            (folder + "/", part.name.as_str(), entry)
+            let folder = export_name(&scene.id, &part.name, &entry.format) + "/";
+            ExportPlace { folder, trajectory: part.name.as_str(), include: entry }
         })
     })
 }
@@ -96,11 +101,8 @@ pub(super) fn audit(
         .collect()
 }
 
-fn description_faults(
-    tree: &TrustedTree<'_>,
-    scene: &str,
-    (folder, trajectory, entry): &ExportPlace<'_>,
-) -> Vec<AuditFault> {
+fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'_>) -> Vec<AuditFault> {
+    let ExportPlace { folder, trajectory, include } = place;
     let path = format!("{folder}{DESCRIPTION}");
     let fault = |code, message: String| AuditFault::of_file(code, &path, message);
     let read = |path: std::path::PathBuf| files::read_with(&path, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
@@ -111,11 +113,13 @@ fn description_faults(
     // Everything but these four values is skipped by the parser, so that a large file takes no memory.
     let found = match serde_json::from_slice::<StatedExport>(&bytes) {
         Ok(found) => found,
-        Err(e) => return vec![fault(FaultCode::Unreadable, format!("it does not have the expected form: {e}"))],
+        Err(e) => {
+            return vec![fault(FaultCode::Unreadable, format!("it does not have the expected form: {e}"))];
+        }
     };
     let files = tree.below(folder).count() as u64;
     let claims = [
-        ("format", found.format, entry.format.clone()),
+        ("format", found.format, include.format.clone()),
         ("scene", found.selection.scene, scene.to_owned()),
         ("trajectory", found.selection.trajectory, (*trajectory).to_owned()),
         ("number of files", found.files.to_string(), files.to_string()),
@@ -150,7 +154,7 @@ pub(super) fn compare_again(
         let files = tree.below(&own).filter(|path| !layout::is_export(id, path));
         let files = files.map(|path| (path.to_owned(), tree.path_of(path))).collect();
         let composed = Arc::new(ComposedScene::released(manifest, &scene.file, files));
-        for (folder, trajectory, include) in folders(manifest, &scene.file) {
+        for ExportPlace { folder, trajectory, include } in folders(manifest, &scene.file) {
             let order = ExportOrder { scene: &composed, trajectory, include };
             let found = MadeExport { tree, folder: &folder }.compare(order, exporter)?;
             faults.extend(found.into_iter().map(|fault| fault.in_scene(id)));
@@ -166,14 +170,11 @@ struct MadeExport<'a> {
 }
 
 impl MadeExport<'_> {
-    fn compare(
-        &self,
-        order: ExportOrder<'_>,
-        exporter: &dyn ReleaseExporter,
-    ) -> io::Result<Vec<AuditFault>> {
+    fn compare(&self, order: ExportOrder<'_>, exporter: &dyn ReleaseExporter) -> io::Result<Vec<AuditFault>> {
         let format = &order.include.format;
         if !EXPORT_FORMATS.contains(&format.as_str()) {
-            let message = format!("the manifest includes the format `{format}`, which this program does not have");
+            let message =
+                format!("the manifest includes the format `{format}`, which this program does not have");
             return Ok(vec![self.fault(FaultCode::NotComposed, DESCRIPTION, message)]);
         }
         let scratch = tempfile::Builder::new().prefix("gs2e-audit-").tempdir().map_err(unwritten)?;
@@ -222,8 +223,9 @@ impl MadeExport<'_> {
         for name in wanted.intersection(&found) {
             let place = self.tree.path_of(&format!("{}{name}", self.folder));
             if let Some(byte) = first_difference(&place, &made.join(name))? {
-                let message =
-                    format!("it differs from what this program exports from the other files: byte {byte} differs");
+                let message = format!(
+                    "it differs from what this program exports from the other files: byte {byte} differs"
+                );
                 faults.push(self.fault(FaultCode::NotComposed, name, message));
             }
         }
@@ -299,9 +301,57 @@ impl<'a> FolderRoom<'a> {
         asked % ASKED_AT_ONCE == ASKED_AT_ONCE - 1 && self.size() > self.most
     }
 
+    /// Bytes of the files in the folder.
     fn size(&self) -> u64 {
         let entries = WalkDir::new(self.folder).into_iter().filter_map(Result::ok);
         let files = entries.filter(|entry| entry.file_type().is_file());
         files.filter_map(|entry| entry.metadata().ok()).map(|file| file.len()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exports_have_no_names_that_programs_run() {
+        for name in ["events.npy", "train/r_0.png", "sparse/0/points3D.bin", "test/a-b/events_left/events.h5"]
+        {
+            assert!(may_have(name), "{name}");
+        }
+        for name in
+            ["setup.py", "a.npy/b.pth", ".git/hooks/post-checkout", ".git/config.txt", "program", "a.so"]
+        {
+            assert!(!may_have(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn an_export_without_end_is_stopped() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = File::create(folder.path().join("events.txt")).unwrap();
+        let is_over = |bytes: u64| {
+            file.set_len(bytes).unwrap();
+            let room = FolderRoom::new(folder.path(), 1000);
+            (0..ASKED_AT_ONCE).any(|_| room.is_over())
+        };
+        assert!(!is_over(MARGIN + 2000));
+        assert!(is_over(MARGIN + 2001));
+    }
+
+    #[test]
+    fn the_first_difference_of_two_files_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+        let t = |a: &[u8], b: &[u8], wanted| {
+            std::fs::write(&one, a).unwrap();
+            std::fs::write(&other, b).unwrap();
+            assert_eq!(first_difference(&one, &other).unwrap(), wanted);
+        };
+        t(b"", b"", None);
+        t(b"abc", b"abd", Some(2));
+        t(b"abc", b"ab", Some(2));
+        t(&[1; 100_000], &[1; 100_001], Some(100_000));
+        t(&[1; 200_000], &[1; 200_000], None);
     }
 }

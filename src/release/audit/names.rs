@@ -24,7 +24,7 @@ pub(super) fn audit(
     let folders: BTreeMap<&str, Vec<String>> = scenes
         .iter()
         .map(|scene| {
-            (scene.id.as_str(), exports::folders(manifest, scene).map(|(folder, ..)| folder).collect())
+            (scene.id.as_str(), exports::folders(manifest, scene).map(|place| place.folder).collect())
         })
         .collect();
     let exported = |id: &str, path: &'_ str| {

@@ -166,7 +166,8 @@ fn is_released(kind: &str, name: &str) -> bool {
         "trajectory" => true,
         "events" => name.ends_with(".h5"),
         "sharp" | "blur" | "checks" => name.ends_with(".png"),
-        "depth" | "flow" => name.ends_with(".npy"),
+        "depth" | "flow" | "disparity" => name.ends_with(".npy"),
+        "segmentation" | "imu" => true,
         _ => false,
     }
 }
@@ -192,10 +193,12 @@ fn released(folder: &str, kind: &str, files: &BTreeMap<String, Vec<u8>>) -> Vec<
                 below(format!("{folder}/events/")).map(|(name, bytes)| (format!("events-{name}"), bytes));
             one.chain(named).map(output).collect()
         }
-        "sharp" | "blur" | "depth" | "flow" | "checks" => below(format!("{folder}/{kind}/"))
-            .filter(|(name, _)| is_released(kind, name))
-            .map(output)
-            .collect(),
+        "sharp" | "blur" | "depth" | "flow" | "checks" | "disparity" | "segmentation" | "imu" => {
+            below(format!("{folder}/{kind}/"))
+                .filter(|(name, _)| is_released(kind, name))
+                .map(output)
+                .collect()
+        }
         _ => Vec::new(),
     }
 }

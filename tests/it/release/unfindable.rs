@@ -52,7 +52,15 @@ pub(crate) const VALUES: [(&str, &[&str]); 3] = [
 
 /// Data files that the audit reads for their form and their counts; no other file repeats their
 /// values.
-pub(crate) const DATA: [&str; 5] = ["events.h5", "sharp/*.png", "blur/*.png", "depth/*.npy", "flow/*.npy"];
+pub(crate) const DATA: [&str; 7] = [
+    "events.h5",
+    "sharp/*.png",
+    "blur/*.png",
+    "depth/*.npy",
+    "flow/*.npy",
+    "disparity/*.npy",
+    "segmentation/*.png",
+];
 
 /// Returns true if a file of this path is one of [`DATA`].
 pub(crate) fn is_data(path: &str) -> bool {

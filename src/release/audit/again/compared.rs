@@ -39,7 +39,8 @@ impl Write for ComparedFile {
         let equal = self.held.iter().zip(wanted).take_while(|(a, b)| a == b).count();
         self.line += wanted[..equal].iter().filter(|byte| **byte == b'\n').count();
         if equal < wanted.len() {
-            let rest = &wanted[wanted[..equal].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1)..];
+            let rest =
+                &wanted[wanted[..equal].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1)..];
             let end = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
             let text = String::from_utf8_lossy(&rest[..end]);
             return Err(self.differs(&format!("which should have `{}`", super::brief(&text))));

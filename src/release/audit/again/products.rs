@@ -97,12 +97,7 @@ impl ReadTrajectory<'_> {
     }
 
     /// Measures the motion once more, and compares samples and states.
-    fn measured(
-        &self,
-        model: &ImuModel,
-        gravity: DVec3,
-        [samples, states]: [&str; 2],
-    ) -> Option<AuditFault> {
+    fn measured(&self, model: &ImuModel, gravity: DVec3, [samples, states]: [&str; 2]) -> Option<AuditFault> {
         let recipe = &self.scene.recipe;
         let poses = &self.motion.trajectory.world_from_camera;
         let path = SampledPath::with_end_rates(poses, self.motion.seconds());
@@ -143,7 +138,8 @@ impl ReadTrajectory<'_> {
             object.stated_pivot().is_some() && !matches!(object.from, ObjectSource::Scene { .. })
         };
         let compared = if objects.iter().all(is_known) {
-            let motion = SceneMotion::prepare(objects.iter().map(record).collect()).map_err(|e| e.to_string());
+            let motion =
+                SceneMotion::prepare(objects.iter().map(record).collect()).map_err(|e| e.to_string());
             motion.and_then(|motion| {
                 let written = ComparedFile::open(&self.tree.path_of(path)).and_then(|file| {
                     let mut file = BufWriter::new(file);
@@ -167,8 +163,7 @@ impl ReadTrajectory<'_> {
         let Some(pair) = calibration::rectification(&self.scene.recipe, &self.scene.file, self.part) else {
             return Vec::new();
         };
-        let files: Vec<&str> =
-            self.scene.in_folder(name, own).filter(|path| self.tree.has(path)).collect();
+        let files: Vec<&str> = self.scene.in_folder(name, own).filter(|path| self.tree.has(path)).collect();
         files.into_par_iter().filter_map(|path| self.disparity_fault(&pair, path)).collect()
     }
 
@@ -218,7 +213,7 @@ fn record(object: &ObjectSettings) -> PartRecord {
 fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> Result<(), String> {
     let prepare = |records| SceneMotion::prepare(records).map_err(|e| e.to_string());
     let about_origin = prepare(objects.iter().map(record).collect())?;
-    let mut fits = vec![PivotFit::default(); objects.len()];
+    let mut fits = vec![PivotFit::NONE; objects.len()];
     let expected = || stamps.iter().flat_map(|stamp| (0..objects.len()).map(move |k| (*stamp, k)));
     let mut all = expected();
     for (number, line) in (2..).zip(place_lines(bytes)?) {
@@ -226,7 +221,9 @@ fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> R
         let wanted = all.next().filter(|(stamp, k)| {
             *stamp == line.stamp_us && k + 1 == usize::from(line.number) && objects[*k].name == line.name
         });
-        let Some((stamp, k)) = wanted else { return Err(format!("line {number} has another stamp or object")) };
+        let Some((stamp, k)) = wanted else {
+            return Err(format!("line {number} has another stamp or object"));
+        };
         let place = DVec3::from_slice(&line.values[..3]);
         fits[k].see(&about_origin.parts[k], stamp as f64 * 1e-6, place);
     }
@@ -254,7 +251,7 @@ const FITTED: f64 = 1e-6;
 const RIDGE: f64 = 1e-12;
 
 /// The places of a part as a system of linear equations for its pivot: `(I - R) pivot = place - place about the origin`.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 struct PivotFit {
     normal: DMat3,
     right: DVec3,
@@ -262,6 +259,8 @@ struct PivotFit {
 }
 
 impl PivotFit {
+    const NONE: Self = Self { normal: DMat3::ZERO, right: DVec3::ZERO, weight: 0.0 };
+
     fn see(&mut self, part: &MovingPart, seconds: f64, place: DVec3) {
         let found = part.at(seconds);
         let turn = DMat3::from_quat(found.pose.rotation * part.record.rotation.conjugate());

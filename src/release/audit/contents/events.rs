@@ -6,12 +6,20 @@ use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, h5}
 use crate::release::scene::TrajectoryStatistics;
 use crate::sensor::SensorChoice;
 
-/// Audits one stream. `stated` holds the counts of `scene.json`.
-pub(super) fn audit_stream(
-    folder: &TrajectoryFolder<'_>,
-    (name, stated): (&str, &TrajectoryStatistics),
-    sensor: Option<&SensorChoice>,
-) -> Vec<AuditFault> {
+/// What a scene states of a stream.
+#[derive(Debug)]
+pub(super) struct StatedStream<'a> {
+    /// Name of its file.
+    pub(super) name: String,
+    /// Counts of `scene.json`.
+    pub(super) counts: &'a TrajectoryStatistics,
+    /// The sensor of the recipe; `None` if the recipe has none of this name.
+    pub(super) sensor: Option<&'a SensorChoice>,
+}
+
+/// Audits one stream.
+pub(super) fn audit_stream(folder: &TrajectoryFolder<'_>, stream: &StatedStream<'_>) -> Vec<AuditFault> {
+    let StatedStream { name, counts: stated, sensor } = stream;
     let mut faults = Vec::new();
     match count_stream(folder, name) {
         Ok(counted) => {
@@ -51,7 +59,9 @@ fn label_fault(sensor: &SensorChoice, counted: &StreamCount) -> Option<String> {
     }
     let noise = counted.noise;
     (noise > 0 && has_no_noise(sensor)).then(|| {
-        format!("{noise} of its events are labelled as noise, the sensor of the recipe has no source of noise")
+        format!(
+            "{noise} of its events are labelled as noise, the sensor of the recipe has no source of noise"
+        )
     })
 }
 
@@ -86,11 +96,9 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     reader.verify_index()?;
     let size = folder.camera.size;
     let labelled = reader.labelled();
-    let mut counted =
-        StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0, labelled, noise: 0 };
-    counted.faults = h5::foreign_object(&folder.on_disk(name))?.map(|what| {
-        format!("it has {what}, which the release format does not")
-    });
+    let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0, labelled, noise: 0 };
+    counted.faults = h5::foreign_object(&folder.on_disk(name))?
+        .map(|what| format!("it has {what}, which the release format does not"));
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor does not have the size {size} of scene.json"));
     }
