@@ -62,6 +62,11 @@ pub trait SensorModel: SensorParameters {
     /// Returns true if its events are labelled as signal or noise.
     fn labels(&self) -> bool;
 
+    /// Returns false if brightness alone makes all of its events.
+    fn makes_noise(&self) -> bool {
+        true
+    }
+
     /// Pixels at rest, before the first frame of a sequence. `origin` is the sensor position of the
     /// frames' top-left pixel, so that a crop draws the same noise as the whole image.
     ///

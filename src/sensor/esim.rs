@@ -182,6 +182,10 @@ impl SensorModel for EsimModel {
         self.labels
     }
 
+    fn makes_noise(&self) -> bool {
+        !self.keeps_balance()
+    }
+
     /// The thresholds as contrast. If the intensity is linear, they are given at half of white.
     fn contrast(&self) -> (f64, f64) {
         let [on, off] = match self.intensity {

@@ -310,6 +310,10 @@ impl SensorModel for V2eModel {
         self.labels
     }
 
+    fn makes_noise(&self) -> bool {
+        !self.keeps_balance()
+    }
+
     /// The thresholds as contrast, above grey 20.
     fn contrast(&self) -> (f64, f64) {
         (self.threshold.on, self.threshold.off)

@@ -206,7 +206,7 @@ impl MadeExport<'_> {
         let mut wanted = BTreeSet::new();
         for entry in WalkDir::new(made) {
             let entry = entry.map_err(io::Error::from)?;
-            if entry.file_type().is_file() {
+            if !entry.file_type().is_dir() {
                 let name = entry.path().strip_prefix(made).expect("a walk stays below its root");
                 wanted.insert(name.to_string_lossy().into_owned());
             }
@@ -234,7 +234,7 @@ impl MadeExport<'_> {
 }
 
 fn unwritten(because: impl std::fmt::Display) -> io::Error {
-    let folder = std::env::temp_dir();
+    let folder = tempfile::env::temp_dir();
     let folder = folder.display();
     io::Error::other(format!("exports are made again in {folder}; TMPDIR names another folder: {because}"))
 }
@@ -304,7 +304,7 @@ impl<'a> FolderRoom<'a> {
     /// Bytes of the files in the folder.
     fn size(&self) -> u64 {
         let entries = WalkDir::new(self.folder).into_iter().filter_map(Result::ok);
-        let files = entries.filter(|entry| entry.file_type().is_file());
+        let files = entries.filter(|entry| !entry.file_type().is_dir());
         files.filter_map(|entry| entry.metadata().ok()).map(|file| file.len()).sum()
     }
 }

@@ -58,21 +58,11 @@ fn label_fault(sensor: &SensorChoice, counted: &StreamCount) -> Option<String> {
         return Some(format!("it has {found}, the sensor of the recipe makes {wanted}"));
     }
     let noise = counted.noise;
-    (noise > 0 && has_no_noise(sensor)).then(|| {
+    (noise > 0 && !sensor.as_model().makes_noise()).then(|| {
         format!(
             "{noise} of its events are labelled as noise, the sensor of the recipe has no source of noise"
         )
     })
-}
-
-/// Returns true if brightness alone makes the events of a sensor.
-fn has_no_noise(sensor: &SensorChoice) -> bool {
-    match sensor {
-        SensorChoice::Esim(sensor) => sensor.keeps_balance(),
-        SensorChoice::V2e(sensor) => sensor.keeps_balance(),
-        // Its voltage is noisy.
-        SensorChoice::Voltmeter(_) => false,
-    }
 }
 
 /// The first misplaced event and the counts of a stream.
