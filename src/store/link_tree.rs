@@ -52,8 +52,7 @@ impl<'a> LinkTree<'a> {
     /// # Errors
     /// A name is taken by something else than a link into the store, or a link cannot be made.
     pub fn link_step(&self, name: &str, outputs: &[StoredOutput]) -> Result<(), LinkError> {
-        let folder = self.folder.join(name);
-        fs::create_dir_all(&folder).map_err(link_error(&folder))?;
+        let folder = self.create_folder(Path::new(name))?;
         let wanted: BTreeSet<PathBuf> = outputs.iter().map(|output| folder.join(&output.name)).collect();
         for entry in fs::read_dir(&folder).map_err(link_error(&folder))? {
             let path = entry.map_err(link_error(&folder))?.path();
@@ -61,10 +60,27 @@ impl<'a> LinkTree<'a> {
                 files::remove(&path, Removal::File).map_err(link_error(&path))?;
             }
         }
-        for (path, output) in outputs.iter().map(|output| (folder.join(&output.name), output)) {
-            self.link(&path, &self.blob_of(output))?;
+        for output in outputs {
+            let below = Path::new(name).join(&output.name);
+            if let Some(parent) = below.parent() {
+                self.create_folder(parent)?;
+            }
+            self.link(&folder.join(&output.name), &self.blob_of(output))?;
         }
         Ok(())
+    }
+
+    /// Creates a folder below that of the tree. A link on the way would lead to a folder of others, and is
+    /// refused.
+    fn create_folder(&self, below: &Path) -> Result<PathBuf, LinkError> {
+        let folder = self.folder.join(below);
+        let above = folder.ancestors().take_while(|path| *path != self.folder);
+        if let Some(link) = above.filter(|path| path.is_symlink()).last() {
+            let what = "it is a link, and outputs are linked into folders only";
+            return Err(link_error(link)(io::Error::new(ErrorKind::AlreadyExists, what)));
+        }
+        fs::create_dir_all(&folder).map_err(link_error(&folder))?;
+        Ok(folder)
     }
 
     fn blob_of(&self, output: &StoredOutput) -> PathBuf {
@@ -83,9 +99,6 @@ impl<'a> LinkTree<'a> {
         }
         if self.is_own(path) {
             files::remove(path, Removal::File).map_err(link_error(path))?;
-        }
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(link_error(parent))?;
         }
         symlink(blob, path).map_err(|error| match error.kind() {
             ErrorKind::AlreadyExists => {

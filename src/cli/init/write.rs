@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// The list of rejected scenes, in the folder of the recipes. It is no recipe.
 const REJECTED: &str = "rejected.tsv";
+/// Its first line.
+const COLUMNS: &str = "scene\tfolder\tcode\tbecause\n";
 
 fn write_failed(path: &Path) -> impl FnOnce(io::Error) -> VerbError {
     let what = format!("cannot write {}", path.display());
@@ -55,20 +57,25 @@ pub(super) fn write_rejected(
     rejected: &[(String, PathBuf, &'static str, String)],
 ) -> Result<(), VerbError> {
     let path = rejected_in(folder);
+    let known = files::read_text(&path, files::MAX_DOCUMENT).ok();
+    if known.as_ref().is_some_and(|known| !known.starts_with(COLUMNS)) {
+        let what = "it is not a list of rejected scenes; rename it, and run the command again";
+        return Err(write_failed(&path)(io::Error::new(io::ErrorKind::AlreadyExists, what)));
+    }
     if rejected.is_empty() {
         return match files::remove(&path, Removal::File) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(write_failed(&path)(e)),
             _ => Ok(()),
         };
     }
-    let mut text = String::from("scene\tfolder\tcode\tbecause\n");
+    let mut text = String::from(COLUMNS);
     for (scene, folder, code, because) in rejected {
         let folder = escape::path(folder);
         let cells = [scene, &folder, *code, because].map(escape::line);
         let _ = writeln!(text, "{}", cells.join("\t"));
     }
     // An equal list is left alone, so that its time stamp stays.
-    if files::read_text(&path, files::MAX_DOCUMENT).is_ok_and(|known| known == text) {
+    if known.is_some_and(|known| known == text) {
         return Ok(());
     }
     write_file(&path, &text)

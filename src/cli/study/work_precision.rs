@@ -8,6 +8,7 @@ use crate::cli::machine;
 use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use crate::files;
 use crate::render::{LayerOrder, RenderRules};
 use crate::sampling::path::SampledPath;
 use crate::seed::{Seed, StreamPurpose};
@@ -133,6 +134,7 @@ impl WorkPrecision {
         let style = render.resolve(subject.gaussians.antialiased);
         let window = self.window(&subject)?;
         let whole = subject.motion.seconds().last().copied().unwrap_or(0.0);
+        refuse_others(&to)?;
         // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let cancelled = on_interrupt()?;
@@ -271,6 +273,20 @@ fn without_noise(sensor: &VoltmeterModel) -> VoltmeterModel {
     VoltmeterModel { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
 }
 
+/// Name of the summary.
+const SUMMARY: &str = "summary.md";
+
+/// Refuses a folder with files that no study wrote: some of them could have the names of the study's own.
+fn refuse_others(to: &std::path::Path) -> Result<(), VerbError> {
+    let is_empty = || fs::read_dir(to).map_or(true, |mut entries| entries.next().is_none());
+    let summary = files::read_text(&to.join(SUMMARY), files::MAX_TEXT);
+    if is_empty() || summary.is_ok_and(|text| text.starts_with(report::SUMMARY_HEAD)) {
+        return Ok(());
+    }
+    let what = format!("{} holds files, and not those of a study", to.display());
+    Err(VerbError::usage("foreign-folder", what).help("name a new folder, or that of an earlier study, with --to"))
+}
+
 /// Writes all files of the study into a folder.
 fn write_study(study: &StudyResult, to: &std::path::Path) -> Result<(), VerbError> {
     let table = |out: &mut dyn Write| report::write_csv(study, out);
@@ -289,7 +305,7 @@ fn write_study(study: &StudyResult, to: &std::path::Path) -> Result<(), VerbErro
         .map(|(path, svg)| (path, Box::new(|out: &mut dyn Write| out.write_all(svg.as_bytes())) as Fill<'_>))
         .collect();
     let [csv_at, json_at, words_at] =
-        ["work_precision.csv", "work_precision.json", "summary.md"].map(|name| to.join(name));
+        ["work_precision.csv", "work_precision.json", SUMMARY].map(|name| to.join(name));
     let mut outputs = vec![
         OutputFile { path: &csv_at, fill: &table },
         OutputFile { path: &json_at, fill: &json },

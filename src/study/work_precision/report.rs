@@ -8,6 +8,9 @@ use crate::image::Size;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+/// Beginning of the summary of every study.
+pub const SUMMARY_HEAD: &str = "# Work and precision: ";
+
 /// Writes one row per setting.
 ///
 /// # Errors
@@ -41,7 +44,7 @@ pub fn study_words(study: &StudyResult) -> String {
     let noise = if study.noise { "the sensor's noise, the same in all" } else { "no noise" };
     let _ = writeln!(
         out,
-        "# Work and precision: {}\n\n{width}x{height} px, {:.1} ms, references at {} frames a second, {noise}; {}.\n",
+        "{SUMMARY_HEAD}{}\n\n{width}x{height} px, {:.1} ms, references at {} frames a second, {noise}; {}.\n",
         study.scene,
         1e3 * study.seconds,
         study.finest,
