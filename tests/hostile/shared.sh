@@ -98,7 +98,7 @@ linked_trash() {
   either '! [ -e victim/photos/1.jpg ]' true
 }
 tests+=' linked_trash'
-# A folder with characters that nobody sees was another one in the script.
+# A folder with characters that cannot be seen was another one in the script.
 hidden_folder() {
   fake_slurm
   local shared=$PWD/sha$'\u00ad'red

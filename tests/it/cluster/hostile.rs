@@ -1,5 +1,5 @@
 //! A member of the shared store who alters plans, plants links, or writes plans that cannot be read. Paths with
-//! characters that nobody sees, and with bytes that are not UTF-8.
+//! characters that cannot be seen, and with bytes that are not UTF-8.
 
 use super::fake::FakeSlurm;
 use super::{SCENES, fake};
@@ -168,7 +168,7 @@ fn a_plan_that_cannot_be_read_stops_nobody() {
     warned(&ended.stderr);
 }
 
-/// Recipes in a folder of any bytes, and a shared store with characters that nobody sees.
+/// Recipes in a folder of any bytes, and a shared store with characters that cannot be seen.
 #[test]
 fn paths_of_any_bytes_are_submitted_and_built() {
     let place = Workspace::new();

@@ -23,7 +23,7 @@ fn shared() -> Workspace {
     place
 }
 
-/// Writes a record with a sound seal: whoever can write to the store can seal.
+/// Writes a record with a sound seal, as every member of the store can.
 pub(super) fn forge(path: &Path, edit: impl Fn(&mut Value)) {
     let mut value: Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
     edit(&mut value);
