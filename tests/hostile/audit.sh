@@ -43,7 +43,7 @@ forged_gravity() { tampered imu/sensor.yaml 's/^gravity: .*/gravity: [0, 1.62, 0
 forged_tag() { tampered imu/sensor.yaml '$a x: !!python/object/apply:os.system [id]'; }
 forged_rate() { tampered imu/sensor.yaml 's/^rate_hz: .*/rate_hz: 200/'; }
 forged_gyroscope() { tampered imu/imu.csv '2,$s/^\([0-9]*\),[^,]*,/\1,34.9,/'; }
-forged_velocity() { tampered segmentation/objects.csv 's/,0\.6,/,-0.6,/'; }
+forged_velocity() { tampered segmentation/objects.csv '2s/^\(\([^,]*,\)\{10\}\)/\1-/'; }
 forged_half() { tampered segmentation/objects.csv '20,$d'; }
 tests+=' forged_setup forged_hook forged_array forged_losses forged_metadata forged_gravity forged_tag forged_rate'
 tests+=' forged_gyroscope forged_velocity forged_half'

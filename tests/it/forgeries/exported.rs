@@ -82,7 +82,8 @@ fn a_folder_of_temporary_files_that_is_not_there_is_no_fault_of_the_release() {
 
 #[test]
 fn descriptions_state_what_the_scene_gives() {
-    let forgeries: [(&str, fn(&mut Value)); 4] = [
+    type Forge = fn(&mut Value);
+    let forgeries: [(&str, Forge); 4] = [
         ("evreal", |text| text["losses"] = json!([])),
         ("robust-e-nerf", |text| text["facts"]["thresholds"]["on"] = json!(0.3)),
         ("webdataset", |text| text["source"]["scene_licence"]["expression"] = json!("MIT")),
