@@ -85,6 +85,10 @@ fn families() -> [Family; 3] {
                 ("src/recipe/canonical/trajectory.rs", "`flow` is also a form of speed"),
                 ("src/recipe/resolve/lights.rs", "`depth` is also that of a modulation"),
                 ("src/release/recheck", "checks of a release read its pictures"),
+                (
+                    "src/release/audit/again/products.rs",
+                    "these follow from the recipe, the poses and the depth",
+                ),
             ],
         },
     ]
