@@ -284,7 +284,8 @@ fn refuse_others(to: &std::path::Path) -> Result<(), VerbError> {
         return Ok(());
     }
     let what = format!("{} holds files, and not those of a study", to.display());
-    Err(VerbError::usage("foreign-folder", what).help("name a new folder, or that of an earlier study, with --to"))
+    Err(VerbError::usage("foreign-folder", what)
+        .help("name a new folder, or that of an earlier study, with --to"))
 }
 
 /// Writes all files of the study into a folder.
