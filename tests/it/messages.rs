@@ -186,6 +186,7 @@ fn locked() {
 fn a_lock_of_a_dead_process_gives_no_message() {
     let place = Workspace::with_tiny();
     let left = "host: node3\npid: 4711\nboot: x\nsince: 2026-03-01T14:02:59Z\ncommand: gs2e build\n";
+    drop(Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap());
     place.write(".gs2e/lock", left);
     let ended = place.ok("build --no-wait -q tiny.yaml");
     assert_eq!((ended.stderr.as_str(), ended.stdout.as_str()), ("", ""));
@@ -196,7 +197,7 @@ fn a_lock_of_a_dead_process_gives_no_message() {
 #[test]
 fn store_newer() {
     let place = Workspace::with_tiny();
-    place.write(".gs2e/VERSION", "4000\n");
+    place.write(".gs2e/VERSION", "gs2e store, format 4000\n");
     check(&place, "store-newer", &place.gs2e("build --json tiny.yaml"));
 }
 
