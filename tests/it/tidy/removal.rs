@@ -15,10 +15,12 @@ const REMOVAL: &str = "src/files/removal.rs";
 
 /// The callers of the function that deletes.
 const CALLERS: &[Place] = &[
+    ("src/cli/init/write.rs", "the list of rejected scenes, known by its first line"),
     ("src/event/h5/writer.rs", "the file that this writer created"),
     ("src/event/npz/writer.rs", "the files that this writer created"),
     ("src/export/npy.rs", "a spool of an archive, in the hidden folder of the export"),
     ("src/export/tree.rs", "a hidden folder whose name cannot be guessed, with the text of an export in it"),
+    ("src/files/below.rs", "a part that this call created"),
     ("src/files/rename.rs", "a part with a name of this process"),
     ("src/frames/kept.rs", "a fresh file in a store"),
     ("src/release/removal.rs", "files of a release, by a list with their bytes or sizes; empty folders"),
@@ -64,16 +66,17 @@ const WRITERS: &[Place] = &[
 /// without a call.
 pub(super) fn deletions_and_replacements(sources: &[Source]) -> Vec<Fault> {
     let mut faults = faults_of_one(sources);
-    for (list, what) in [(CALLERS, "deletes nothing"), (WRITERS, "replaces nothing")] {
-        for (path, _) in list {
-            let calls: fn(&str) -> bool = if what == "deletes nothing" { deletes } else { replaces };
-            let is_of = |source: &&Source| is_at(source, path);
-            let used = sources.iter().filter(is_of).any(|source| source.lines().any(|(_, line)| calls(line)));
-            if !used {
-                faults.push(Fault { place: (*path).to_owned(), what: format!("{what}, but is listed") });
-            }
+    let calls_in = |path: &str, calls: fn(&str) -> bool| {
+        let mut of_path = sources.iter().filter(|source| is_at(source, path));
+        of_path.any(|source| source.lines().any(|(_, line)| calls(line)))
+    };
+    let mut unused = |list: &[Place], calls, what: &str| {
+        for (path, _) in list.iter().filter(|(path, _)| !calls_in(path, calls)) {
+            faults.push(Fault { place: (*path).to_owned(), what: what.to_owned() });
         }
-    }
+    };
+    unused(CALLERS, deletes, "deletes nothing, but is listed");
+    unused(WRITERS, replaces, "replaces nothing, but is listed");
     faults
 }
 
@@ -105,7 +108,7 @@ fn is_at(source: &Source, path: &str) -> bool {
 
 /// Returns true for a line with a call of the function that deletes.
 fn deletes(line: &str) -> bool {
-    line.contains("Removal::")
+    line.contains("Removal::") || line.contains("remove_file_at(")
 }
 
 fn replaces(line: &str) -> bool {
