@@ -41,7 +41,7 @@ fn each_renderer_is_tried_and_compared_with_the_cpu() {
 #[test]
 fn a_store_that_cannot_be_used_is_named() {
     let place = Workspace::new();
-    place.write("newer/VERSION", "99\n");
+    place.write("newer/VERSION", "gs2e store, format 99\n");
     let said = place.ok("doctor --no-trial --store newer").stdout;
     assert!(said.contains("newer has format 99"), "{said}");
 }

@@ -6,6 +6,7 @@ mod leftovers;
 use crate::support::given;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
+use gs2e::store::{Store, StoreAccess};
 use serde_json::json;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt as _;
@@ -111,6 +112,11 @@ fn asking() -> Workspace {
     place
 }
 
+/// Makes the store, which takes no folder with other content.
+fn make_store(place: &Workspace) {
+    drop(Store::open(&place.path(".gs2e"), StoreAccess::Write, &mut |_| {}).unwrap());
+}
+
 /// The traps work. Otherwise a test without sprung traps would prove nothing.
 #[test]
 fn the_traps_can_be_sprung() {
@@ -137,6 +143,7 @@ fn no_verb_runs_programs_of_its_folders() {
         assert!(matches!(output.status.code(), Some(0 | 3)), "gs2e {arguments}: {:?}\n{said}", output.status);
         assert_eq!(sprung(&place), [""; 0], "gs2e {arguments}");
     };
+    make_store(&place);
     for folder in [".", "recipes", "capture", ".gs2e", ".gs2e/logs", "x"] {
         plant(&place, folder);
     }
@@ -265,6 +272,9 @@ fn a_build_that_is_killed_as_it_starts_leaves_no_broken_index() {
 #[test]
 fn half_an_index_is_no_index() {
     let place = Workspace::with_tiny();
+    make_store(&place);
+    // As if the process had been killed before its index had a name.
+    fs::remove_file(place.path(".gs2e/state.db")).unwrap();
     for suffix in ["", "-wal", "-shm"] {
         place.write(&format!(".gs2e/state.db.new{suffix}"), "half");
     }

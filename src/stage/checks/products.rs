@@ -72,9 +72,14 @@ impl ChecksStage {
         let mut found = Vec::new();
         for (name, path) in &disparity.0.files {
             cx.go_on()?;
-            let Some((pose, depth)) = depths.at(name, size)? else { continue };
-            let stated = read_picture(path, size)?;
-            found.push(DisparityDifference::new(pose, &stated, &pair.disparity_image(&depth)));
+            let Some(KnownDepth { pose, image, is_whole }) = depths.at(name, size)? else { continue };
+            let expected = pair.disparity_image(&image);
+            let mut stated = read_picture(path, size)?;
+            if !is_whole {
+                let pixels = stated.pixels_mut().iter_mut().zip(expected.pixels());
+                pixels.filter(|(_, expected)| expected.is_nan()).for_each(|(stated, _)| *stated = f32::NAN);
+            }
+            found.push(DisparityDifference::new(pose, &stated, &expected));
         }
         let none = || "no pose with a disparity has a depth: add `depth` to the outputs".to_owned();
         Ok(Some(if found.is_empty() { Err(none()) } else { Ok(found) }))
@@ -107,17 +112,25 @@ struct KnownDepths<'a> {
     stamps_us: &'a [i64],
 }
 
+/// A depth image.
+struct KnownDepth {
+    pose: usize,
+    image: Image<f32>,
+    /// False for an image of the simulation, which lacks what moves by itself.
+    is_whole: bool,
+}
+
 impl KnownDepths<'_> {
-    /// The pose of the picture of this name, and the depth there.
-    fn at(&self, name: &str, size: Size) -> Result<Option<(usize, Image<f32>)>, StageError> {
+    /// The depth image of the pose that has this picture.
+    fn at(&self, name: &str, size: Size) -> Result<Option<KnownDepth>, StageError> {
         let Some(pose) = name.split('.').next().and_then(|pose| pose.parse::<usize>().ok()) else {
             return Ok(None);
         };
         if let Some(path) = self.pictures.and_then(|pictures| path_of(&pictures.files, name)) {
-            return Ok(Some((pose, read_picture(path, size)?)));
+            return Ok(Some(KnownDepth { pose, image: read_picture(path, size)?, is_whole: true }));
         }
         let (Some(events), Some(stamp)) = (self.events, self.stamps_us.get(pose)) else { return Ok(None) };
         let at = events.simulation.depth_stamps_us.iter().position(|t_us| t_us == stamp);
-        Ok(at.map(|at| (pose, events.depths[at].clone())))
+        Ok(at.map(|at| KnownDepth { pose, image: events.depths[at].clone(), is_whole: false }))
     }
 }
