@@ -149,6 +149,20 @@ fn an_untouched_tree_is_sound_and_nothing_is_left_out() {
     }
 }
 
+/// The build compares disparity with the depth of the simulation, which has no values at moving objects.
+#[test]
+fn disparity_of_moving_objects_needs_no_depth() {
+    static RELEASE: PlantedRelease = OnceLock::new();
+    let recipe = RECIPE
+        .replace("gaussians: 6000", "gaussians: 1500")
+        .replace("depth, flow, disparity, segmentation", "disparity");
+    let tree = PlantedTree::of(&RELEASE, &recipe, LEFT);
+    let checks = fs::read(tree.path().join(LEFT).join("checks.json")).unwrap();
+    let checks: Vec<serde_json::Value> = serde_json::from_slice(&checks).unwrap();
+    let judged = checks.iter().find(|finding| finding["subject"] == format!("{LEFT}#disparity")).unwrap();
+    assert_eq!(judged["verdict"], "pass", "{judged}");
+}
+
 /// Changes the mask of a pose.
 fn mask(tree: &PlantedTree, pose: usize, change: impl Fn(u8) -> u8) {
     let changed = mask_at(tree, pose).into_iter().map(change).collect();
