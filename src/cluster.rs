@@ -4,9 +4,9 @@
 //! shared store/  gs2e-plans/<digest>/  plan.json  shard-0001.json …  task.sh  results/<job>_<task>/
 //! ```
 //! An array job has a folder with its plan: which scenes each task builds. These files never change. A task
-//! reads the file of its own share, and writes `steps.jsonl`, `log` and `end` in a folder of its own. The digest
-//! is in the name of the job, so the queue of the batch system tells which plans are at work, and nothing else
-//! has to be kept.
+//! reads the file of its own share, and writes `steps.jsonl`, `log` and `end` in a folder of its own. The
+//! digest is in the name of the job, so the queue of the batch system tells which plans are at work, and
+//! nothing else has to be kept.
 //!
 //! The records of the shared store alone decide which work is finished. The files of tasks say why something
 //! is not finished, and are lost without harm.

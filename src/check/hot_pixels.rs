@@ -1,12 +1,12 @@
 //! Pixels that fire far more than the others, and pixels that are silent where the image changes.
 //! Warnings; gates where the recipe sets a limit.
 //!
-//! `hot`: a pixel with more events than the mean plus five standard deviations, and five times the
-//! count that all but one in a thousand pixels have. A sensor with hot pixels in its recipe may
-//! have that many, plus five standard deviations. `dead`: a pixel without any event although the
-//! frames changed by more than two thresholds; this needs a law in which frames determine the
-//! drift. `stray`, from the files of a release: a pixel whose events and drift differ by three thresholds more than is
-//! possible. It finds clusters that fire too slowly to be hot, and pixels that lose many of their events.
+//! `hot`: a pixel with more events than the mean plus five standard deviations, and five times the count that
+//! all but one in a thousand pixels have. A sensor with hot pixels in its recipe may have that many, plus
+//! five standard deviations. `dead`: a pixel without any event although the frames changed by more than two
+//! thresholds; this needs a law in which frames determine the drift. `stray`, from the files of a release: a
+//! pixel whose events and drift differ by three thresholds more than is possible. It finds clusters that fire
+//! too slowly to be hot, and pixels that lose many of their events.
 
 use super::event_frame::fit::STRAY;
 use super::subject::{Judgement, LimitSide};
@@ -78,8 +78,8 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     )
 }
 
-/// Pixels whose events differ from their drift by far more than is possible; `None` where the law does not say how much
-/// is possible.
+/// Pixels whose events differ from their drift by far more than is possible; `None` where the law does not
+/// say how much is possible.
 fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Finding> {
     let (tally, law) = subject.compared_at_once().ok()?;
     let fits = &tally.compared.fits;

@@ -86,8 +86,8 @@ pub struct TallyReference<'a> {
     pub flows: &'a [FlowAt],
     /// Dead time of a pixel after an event, in whole microseconds.
     pub dead_us: i64,
-    /// Rates of the pixels that fire by themselves, Hz, 0 for the others; empty if they are unknown or none is. Known
-    /// ones are left out of comparisons with frames, whose law is then that of the other pixels.
+    /// Rates of the pixels that fire by themselves, Hz, 0 for the others; empty if they are unknown or none
+    /// is. Known ones are left out of comparisons with frames, whose law is then that of the other pixels.
     pub hot_hz: &'a [f64],
     /// True if the events have labels.
     pub labelled: bool,

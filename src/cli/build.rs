@@ -72,8 +72,9 @@ pub(super) struct TrustOptions {
     /// Read every up-to-date file, instead of trusting its metadata
     #[arg(long)]
     verify: bool,
-    /// Make this share of the up-to-date steps again, and of those that the shared store has, and compare the bytes:
-    /// 0.01 or 1% [default: 1% of the steps of the shared store, without trainings and steps of other programs]
+    /// Make this share of the up-to-date steps again, and of those that the shared store has, and compare the
+    /// bytes: 0.01 or 1% [default: 1% of the steps of the shared store, without trainings and steps of other
+    /// programs]
     #[arg(long, value_name = "SHARE", value_parser = parse_share)]
     recheck: Option<f64>,
     /// Sync of files to disk: in batches, or each before the next

@@ -45,9 +45,9 @@ const NO_PLACE: u8 = 73;
 
 /// Gives the results a folder of their own. `$shared` is the shared store, and `$below` the plan in it.
 ///
-/// Other people can write to the shared store, so a link may have taken the place of any folder. The shell enters
-/// each, and only then compares its path, which no one can change any more. No one else can write to the new
-/// folder.
+/// Other people can write to the shared store, so a link may have taken the place of any folder. The shell
+/// enters each, and only then compares its path, which no one can change any more. No one else can write to
+/// the new folder.
 const RESULT_FOLDER: &str = "\
 task=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID
 run=$task${SLURM_RESTART_COUNT:+.$SLURM_RESTART_COUNT}

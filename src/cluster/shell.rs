@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
 
-/// A word that a POSIX shell reads as these bytes. Characters that cannot be seen, and bytes that are not UTF-8,
-/// are written as octal numbers for `printf`: a script can be printed and copied without changing it.
+/// A word that a POSIX shell reads as these bytes. Characters that cannot be seen, and bytes that are not
+/// UTF-8, are written as octal numbers for `printf`: a script can be printed and copied without changing it.
 #[must_use]
 pub(super) fn shell_word(word: &Path) -> String {
     let bytes = word.as_os_str().as_bytes();

@@ -1,7 +1,8 @@
 //! The plan of one array job: which scenes each of its tasks builds. Its files never change.
 //!
-//! Other people can write to the shared store. A plan has the digests of the files of its tasks, and the script
-//! has that of the plan, so a task builds what was submitted or nothing. No link in the store is followed.
+//! Other people can write to the shared store. A plan has the digests of the files of its tasks, and the
+//! script has that of the plan, so a task builds what was submitted or nothing. No link in the store is
+//! followed.
 
 use super::ClusterError;
 use crate::files::below::FolderBelow;

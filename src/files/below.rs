@@ -86,7 +86,8 @@ impl FolderBelow {
         super::read_open(self.file(name)?, limit)
     }
 
-    /// Writes a file whole or not at all. A file or a link of this name is replaced, and a link is not followed.
+    /// Writes a file whole or not at all. A file or a link of this name is replaced, and a link is not
+    /// followed.
     ///
     /// # Errors
     /// The file cannot be written, or the name belongs to a folder. No file is left then.

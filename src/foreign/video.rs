@@ -131,8 +131,8 @@ impl Choice<'_> {
     }
 }
 
-/// An expression of ffmpeg that is above 0 at these candidates. It is a balanced tree: ffmpeg bounds the depth
-/// of an expression, and that of a plain sum is its length.
+/// An expression of ffmpeg that is above 0 at these candidates. It is a balanced tree: ffmpeg bounds the
+/// depth of an expression, and that of a plain sum is its length.
 fn one_of(candidates: &[usize], every: u32) -> String {
     match candidates {
         [] => "0".to_owned(),

@@ -47,7 +47,8 @@ impl fmt::Display for InertialDifference {
 pub struct InertialComparison {
     /// The differences, allowed or not.
     pub differences: Vec<InertialDifference>,
-    /// The sensors of which every sample is next to one at its bound, so that nothing was compared with the states.
+    /// The sensors of which every sample is next to one at its bound, so that nothing was compared with the
+    /// states.
     pub bounded: Vec<&'static str>,
 }
 
@@ -84,8 +85,8 @@ struct StatedInterval {
 /// Compares samples and states of a path with its poses. `gravity` is in world axes, m/s^2.
 ///
 /// # Errors
-/// The files have other stamps than the rate of the sensor gives for the duration of the poses, or fewer than three
-/// lines.
+/// The files have other stamps than the rate of the sensor gives for the duration of the poses, or fewer than
+/// three lines.
 pub fn compare_inertial(
     model: &ImuModel,
     (samples, states): (&InertialLines, &InertialLines),
@@ -299,8 +300,8 @@ impl ShownAxes<'_> {
         found
     }
 
-    /// For each axis of a sample that shows its bound, the distance by which the states are below it, and what noise and
-    /// interpolation allow.
+    /// For each axis of a sample that shows its bound, the distance by which the states are below it, and
+    /// what noise and interpolation allow.
     fn below_bound(&self, i: usize, range: f64) -> impl Iterator<Item = (f64, f64)> {
         let last = self.shown.len() - 2;
         let [before, after] = [i.saturating_sub(1), i.min(last)].map(|k| (self.mean)(k));
@@ -314,8 +315,9 @@ impl ShownAxes<'_> {
             .map(move |(shown, expected)| (range - expected * shown.signum(), allowed))
     }
 
-    /// The changes of the rate over the two intervals on either side of a sample. At a peak with a bend, or at an end of
-    /// the path, the rate is outside of the means by half of a change, and the changes themselves are estimates.
+    /// The changes of the rate over the two intervals on either side of a sample. At a peak with a bend, or
+    /// at an end of the path, the rate is outside of the means by half of a change, and the changes
+    /// themselves are estimates.
     fn change_around(&self, i: usize) -> f64 {
         let last = self.shown.len() - 2;
         let means: Vec<DVec3> =
@@ -344,8 +346,8 @@ impl ShownAxes<'_> {
         sums
     }
 
-    /// The root mean square of the differences over the intervals; and where noise is all that differs, how far its
-    /// density is below the stated one.
+    /// The root mean square of the differences over the intervals; and where noise is all that differs, how
+    /// far its density is below the stated one.
     fn noise_differences(&self, sums: &IntervalSums) -> Vec<InertialDifference> {
         let SensorWords { unit, off: what, .. } = *self.words;
         let n = f64::from(sums.used);

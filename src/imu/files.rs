@@ -132,8 +132,8 @@ pub fn is_canonical(bytes: &[u8]) -> Result<bool, String> {
     Ok(is_same)
 }
 
-/// The differences of a text of [`sensor_text`] from the sensor with this gravity, one sentence each: values are
-/// compared as numbers where they are some, and as words otherwise.
+/// The differences of a text of [`sensor_text`] from the sensor with this gravity, one sentence each: values
+/// are compared as numbers where they are some, and as words otherwise.
 ///
 /// # Errors
 /// The text is no UTF-8, or has a line outside of a key.

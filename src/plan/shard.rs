@@ -40,8 +40,8 @@ impl SceneShard {
         let mut sorted: Vec<(u64, &Recipe)> =
             recipes.iter().map(|recipe| (expected_cost(recipe), recipe)).collect();
         sorted.sort_by(|(a, one), (b, other)| b.cmp(a).then_with(|| one.scene.cmp(&other.scene)));
-        // Each scene has a cost, so the first ones go to a share of their own, and shares beyond the number of
-        // scenes stay empty. The last field breaks ties, so that every process finds the same shares.
+        // Each scene has a cost, so the first ones go to a share of their own, and shares beyond the number
+        // of scenes stay empty. The last field breaks ties, so that every process finds the same shares.
         let used = u32::try_from(sorted.len()).map_or(self.of, |scenes| scenes.min(self.of));
         let mut shares: BinaryHeap<Reverse<(u64, u32)>> =
             (1..=used).map(|number| Reverse((0, number))).collect();

@@ -52,7 +52,8 @@ pub trait ReleaseExporter: std::fmt::Debug + Sync {
         to: &Path,
     ) -> Result<(), IncludeRefusal>;
 
-    /// Writes the export of a released scene once more, to the new folder `to`, unless `is_over` becomes true.
+    /// Writes the export of a released scene once more, to the new folder `to`, unless `is_over` becomes
+    /// true.
     ///
     /// # Errors
     /// As [`ReleaseExporter::write`]; [`IncludeFailure::Interrupted`] if `is_over` became true.

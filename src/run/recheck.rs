@@ -30,8 +30,8 @@ impl RecheckPolicy {
 
     /// Returns true if this step is chosen, which another machine may have made.
     pub(super) fn chooses_adopted(self, key: &Key, step: &dyn AnyStep) -> bool {
-        // A training may take hours, and one that `minutes` ended has other bytes each time. Versions of other
-        // programs may differ in their bytes. Only the user decides to make these again.
+        // A training may take hours, and one that `minutes` ended has other bytes each time. Versions of
+        // other programs may differ in their bytes. Only the user decides to make these again.
         let is_usual = !step.is_training() && !step.runs_known_programs() && step.programs().is_empty();
         let share = self.share.unwrap_or(if is_usual { ADOPTED_SHARE } else { 0.0 });
         self.draws(key, share)

@@ -5,10 +5,10 @@
 //! because those fail on network file systems. A file that is seen late by a cache of the file system costs a
 //! copy, and nothing else.
 //!
-//! Other people can write there. A blob is compared with its name while it is copied, no link is followed, and
-//! a file that is no blob or no record counts as absent. Records are trusted: a record says which blobs belong
-//! to a key, and only another run of the step can prove it wrong. A build therefore makes a share of the steps
-//! again.
+//! Other people can write there. A blob is compared with its name while it is copied, no link is followed,
+//! and a file that is no blob or no record counts as absent. Records are trusted: a record says which blobs
+//! belong to a key, and only another run of the step can prove it wrong. A build therefore makes a share of
+//! the steps again.
 
 #[cfg(feature = "s3")]
 mod bucket;

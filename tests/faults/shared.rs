@@ -1,5 +1,5 @@
-//! Machines with a shared store: they are killed and lose their own stores, bits of shared files flip, the disk of
-//! the shared store fills, and a member plants links, special files, altered records and plans.
+//! Machines with a shared store: they are killed and lose their own stores, bits of shared files flip, the
+//! disk of the shared store fills, and a member plants links, special files, altered records and plans.
 
 mod member;
 

@@ -1,5 +1,5 @@
-//! A folder of a person is given to every option that takes a path, in every verb. Its files have the names that
-//! the program uses itself. They stay byte for byte, except a file that the option names as an output.
+//! A folder of a person is given to every option that takes a path, in every verb. Its files have the names
+//! that the program uses itself. They stay byte for byte, except a file that the option names as an output.
 
 use crate::support::absent::is_thorough;
 use crate::support::workspace::{TINY, Workspace, hidden_gpus};
@@ -212,7 +212,8 @@ fn content(root: &Path) -> BTreeMap<PathBuf, (u32, Vec<u8>)> {
     entries.map(|entry| (entry.path().to_owned(), of(entry.path()))).collect()
 }
 
-/// The folders of a test: the person's, which may lead to another by links, and one in which the program works.
+/// The folders of a test: the person's, which may lead to another by links, and one in which the program
+/// works.
 struct Place {
     _folder: tempfile::TempDir,
     person: PathBuf,

@@ -1,8 +1,8 @@
 //! Disparity images against depth images and the pair of cameras.
 //!
-//! The disparity of a pixel is `-baseline * focal / z`, `z` its depth in the rectified camera. Both images state it to
-//! the 6e-8 of 32 bits, and the limit of 1e-4 leaves room for other programs. The statement finds another sign, scale,
-//! baseline, pose or unit, and images without values.
+//! The disparity of a pixel is `-baseline * focal / z`, `z` its depth in the rectified camera. Both images
+//! state it to the 6e-8 of 32 bits, and the limit of 1e-4 leaves room for other programs. The statement finds
+//! another sign, scale, baseline, pose or unit, and images without values.
 
 use super::NAME;
 use crate::check::flow_projection::rank;

@@ -27,7 +27,8 @@ const MAX_UNEQUAL_BLUR: f64 = 0.5;
 /// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
 /// many events of both polarities would blur it.
 const MAX_OWN_SPREAD: f64 = 1.5;
-/// Thresholds beyond a possible residual from which on a pixel is stray: single events that the bound misses are not.
+/// Thresholds beyond a possible residual from which on a pixel is stray: single events that the bound misses
+/// are not.
 pub(in crate::check) const STRAY: f64 = 3.0;
 /// Standard deviations of a sum or a quantile that are allowed.
 const DEVIATIONS: f64 = 4.0;
@@ -56,7 +57,8 @@ pub struct AnchorFit {
     pub turned_by_floor: SpoiltPixels,
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
-    /// Number of all compared pixels whose events and drift differ by [`STRAY`] thresholds more than is possible.
+    /// Number of all compared pixels whose events and drift differ by [`STRAY`] thresholds more than is
+    /// possible.
     pub stray: u64,
     /// Number of the compared pixels.
     pub compared: u64,

@@ -1,9 +1,10 @@
 //! Flow images at the pixels of moving objects. A gate, with masks, depth, and places of the objects.
 //!
-//! A pixel of an object moves with it: its flow follows from its depth, the camera and the motion of the object in
-//! `objects.csv`, to the rounding of 32 bits. A pixel whose flow is off by 0.1 % is wrong: then its flow, its depth, its
-//! mask or the motion of its object is. The number of wrong pixels is compared with that of the pixels of objects, so
-//! that a small object counts as much as a large one, and so does a mask that misses it. The limit is one in a hundred.
+//! A pixel of an object moves with it: its flow follows from its depth, the camera and the motion of the
+//! object in `objects.csv`, to the rounding of 32 bits. A pixel whose flow is off by 0.1 % is wrong: then its
+//! flow, its depth, its mask or the motion of its object is. The number of wrong pixels is compared with that
+//! of the pixels of objects, so that a small object counts as much as a large one, and so does a mask that
+//! misses it. The limit is one in a hundred.
 
 use super::{NAME, rank};
 use crate::check::geometry::Measured;
@@ -36,8 +37,8 @@ pub struct ObjectFlow {
 }
 
 impl ObjectFlow {
-    /// Compares the flow at a pose. `views` are those of what is still and of each object, in the order of the numbers
-    /// in `mask`.
+    /// Compares the flow at a pose. `views` are those of what is still and of each object, in the order of
+    /// the numbers in `mask`.
     ///
     /// # Panics
     /// The images differ in size, or there is no view.

@@ -8,9 +8,9 @@
 //! - A pixel that sees no change has noise events only. One in ten may be a signal, where a still pixel has moved by a
 //!   tenth of a threshold.
 //!
-//! Each number has an allowance of five standard deviations, and is judged from a hundred events on. The statement is
-//! the worst of the three, as a share of its limit: it finds labels that are inverted, or all equal. A readout of limited
-//! rate loses events of unknown labels, so nothing is stated there.
+//! Each number has an allowance of five standard deviations, and is judged from a hundred events on. The
+//! statement is the worst of the three, as a share of its limit: it finds labels that are inverted, or all
+//! equal. A readout of limited rate loses events of unknown labels, so nothing is stated there.
 
 use super::NAME;
 use crate::check::subject::{Judgement, LimitSide};

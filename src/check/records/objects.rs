@@ -1,9 +1,9 @@
 //! Places of objects against their paths in the recipe.
 //!
-//! A path is a function of time, so each line of `objects.csv` follows from the recipe and its stamp, to the rounding of
-//! 64 bits. The recipe may leave open the point about which an object turns: then it is the point that explains the
-//! places best. The comparison finds lines that are missing, of another object or time, and another scale, sign, path or
-//! unit of places and velocities.
+//! A path is a function of time, so each line of `objects.csv` follows from the recipe and its stamp, to the
+//! rounding of 64 bits. The recipe may leave open the point about which an object turns: then it is the point
+//! that explains the places best. The comparison finds lines that are missing, of another object or time, and
+//! another scale, sign, path or unit of places and velocities.
 
 use super::{Finding, judge_agreement};
 use crate::scene::motion::{PartMotion, PartPath, PartRecord, PlaceLine, SceneMotion};
@@ -11,10 +11,11 @@ use crate::scene::objects::{ObjectSettings, ObjectSource};
 use crate::se3::rotation::{exp_vector, log_vector};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Largest difference, as a share of the sizes that it comes from: far above rounding, and below a visible motion.
+/// Largest difference, as a share of the sizes that it comes from: far above rounding, and below a visible
+/// motion.
 const SHARE: f64 = 1e-6;
-/// Weight of no displacement in the search for a pivot, as a share of the equations: it decides along an axis of all
-/// turns, where the pivot does not matter, and moves the places by 1e-7 of its distance at most.
+/// Weight of no displacement in the search for a pivot, as a share of the equations: it decides along an axis
+/// of all turns, where the pivot does not matter, and moves the places by 1e-7 of its distance at most.
 const RIDGE: f64 = 1e-14;
 
 /// The motion of an object on a line of `objects.csv`. `None` if the line has other columns.
@@ -90,7 +91,8 @@ fn object_fault(object: &ObjectSettings, i: usize, count: usize, lines: &[PlaceL
     })
 }
 
-/// The worst of the four quantities of a motion, and its difference as a share of the sizes that it comes from.
+/// The worst of the four quantities of a motion, and its difference as a share of the sizes that it comes
+/// from.
 fn difference(stated: &PartMotion, expected: &PartMotion) -> (&'static str, f64) {
     let arm = expected.pose.translation.length().max(1.0);
     let turn = expected.angular.length();
@@ -128,7 +130,8 @@ fn path_of(object: &ObjectSettings, stated: &[(f64, PartMotion)]) -> Result<Scen
     }
 }
 
-/// The pivot `p` with the least squares of `(1 - R) p + T - stated`, `T` the place with a pivot at the origin.
+/// The pivot `p` with the least squares of `(1 - R) p + T - stated`, `T` the place with a pivot at the
+/// origin.
 fn found_pivot(at_origin: &SceneMotion, stated: &[(f64, PartMotion)]) -> DVec3 {
     let rest = at_origin.parts[0].record.rotation.conjugate();
     let (mut square, mut side) = (DMat3::ZERO, DVec3::ZERO);

@@ -11,8 +11,8 @@ const COLUMNS: [&str; 5] = [X, Y, P, T, LABEL];
 /// Attributes of the root.
 const ATTRIBUTES: [&str; 5] = ["width", "height", "law_version", "c_on", "c_off"];
 
-/// The first object or attribute of a file that the writer of streams does not make; `None` if there is none. Readers
-/// pass over such an object, so it can hold anything.
+/// The first object or attribute of a file that the writer of streams does not make; `None` if there is none.
+/// Readers pass over such an object, so it can hold anything.
 ///
 /// # Errors
 /// The structure of the file cannot be read.

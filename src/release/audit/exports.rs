@@ -1,5 +1,5 @@
-//! Exports: those that the manifest names are present, each describes itself as what it is, and each is what this
-//! program makes of the scene.
+//! Exports: those that the manifest names are present, each describes itself as what it is, and each is what
+//! this program makes of the scene.
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
@@ -133,8 +133,8 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
         .collect()
 }
 
-/// Makes the exports of sound scenes once more, in a folder of temporary files, and compares their names and bytes.
-/// One export is on the disk at a time.
+/// Makes the exports of sound scenes once more, in a folder of temporary files, and compares their names and
+/// bytes. One export is on the disk at a time.
 ///
 /// # Errors
 /// The folder cannot be written. An export that cannot be made is a fault.

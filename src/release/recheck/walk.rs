@@ -33,7 +33,8 @@ pub(super) struct PicturesPresent {
     disparity: Vec<usize>,
 }
 
-/// The motion of the objects and the second camera of the pair, by which pictures are compared with each other.
+/// The motion of the objects and the second camera of the pair, by which pictures are compared with each
+/// other.
 pub(super) struct PictureGround<'a> {
     /// Motions of the objects by the stamp of the pose, us; `None` without a file of places.
     pub(super) motions: Option<BTreeMap<i64, Vec<PartMotion>>>,

@@ -77,8 +77,8 @@ impl HotPixelNoise {
         !self.is_absent() && site.draws(DrawSpace::Hot, 0).uniform() < self.share
     }
 
-    /// Rate of each pixel of a sensor with this seed, row after row, Hz: 0 for a pixel that is not hot. Empty if none
-    /// is.
+    /// Rate of each pixel of a sensor with this seed, row after row, Hz: 0 for a pixel that is not hot. Empty
+    /// if none is.
     #[must_use]
     pub fn rates_hz(&self, seed: Seed, size: Size) -> Vec<f64> {
         if self.is_absent() {

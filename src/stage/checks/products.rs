@@ -16,8 +16,8 @@ use crate::stage::{StageContext, StageError, StepTarget};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-/// The products that the checks look at, if the trajectory has them: inertial data, disparity, and depth and the capture
-/// to compare the disparity with.
+/// The products that the checks look at, if the trajectory has them: inertial data, disparity, and depth and
+/// the capture to compare the disparity with.
 pub type CheckedProducts = (
     Option<StepTarget<ImuRecording>>,
     Option<StepTarget<DisparityPictures>>,

@@ -17,14 +17,14 @@ use tempfile::TempDir;
 /// Beginning of the names of folders of one process.
 pub(super) const OWN_FOLDER: &str = "gs2e-";
 
-/// A folder: `VERSION`, `cas/` and `ac/` as in a store, and folders for files that are being written, and that are
-/// about to be deleted.
+/// A folder: `VERSION`, `cas/` and `ac/` as in a store, and folders for files that are being written, and
+/// that are about to be deleted.
 #[derive(Debug)]
 pub(super) struct SharedFolder {
     pub(super) root: PathBuf,
     pub(super) disk: StoreDisk,
-    /// A folder that no other process has: machines may have equal process ids. Only this user can write to it,
-    /// so no link takes the place of a file there. `None` for a reader.
+    /// A folder that no other process has: machines may have equal process ids. Only this user can write to
+    /// it, so no link takes the place of a file there. `None` for a reader.
     pub(super) own: Option<TempDir>,
     next: AtomicU64,
 }

@@ -10,8 +10,8 @@
 //! looks at its files afterwards, and the collection looks for new records after it moved files: one of the
 //! two sees the other, and the file is there again.
 //!
-//! Only files with names of this program are moved or deleted, and no link is followed. Two collections at the
-//! same time do no harm: a file that one of them does not find was moved by the other.
+//! Only files with names of this program are moved or deleted, and no link is followed. Two collections at
+//! the same time do no harm: a file that one of them does not find was moved by the other.
 //!
 //! Times are those of the file system, but some file systems take them from the client. The clocks of two
 //! machines may differ by two hours.
@@ -56,8 +56,8 @@ pub struct SharedSwept {
     pub kept_records: usize,
     /// Number of files that returned from the trash, because they were used meanwhile.
     pub restored: usize,
-    /// Number of files deleted: those moved to the trash long ago, those that killed processes left, and those
-    /// of plans without a recent task.
+    /// Number of files deleted: those moved to the trash long ago, those that killed processes left, and
+    /// those of plans without a recent task.
     pub deleted: usize,
     /// Bytes of the deleted files.
     pub deleted_bytes: u64,

@@ -23,8 +23,8 @@ pub(super) trait SharedMedium: fmt::Debug + Send + Sync {
     /// The bytes of a record; `None` if it is absent, or cannot be one.
     fn read(&self, name: &str) -> Result<Option<Vec<u8>>, StoreError>;
 
-    /// Copies a blob to a new file of this machine. Returns `false` if it is absent, or has other bytes than its
-    /// name says. Part of the bytes may then have been copied.
+    /// Copies a blob to a new file of this machine. Returns `false` if it is absent, or has other bytes than
+    /// its name says. Part of the bytes may then have been copied.
     fn take(&self, blob: &StoredOutput, to: &Path) -> Result<bool, StoreError>;
 
     /// Creates a file. Returns `false` if the name is taken.

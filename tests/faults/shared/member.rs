@@ -1,5 +1,5 @@
-//! A member of the shared store who harms it. Nothing outside the store is touched, and nothing wrong is built
-//! without a word.
+//! A member of the shared store who harms it. Nothing outside the store is touched, and nothing wrong is
+//! built without a word.
 
 use super::{adopted, build, place};
 use crate::place::{Place, Products, tree};

@@ -120,8 +120,8 @@ impl PlantedTree {
         (code, found.into_iter().filter(is_unsound).map(|(_, text)| text).collect())
     }
 
-    /// Computes all sums again and runs `check --tree`: the exit code, and the verdict and `check#part: sentence` of
-    /// each finding.
+    /// Computes all sums again and runs `check --tree`: the exit code, and the verdict and `check#part:
+    /// sentence` of each finding.
     pub(super) fn findings(&self) -> (Option<i32>, Vec<(String, String)>) {
         // The forger writes into files, which are shared with the release.
         for name in ["manifest.json", "croissant.json", "SHA256SUMS", "B3SUMS"] {

@@ -1,5 +1,5 @@
-//! Faults in products that frames do not show: disparity, masks and places of objects, inertial data, labels, and the
-//! stream of a sensor with hot pixels. Each is found by a check that measures.
+//! Faults in products that frames do not show: disparity, masks and places of objects, inertial data, labels,
+//! and the stream of a sensor with hot pixels. Each is found by a check that measures.
 
 use super::planted_tree::{PlantedRelease, PlantedTree};
 use gs2e::event::{Event, EventLabel, Polarity};

@@ -1,5 +1,5 @@
-//! A member of the shared store who alters plans, plants links, or writes plans that cannot be read. Paths with
-//! characters that cannot be seen, and with bytes that are not UTF-8.
+//! A member of the shared store who alters plans, plants links, or writes plans that cannot be read. Paths
+//! with characters that cannot be seen, and with bytes that are not UTF-8.
 
 use super::fake::FakeSlurm;
 use super::{SCENES, fake};

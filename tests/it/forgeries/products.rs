@@ -1,4 +1,5 @@
-//! Forgeries of products that follow from the recipe, the poses and the depth. Each is found under the name of its file.
+//! Forgeries of products that follow from the recipe, the poses and the depth. Each is found under the name
+//! of its file.
 
 use super::rich::{FileForgery, change, found_in_rounds, judged, released};
 use gs2e::event::h5::{Reader, Writer};

@@ -8,8 +8,8 @@ use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// A rig with a stereo pair, moving objects of which one has no pivot, inertial data, and labels of a sensor without
-/// noise. Every second pose has depth.
+/// A rig with a stereo pair, moving objects of which one has no pivot, inertial data, and labels of a sensor
+/// without noise. Every second pose has depth.
 const RIG: &str = "\
 version: 1
 scene: rich/rig
@@ -38,7 +38,8 @@ imu: { rate: 1000, up: [0, -1, 0] }
 licence: { expression: CC0-1.0, holder: Nobody }
 ";
 
-/// One camera, an object whose pivot is stated, inertial data under the gravity of the views, and a sensor with noise.
+/// One camera, an object whose pivot is stated, inertial data under the gravity of the views, and a sensor
+/// with noise.
 const SINGLE: &str = "\
 version: 1
 scene: rich/single
@@ -118,7 +119,8 @@ pub(super) fn judged(forge: impl FnOnce(&Path)) -> BTreeSet<String> {
     found
 }
 
-/// Makes rounds of forgeries, each of files that do not hide each other, and asserts that exactly they are found.
+/// Makes rounds of forgeries, each of files that do not hide each other, and asserts that exactly they are
+/// found.
 pub(super) fn found_in_rounds(rounds: Vec<Vec<FileForgery>>) {
     for (number, round) in rounds.into_iter().enumerate() {
         let wanted: BTreeSet<String> =

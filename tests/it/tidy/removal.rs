@@ -1,7 +1,8 @@
 //! The places that delete files, and those that may replace or truncate one.
 //!
-//! One function deletes. Each caller is listed with the reason why it deletes nothing of a person. A file that
-//! a person names is written by `files::write_by_rename`; the other places write where only this program does.
+//! One function deletes. Each caller is listed with the reason why it deletes nothing of a person. A file
+//! that a person names is written by `files::write_by_rename`; the other places write where only this program
+//! does.
 
 use super::Fault;
 use super::source::Source;

@@ -5,7 +5,8 @@ use std::fs::File;
 use std::io::{self, BufReader, Read as _, Write};
 use std::path::Path;
 
-/// Takes the bytes that a file should have. Memory does not grow with them, and the first other byte is an error.
+/// Takes the bytes that a file should have. Memory does not grow with them, and the first other byte is an
+/// error.
 pub(super) struct ComparedFile {
     file: BufReader<File>,
     held: Vec<u8>,

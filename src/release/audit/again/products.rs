@@ -79,8 +79,8 @@ impl ReadTrajectory<'_> {
         faults
     }
 
-    /// Gravity by the recipe. Without its `up`, the direction is that of the captured views, which the tree has in the
-    /// text on the sensor alone.
+    /// Gravity by the recipe. Without its `up`, the direction is that of the captured views, which the tree
+    /// has in the text on the sensor alone.
     fn gravity(&self, model: &ImuModel, sensor: &str) -> Result<DVec3, AuditFault> {
         if let Some(up) = model.up_or(None) {
             return Ok(-model.gravity * up.normalize_or_zero());
@@ -88,7 +88,8 @@ impl ReadTrajectory<'_> {
         let fault = |code, message: String| AuditFault::of_file(code, sensor, message);
         let found = read_gravity(&self.bytes(sensor, SENSOR_BYTES)?);
         let found = found.map_err(|message| fault(FaultCode::Unreadable, message))?;
-        // The components of a unit vector are rounded, and their sum of squares with them: some parts in 1e16.
+        // The components of a unit vector are rounded, and their sum of squares with them: some parts in
+        // 1e16.
         if (found.length() - model.gravity).abs() <= 1e-12 * model.gravity {
             return Ok(found);
         }
@@ -167,7 +168,8 @@ impl ReadTrajectory<'_> {
         files.into_par_iter().filter_map(|path| self.disparity_fault(&pair, path)).collect()
     }
 
-    /// Compares a picture of disparity with the depth at its pose; without one, its signs with the order of the cameras.
+    /// Compares a picture of disparity with the depth at its pose; without one, its signs with the order of
+    /// the cameras.
     fn disparity_fault(&self, pair: &Rectification, path: &str) -> Option<AuditFault> {
         let file = path.rsplit('/').next().unwrap_or(path);
         let depth = self.path(OutputKind::Depth.name(), file);
@@ -208,8 +210,8 @@ fn record(object: &ObjectSettings) -> PartRecord {
     }
 }
 
-/// Compares places with the paths of objects whose pivots are the means of their Gaussians, which the tree lacks. The
-/// pivot of such an object is the one that fits its places best.
+/// Compares places with the paths of objects whose pivots are the means of their Gaussians, which the tree
+/// lacks. The pivot of such an object is the one that fits its places best.
 fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> Result<(), String> {
     let prepare = |records| SceneMotion::prepare(records).map_err(|e| e.to_string());
     let about_origin = prepare(objects.iter().map(record).collect())?;
@@ -244,13 +246,15 @@ fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> R
     Ok(())
 }
 
-/// Share of a place, a velocity or a rate that a fitted pivot may make it differ by: [`PivotFit::pivot`] errs by half of
-/// the square root of [`RIDGE`], and the rest is for rounded origins.
+/// Share of a place, a velocity or a rate that a fitted pivot may make it differ by: [`PivotFit::pivot`] errs
+/// by half of the square root of [`RIDGE`], and the rest is for rounded origins.
 const FITTED: f64 = 1e-6;
-/// Weight of a pivot near the origin, as a share of that of the places. It decides the direction about which nothing turns.
+/// Weight of a pivot near the origin, as a share of that of the places. It decides the direction about which
+/// nothing turns.
 const RIDGE: f64 = 1e-12;
 
-/// The places of a part as a system of linear equations for its pivot: `(I - R) pivot = place - place about the origin`.
+/// The places of a part as a system of linear equations for its pivot: `(I - R) pivot = place - place about
+/// the origin`.
 #[derive(Debug, Clone, Copy)]
 struct PivotFit {
     normal: DMat3,
