@@ -69,7 +69,11 @@ const TESTS: [Test; 10] = [
     Test { name: "state", what: "the database and the records cut and flipped", run: state::run },
     Test { name: "flips", what: "single bits of release files and blobs flipped", run: flips::run },
     Test { name: "full", what: "a disk that fills and is freed", run: full::run },
-    Test { name: "together", what: "two coordinators on a store, eight writers to a shared one", run: together::run },
+    Test {
+        name: "together",
+        what: "two coordinators on a store, eight writers to a shared one",
+        run: together::run,
+    },
     Test {
         name: "shared",
         what: "a shared store: kills, flips, a full disk, a hostile member",
