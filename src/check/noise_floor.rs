@@ -7,7 +7,7 @@
 //! the autocorrelation of their summed rate has no peak. A peak beyond five standard deviations
 //! means pixels that leak in step.
 //!
-//! `labels`: labels of noise and signal against the sensor's noise, see [`labels`].
+//! `labels`: labels of noise and signal against the sensor's noise.
 
 mod labels;
 pub mod still;

@@ -57,7 +57,7 @@ pub struct AnchorFit {
     pub turned_by_floor: SpoiltPixels,
     /// Number of the former without any event, where noise cannot be the reason.
     pub silent: u64,
-    /// Number of all compared pixels whose events and drift differ by [`STRAY`] thresholds more than is
+    /// Number of all compared pixels whose events and drift differ by `STRAY` thresholds more than is
     /// possible.
     pub stray: u64,
     /// Number of the compared pixels.
