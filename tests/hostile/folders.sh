@@ -11,7 +11,7 @@ store_frames() {
   mkdir p p/frames p/trash && echo picture >p/frames/1.png && echo old >p/trash/old.txt
   touch -d 2001-01-01 p/frames/1.png
   g build --store p r.yaml
-  g gc --store p --min-age 0
+  g gc --store p --min-age 0 r.yaml
   either '! [ -e p/frames/1.png ]' 'exited 2 && [ -e p/frames/1.png ] && [ -e p/trash/old.txt ]'
 }
 # A file `state.db` of another program was moved away.
@@ -24,10 +24,9 @@ store_database() {
 store_link() {
   mkdir scratch && echo thesis >scratch/4711.0
   g build r.yaml
-  for name in tmp gs2e-tmp; do
-    rm -rf .gs2e/$name
-    ln -s "$PWD/scratch" .gs2e/$name
-  done
+  rm -rf .gs2e/tmp .gs2e/gs2e-tmp
+  ln -s "$PWD/scratch" .gs2e/tmp
+  ln -s "$PWD/scratch" .gs2e/gs2e-tmp
   g build r.yaml
   either '! [ -e scratch/4711.0 ]' 'exited 2 && [ -e scratch/4711.0 ]'
 }
@@ -35,7 +34,7 @@ store_link() {
 export_hidden() {
   released
   mkdir .e.gs2e-export && echo thesis >.e.gs2e-export/thesis.txt
-  g export out --to colmap --lossy --out e
+  g export out --to dsec --lossy --out e
   either '! [ -e .e.gs2e-export/thesis.txt ]' 'exited 0 && [ -e .e.gs2e-export/thesis.txt ]'
 }
 # `init` deleted a list of another program, where it rejected no scene itself.
