@@ -5,12 +5,13 @@
 #     tests/hostile/before_after.sh OLD NEW [TEST…]
 #
 # OLD is the program of commit b476f4a, which the tester examined (add56fde for the groups folders, shared, bounds,
-# products and audit): `git worktree add ../before b476f4a`, then `cargo build` there. The tests in tests/it go further; this script shows that the findings were real. A third
-# verdict, `unclear`, means that neither was seen; what the program said is then on stderr.
+# products and audit): `git worktree add ../before b476f4a`, then `cargo build` there. The tests in tests/it go
+# further; this script shows that the findings were real. A third verdict, `unclear`, means that neither was seen;
+# what the program said is then on stderr.
 # It needs Linux, GNU coreutils and Python 3, and takes some minutes.
 set -u
 if [ $# -lt 2 ]; then
-  sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
+  sed -n '2,11s/^# \{0,1\}//p' "$0" >&2
   exit 2
 fi
 programs=("$(realpath "$1")" "$(realpath "$2")")
