@@ -104,4 +104,7 @@ mod training;
 mod trajectories;
 mod trajectory_verb;
 mod tree;
+mod untouched;
 mod unused_inputs;
+mod warnings;
+mod why;
