@@ -115,7 +115,7 @@ impl BatchScript<'_> {
         lines.extend(self.options.slurm.iter().cloned());
         lines.extend([
             ("signal", format!("B:TERM@{SECONDS_TO_END}")),
-            // Slurm follows links when it opens this file, so it is none that others can replace.
+            // Slurm follows links when it opens this file, so no other user may be able to replace it.
             ("output", "/dev/null".to_owned()),
         ]);
         let mut text = "#!/bin/sh\n".to_owned();

@@ -167,7 +167,7 @@ impl Submission {
         put(PLAN, &to_json(&self.plan))
     }
 
-    /// The plans of a shared store. A plan that cannot be read, was altered, or has another format is none.
+    /// The plans of a shared store. A plan that cannot be read, was altered, or has another format is left out.
     ///
     /// # Errors
     /// The folder of the plans cannot be listed.

@@ -85,7 +85,7 @@ impl ReleaseExporter for IncludedExporter<'_> {
     }
 }
 
-/// Stops an export of which enough was written.
+/// Stops an export once enough was written.
 struct BoundedExport<'a> {
     is_over: &'a (dyn Fn() -> bool + Sync),
 }

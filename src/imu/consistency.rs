@@ -265,7 +265,7 @@ struct ShownAxes<'a> {
     words: &'static SensorWords,
 }
 
-/// Sums over the intervals of which neither end is at its bound.
+/// Sums over the intervals that have no end at its bound.
 #[derive(Default)]
 struct IntervalSums {
     squares: f64,

@@ -50,7 +50,7 @@ impl RecheckPolicy {
 mod tests {
     use super::*;
 
-    /// Number of keys of which `policy` draws a share.
+    /// Number of keys that `policy` draws with this share.
     fn drawn(policy: RecheckPolicy, share: f64) -> u32 {
         let key = |n: u32| Key(Digest::of_bytes(&n.to_le_bytes()));
         (0..100_000).map(|n| u32::from(policy.draws(&key(n), share))).sum()

@@ -1,12 +1,12 @@
 //! Labels of events against the noise that the sensor states. A gate, from the files of a release.
 //!
-//! - A pixel that is hot makes as many noise events as its rate gives, with the scatter of a count. The rates of a
-//!   recipe are known by its seed. A dead time takes some of them, so up to 30 % may be missing.
-//! - At the other pixels, noise makes at most the number of events that thresholds, leak, voltage noise and floor allow.
-//!   Twice that number may be labelled so, and one event in twenty: brightness that turns before it has moved by half of
-//!   a threshold leaves the rest to noise.
-//! - A pixel that sees no change has noise events only. One in ten may be a signal, where a still pixel has moved by a
-//!   tenth of a threshold.
+//! - A pixel that is hot makes as many noise events as its rate gives, with the scatter of a count. The rates
+//!   of a recipe are known by its seed. A dead time takes some of them, so up to 30 % may be missing.
+//! - At the other pixels, noise makes at most the number of events that thresholds, leak, voltage noise and
+//!   floor allow. Twice that number may be labelled so, and one event in twenty: brightness that turns before
+//!   it has moved by half of a threshold leaves the rest to noise.
+//! - A pixel that sees no change has noise events only. One in ten may be a signal, where a still pixel has
+//!   moved by a tenth of a threshold.
 //!
 //! Each number has an allowance of five standard deviations, and is judged from a hundred events on. The
 //! statement is the worst of the three, as a share of its limit: it finds labels that are inverted, or all

@@ -11,7 +11,7 @@ const COLUMNS: [&str; 5] = [X, Y, P, T, LABEL];
 /// Attributes of the root.
 const ATTRIBUTES: [&str; 5] = ["width", "height", "law_version", "c_on", "c_off"];
 
-/// The first object or attribute of a file that the writer of streams does not make; `None` if there is none.
+/// The first object or attribute of a file that the writer of streams does not make, if any.
 /// Readers pass over such an object, so it can hold anything.
 ///
 /// # Errors

@@ -93,7 +93,7 @@ impl SharedFolder {
     }
 }
 
-/// Returns true if a regular file of at most, or of exactly, this size is there. A link is none.
+/// Returns true if a regular file of at most, or of exactly, this size is there. A link does not count.
 fn is_file(path: &Path, has_size: impl Fn(u64) -> bool) -> Result<bool, StoreError> {
     match std::fs::symlink_metadata(path) {
         Ok(about) => Ok(about.is_file() && has_size(about.len())),

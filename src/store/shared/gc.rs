@@ -189,7 +189,7 @@ impl Collection<'_> {
     }
 
     /// Folders of the trash and of processes in which nothing was put for long, and of plans in which no task
-    /// wrote for long. A folder with a file that this program does not write is none of them.
+    /// wrote for long. A folder with any other file stays.
     fn expired(&self) -> Result<Vec<PathBuf>, StoreError> {
         let is_old = |path: &Path| self.shared.disk.stat(path).is_ok_and(|s| s.mtime_ns <= self.until_ns);
         let mut expired = Vec::new();
