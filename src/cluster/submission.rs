@@ -167,7 +167,7 @@ impl Submission {
         put(PLAN, &to_json(&self.plan))
     }
 
-    /// The plans of a shared store. A plan that cannot be read, was altered, or has another format is left out.
+    /// The plans of a shared store, without those that cannot be read, were altered, or have another format.
     ///
     /// # Errors
     /// The folder of the plans cannot be listed.

@@ -66,7 +66,8 @@ pub trait Fs: fmt::Debug + Send + Sync {
     }
 
     /// Copies a regular file of `size` bytes to a new file, from a folder to which other people can write.
-    /// Returns the digest of the bytes that were copied, or `None` if no such file is there. A link does not count.
+    /// Returns the digest of the bytes that were copied, or `None` if no such file is there. A link
+    /// does not count.
     fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
         Digest::of_copy(from, to, size)
     }
