@@ -174,7 +174,7 @@ impl TrajectoryCopy {
     }
 
     fn check(&self) -> Result<Vec<Finding>, Failure> {
-        Ok(recheck_tree(self.folder.path(), &[])?)
+        Ok(recheck_tree(self.folder.path(), &[])?.measured)
     }
 }
 

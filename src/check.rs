@@ -25,6 +25,7 @@ mod finding_subject;
 pub mod flow_projection;
 pub mod geometry;
 pub mod hot_pixels;
+mod joined;
 pub mod limits;
 pub mod motion;
 pub mod noise_floor;
@@ -50,6 +51,7 @@ pub mod time_offset;
 
 pub use advice::advice;
 pub use finding_subject::FindingSubject;
+pub use joined::join_findings;
 pub use limits::{CheckWaiver, Limits};
 pub use scene_subject::{CapturePhotos, SceneSubject};
 pub use subject::TrajectorySubject;

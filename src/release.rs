@@ -16,11 +16,13 @@ mod croissant;
 mod datasheet;
 pub mod diff;
 mod facts;
+mod file_checks;
 pub mod include;
 mod index;
 mod layout;
 pub mod left_out;
 mod loader;
+mod made_once;
 mod manifest;
 mod markdown;
 mod path_picture;
@@ -40,7 +42,9 @@ mod target;
 mod tree;
 mod work;
 
-use compose::{ComposedTree, compose_top, compose_tree, empty_splits, terms_of, transforms_of};
+use compose::{
+    ComposedTree, JudgedScene, compose_top, compose_tree, empty_splits, judge_scenes, terms_of, transforms_of,
+};
 
 pub use built::GatherError;
 pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
@@ -117,8 +121,10 @@ pub struct WrittenRelease {
     pub bytes: u64,
     /// True if the same release was already at the target; then nothing was written.
     pub stood: bool,
-    /// Keys of the records of its exports.
-    pub exports: Vec<Key>,
+    /// The findings on the agreement of its files.
+    pub agreement: Vec<Finding>,
+    /// Keys of the records of its exports and of the verdicts on its files.
+    pub records: Vec<Key>,
     /// Warnings about licences and empty splits.
     pub warnings: Vec<String>,
 }
@@ -169,6 +175,9 @@ pub enum ReleaseError {
     /// The written tree does not pass the audit: a defect of this program.
     #[error("the written tree fails its audit: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Audit(Vec<audit::AuditFault>),
+    /// A file of a scene cannot be judged.
+    #[error("cannot judge {0}")]
+    Recheck(#[from] recheck::RecheckError),
     /// The store failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -194,39 +203,61 @@ pub struct BuiltPlan<'a> {
     pub exporter: &'a dyn include::ReleaseExporter,
 }
 
-/// Writes the release of the built scenes, unless it already stands at the target.
-///
-/// # Errors
-/// A step is not built, a check failed without a waiver, an included export cannot be made, the
-/// target changed since it was claimed, the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
-/// rename.
-pub fn write_release(
-    target: &mut ReleaseTarget,
-    built: BuiltPlan<'_>,
-    link: LinkMode,
-    cancel: &AtomicBool,
-) -> Result<WrittenRelease, ReleaseError> {
-    let BuiltPlan { plan, summary, store, context, exporter } = built;
-    let scenes =
-        (0..plan.scenes().len()).map(|i| built::gather_scene(plan, i, summary, (store, &context.terms)));
-    let scenes: Vec<BuiltScene<'_>> = scenes.collect::<Result<_, _>>()?;
-    // Before anything is composed: a failed check must not cost the time of a whole tree.
-    let findings = scenes.iter().flat_map(BuiltScene::findings);
-    let failed: Vec<Finding> = findings.filter(|f| f.verdict == Verdict::Fail).cloned().collect();
-    if !failed.is_empty() {
-        return Err(ReleaseError::Checks(failed));
+/// A built release whose files were judged, before any of them is written.
+#[derive(Debug)]
+pub struct JudgedRelease<'a> {
+    built: BuiltPlan<'a>,
+    scenes: Vec<JudgedScene<'a>>,
+}
+
+impl<'a> JudgedRelease<'a> {
+    /// Composes the files of the built scenes, and judges them as `gs2e check --tree` does. Verdicts on the
+    /// same files are taken from the store.
+    ///
+    /// # Errors
+    /// A step is not built, there is no scene, splits overlap, a product cannot be read, or `cancel` is set.
+    pub fn new(built: BuiltPlan<'a>, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
+        let BuiltPlan { plan, summary, store, context, .. } = built;
+        let gather = |index| built::gather_scene(plan, index, summary, (store, &context.terms));
+        let scenes: Vec<BuiltScene<'a>> = (0..plan.scenes().len()).map(gather).collect::<Result<_, _>>()?;
+        Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)? })
     }
-    if scenes.is_empty() {
-        return Err(ReleaseError::Nothing);
+
+    /// All findings on the scenes: those of the build, joined with those on the files.
+    pub fn findings(&self) -> impl Iterator<Item = &Finding> {
+        self.scenes.iter().flat_map(|judged| judged.scene.findings())
     }
-    let release = [context.info.name.as_str(), &context.info.version];
-    let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
-    let ComposedTree { tree, scenes, exports } = compose_tree(scenes, exports, context)?;
-    let tree::TreeOutcome { files, bytes, stood } =
-        tree::write_tree(target, &tree, (store, &context.takedown), link, cancel)?;
-    let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
-    // A set, because all scenes of one source have the same warning.
-    let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();
-    let (scenes, warnings) = (scenes.len(), warnings.into_iter().collect());
-    Ok(WrittenRelease { scenes, files, bytes, stood, exports, warnings })
+
+    /// Writes the release, unless it already stands at the target.
+    ///
+    /// # Errors
+    /// A check failed without a waiver, an included export cannot be made, the target changed since it was
+    /// claimed, the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
+    /// rename.
+    pub fn write(
+        self,
+        target: &mut ReleaseTarget,
+        link: LinkMode,
+        cancel: &AtomicBool,
+    ) -> Result<WrittenRelease, ReleaseError> {
+        // Before anything else is composed: a failed check must not cost the time of a whole tree.
+        let failed: Vec<Finding> = self.findings().filter(|f| f.verdict == Verdict::Fail).cloned().collect();
+        if !failed.is_empty() {
+            return Err(ReleaseError::Checks(failed));
+        }
+        let BuiltPlan { store, context, exporter, .. } = self.built;
+        if self.scenes.is_empty() {
+            return Err(ReleaseError::Nothing);
+        }
+        let release = [context.info.name.as_str(), &context.info.version];
+        let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
+        let ComposedTree { tree, scenes, agreement, records } = compose_tree(self.scenes, exports, context)?;
+        let tree::TreeOutcome { files, bytes, stood } =
+            tree::write_tree(target, &tree, (store, &context.takedown), link, cancel)?;
+        let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
+        // A set, because all scenes of one source have the same warning.
+        let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();
+        let (scenes, warnings) = (scenes.len(), warnings.into_iter().collect());
+        Ok(WrittenRelease { scenes, files, bytes, stood, agreement, records, warnings })
+    }
 }

@@ -153,6 +153,17 @@ impl DriftLaw {
         self.spread <= 0.0 && self.floor.is_none() && self.loose.is_none()
     }
 
+    /// Returns true if the events of a pixel show the sign of its drift `dv`, although some may be lost.
+    ///
+    /// Let the drift be `n` thresholds, with at most `2 n` events. If these have the wrong sign, at most `n` go
+    /// along with the drift. At least `n` more did, because those against it are as many. So the sensor lost at
+    /// least half of them, and a dead time loses far fewer.
+    #[must_use]
+    pub fn shows_sign(&self, dv: f64, counts: [u32; 2]) -> bool {
+        let [on, off] = counts.map(f64::from);
+        self.loose.is_none() || (on + off) * self.least_threshold() <= 2.0 * dv.abs()
+    }
+
     /// The law for frames that are known to 8 bits only.
     #[must_use]
     pub fn with_rounding(self, rounding: FrameRounding) -> Self {

@@ -13,7 +13,7 @@ use super::ahead::{AHEAD, load_ahead};
 use super::drift::DriftLaw;
 use super::event_frame::fit::{DriftBalance, FrameComparison};
 use super::event_times::grid::{GridCounter, StampGrid};
-use super::motion::warp::{FlowAt, WarpSharpness, WarpWindows};
+use super::motion::warp::{self, FlowAt, WarpSharpness, WarpWindows};
 use super::noise_floor::still::{StillPixelCounts, StillPixelWatch};
 use crate::event::{Event, Polarity};
 use crate::frames::anchors::AnchorFrames;
@@ -164,6 +164,10 @@ impl<'a> StreamObserver<'a> {
     pub fn new(size: Size, rate: Hertz, end_us: i64, against: TallyReference<'a>) -> Self {
         let TallyReference { seen, flows, dead_us, hot_hz, labelled } = against;
         let pixels = size.pixels();
+        let mut balance = seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz));
+        if let (Some(balance), Some(px_s)) = (&mut balance, warp::median_speed(flows)) {
+            balance.moves_at(px_s);
+        }
         Self {
             tally: StreamTally { hot_left_out: !hot_hz.is_empty(), ..StreamTally::without_events(size) },
             size,
@@ -180,7 +184,7 @@ impl<'a> StreamObserver<'a> {
             last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
             hot_hz,
-            balance: seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz)),
+            balance,
             windows: WarpWindows::new(size, end_us, flows),
             watch: seen.and_then(|(law, anchors)| {
                 StillPixelWatch::new(size, end_us, &law, anchors, (flows, hot_hz))

@@ -6,7 +6,7 @@ mod rebuild;
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
-use super::verdicts::show_findings;
+use super::verdicts::{show_findings, tell_count};
 use super::{CommonArgs, check};
 use crate::check::Verdict;
 use crate::export::{IncludedExporter, SilentProgress};
@@ -62,8 +62,9 @@ impl AuditArgs {
         }
         // Damaged files are reported by the audit; their data say nothing.
         let faulty = if self.full && report.faults.is_empty() {
-            let findings = recheck_tree(&self.dir, &[]).map_err(|error| check::of_tree(&error))?;
+            let findings = recheck_tree(&self.dir, &[]).map_err(|error| check::of_tree(&error))?.joined;
             show_findings(&findings, console);
+            tell_count(&findings, console);
             findings.iter().filter(|finding| finding.verdict == Verdict::Fail).count()
         } else {
             0

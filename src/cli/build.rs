@@ -13,7 +13,7 @@ use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::progress::{EndSummary, Progress};
 use super::renderers::tell_gpu;
-use super::verdicts::{findings_of_run, findings_of_settled, show_findings};
+use super::verdicts::{findings_of_run, findings_of_settled, show_findings, tell_count};
 use super::{
     CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, output, plan, takedown,
 };
@@ -186,6 +186,7 @@ impl BuildArgs {
         };
         summary.kept += settled;
         let faults = show_findings(&findings, console);
+        tell_count(&findings, console);
         match &self.to {
             Some(to) => link_outputs(to, &store, &outputs, console)?,
             None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.say(

@@ -44,17 +44,23 @@ impl CheckArgs {
         if self.tree.is_none() && self.dataset.events.is_none() {
             self.take_paths();
         }
+        // A required check must have run here, and a release may state verdicts of its build.
+        let mut measured = None;
         let findings = match (&self.tree, &self.dataset.events) {
             (_, Some(place)) => self.dataset.run(place, console)?.findings,
             (Some(tree), None) if !tree.is_dir() => {
                 let what = format!("{} is not a folder", path(tree));
                 return Err(VerbError::usage("input-missing", what));
             }
-            (Some(tree), None) => recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?,
+            (Some(tree), None) => {
+                let found = recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?;
+                measured = Some(found.measured);
+                found.joined
+            }
             (None, None) => self.of_built(common, console)?,
         };
         show_findings(&findings, common.verbose, console);
-        let failed = self.failed(&findings);
+        let failed = [self.failed(&findings), self.not_run(measured.as_ref().unwrap_or(&findings))].concat();
         for line in &failed {
             console.insist(&format!("error: {line}"));
         }
@@ -74,16 +80,21 @@ impl CheckArgs {
         }
     }
 
-    /// Each check that failed, each required check that was not run, and each required check
-    /// without a finding.
+    /// Each check that failed.
     fn failed(&self, findings: &[Finding]) -> Vec<String> {
-        let required = |finding: &Finding| self.require.contains(&finding.check);
         let found = findings.iter().filter_map(|f| match f.verdict {
             Verdict::Fail => Some(format!("{}: {} failed", f.subject, f.check)),
             Verdict::Warn if self.strict => Some(format!("{}: {} warned", f.subject, f.check)),
-            Verdict::NotRun if required(f) => Some(format!("{}: {} was not run", f.subject, f.check)),
             _ => None,
         });
+        found.collect()
+    }
+
+    /// Each required check that was not run, and each without a finding.
+    fn not_run(&self, findings: &[Finding]) -> Vec<String> {
+        let is_required = |f: &&Finding| f.verdict == Verdict::NotRun && self.require.contains(&f.check);
+        let found = findings.iter().filter(is_required);
+        let found = found.map(|f| format!("{}: {} was not run", f.subject, f.check));
         let absent = self.require.iter().filter(|name| findings.iter().all(|f| f.check != **name));
         found.chain(absent.map(|name| format!("{name} was not run at all"))).collect()
     }

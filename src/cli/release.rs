@@ -6,8 +6,9 @@ use super::console::{Console, path};
 use super::export::BarProgress;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
-use super::verdicts::{findings_of_run, show_findings};
+use super::verdicts::{show_findings, tell_count};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
+use crate::check::Finding;
 use crate::escape;
 use crate::export::{IncludedExporter, SilentProgress};
 use crate::plan::Plan;
@@ -16,7 +17,7 @@ use crate::recipe::{self, Recipe, ReconstructMethod};
 use crate::release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
 use crate::release::signature::SigningKey;
 use crate::release::{
-    self, BuiltPlan, GatherError, GuardedPath, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
+    BuiltPlan, GatherError, GuardedPath, JudgedRelease, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
     TargetClaim, WrittenRelease,
 };
 use crate::run::RunSummary;
@@ -101,19 +102,23 @@ impl ReleaseArgs {
         if built != ExitKind::Done {
             return Ok(built);
         }
-        let findings = findings_of_run(&plan, &summary, &store)?;
+        let progress = BarProgress::new(console, Arc::clone(cancel));
+        let exporter = &IncludedExporter { progress: &progress };
+        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
+        let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
+        let mut findings: Vec<Finding> = judged.findings().cloned().collect();
         let faults = show_findings(&findings, console);
         if self.care.strict && faults > 0 {
             let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }
-        let progress = BarProgress::new(console, Arc::clone(cancel));
-        let exporter = &IncludedExporter { progress: &progress };
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
-        let written = release::write_release(&mut target, built, self.linking(), cancel);
+        let written = judged.write(&mut target, self.linking(), cancel);
         progress.finish();
         store.flush()?;
+        let written = written.inspect_err(|_| tell_count(&findings, console));
         let written = written.map_err(|error| release_problem(error, console))?;
+        findings.extend(written.agreement.iter().cloned());
+        tell_count(&findings, console);
         // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary, &written))?;
         self.tell(&written, &mut target, console);
@@ -248,10 +253,10 @@ fn named_by(recipe: &Recipe) -> Vec<(&'static str, PathBuf)> {
     named
 }
 
-/// The root that keeps the steps and the exports of a release from `gc`.
+/// The root that keeps the steps, the exports and the verdicts of a release from `gc`.
 fn root(target: &ReleaseTarget, summary: &RunSummary, written: &WrittenRelease) -> ReleaseRoot {
     let steps = summary.products.values().map(|product| product.key);
-    let keys = steps.chain(written.exports.iter().copied()).collect();
+    let keys = steps.chain(written.records.iter().copied()).collect();
     ReleaseRoot { release: target.path().to_owned(), keys }
 }
 
@@ -323,6 +328,7 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
         ReleaseError::Interrupted => {
             VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", message))
         }
+        ReleaseError::Recheck(_) => VerbError::failed("unreadable", message),
         ReleaseError::Store(error) => error.into(),
         _ if is_full(&error) => VerbError::failed("disk-full", format!("no space: {message}")).help(FULL),
         _ => VerbError::failed("release", message),

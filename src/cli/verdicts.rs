@@ -75,7 +75,14 @@ pub(super) fn count_line(findings: &[Finding]) -> String {
     )
 }
 
-/// Shows the counts and each warning, fault and accepted fault, with what to do about it. Returns the
+/// Says how many findings have each verdict.
+pub(super) fn tell_count(findings: &[Finding], console: &Console) {
+    if !findings.is_empty() {
+        console.say(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
+    }
+}
+
+/// Shows each warning, fault and accepted fault, with what to do about it. Returns the
 /// number of warnings and faults.
 pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
     if findings.is_empty() {
@@ -102,7 +109,6 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
     if shown.len() > MAX_SHOWN {
         console.say(&format!("and {} more findings", shown.len() - MAX_SHOWN));
     }
-    console.say(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
     shown.iter().filter(|finding| finding.verdict != Verdict::Waived).count()
 }
 

@@ -5,16 +5,18 @@ use super::croissant::DescribedRelease;
 use super::facts::ReleaseFacts;
 use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
+use super::recheck::agreement_of_sound;
 use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
 use super::scene::SceneRecord;
 use super::scene::{SplitPart, TrajectoryPart};
 use super::tree::{FileContent, ReleaseTree};
 use super::{
-    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, index, layout,
+    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, file_checks, index, layout,
     loader, manifest, path_picture, products, published, report, reuse, scene, split, standing,
 };
 use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
+use crate::check::{Finding, join_findings};
 use crate::licence::{ComposedTerms, Redistributability};
 use crate::recipe::ReleaseInfo;
 use crate::store::record::StoredOutput;
@@ -22,6 +24,7 @@ use crate::store::{Key, Store};
 use crate::trajectory::transforms;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 /// A tree without the sums.
 #[derive(Debug)]
@@ -29,24 +32,57 @@ pub(super) struct ComposedTree {
     pub(super) tree: ReleaseTree,
     /// The scenes as their files describe them.
     pub(super) scenes: Vec<PublishedScene>,
-    /// Keys of the records of its exports.
-    pub(super) exports: Vec<Key>,
+    /// The findings on the agreement of its files, which the audit of the written tree proves.
+    pub(super) agreement: Vec<Finding>,
+    /// Keys of the records of its exports and of the verdicts on its files.
+    pub(super) records: Vec<Key>,
+}
+
+/// A scene with its files but for exports, as the passes of `gs2e check --tree` judge them.
+#[derive(Debug)]
+pub(super) struct JudgedScene<'a> {
+    pub(super) scene: BuiltScene<'a>,
+    file: SceneRecord,
+    files: ReleaseTree,
+    /// Key of the record of the verdicts on the files.
+    pub(super) verdicts: Key,
+}
+
+/// Composes the files of the scenes and judges them. Findings on files join those of the build.
+pub(super) fn judge_scenes<'a>(
+    scenes: Vec<BuiltScene<'a>>,
+    context: &ReleaseContext,
+    store: &Store,
+    cancel: &AtomicBool,
+) -> Result<Vec<JudgedScene<'a>>, ReleaseError> {
+    let described = describe_all(&scenes, &context.info)?;
+    let judge = |(mut scene, file): (BuiltScene<'a>, SceneRecord)| {
+        let mut files = scene_files(&scene, &file, store);
+        let (verdicts, mut found) = file_checks::judge_files(&file.id, &files, store, cancel)?;
+        for trajectory in &mut scene.trajectories {
+            let found = found.remove(&trajectory.name).unwrap_or_default();
+            trajectory.findings = join_findings(std::mem::take(&mut trajectory.findings), found);
+            let name = format!("{}/{}/{}", file.id, trajectory.name, layout::CHECKS);
+            files.add(name, FileContent::json(&trajectory.findings));
+        }
+        Ok(JudgedScene { scene, file, files, verdicts })
+    };
+    scenes.into_iter().zip(described).map(judge).collect()
 }
 
 /// Composes the tree without the sums.
 pub(super) fn compose_tree(
-    scenes: Vec<BuiltScene<'_>>,
+    scenes: Vec<JudgedScene<'_>>,
     exports: ReleaseExports<'_>,
     context: &ReleaseContext,
 ) -> Result<ComposedTree, ReleaseError> {
     let info = &context.info;
-    let described = describe_all(&scenes, info)?;
     let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
     let mut keys = Vec::new();
-    for (scene, file) in scenes.into_iter().zip(described) {
-        let mut files = scene_files(&scene, &file, exports.store);
+    for JudgedScene { scene, file, mut files, verdicts } in scenes {
         let own = files.listing();
-        let (exported, made) = exports.of_scene(&file, &files, &own)?;
+        let (exported, made) = exports.of_scene(&file, &files)?;
+        keys.push(verdicts);
         keys.extend(made);
         files.extend(exported);
         let described = manifest::manifest_scene(&scene, files.listing());
@@ -73,7 +109,8 @@ pub(super) fn compose_tree(
     };
     tree.extend(top);
     tree.add(manifest::NAME.into(), FileContent::json(&manifest));
-    Ok(ComposedTree { tree, scenes: published, exports: keys })
+    let agreement = agreement_of_sound(&manifest);
+    Ok(ComposedTree { tree, scenes: published, agreement, records: keys })
 }
 
 /// The combined terms of all scenes.
@@ -156,6 +193,7 @@ fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
     index::compose_index(rows.collect())
 }
 
+/// The files of a scene but for the verdicts on its trajectories, which the files decide.
 fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> ReleaseTree {
     let id = &scene.recipe.scene;
     let mut tree = ReleaseTree::default();
@@ -199,7 +237,6 @@ fn trajectory_files(
     let made = layout::made(outputs, &published::stream_names(part));
     let mut files: BTreeMap<String, FileContent> =
         made.into_iter().map(|(name, output)| (name, stored_file(output, store))).collect();
-    files.insert(layout::CHECKS.into(), FileContent::json(&trajectory.findings));
     let path = path_picture::compose_picture(&trajectory.motion).map(FileContent::Bytes);
     files.extend(path.map(|picture| (path_picture::NAME.to_owned(), picture)));
     let sharp: Vec<&str> = outputs(products::SHARP.name()).iter().map(|o| o.name.as_str()).collect();

@@ -5,14 +5,15 @@
 //! options and the digests of the scene's files. A release with the same key takes the stored files,
 //! and every other change of the scene makes the export anew.
 
-use super::manifest::{KeyIngredients, ManifestFile, ReleaseManifest};
+use super::made_once::{MadeOf, digest_of_files};
+use super::manifest::ReleaseManifest;
 use super::scene::SceneRecord;
 use super::tree::{FileContent, ReleaseTree};
-use super::{ReleaseError, checksum, layout};
+use super::{ReleaseError, layout};
 use crate::recipe::{IncludedExport, Recipe};
 use crate::store::description::describe_value;
-use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
-use crate::store::{BlobState, Digest, Key, Store};
+use crate::store::record::StoredOutput;
+use crate::store::{Digest, Key, Store};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -229,20 +230,18 @@ pub(super) struct ReleaseExports<'a> {
 
 impl ReleaseExports<'_> {
     /// The files of a scene's exports, with the keys of their records. `files` are the scene's own
-    /// files, whose list is `listing`.
+    /// files.
     pub(super) fn of_scene(
         &self,
         record: &SceneRecord,
         files: &ReleaseTree,
-        listing: &[ManifestFile],
     ) -> Result<(ReleaseTree, Vec<Key>), ReleaseError> {
         let (mut tree, mut keys) = (ReleaseTree::default(), Vec::new());
         // Upstream forbids passing on anything that shows the scene.
         if self.include.is_empty() || record.licence.withheld {
             return Ok((tree, keys));
         }
-        let sums = listing.iter().map(|file| (file.path.as_str(), file.blake3.to_string()));
-        let inputs = Digest::of_bytes(checksum::sums_text(sums).as_bytes());
+        let inputs = digest_of_files(files);
         let [release, version] = self.release.map(str::to_owned);
         let composed = |(path, content): (&str, &FileContent)| {
             let file = match content {
@@ -282,25 +281,10 @@ impl ReleaseExports<'_> {
         let [release, version] = self.release;
         let parameters =
             ExportParameters { trajectory, include, consumer, release, version, tool: scene.tool };
-        let made_of = KeyIngredients {
-            revision,
-            class: None,
-            params: describe_value(&parameters),
-            inputs: BTreeMap::from([("files of the scene".to_owned(), inputs)]),
-        };
-        let description = made_of.description(STAGE);
-        let key = Key::of_description(&description);
-        if let Some(record) = self.store.record(&key)? {
-            let sound = |output| self.store.examine(output).map(|state| state == BlobState::Sound);
-            if record.outputs.iter().map(sound).collect::<Result<Vec<_>, _>>()?.into_iter().all(|is| is) {
-                return Ok((key, record.outputs));
-            }
-        }
-        let workspace = self.store.workspace()?;
-        self.exporter.write(scene, trajectory, include, &workspace.path().join(MADE))?;
-        let provenance =
-            StepProvenance { tool: scene.tool.to_owned(), threads: 1, ..StepProvenance::default() };
-        let record = StepRecord::new(key, STAGE, description.lines(), provenance);
-        Ok((key, self.store.publish(&workspace, record)?))
+        let made_of =
+            MadeOf { stage: STAGE, revision, parameters: describe_value(&parameters), files: inputs };
+        made_of.outputs(self.store, |folder| {
+            Ok(self.exporter.write(scene, trajectory, include, &folder.join(MADE))?)
+        })
     }
 }

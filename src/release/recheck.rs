@@ -17,16 +17,19 @@ mod trajectory;
 mod tree;
 mod walk;
 
-use super::published;
+use super::{layout, published};
 use super::scene::TrajectoryPart;
 use super::{ReleaseManifest, SceneRecord};
 use crate::camera::stereo::Rectification;
-use crate::check::{Finding, records};
+use super::tree::ReleaseTree;
+use crate::check::{Finding, join_findings, records};
 use crate::recipe::{Recipe, RecipeFaults};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 use trajectory::ReleasedTrajectory;
-use tree::AuditedTree;
+use tree::{AuditedTree, TreeFiles};
 
 /// Reason why a tree cannot be checked.
 #[derive(Debug, thiserror::Error)]
@@ -56,35 +59,72 @@ fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError
     RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
 }
 
+/// Findings on a release tree.
+#[derive(Debug, Clone, Default)]
+pub struct TreeFindings {
+    /// What the files show.
+    pub measured: Vec<Finding>,
+    /// The verdict on the release: these findings, joined with those that the build left in `checks.json`.
+    pub joined: Vec<Finding>,
+}
+
 /// Runs the passes over the named scenes of the release in `dir`, or over all scenes if there are
 /// no names.
 ///
 /// # Errors
 /// A named scene does not exist, or a file of a scene cannot be read. The audit also reports events
 /// that cannot be read; here they are an error.
-pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<Vec<Finding>, RecheckError> {
+pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, RecheckError> {
     let composed = Mutex::default();
-    let tree = AuditedTree { dir, composed: &composed };
+    let tree = AuditedTree { files: TreeFiles::Folder(dir), composed: &composed };
     let manifest: ReleaseManifest = tree.json(super::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
     if manifest.scenes.is_empty() {
-        return Ok(vec![records::no_scenes(&manifest.name)]);
+        let none = vec![records::no_scenes(&manifest.name)];
+        return Ok(TreeFindings { measured: none.clone(), joined: none });
     }
     let is_wanted = |id: &str| scenes.is_empty() || scenes.iter().any(|wanted| wanted == id);
-    let listed: Vec<&str> =
-        manifest.scenes.iter().map(|scene| scene.id.as_str()).filter(|id| is_wanted(id)).collect();
+    let mut found = TreeFindings::default();
     // Scenes come one after the other, so that the pictures of one are in memory at a time.
-    let scenes: Vec<Vec<Finding>> = listed.iter().map(|id| of_scene(tree, id)).collect::<Result<_, _>>()?;
+    for listed in manifest.scenes.iter().filter(|scene| is_wanted(&scene.id)) {
+        let measured = of_scene(tree, &listed.id)?;
+        found.joined.extend(stated(tree, &listed.id)?);
+        for (name, measured) in measured {
+            let stated = stated(tree, &format!("{}/{name}", listed.id))?;
+            found.joined.extend(join_findings(stated, measured.clone()));
+            found.measured.extend(measured);
+        }
+    }
     let composed = composed.into_inner().expect("no thread panics while it holds the names");
     let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &composed);
-    let mut findings: Vec<Finding> = scenes.into_iter().flatten().collect();
-    findings.extend(agreement.map_err(|e| unreadable_file(dir, e))?);
-    Ok(findings)
+    let agreement = agreement.map_err(|e| unreadable_file(dir, e))?;
+    found.measured.extend(agreement.iter().cloned());
+    found.joined.extend(agreement);
+    Ok(found)
 }
 
-fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckError> {
+/// Judges the files of a scene that a release is going to write. The findings are those of
+/// [`recheck_tree`] by trajectory, but for the agreement of files.
+pub(super) fn judge_unwritten(
+    files: &ReleaseTree,
+    id: &str,
+    cancel: &AtomicBool,
+) -> Result<BTreeMap<String, Vec<Finding>>, RecheckError> {
+    let composed = Mutex::default();
+    of_scene(AuditedTree { files: TreeFiles::Unwritten { files, cancel }, composed: &composed }, id)
+        .map(|found| found.into_iter().collect())
+}
+
+/// The findings that a folder of the release states; none without the file.
+fn stated(tree: AuditedTree<'_>, folder: &str) -> Result<Vec<Finding>, RecheckError> {
+    let name = format!("{folder}/{}", layout::CHECKS);
+    if tree.has(&name)? { tree.json(&name) } else { Ok(Vec::new()) }
+}
+
+/// The findings by trajectory, in the order of `scene.json`.
+fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<(String, Vec<Finding>)>, RecheckError> {
     let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
     let recipe = recipe_of(&scene)?;
     let photos = scene.images.iter().filter(|image| image.used).count();
@@ -98,9 +138,14 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<Finding>, RecheckErro
         let pair = stereo_pair(&recipe, &scene, part);
         let (folder, name, recipe) = (folder.as_str(), name.as_str(), &recipe);
         let released = ReleasedTrajectory { tree, folder, name, recipe, camera, part, pair, photos };
-        findings.extend(released.findings()?);
+        findings.push((part.name.clone(), released.findings()?));
     }
     Ok(findings)
+}
+
+/// The findings on the agreement of files in a release without a fault.
+pub(super) fn agreement_of_sound(manifest: &ReleaseManifest) -> Vec<Finding> {
+    agreement::judge_faults(manifest, &|_| true, &[])
 }
 
 /// The stereo pair whose first camera sees along a trajectory.

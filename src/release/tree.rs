@@ -76,6 +76,11 @@ impl ReleaseTree {
         })
     }
 
+    /// The content of the file at a path.
+    pub(super) fn content(&self, path: &str) -> Option<&FileContent> {
+        self.files.get(path)
+    }
+
     /// The file in the store with the content of a file of the tree.
     pub(super) fn place(&self, path: &str) -> Option<&Path> {
         match self.files.get(path)? {

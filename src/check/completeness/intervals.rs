@@ -6,6 +6,9 @@ use crate::image::Size;
 
 /// Smallest change of a compared pixel, in thresholds. Much smaller ones may leave no event.
 const LEAST: f64 = 1.25;
+/// Median image motion in a short interval, px. A pixel that an edge passes changes in one direction for
+/// about as long.
+const SHORT_PX: f64 = 2.0;
 /// Parts of the sensor in each direction.
 const TILES: usize = 4;
 
@@ -80,6 +83,15 @@ impl IntervalWatch {
         let (sums, intervals, tiles) =
             (TileSums::default(), Vec::new(), vec![TileSums::default(); TILES * TILES]);
         Self { size, law, stamps_us, short_us, drift, counts, sums, intervals, tiles }
+    }
+
+    /// Counts no interval as short in which an image of this speed, px/s, moves too far. Frames may be too far
+    /// apart for any short interval.
+    pub(in crate::check) fn moves_at(&mut self, px_s: f64) {
+        let most_us = 1e6 * SHORT_PX / px_s;
+        if (self.short_us as f64) > most_us {
+            self.short_us = 0;
+        }
     }
 
     /// Takes a pixel at the next anchor: its drift since the first, if it is known, its events

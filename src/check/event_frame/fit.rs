@@ -187,12 +187,13 @@ impl FitSums {
             let by_floor = floor.spoils_residual(self.most_residual + error, side, law.thresholds);
             fit.maybe_impossible.add((by_floor + law.beyond_spread_error(counts)).min(1.0));
         }
+        let shows_sign = dv.abs() > 2.0 * threshold + unequal && law.shows_sign(dv, counts);
         let fit = &mut self.fit;
         let most = self.most_residual + error + STRAY * law.least_threshold();
         fit.stray += u64::from((dv - s).abs() > most);
         // With two thresholds of drift, a residual hardly turns the sign of `s`; nor does the spread
         // of the thresholds, beyond its own bound.
-        if dv.abs() > 2.0 * threshold + unequal {
+        if shows_sign {
             fit.doubled[0] += 1;
             fit.doubled[1] += u64::from(s * dv > 0.0);
             let silent = counts == [0, 0] && dv.abs() > self.most_residual + error;

@@ -14,6 +14,16 @@ pub struct FlowAt {
     pub px_s: Image<[f32; 2]>,
 }
 
+/// Median speed of the image over some instants, px/s; `None` without a known speed.
+pub(in crate::check) fn median_speed(flows: &[FlowAt]) -> Option<f64> {
+    let of_image = |flow: &FlowAt| {
+        let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
+        nearest_ranks(speeds, [50]).map(|[speed]| speed)
+    };
+    let speeds = flows.iter().filter_map(of_image).collect();
+    nearest_ranks(speeds, [50]).map(|[speed]| f64::from(speed))
+}
+
 /// The longest half of a window, us.
 const MAX_US: f64 = 15_000.0;
 /// Image motion in half a window, px: enough to blur an edge, and small enough for a constant flow.

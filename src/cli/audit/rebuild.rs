@@ -11,7 +11,7 @@ use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
 use crate::release::audit::{AuditFault, rebuilt};
 use crate::release::{
-    self, BuiltPlan, LinkMode, ReleaseContext, ReleaseManifest, ReleaseTarget, TargetClaim,
+    BuiltPlan, JudgedRelease, LinkMode, ReleaseContext, ReleaseManifest, ReleaseTarget, TargetClaim,
 };
 use crate::render::backend::Backend;
 use crate::render::gpu;
@@ -134,7 +134,9 @@ impl RebuildArgs {
         // The store is deleted together with the release, so hard links are safe here and no byte
         // is copied.
         ReleaseTarget::claim(&to, claim, &mut |_| {})
-            .and_then(|mut target| release::write_release(&mut target, built, LinkMode::Hard, cancel))
+            .and_then(|mut target| {
+                JudgedRelease::new(built, cancel)?.write(&mut target, LinkMode::Hard, cancel)
+            })
             .map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
         Ok(to)
     }

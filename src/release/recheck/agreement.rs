@@ -36,7 +36,15 @@ pub(super) fn compare_files(
     wanted: &dyn Fn(&str) -> bool,
     composed: &BTreeSet<String>,
 ) -> io::Result<Vec<Finding>> {
-    let faults = find_contradictions(dir, manifest, wanted, composed)?;
+    Ok(judge_faults(manifest, wanted, &find_contradictions(dir, manifest, wanted, composed)?))
+}
+
+/// The findings on files with these faults.
+pub(super) fn judge_faults(
+    manifest: &ReleaseManifest,
+    wanted: &dyn Fn(&str) -> bool,
+    faults: &[AuditFault],
+) -> Vec<Finding> {
     let mut findings = Vec::new();
     for scene in manifest.scenes.iter().filter(|scene| wanted(&scene.id)) {
         let own: Vec<&AuditFault> =
@@ -58,7 +66,7 @@ pub(super) fn compare_files(
             finding(&manifest.name, (*part, *what), faults.iter().filter(is_of))
         }));
     }
-    Ok(findings)
+    findings
 }
 
 fn finding<'f>(

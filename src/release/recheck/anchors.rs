@@ -19,6 +19,8 @@ const PARTS: [usize; 2] = [4, 64];
 /// Image motion in one part, px: enough for a change of brightness, and little enough for a gap in
 /// the events to show.
 const PART_PX: f64 = 2.0;
+/// Largest image motion between the frames of a span, px. Within a span, pixels change steadily.
+const SPAN_PX: f64 = 2.0;
 /// Gradient from which on a pixel shows the motion of the image, greys per px.
 const EDGE: f32 = 8.0;
 /// Level of a channel at which a picture is clipped.
@@ -79,7 +81,12 @@ fn choose_anchors(stamps: &[i64], frame_px: f64, values: usize) -> AnchorChoice 
     let room = FRAME_BYTES / (4 * values).max(1);
     let wanted = (frame_px * stamps.len() as f64 / PART_PX) as usize;
     let parts = wanted.min(room).clamp(PARTS[0], PARTS[1]);
-    AnchorChoice::in_parts(stamps, apart, parts as i64)
+    let mut choice = AnchorChoice::in_parts(stamps, apart, parts as i64);
+    if frame_px > SPAN_PX {
+        // The image moves too far between any two frames.
+        choice.spans.clear();
+    }
+    choice
 }
 
 /// Median image motion between neighbouring kept frames, px: from the flow, or else from the frames.

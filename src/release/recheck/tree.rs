@@ -1,30 +1,65 @@
-//! The files of a release that another party may have made.
+//! The files of a release: in a folder that another party may have made, or not written yet.
 
 use super::{RecheckError, unreadable_file};
-use crate::files;
+use crate::files::{self, LinkRule};
+use crate::release::tree::{FileContent, ReleaseTree};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A release tree. Nothing outside its folder is read.
+/// The place of the files.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum TreeFiles<'a> {
+    /// A folder. Nothing outside of it is read.
+    Folder(&'a Path),
+    /// The files that a release is going to write, with their bytes in the store or in memory.
+    Unwritten {
+        files: &'a ReleaseTree,
+        /// Reading fails from the moment at which it is true.
+        cancel: &'a AtomicBool,
+    },
+}
+
+impl TreeFiles<'_> {
+    fn read(self, name: &str, limit: u64) -> io::Result<Vec<u8>> {
+        match self {
+            Self::Folder(dir) => files::read_below(dir, Path::new(name), limit),
+            Self::Unwritten { cancel, .. } if cancel.load(Ordering::Relaxed) => {
+                Err(io::ErrorKind::Interrupted.into())
+            }
+            Self::Unwritten { files, .. } => match files.content(name) {
+                Some(FileContent::Bytes(bytes)) => Ok(bytes.clone()),
+                Some(FileContent::Blob { path, .. }) => files::read_with(path, LinkRule::Refuse, limit),
+                None => Err(io::ErrorKind::NotFound.into()),
+            },
+        }
+    }
+}
+
+/// A release tree.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AuditedTree<'a> {
-    pub(super) dir: &'a Path,
+    pub(super) files: TreeFiles<'a>,
     /// Names of the pictures whose files are what this program writes for them. Each was decoded for
     /// the passes, and need not be decoded again for its form.
     pub(super) composed: &'a Mutex<BTreeSet<String>>,
 }
 
 impl AuditedTree<'_> {
+    /// The path of a file that readers open by its path.
     pub(super) fn path_of(self, name: &str) -> PathBuf {
-        self.dir.join(name)
+        match self.files {
+            TreeFiles::Folder(dir) => dir.join(name),
+            TreeFiles::Unwritten { files, .. } => files.place(name).unwrap_or(Path::new(name)).to_owned(),
+        }
     }
 
     /// Reads a file. Its name may come from another file of the tree.
     pub(super) fn read(self, name: &str) -> Result<Vec<u8>, RecheckError> {
-        files::read_below(self.dir, Path::new(name), files::MAX_DOCUMENT).map_err(|e| self.refusal(name, e))
+        self.files.read(name, files::MAX_DOCUMENT).map_err(|e| self.refusal(name, e))
     }
 
     pub(super) fn json<T: DeserializeOwned>(self, name: &str) -> Result<T, RecheckError> {
@@ -33,7 +68,7 @@ impl AuditedTree<'_> {
 
     /// The bytes of a picture; `None` if there is nothing of this name.
     pub(super) fn picture(self, name: &str) -> Result<Option<Vec<u8>>, RecheckError> {
-        match files::read_below(self.dir, Path::new(name), files::MAX_PICTURE) {
+        match self.files.read(name, files::MAX_PICTURE) {
             Ok(bytes) => Ok(Some(bytes)),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(e) => Err(self.refusal(name, e)),
@@ -43,7 +78,11 @@ impl AuditedTree<'_> {
     /// Returns true for a regular file, and false if there is nothing of this name. Everything else is
     /// an error.
     pub(super) fn has(self, name: &str) -> Result<bool, RecheckError> {
-        match files::open_below(self.dir, Path::new(name)) {
+        let dir = match self.files {
+            TreeFiles::Folder(dir) => dir,
+            TreeFiles::Unwritten { files, .. } => return Ok(files.content(name).is_some()),
+        };
+        match files::open_below(dir, Path::new(name)) {
             Ok(_) => Ok(true),
             Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
             Err(e) => Err(self.refusal(name, e)),

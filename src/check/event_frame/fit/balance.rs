@@ -107,6 +107,11 @@ impl<'a> DriftBalance<'a> {
         })
     }
 
+    /// States the typical speed of the image, px/s.
+    pub(in crate::check) fn moves_at(&mut self, px_s: f64) {
+        self.intervals.moves_at(px_s);
+    }
+
     /// Stamp of the next anchor; `None` after the last.
     pub(in crate::check) fn next_us(&self) -> Option<i64> {
         self.anchors.stamps_us.get(self.found.fits.len() + 1).copied()
