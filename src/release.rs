@@ -251,9 +251,15 @@ impl<'a> JudgedRelease<'a> {
         }
         let release = [context.info.name.as_str(), &context.info.version];
         let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
-        let ComposedTree { tree, scenes, agreement, records } = compose_tree(self.scenes, exports, context)?;
+        let ComposedTree { tree, scenes, agreement, pictures, records } =
+            compose_tree(self.scenes, exports, context)?;
+        let options = audit::AuditOptions {
+            takedown: Some(&context.takedown),
+            exporter: None,
+            composed: Some(&pictures),
+        };
         let tree::TreeOutcome { files, bytes, stood } =
-            tree::write_tree(target, &tree, (store, &context.takedown), link, cancel)?;
+            tree::write_tree(target, &tree, (store, options), link, cancel)?;
         let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
         // A set, because all scenes of one source have the same warning.
         let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();

@@ -52,7 +52,7 @@ impl AuditArgs {
             return Ok(ExitKind::Done);
         }
         let exporter = IncludedExporter { progress: &SilentProgress };
-        let options = AuditOptions { takedown: takedown.as_ref(), exporter: Some(&exporter) };
+        let options = AuditOptions { takedown: takedown.as_ref(), exporter: Some(&exporter), composed: None };
         let audited = audit::audit_with(&self.dir, options, self.parts.read()?)
             .map_err(|e| self.parts.refused(&self.dir, &e))?;
         let mut report = audited

@@ -152,7 +152,7 @@ const COVERS: [&str; 13] = [
 /// # Errors
 /// The folder cannot be listed. A file that cannot be read is a fault.
 pub fn audit_release(dir: &Path) -> io::Result<AuditReport> {
-    audit_against(dir, None)
+    audit_against(dir, AuditOptions::default())
 }
 
 /// The choices of an audit.
@@ -163,14 +163,16 @@ pub struct AuditOptions<'a> {
     /// Makes the exports of the release once more. Without it, they are judged by their names and their
     /// descriptions alone.
     pub exporter: Option<&'a dyn ReleaseExporter>,
+    /// Pictures whose files are known to be what this program writes for them. They are not decoded.
+    pub composed: Option<&'a BTreeSet<String>>,
 }
 
-/// Audits the release in `dir`, and looks for scenes of a takedown list.
+/// Audits the release in `dir` by these choices.
 ///
 /// # Errors
 /// As [`audit_release`].
-pub fn audit_against(dir: &Path, takedown: Option<&TakedownList>) -> io::Result<AuditReport> {
-    audit_all(dir, AuditOptions { takedown, exporter: None }, PartsFound::default())
+pub fn audit_against(dir: &Path, options: AuditOptions<'_>) -> io::Result<AuditReport> {
+    audit_all(dir, options, PartsFound::default())
 }
 
 /// The verdict on the release in `dir`, whose files were hashed and opened in parts. What is left is read.
@@ -182,7 +184,7 @@ pub fn audit_parts(
     takedown: Option<&TakedownList>,
     parts: Vec<AuditPart>,
 ) -> Result<io::Result<AuditReport>, PartsError> {
-    audit_with(dir, AuditOptions { takedown, exporter: None }, Some(parts))
+    audit_with(dir, AuditOptions { takedown, ..AuditOptions::default() }, Some(parts))
 }
 
 /// Audits the release in `dir`, or gives the verdict on its parts if there are some.
@@ -206,8 +208,9 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
     let signed_by = read_signature(dir, &mut faults);
     // Without `SHA256SUMS` no file can be trusted, so none is opened.
     if let Some(sums) = sums::read_sums(dir, &mut faults) {
-        let composed = BTreeSet::new();
-        let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums), composed: &composed };
+        let unknown = BTreeSet::new();
+        let composed = options.composed.unwrap_or(&unknown);
+        let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums), composed };
         let manifest: Option<ReleaseManifest> =
             claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);

@@ -5,7 +5,7 @@ use super::croissant::DescribedRelease;
 use super::facts::ReleaseFacts;
 use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
-use super::recheck::agreement_of_sound;
+use super::recheck::{FileVerdicts, agreement_of_sound};
 use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
 use super::scene::SceneRecord;
 use super::scene::{SplitPart, TrajectoryPart};
@@ -34,6 +34,8 @@ pub(super) struct ComposedTree {
     pub(super) scenes: Vec<PublishedScene>,
     /// The findings on the agreement of its files, which the audit of the written tree proves.
     pub(super) agreement: Vec<Finding>,
+    /// Pictures whose files are known to be what this program writes for them.
+    pub(super) pictures: BTreeSet<String>,
     /// Keys of the records of its exports and of the verdicts on its files.
     pub(super) records: Vec<Key>,
 }
@@ -44,8 +46,10 @@ pub(super) struct JudgedScene<'a> {
     pub(super) scene: BuiltScene<'a>,
     file: SceneRecord,
     files: ReleaseTree,
+    /// Pictures whose files are known to be what this program writes for them.
+    composed: BTreeSet<String>,
     /// Key of the record of the verdicts on the files.
-    pub(super) verdicts: Key,
+    verdicts: Key,
 }
 
 /// Composes the files of the scenes and judges them. Findings on files join those of the build.
@@ -58,14 +62,15 @@ pub(super) fn judge_scenes<'a>(
     let described = describe_all(&scenes, &context.info)?;
     let judge = |(mut scene, file): (BuiltScene<'a>, SceneRecord)| {
         let mut files = scene_files(&scene, &file, store);
-        let (verdicts, mut found) = file_checks::judge_files(&file.id, &files, store, cancel)?;
+        let (verdicts, FileVerdicts { mut findings, composed }) =
+            file_checks::judge_files(&file.id, &files, store, cancel)?;
         for trajectory in &mut scene.trajectories {
-            let found = found.remove(&trajectory.name).unwrap_or_default();
+            let found = findings.remove(&trajectory.name).unwrap_or_default();
             trajectory.findings = join_findings(std::mem::take(&mut trajectory.findings), found);
             let name = format!("{}/{}/{}", file.id, trajectory.name, layout::CHECKS);
             files.add(name, FileContent::json(&trajectory.findings));
         }
-        Ok(JudgedScene { scene, file, files, verdicts })
+        Ok(JudgedScene { scene, file, files, composed, verdicts })
     };
     scenes.into_iter().zip(described).map(judge).collect()
 }
@@ -78,9 +83,10 @@ pub(super) fn compose_tree(
 ) -> Result<ComposedTree, ReleaseError> {
     let info = &context.info;
     let (mut tree, mut listed, mut published) = (ReleaseTree::default(), Vec::new(), Vec::new());
-    let mut keys = Vec::new();
-    for JudgedScene { scene, file, mut files, verdicts } in scenes {
+    let (mut keys, mut pictures) = (Vec::new(), BTreeSet::new());
+    for JudgedScene { scene, file, mut files, composed, verdicts } in scenes {
         let own = files.listing();
+        pictures.extend(composed);
         let (exported, made) = exports.of_scene(&file, &files)?;
         keys.push(verdicts);
         keys.extend(made);
@@ -110,7 +116,7 @@ pub(super) fn compose_tree(
     tree.extend(top);
     tree.add(manifest::NAME.into(), FileContent::json(&manifest));
     let agreement = agreement_of_sound(&manifest);
-    Ok(ComposedTree { tree, scenes: published, agreement, records: keys })
+    Ok(ComposedTree { tree, scenes: published, agreement, pictures, records: keys })
 }
 
 /// The combined terms of all scenes.

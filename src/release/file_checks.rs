@@ -4,15 +4,13 @@
 //! judge it again.
 
 use super::made_once::{MadeOf, digest_of_files};
-use super::recheck::{RecheckError, judge_unwritten};
+use super::recheck::{FileVerdicts, RecheckError, judge_unwritten};
 use super::tree::ReleaseTree;
 use super::{ReleaseError, TOOL, failed};
 use crate::artifact::write_json;
-use crate::check::Finding;
 use crate::files::{self, LinkRule};
 use crate::store::description::describe_value;
 use crate::store::{Key, Store};
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Name of the stage in the records.
@@ -21,9 +19,6 @@ const STAGE: &str = "file-checks";
 const REVISION: u32 = 1;
 /// Name of the output.
 const VERDICTS: &str = "verdicts.json";
-
-/// Findings by the name of the trajectory.
-pub(super) type FileVerdicts = BTreeMap<String, Vec<Finding>>;
 
 /// Judges the files of a scene, or takes the stored verdicts on the same files.
 pub(super) fn judge_files(

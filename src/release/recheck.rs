@@ -24,7 +24,8 @@ use crate::camera::stereo::Rectification;
 use super::tree::ReleaseTree;
 use crate::check::{Finding, join_findings, records};
 use crate::recipe::{Recipe, RecipeFaults};
-use std::collections::BTreeMap;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
@@ -97,24 +98,36 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, Reche
             found.measured.extend(measured);
         }
     }
-    let composed = composed.into_inner().expect("no thread panics while it holds the names");
-    let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &composed);
+    let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &names_in(composed));
     let agreement = agreement.map_err(|e| unreadable_file(dir, e))?;
     found.measured.extend(agreement.iter().cloned());
     found.joined.extend(agreement);
     Ok(found)
 }
 
-/// Judges the files of a scene that a release is going to write. The findings are those of
-/// [`recheck_tree`] by trajectory, but for the agreement of files.
+/// The verdicts on the files of a scene.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct FileVerdicts {
+    /// The findings of [`recheck_tree`] by trajectory, but for the agreement of files.
+    pub(super) findings: BTreeMap<String, Vec<Finding>>,
+    /// Names of the pictures whose files are what this program writes for them.
+    pub(super) composed: BTreeSet<String>,
+}
+
+/// Judges the files of a scene that a release is going to write.
 pub(super) fn judge_unwritten(
     files: &ReleaseTree,
     id: &str,
     cancel: &AtomicBool,
-) -> Result<BTreeMap<String, Vec<Finding>>, RecheckError> {
+) -> Result<FileVerdicts, RecheckError> {
     let composed = Mutex::default();
-    of_scene(AuditedTree { files: TreeFiles::Unwritten { files, cancel }, composed: &composed }, id)
-        .map(|found| found.into_iter().collect())
+    let tree = AuditedTree { files: TreeFiles::Unwritten { files, cancel }, composed: &composed };
+    let findings = of_scene(tree, id)?.into_iter().collect();
+    Ok(FileVerdicts { findings, composed: names_in(composed) })
+}
+
+fn names_in(composed: Mutex<BTreeSet<String>>) -> BTreeSet<String> {
+    composed.into_inner().expect("no thread panics while it holds the names")
 }
 
 /// The findings that a folder of the release states; none without the file.

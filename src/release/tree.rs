@@ -2,13 +2,13 @@
 //!
 //! The audit gets the takedown list, so that no release with a listed scene is put in place.
 
+use super::audit::AuditOptions;
 use super::manifest::ManifestFile;
 use super::standing::StandingTree;
 use super::target::ReleaseTarget;
 use super::work::{WorkFolder, write_new};
 use super::{LinkMode, ReleaseError, audit, checksum, failed};
 use crate::files::{self, LinkRule, Removal};
-use crate::recipe::TakedownList;
 use crate::store::{Digest, Store};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -122,7 +122,7 @@ pub(super) struct TreeOutcome {
 pub(super) fn write_tree(
     target: &mut ReleaseTarget,
     tree: &ReleaseTree,
-    (store, takedown): (&Store, &TakedownList),
+    (store, options): (&Store, AuditOptions<'_>),
     link: LinkMode,
     cancel: &AtomicBool,
 ) -> Result<TreeOutcome, ReleaseError> {
@@ -145,7 +145,7 @@ pub(super) fn write_tree(
     // Before the sums, which promise that all other files are whole.
     sync_tree(&root)?;
     write_sums(&root, &mut written)?;
-    let report = audit::audit_against(&root, Some(takedown)).map_err(failed(&root))?;
+    let report = audit::audit_against(&root, options).map_err(failed(&root))?;
     if !report.faults.is_empty() {
         return Err(ReleaseError::Audit(report.faults));
     }

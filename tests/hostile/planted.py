@@ -1,13 +1,17 @@
 """Plants 73 faults in the data of a release, and counts those that a check finds by a measure.
 
-    planted.py PROGRAM [FAULT…]
+    planted.py PROGRAM [--plant EXAMPLE] [FAULT…]
 
 The faults are those of a hostile tester: 71 of a table, and two more of inertial data. A fault counts as found
 if a check that compares the data with what determines it fails or warns. Counts, canonical bytes, catalogue and
 report (`records`, but for `blur`, `imu` and `objects`) do not count: a careful forger writes them again.
 `check --tree` reads no sums, so they stay as they are. The two controls have no fault and may have no such finding.
 
-The exit code is 1 if fewer than 66 are found or a control has a finding. Only Python's standard library is used.
+With the example `plant` (`cargo build --example plant`), each fault is planted in the store as well, and
+`gs2e release` must find what `check --tree` finds and write nothing.
+
+The exit code is 1 if fewer than 66 are found, a control has a finding, or
+release and check differ. Only Python's standard library is used.
 """
 
 import concurrent.futures
@@ -345,44 +349,77 @@ def measured(findings):
     return [(what, verdict) for what, verdict in findings if what.split("#")[0] != "records" or what in MEASURES]
 
 
-def judge(program, base, name):
-    """The findings of the check with a fault in a copy of the release."""
+def judge(program, plant, base, name):
+    """The findings of the check with a fault in a copy of the release, and what the release says of it."""
     root = pathlib.Path(tempfile.mkdtemp(dir=base))
-    shutil.copytree(base / "out", root, copy_function=os.link, dirs_exist_ok=True)
-    tree = Tree(program, root)
+    shutil.copytree(base / "out", root / "tree", copy_function=os.link)
+    tree = Tree(program, root / "tree")
     (FAULTS | CONTROLS)[name](tree)
     findings = tree.findings()
+    released = release_planted(program, plant, base, root) if plant else None
     shutil.rmtree(root)
-    return findings
+    return findings, released
+
+
+def link_blob(place, copy):
+    """The program writes into its index and locks, and never into blobs."""
+    (os.link if "/cas/" in str(place) else shutil.copy2)(place, copy)
+
+
+def release_planted(program, plant, base, root):
+    """The exit code of a release from a store with the fault, and its findings."""
+    shutil.copytree(base / "gs2e-store", root / "store", copy_function=link_blob)
+    subprocess.run([plant, root / "store", base / "out", root / "tree"], check=True)
+    command = [program, "release", "--json", "--store", root / "store", "--to", root / "new", base / "recipe.yaml"]
+    ended = subprocess.run(command, capture_output=True, text=True)
+    records = [json.loads(line) for line in ended.stdout.splitlines()]
+    found = {(r["check"], r["subject"].partition("#")[2]) for r in records if r.get("verdict") in ("fail", "warn")}
+    return ended.returncode, (root / "new").exists(), found
+
+
+def differs(findings, released):
+    """How the release and the check differ."""
+    code, is_written, found = released
+    fails = any(verdict == "fail" for _, verdict in measured(findings))
+    if fails and (code != 3 or is_written):
+        return f"the release ended with {code}"
+    missed = {tuple(what.split("#")) for what, verdict in measured(findings) if verdict == "fail"} - found
+    return f"the release did not find {sorted(missed)}" if missed else None
 
 
 def shown(findings):
     return ", ".join(f"{what.rstrip('#')} {verdict}" for what, verdict in findings) or "-"
 
 
-def main(program, names):
+def main(program, plant, names):
     # No GPU: the same on every machine.
     os.environ |= {"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"}
-    count = {"measured": 0, "form": 0, "none": 0, "alarms": 0}
+    count = {"measured": 0, "form": 0, "none": 0, "alarms": 0, "differ": 0}
     with tempfile.TemporaryDirectory() as folder, concurrent.futures.ProcessPoolExecutor(2) as pool:
         base = pathlib.Path(folder)
         (base / "recipe.yaml").write_text(RECIPE)
         command = [program, "release", "-q", "--copy", "--to", "out", "recipe.yaml"]
         subprocess.run(command, cwd=base, check=True)
-        for name, findings in zip(names, pool.map(functools.partial(judge, program, base), names)):
+        judged = pool.map(functools.partial(judge, program, plant, base), names)
+        for name, (findings, released) in zip(names, judged):
+            difference = differs(findings, released) if plant else None
+            count["differ"] += bool(difference)
             found = measured(findings)
             if name in CONTROLS:
                 count["alarms"] += bool(found)
             else:
                 count["measured" if found else "form" if findings else "none"] += 1
-            print(f"{name:38} {shown(found)}", flush=True)
+            print(f"{name:38} {shown(found)}{f' BUT {difference}' if difference else ''}", flush=True)
     faults = [name for name in names if name in FAULTS]
     print(f"{count['measured']} of {len(faults)} found by a check that measures, {count['form']} by form only, "
-          f"{count['none']} not at all; controls: {count['alarms']} with a finding")
-    return count["measured"] < min(WANTED, len(faults)) or count["alarms"] > 0
+          f"{count['none']} not at all; controls: {count['alarms']} with a finding; release and check differ in {count['differ']}")
+    return count["measured"] < min(WANTED, len(faults)) or count["alarms"] + count["differ"] > 0
 
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
-    sys.exit(main(os.path.abspath(sys.argv[1]), sys.argv[2:] or [*CONTROLS, *FAULTS]))
+    words, plant = sys.argv[2:], None
+    if words[:1] == ["--plant"]:
+        plant, words = os.path.abspath(words[1]), words[2:]
+    sys.exit(main(os.path.abspath(sys.argv[1]), plant, words or [*CONTROLS, *FAULTS]))

@@ -57,6 +57,7 @@ mod messages;
 mod no_omit;
 mod objects;
 mod one_pass;
+mod one_verdict;
 mod other_programs;
 mod paths;
 mod photos;
