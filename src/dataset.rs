@@ -185,6 +185,7 @@ fn read_stream(
         disparities: None,
         crossings: None,
         light_changes: false,
+        own_motion: false,
         is_release: true,
         flow: None,
         tolerance: None,

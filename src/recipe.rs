@@ -139,6 +139,12 @@ impl Recipe {
         }
     }
 
+    /// Returns true if things move on paths of their own, or the scene changes with time.
+    #[must_use]
+    pub fn moves_by_itself(&self) -> bool {
+        self.scene_time().is_some() || !self.objects.is_empty()
+    }
+
     /// The sensors of a trajectory, with the numbers that were drawn for it.
     #[must_use]
     pub fn sensors_of(&self, trajectory: &str) -> &SensorSet {

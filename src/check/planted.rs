@@ -189,6 +189,7 @@ impl PlantedWorld {
             crossings: None,
             foreign: Some(&self.foreign),
             light_changes: false,
+            own_motion: false,
             is_release: false,
             limits: &self.limits,
         };

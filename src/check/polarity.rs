@@ -75,6 +75,9 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
         Ok(both) => both,
         Err(because) => return subject.not_run(NAME, "contrary", because),
     };
+    if let Some(because) = subject.moved_by_itself() {
+        return subject.not_run(NAME, "contrary", because);
+    }
     // Over longer intervals a pixel may brighten and darken, and have events of both polarities.
     let short = tally.compared.intervals.iter().filter(|interval| interval.short);
     let [mut pixels, mut with, mut against, mut noise, mut floor] = [0.0; 5];

@@ -63,6 +63,8 @@ pub struct TrajectorySubject<'a> {
     pub foreign: Option<&'a ExternalReport>,
     /// True if the light of the scene changes.
     pub light_changes: bool,
+    /// True if things move on paths of their own, or the scene changes with time.
+    pub own_motion: bool,
     /// True if the files of a release are all that is known.
     pub is_release: bool,
     /// The recipe's limits.
@@ -120,6 +122,12 @@ impl TrajectorySubject<'_> {
     /// The reason why passes that expect pixels to change one by one do not apply, if there is one.
     pub(super) fn moved_together(&self) -> Option<&'static str> {
         self.light_changes.then_some("the light of the scene changes, which moves all pixels alike")
+    }
+
+    /// The reason why passes that expect pixels to change steadily do not apply, if there is one.
+    pub(super) fn moved_by_itself(&self) -> Option<&'static str> {
+        const BECAUSE: &str = "things move on paths of their own, and pixels that they pass may brighten and darken in turn";
+        self.own_motion.then_some(BECAUSE)
     }
 
     /// A finding of `check`; `part` names the statement if the pass makes several.

@@ -229,6 +229,7 @@ fn wire_outputs(
     let checking = ChecksStage {
         limits: recipe.checks.of_trajectory(),
         light_changes: recipe.lights.is_some(),
+        own_motion: recipe.moves_by_itself(),
         imu: recipe.imu.clone().filter(|_| imu.is_some()),
         pair: disparity.and_then(|_| checked_pair(recipe, trajectory)),
     };

@@ -43,6 +43,9 @@ pub struct ChecksStage {
     /// True if the light of the scene changes.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub light_changes: bool,
+    /// True if things move on paths of their own, or the scene changes with time.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub own_motion: bool,
     /// The inertial sensor, if its data are checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu: Option<ImuModel>,
@@ -72,7 +75,7 @@ type CheckedInputs = (TrajectoryProduct, Option<EventStreams>, Option<ExternalRe
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 12;
+    const REVISION: u32 = 13;
     type Inputs = (
         StepTarget<TrajectoryProduct>,
         Option<StepTarget<EventStreams>>,
@@ -128,6 +131,7 @@ impl Stage for ChecksStage {
             crossings: None,
             foreign: foreign.as_ref(),
             light_changes: self.light_changes,
+            own_motion: self.own_motion,
             is_release: false,
             limits: &self.limits,
         };

@@ -124,6 +124,7 @@ impl ReleasedTrajectory<'_> {
             coverage: measured.coverage,
             doubtful_share: None,
             light_changes: self.recipe.lights.is_some(),
+            own_motion: self.recipe.moves_by_itself(),
             is_release: true,
             limits: &self.recipe.checks.of_trajectory(),
         };
