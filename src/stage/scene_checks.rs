@@ -32,7 +32,7 @@ const NO_MODEL: &str = "the source is not a COLMAP model";
 
 impl Stage for CheckingScene {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 3;
+    const REVISION: u32 = 4;
     type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>, SolvingInputs);
     type Output = VerdictsRecord;
 
