@@ -52,7 +52,7 @@ pub mod time_offset;
 pub use advice::advice;
 pub use finding_subject::FindingSubject;
 pub use joined::join_findings;
-pub use limits::{CheckWaiver, Limits};
+pub use limits::{CheckWaiver, Limits, REASON};
 pub use scene_subject::{CapturePhotos, SceneSubject};
 pub use subject::TrajectorySubject;
 pub use tally::StreamTally;
@@ -149,6 +149,12 @@ macro_rules! names_of {
 }
 
 check_table!(names_of);
+
+/// Returns true if a recipe can waive the check of this name.
+#[must_use]
+pub fn is_waivable(check: &str) -> bool {
+    NAMES.contains(&check) && !TREE.contains(&check)
+}
 
 /// A validation pass.
 pub trait ValidationPass: Sync {

@@ -17,6 +17,7 @@ mod datasheet;
 pub mod diff;
 mod facts;
 mod file_checks;
+mod held_back;
 pub mod include;
 mod index;
 mod layout;
@@ -47,6 +48,7 @@ use compose::{
 };
 
 pub use built::GatherError;
+pub use held_back::HeldBackScene;
 pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
 pub use published::recipe as recipe_of_scene;
 pub use report::dataset::{CaptionedPicture, compose_dataset_page};
@@ -54,12 +56,12 @@ pub use scene::SceneRecord;
 pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
-use crate::check::{Finding, Verdict};
+use crate::check::Finding;
 use crate::plan::Plan;
 use crate::recipe::{self, RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
 use crate::run::RunSummary;
 use crate::store::{Key, Store, StoreError};
-use built::BuiltScene;
+use held_back::SortedScenes;
 use include::ReleaseExports;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -92,11 +94,13 @@ pub struct ReleaseContext {
     pub takedown: TakedownList,
     /// Number of scenes that are missing in the plan for that reason.
     pub taken_down: usize,
+    /// True if scenes with a failed check are held back; otherwise they stop the release.
+    pub partial: bool,
 }
 
 impl ReleaseContext {
     /// Reads the files next to the recipes of these paths. The number of scenes taken down is left
-    /// at 0.
+    /// at 0, and the release is not partial.
     ///
     /// # Errors
     /// Every fault of one of the files.
@@ -106,6 +110,7 @@ impl ReleaseContext {
             terms: recipe::read_sources(paths)?,
             takedown: recipe::read_takedown(paths)?,
             taken_down: 0,
+            partial: false,
         })
     }
 }
@@ -125,6 +130,8 @@ pub struct WrittenRelease {
     pub agreement: Vec<Finding>,
     /// Keys of the records of its exports and of the verdicts on its files.
     pub records: Vec<Key>,
+    /// Scenes that a partial release holds back.
+    pub held_back: Vec<HeldBackScene>,
     /// Warnings about licences and empty splits.
     pub warnings: Vec<String>,
 }
@@ -136,8 +143,13 @@ pub enum ReleaseError {
     #[error(transparent)]
     Gather(#[from] GatherError),
     /// Checks failed.
-    #[error("{} checks failed", .0.len())]
-    Checks(Vec<Finding>),
+    #[error("{}", held_back::failure_line(failed))]
+    Checks {
+        /// Their findings.
+        failed: Vec<Finding>,
+        /// Number of scenes in which no check failed.
+        sound: usize,
+    },
     /// Splits have something in common.
     #[error("splits overlap: {}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Leaks(Vec<SplitLeak>),
@@ -208,6 +220,8 @@ pub struct BuiltPlan<'a> {
 pub struct JudgedRelease<'a> {
     built: BuiltPlan<'a>,
     scenes: Vec<JudgedScene<'a>>,
+    /// Scenes that are not built, if the release is partial.
+    unbuilt: Vec<HeldBackScene>,
 }
 
 impl<'a> JudgedRelease<'a> {
@@ -215,12 +229,13 @@ impl<'a> JudgedRelease<'a> {
     /// same files are taken from the store.
     ///
     /// # Errors
-    /// A step is not built, there is no scene, splits overlap, a product cannot be read, or `cancel` is set.
+    /// A step is not built and the release is not partial, there is no scene, splits overlap, a product cannot be read, or `cancel` is set.
     pub fn new(built: BuiltPlan<'a>, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
         let BuiltPlan { plan, summary, store, context, .. } = built;
         let gather = |index| built::gather_scene(plan, index, summary, (store, &context.terms));
-        let scenes: Vec<BuiltScene<'a>> = (0..plan.scenes().len()).map(gather).collect::<Result<_, _>>()?;
-        Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)? })
+        let gathered = (0..plan.scenes().len()).map(gather);
+        let (scenes, unbuilt) = held_back::part_unbuilt(gathered, context.partial)?;
+        Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)?, unbuilt })
     }
 
     /// All findings on the scenes: those of the build, joined with those on the files.
@@ -231,7 +246,7 @@ impl<'a> JudgedRelease<'a> {
     /// Writes the release, unless it already stands at the target.
     ///
     /// # Errors
-    /// A check failed without a waiver, an included export cannot be made, the target changed since it was
+    /// A check failed without a waiver and the release is not partial, no scene is sound, an included export cannot be made, the target changed since it was
     /// claimed, the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
     /// rename.
     pub fn write(
@@ -241,18 +256,16 @@ impl<'a> JudgedRelease<'a> {
         cancel: &AtomicBool,
     ) -> Result<WrittenRelease, ReleaseError> {
         // Before anything else is composed: a failed check must not cost the time of a whole tree.
-        let failed: Vec<Finding> = self.findings().filter(|f| f.verdict == Verdict::Fail).cloned().collect();
-        if !failed.is_empty() {
-            return Err(ReleaseError::Checks(failed));
-        }
         let BuiltPlan { store, context, exporter, .. } = self.built;
-        if self.scenes.is_empty() {
+        let SortedScenes { sound, held_back } =
+            SortedScenes::sort(self.scenes, self.unbuilt, context.partial)?;
+        if sound.is_empty() {
             return Err(ReleaseError::Nothing);
         }
         let release = [context.info.name.as_str(), &context.info.version];
         let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
         let ComposedTree { tree, scenes, agreement, pictures, records } =
-            compose_tree(self.scenes, exports, context)?;
+            compose_tree((sound, &held_back), exports, context)?;
         let options = audit::AuditOptions {
             takedown: Some(&context.takedown),
             exporter: None,
@@ -264,6 +277,6 @@ impl<'a> JudgedRelease<'a> {
         // A set, because all scenes of one source have the same warning.
         let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();
         let (scenes, warnings) = (scenes.len(), warnings.into_iter().collect());
-        Ok(WrittenRelease { scenes, files, bytes, stood, agreement, records, warnings })
+        Ok(WrittenRelease { scenes, files, bytes, stood, agreement, records, held_back, warnings })
     }
 }

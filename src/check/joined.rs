@@ -67,9 +67,8 @@ mod tests {
     }
 
     fn said(findings: &[Finding]) -> Vec<String> {
-        let one = |f: &Finding| {
-            format!("{}#{} {} {}", f.check, f.subject.statement, f.verdict.name(), f.because)
-        };
+        let one =
+            |f: &Finding| format!("{}#{} {} {}", f.check, f.subject.statement, f.verdict.name(), f.because);
         findings.iter().map(one).collect()
     }
 
@@ -102,15 +101,20 @@ mod tests {
     #[test]
     fn a_check_that_says_something_has_no_statement_that_it_was_not_run() {
         use Verdict::{NotRun, Pass};
-        let built =
-            vec![finding("photometric", "", NotRun, "built"), finding("flow_projection", "", NotRun, "built")];
+        let built = vec![
+            finding("photometric", "", NotRun, "built"),
+            finding("flow_projection", "", NotRun, "built"),
+        ];
         let files = vec![
             finding("photometric", "order", NotRun, "files"),
             finding("photometric", "shift", Pass, "files"),
             finding("flow_projection", "", NotRun, "files"),
         ];
-        let wanted =
-            ["photometric#order not-run files", "photometric#shift pass files", "flow_projection# not-run files"];
+        let wanted = [
+            "photometric#order not-run files",
+            "photometric#shift pass files",
+            "flow_projection# not-run files",
+        ];
         assert_eq!(said(&join_findings(built, files)), wanted);
     }
 }

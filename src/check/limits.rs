@@ -3,6 +3,7 @@
 
 mod parse;
 
+pub use parse::REASON;
 use parse::{LimitsVisitor, parse_reason, pass_name, refusal_message};
 pub(super) use parse::{not_asked, parse_positive, parse_share};
 

@@ -8,7 +8,7 @@ use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
 use super::verdicts::{show_findings, tell_count};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
-use crate::check::Finding;
+use crate::check::{Finding, REASON, is_waivable};
 use crate::escape;
 use crate::export::{IncludedExporter, SilentProgress};
 use crate::plan::Plan;
@@ -17,13 +17,14 @@ use crate::recipe::{self, Recipe, ReconstructMethod};
 use crate::release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
 use crate::release::signature::SigningKey;
 use crate::release::{
-    BuiltPlan, GatherError, GuardedPath, JudgedRelease, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
-    TargetClaim, WrittenRelease,
+    BuiltPlan, GatherError, GuardedPath, HeldBackScene, JudgedRelease, LinkMode, ReleaseContext,
+    ReleaseError, ReleaseTarget, TargetClaim, WrittenRelease,
 };
 use crate::run::RunSummary;
 use crate::store::space::is_full;
 use crate::store::{LockClaim, ReleaseRoot, Store};
 use serde_json::json;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -53,6 +54,9 @@ pub(super) struct ReleaseArgs {
     /// Sign the release with this secret key of minisign
     #[arg(long, value_name = "KEY")]
     sign: Option<PathBuf>,
+    /// Hold back scenes with a failed check, write the others, and exit with 3
+    #[arg(long, conflicts_with = "strict")]
+    partial: bool,
     #[command(flatten)]
     care: TrustOptions,
 }
@@ -77,6 +81,7 @@ impl ReleaseArgs {
         let guarded = self.guarded(&recipes, common);
         let (recipes, taken_down) = context.takedown.keep(recipes);
         context.taken_down = taken_down.scenes;
+        context.partial = self.partial;
         super::takedown::show_takedown(taken_down, console);
         // An export that no build can have is refused before hours of work.
         let exporter = IncludedExporter { progress: &SilentProgress };
@@ -98,14 +103,15 @@ impl ReleaseArgs {
         let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit_kind(&summary);
-        // An incomplete build is never released, and the existing tree stays as it is.
-        if built != ExitKind::Done {
+        // An incomplete build is only released as a partial one; else the existing tree stays as it is.
+        let goes_on = self.partial && common.keep_going && built == ExitKind::Failed;
+        if built != ExitKind::Done && !goes_on {
             return Ok(built);
         }
         let progress = BarProgress::new(console, Arc::clone(cancel));
         let exporter = &IncludedExporter { progress: &progress };
-        let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
-        let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
+        let ready = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
+        let judged = JudgedRelease::new(ready, cancel).map_err(|error| release_problem(error, console))?;
         let mut findings: Vec<Finding> = judged.findings().cloned().collect();
         let faults = show_findings(&findings, console);
         if self.care.strict && faults > 0 {
@@ -125,7 +131,7 @@ impl ReleaseArgs {
         if let Some(key) = key {
             self.sign(&key, console)?;
         }
-        Ok(ExitKind::Done)
+        Ok(if built == ExitKind::Done && !written.held_back.is_empty() { ExitKind::Fault } else { built })
     }
 
     fn sign(&self, key: &SigningKey, console: &Console) -> Result<(), VerbError> {
@@ -197,6 +203,7 @@ impl ReleaseArgs {
         for warning in &written.warnings {
             console.say(&format!("warning: {warning}"));
         }
+        written.held_back.iter().for_each(|scene| tell_held_back(scene, console));
         let (to, mb) = (self.to.display(), written.bytes as f64 * 1e-6);
         let WrittenRelease { scenes, files, .. } = written;
         console.say(&if written.stood {
@@ -207,9 +214,17 @@ impl ReleaseArgs {
         if console.json {
             console.result(&json!({
                 "release": path(&self.to), "files": written.files, "bytes": written.bytes, "written": !written.stood,
+                "held_back": written.held_back.iter().map(|scene| &scene.id).collect::<Vec<_>>(),
             }));
         }
     }
+}
+
+/// Names a scene that a partial release lacks, and the reasons.
+fn tell_held_back(scene: &HeldBackScene, console: &Console) {
+    let message = UserMessage::new(MessageLevel::Error, "held-back", format!("{} is held back", scene.id));
+    let message = scene.reasons().into_iter().fold(message, UserMessage::because);
+    console.tell(&message);
 }
 
 /// Reads a secret key, and asks for its password on the terminal if it has one.
@@ -284,6 +299,28 @@ fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), VerbError> {
     }
 }
 
+/// The ways out after failed checks; `sound` is the number of scenes without one.
+fn check_help(failed: &[Finding], sound: usize) -> String {
+    let checks: BTreeSet<&str> = failed.iter().map(|finding| finding.check.as_str()).collect();
+    let waivers: Vec<String> = checks
+        .into_iter()
+        .filter(|check| is_waivable(check))
+        .map(|check| format!("{{ check: {check}, because: \"{REASON}\" }}"))
+        .collect();
+    let mut ways = vec!["fix the cause that each finding names".to_owned()];
+    if sound > 0 {
+        ways.push(format!("or release the other {} with --partial", counted_noun(sound, "scene")));
+    }
+    if !waivers.is_empty() {
+        ways.push(format!("or accept it in the recipe: checks: {{ waive: [{}] }}", waivers.join(", ")));
+    }
+    ways.join("; ")
+}
+
+fn counted_noun(count: usize, noun: &str) -> String {
+    if count == 1 { noun.to_owned() } else { format!("{count} {noun}s") }
+}
+
 /// An export of `release.yaml` that cannot be made.
 fn include_problem(refusal: IncludeRefusal) -> VerbError {
     let said = format!("{refusal}; nothing was released");
@@ -306,13 +343,12 @@ fn include_problem(refusal: IncludeRefusal) -> VerbError {
 fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
     let message = error.to_string();
     match error {
-        ReleaseError::Checks(findings) => {
+        ReleaseError::Checks { failed, sound } => {
             // People have seen these findings at the end of the build.
             if console.json {
-                check::records(&findings, console);
+                check::records(&failed, console);
             }
-            VerbError::fault("check-failed", format!("{message}; nothing was released"))
-                .help("fix it, or waive it in the recipe: checks: { waive: [{ check, because }] }")
+            VerbError::fault("check-failed", format!("not released: {message}")).help(&check_help(&failed, sound))
         }
         ReleaseError::Foreign { .. } => {
             VerbError::usage("foreign-folder", message).help(

@@ -3,7 +3,7 @@
 
 mod conventions;
 mod files;
-mod head;
+pub(super) mod head;
 mod licences;
 mod making;
 mod scenes;
@@ -26,6 +26,7 @@ pub(super) fn compose_card(facts: &ReleaseFacts<'_>) -> String {
         conventions::conventions_section(facts),
         making::making_section(facts),
         checks_section(scenes),
+        held_back_section(facts),
         scenes::splits_section(facts),
         format!("## Limits\n\n{}\n", facts.provenance().limits()),
         licences::licences_section(facts),
@@ -69,6 +70,21 @@ fn card_introduction(facts: &ReleaseFacts<'_>) -> String {
     }
     if facts.taken_down > 0 {
         let _ = writeln!(text, "\n{} scene(s) were removed on request.", facts.taken_down);
+    }
+    text
+}
+
+/// The scenes that are held back, with the reasons; empty for a whole release.
+fn held_back_section(facts: &ReleaseFacts<'_>) -> String {
+    if facts.held_back.is_empty() {
+        return String::new();
+    }
+    let mut text = String::from(
+        "## Held back\n\nThis release is partial. These scenes have recipes, and are not in it:\n\n",
+    );
+    for scene in facts.held_back {
+        let because = plain_text(&scene.reasons().join("; "));
+        let _ = writeln!(text, "- {}: {because}", plain_text(&scene.id));
     }
     text
 }

@@ -3,16 +3,18 @@
 use super::built::{BuiltScene, BuiltTrajectory};
 use super::croissant::DescribedRelease;
 use super::facts::ReleaseFacts;
+use super::held_back::HeldBackScene;
 use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
-use super::recheck::{FileVerdicts, agreement_of_sound};
 use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
+use super::recheck::{FileVerdicts, agreement_of_sound};
 use super::scene::SceneRecord;
 use super::scene::{SplitPart, TrajectoryPart};
 use super::tree::{FileContent, ReleaseTree};
 use super::{
-    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, file_checks, index, layout,
-    loader, manifest, path_picture, products, published, report, reuse, scene, split, standing,
+    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, file_checks,
+    index, layout, loader, manifest, path_picture, products, published, report, reuse, scene, split,
+    standing,
 };
 use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
@@ -77,7 +79,7 @@ pub(super) fn judge_scenes<'a>(
 
 /// Composes the tree without the sums.
 pub(super) fn compose_tree(
-    scenes: Vec<JudgedScene<'_>>,
+    (scenes, held_back): (Vec<JudgedScene<'_>>, &[HeldBackScene]),
     exports: ReleaseExports<'_>,
     context: &ReleaseContext,
 ) -> Result<ComposedTree, ReleaseError> {
@@ -97,7 +99,8 @@ pub(super) fn compose_tree(
         tree.extend(files);
     }
     let licence = terms_of(&published);
-    let facts = ReleaseFacts { scenes: &published, info, taken_down: context.taken_down, licence: &licence };
+    let taken_down = context.taken_down;
+    let facts = ReleaseFacts { scenes: &published, info, taken_down, held_back, licence: &licence };
     let top = compose_top(&facts, &|path| tree.place(path).map(Path::to_owned));
     let manifest = ReleaseManifest {
         format: standing::FORMAT,
@@ -106,7 +109,8 @@ pub(super) fn compose_tree(
         publisher: Some(Publisher::of(info)),
         tool: TOOL.into(),
         licence: licence.expression,
-        taken_down: context.taken_down,
+        taken_down,
+        held_back: held_back.to_vec(),
         splits: info.splits.clone(),
         include: info.include.clone(),
         scenes: listed,

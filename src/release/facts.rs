@@ -5,6 +5,7 @@ mod counts;
 
 pub(super) use counts::FileCounts;
 
+use super::held_back::HeldBackScene;
 use super::markdown::plain_text;
 use super::provenance::Provenance;
 use super::published::PublishedScene;
@@ -21,6 +22,8 @@ pub(super) struct ReleaseFacts<'a> {
     pub(super) info: &'a ReleaseInfo,
     /// Number of scenes left out because they are taken down.
     pub(super) taken_down: usize,
+    /// Scenes left out because a check failed.
+    pub(super) held_back: &'a [HeldBackScene],
     /// The terms of the whole release.
     pub(super) licence: &'a ComposedTerms,
 }
@@ -81,7 +84,7 @@ impl ReleaseFacts<'_> {
     pub(super) fn assets(&self) -> Vec<&'static LedgerAsset> {
         let datasets = self.parts().filter_map(|part| part.asset).map(|asset| asset.name);
         let mut names: BTreeSet<&str> = datasets.collect();
-        if self.trained().is_some() {
+        if self.trained_elsewhere() {
             names.insert("3D Gaussian Splatting");
         }
         names.extend(self.provenance().models().map(|(name, _)| name));
@@ -111,6 +114,12 @@ impl ReleaseFacts<'_> {
         }
         let how: Vec<String> = how.iter().map(|text| plain_text(text)).collect();
         (!how.is_empty()).then(|| how.join("; "))
+    }
+
+    /// Returns true if another program trained a scene, so that it may be the official one.
+    pub(super) fn trained_elsewhere(&self) -> bool {
+        let mut ways = self.scenes.iter().filter_map(|scene| scene.recipe.reconstruct.as_ref());
+        ways.any(|way| !matches!(way, ReconstructMethod::Builtin(_)))
     }
 
     /// Returns true if every scene is procedural.

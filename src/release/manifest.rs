@@ -2,6 +2,7 @@
 //! Committed next to the recipes, it is compared with later builds.
 
 use super::built::{BuiltScene, BuiltStep};
+use super::held_back::HeldBackScene;
 use super::left_out::OmissionRow;
 use crate::check::{Finding, Verdict};
 use crate::recipe::{IncludedExport, ReleaseInfo, SplitPlan};
@@ -36,6 +37,9 @@ pub struct ReleaseManifest {
     /// Number of scenes left out because a takedown list names them.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub taken_down: usize,
+    /// Scenes left out because a check failed, sorted by id.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held_back: Vec<HeldBackScene>,
     /// Rule that deals scenes into splits, if there are splits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub splits: Option<SplitPlan>,

@@ -17,11 +17,11 @@ mod trajectory;
 mod tree;
 mod walk;
 
-use super::{layout, published};
 use super::scene::TrajectoryPart;
-use super::{ReleaseManifest, SceneRecord};
-use crate::camera::stereo::Rectification;
 use super::tree::ReleaseTree;
+use super::{ReleaseManifest, SceneRecord};
+use super::{layout, published};
+use crate::camera::stereo::Rectification;
 use crate::check::{Finding, join_findings, records};
 use crate::recipe::{Recipe, RecipeFaults};
 use serde::{Deserialize, Serialize};

@@ -28,6 +28,7 @@ pub(super) use section::ReportTrajectory;
 pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
 
 use super::facts::ReleaseFacts;
+use super::held_back::HeldBackScene;
 use super::published::StoredPlaces;
 use crate::check::Finding;
 use crate::html::{HtmlFragment, write_page_head};
@@ -46,6 +47,7 @@ struct ReportPage<'a> {
     licence: &'a ComposedTerms,
     entries: Vec<SceneEntry<'a>>,
     taken_down: usize,
+    held_back: &'a [HeldBackScene],
     top: Vec<String>,
     places: StoredPlaces<'a>,
     detail: DetailLevel,
@@ -67,15 +69,15 @@ impl<'a> ReportPage<'a> {
 }
 
 /// Maximum number of scenes that are shown unfolded.
-const UNFOLDED: usize = 2;
+const UNFOLDED: usize = 6;
 
 /// Composes the page; `top` are the files at the top of the tree. Scenes are read in parallel, and
 /// only what the page shows of them stays in memory.
 pub(super) fn compose_page(facts: &ReleaseFacts<'_>, top: Vec<String>, places: StoredPlaces<'_>) -> String {
     let entries: Vec<SceneEntry<'_>> = facts.scenes.iter().map(|scene| SceneEntry { scene }).collect();
     let detail = DetailLevel::for_trajectories(facts.counts().trajectories);
-    let ReleaseFacts { info, licence, taken_down, .. } = *facts;
-    let page = ReportPage { info, licence, entries, taken_down, top, places, detail };
+    let ReleaseFacts { info, licence, taken_down, held_back, .. } = *facts;
+    let page = ReportPage { info, licence, entries, taken_down, held_back, top, places, detail };
     let parts: Vec<SceneSection> =
         page.entries.par_iter().map(|entry| section::compose_section(&page, entry)).collect();
     HtmlFragment::whole_page(|html| {

@@ -59,6 +59,7 @@ mod objects;
 mod one_pass;
 mod one_verdict;
 mod other_programs;
+mod partial;
 mod paths;
 mod photos;
 mod pictures;

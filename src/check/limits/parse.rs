@@ -1,7 +1,7 @@
 //! Limits as recipes write them.
 
 use super::{EXACT, KEYS, Limits};
-use crate::check::{NAMES, TREE};
+use crate::check::{NAMES, is_waivable};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -44,7 +44,7 @@ pub(super) fn refusal_message<E: Error>(key: &str) -> E {
 pub(super) fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let name = String::deserialize(deserializer)?;
     // A misspelt name would accept nothing, and not say so.
-    let known: Vec<&str> = NAMES.into_iter().filter(|name| !TREE.contains(name)).collect();
+    let known: Vec<&str> = NAMES.into_iter().filter(|name| is_waivable(name)).collect();
     if known.contains(&name.as_str()) {
         Ok(name)
     } else {
@@ -52,10 +52,18 @@ pub(super) fn pass_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<St
     }
 }
 
+/// Placeholder of the reason in a waiver that a message proposes.
+pub const REASON: &str = "your reason";
+
 pub(super) fn parse_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result<String, D::Error> {
     let because = String::deserialize(deserializer)?;
     if because.trim().is_empty() {
         return Err(D::Error::custom("a check is waived only with a reason, and this one is empty"));
+    }
+    if because.trim() == REASON {
+        return Err(D::Error::custom(format!(
+            "`{REASON}` is a placeholder; write why the fault is acceptable"
+        )));
     }
     Ok(because)
 }

@@ -228,7 +228,8 @@ pub(super) fn top(
         return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
     let licence = crate::release::terms_of(scenes);
-    let facts = ReleaseFacts { scenes, info: &info, taken_down: manifest.taken_down, licence: &licence };
+    let (taken_down, held_back) = (manifest.taken_down, manifest.held_back.as_slice());
+    let facts = ReleaseFacts { scenes, info: &info, taken_down, held_back, licence: &licence };
     let composed = crate::release::compose_top(&facts, &|path| tree.intact_path(path));
     let compare = |(path, content): (String, FileContent)| match content {
         FileContent::Bytes(bytes) => compare(tree, &path, &bytes),

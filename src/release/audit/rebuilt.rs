@@ -78,7 +78,8 @@ pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
         ));
     }
     let ids = |of: &ReleaseManifest| of.scenes.iter().map(|scene| scene.id.clone()).collect::<Vec<_>>();
-    let whole = ids(&stated) == ids(&made) && stated.taken_down == made.taken_down;
+    let absent = |of: &ReleaseManifest| (of.taken_down, of.held_back.clone());
+    let whole = ids(&stated) == ids(&made) && absent(&stated) == absent(&made);
     let paths = |of: &ReleaseManifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
     for path in paths(&stated).union(&paths(&made)).filter(|path| whole || *path == loader::NAME) {
         let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));

@@ -18,7 +18,11 @@ impl AnswerContext<'_> {
             0 => String::new(),
             count => format!("The pictures and events of {count} scenes are withheld. "),
         };
-        let text = format!("{photos}{withheld}{}", self.taken_down());
+        let held_back = match self.facts.held_back.len() {
+            0 => String::new(),
+            count => format!("Scenes held back because of failed checks: {count}; the card lists them. "),
+        };
+        let text = format!("{photos}{withheld}{held_back}{}", self.taken_down());
         if text.is_empty() {
             "Outputs that the recipes do not request; nothing else is known to be missing.".into()
         } else {

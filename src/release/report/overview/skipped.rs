@@ -70,6 +70,11 @@ fn absence_sentences(page: &ReportPage<'_>) -> Vec<String> {
             if page.taken_down == 1 { "is" } else { "are" }
         ));
     }
+    sentences.extend(
+        page.held_back
+            .iter()
+            .map(|scene| format!("The scene {} is held back: {}.", scene.id, scene.reasons().join("; "))),
+    );
     if photos > 0 {
         sentences.push(format!(
             "The release contains no photos at their own size; {} of {} source photos were not used.",

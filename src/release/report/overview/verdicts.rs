@@ -35,8 +35,8 @@ pub(in crate::release::report) fn write_checks(html: &mut HtmlFragment, page: &R
 }
 
 const VERDICTS: &str = "pass: within the limits. warn: outside a limit that does not stop a release. waived: failed, and \
-    accepted by the recipe for a stated reason. not-run: could not be judged; the reason is below. A release with a failed \
-    check is not written.";
+    accepted by the recipe for a stated reason. not-run: could not be judged; the reason is below. A scene with a \
+    failed check is not in the release.";
 
 fn by_check(html: &mut HtmlFragment, (name, count): (&str, VerdictCount)) {
     html.within("tr", &[], |html| {
