@@ -11,12 +11,15 @@ use super::input;
 use super::problem::{ExitKind, VerbError};
 use crate::event::evt::EvtVersion;
 use crate::event::file::EventFormat;
+use crate::files::rename::parent_folder;
+use crate::recipe::draft;
 use crate::scene::dynamic::file::frame_files;
 use crate::scene::sog;
 use crate::store::Store;
 use crate::{files, release};
 use serde_json::{Value, json};
-use std::io;
+use std::fs::File;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `info`.
@@ -31,6 +34,9 @@ pub(super) struct InfoArgs {
     /// Scene file, event file, capture, release or store
     #[arg(value_name = "PATH")]
     path: PathBuf,
+    /// Write the first recipe for a scene to this file, with the path of the scene from its folder
+    #[arg(long, value_name = "FILE")]
+    recipe: Option<PathBuf>,
     #[command(flatten)]
     events: EventInputOptions,
 }
@@ -52,6 +58,10 @@ struct PathFacts {
 impl InfoArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let facts = self.facts(console)?;
+        if let Some(file) = &self.recipe {
+            write_recipe(file, &facts.recipe)?;
+            console.say(&format!("a first recipe is in {}", path(file)));
+        }
         if console.json {
             let mut value = json!({ "kind": facts.kind, "path": path(&self.path) });
             if let (Some(all), Value::Object(own)) = (value.as_object_mut(), facts.value) {
@@ -64,8 +74,18 @@ impl InfoArgs {
         for (label, text) in &facts.rows {
             console.print(&format!("  {label:<13}{text}"));
         }
-        facts.recipe.iter().for_each(|line| console.print(line));
+        if self.recipe.is_none() && !facts.recipe.is_empty() {
+            facts.recipe.iter().for_each(|line| console.print(line));
+            console.say("to save the recipe in another folder, with the path from there: --recipe FILE");
+        }
         Ok(ExitKind::Done)
+    }
+
+    /// The path of the scene as the recipe has it.
+    fn named(&self) -> Result<PathBuf, VerbError> {
+        let Some(file) = &self.recipe else { return Ok(self.path.clone()) };
+        let way = draft::relative_path(parent_folder(file), &self.path);
+        way.map_err(|e| not_written(file, &e))
     }
 
     fn facts(&self, console: &Console) -> Result<PathFacts, VerbError> {
@@ -73,7 +93,7 @@ impl InfoArgs {
         if !files::is_there(place) {
             return Err(input::missing_file("path", place));
         }
-        if place.is_dir() { folder_facts(place, console) } else { self.file_facts(place, console) }
+        if place.is_dir() { self.folder_facts(place, console) } else { self.file_facts(place, console) }
     }
 
     fn file_facts(&self, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
@@ -88,25 +108,39 @@ impl InfoArgs {
         if is_json && place.file_name().is_some_and(|name| name != sog::META) {
             return capture::capture_facts(place, console);
         }
-        scene::scene_facts(place)
+        scene::scene_facts(place, &self.named()?)
+    }
+
+    fn folder_facts(&self, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
+        if release::summary::is_release(place) {
+            return tree::release_facts(place);
+        }
+        if Store::is_store(place) {
+            return tree::store_facts(place);
+        }
+        let holds = |name: &str| files::is_there(&place.join(name));
+        // Captures may contain scene files too.
+        let is_capture = holds("cameras.json") || holds("transforms.json");
+        let is_sequence = !is_capture && frame_files(place).is_ok_and(|frames| frames.len() > 1);
+        if holds(sog::META) || is_sequence {
+            return scene::scene_facts(place, &self.named()?);
+        }
+        capture::capture_facts(place, console)
     }
 }
 
-fn folder_facts(place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
-    if release::summary::is_release(place) {
-        return tree::release_facts(place);
+/// Writes a first recipe. A file that exists may be a recipe that a person changed, so it stays.
+fn write_recipe(file: &Path, recipe: &[String]) -> Result<(), VerbError> {
+    if recipe.is_empty() {
+        let what = "--recipe: only a scene has a first recipe".to_owned();
+        return Err(VerbError::usage("usage", what).help("gs2e init writes recipes for captures"));
     }
-    if Store::is_store(place) {
-        return tree::store_facts(place);
-    }
-    let holds = |name: &str| files::is_there(&place.join(name));
-    // Captures may contain scene files too.
-    let is_capture = holds("cameras.json") || holds("transforms.json");
-    let is_sequence = !is_capture && frame_files(place).is_ok_and(|frames| frames.len() > 1);
-    if holds(sog::META) || is_sequence {
-        return scene::scene_facts(place);
-    }
-    capture::capture_facts(place, console)
+    let write = || File::create_new(file)?.write_all((recipe.join("\n") + "\n").as_bytes());
+    write().map_err(|e| not_written(file, &e))
+}
+
+fn not_written(file: &Path, error: &io::Error) -> VerbError {
+    VerbError::usage("output-unwritable", format!("cannot write {}: {error}", path(file)))
 }
 
 fn unreadable(place: &Path, error: &io::Error) -> VerbError {

@@ -43,6 +43,9 @@ pub(super) struct InitArgs {
     /// `reconstruct`]
     #[arg(long, value_name = "PATTERN")]
     scene: Option<String>,
+    /// Train each scene on its photos, instead of reading a scene file
+    #[arg(long, conflicts_with = "scene")]
+    train: bool,
     /// First part of the scene ids [default: the format]
     #[arg(long, value_name = "NAME")]
     prefix: Option<String>,
@@ -153,6 +156,10 @@ impl InitArgs {
                 VerbError::usage("usage", what.to_owned()).help("leave it out: the scenes are trained")
             );
         }
+        if self.train && self.format.has_gaussians() {
+            let what = format!("--train: a {} folder has the Gaussians, and no photos", self.format.name());
+            return Err(VerbError::usage("usage", what).help("leave it out: the scenes are read"));
+        }
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         // Existing defaults are never rewritten, so the pace would have no effect.
         if reconstructs.is_some() && (self.pace.is_some() || self.preset.is_some()) {
@@ -188,7 +195,7 @@ impl InitArgs {
         let pattern = self.scene.as_deref();
         // A model folder contains Gaussians, and a reconstruction makes them.
         let reconstructs = reconstructs == Some(true);
-        let own = self.format.has_gaussians() || self.format.needs_poses() || reconstructs;
+        let own = self.format.has_gaussians() || self.format.needs_poses() || self.train || reconstructs;
         let pattern = pattern.or((!own).then_some(NEXT_TO_VIEWS));
         for candidate in chosen {
             self.write(candidate, (pattern, reconstructs), &mut outcome)?;
@@ -284,7 +291,7 @@ impl InitArgs {
         }
         let captured = DiskCapture { selection, ..DiskCapture::all_views(kind, way(&path)?) };
         let given = given.map(|file| way(&file)).transpose()?;
-        let trained = kind.needs_poses() && !reconstructs;
+        let trained = self.train || (kind.needs_poses() && !reconstructs);
         let text =
             RecipeDraft { scene: &scene, captured: &captured, given: given.as_deref(), trained }.text();
         write::write_file(&recipe, &text)?;
@@ -329,7 +336,7 @@ impl InitOutcome {
             let count = self.without_scene.len();
             let what = format!("{count} of the new recipes name a scene file that does not exist");
             let message = UserMessage::new(MessageLevel::Warning, "scene-missing", what).path(first);
-            let help = "train the scenes first, pass their place with --scene, or write `reconstruct` into defaults.yaml";
+            let help = "train the scenes first; or delete these recipes, and run gs2e init again with --train or --scene";
             console.for_people().tell(&message.help(help));
         }
         if console.json {

@@ -7,7 +7,7 @@ pub(super) use rules::ScenePath;
 pub use rules::{AcceptanceRules, RejectionReason};
 
 use super::kind::CaptureKind;
-use super::{SourceError, SourceWarning, natural};
+use super::{SourceError, SourceWarning, natural, photo};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;
@@ -66,14 +66,47 @@ pub(super) fn capture_folders(
         }
         // A capture may contain folders that look like captures of their own.
         walk.skip_current_dir();
-        let below = entry.path().strip_prefix(root).unwrap_or(Path::new(""));
-        // A root may be given as `.` or `..`, which is no name.
-        let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
-        let named = if below.as_os_str().is_empty() { own.unwrap_or_default() } else { below.to_owned() };
-        let parts: Vec<_> = named.iter().map(|part| part.to_string_lossy()).collect();
-        found.push(ScenePath { name: parts.join("/"), path: entry.into_path(), misnamed: None });
+        found.push(scene_path(root, entry.into_path()));
     }
     Ok(found)
+}
+
+/// A folder in the tree at `root`, named by its path there.
+fn scene_path(root: &Path, path: PathBuf) -> ScenePath {
+    let below = path.strip_prefix(root).unwrap_or(Path::new(""));
+    // A root may be given as `.` or `..`, which is no name.
+    let own = root.canonicalize().ok().and_then(|root| root.file_name().map(PathBuf::from));
+    let named = if below.as_os_str().is_empty() { own.unwrap_or_default() } else { below.to_owned() };
+    let parts: Vec<_> = named.iter().map(|part| part.to_string_lossy()).collect();
+    ScenePath { name: parts.join("/"), path, misnamed: None }
+}
+
+/// Adds the folders with photos, there or in `images`, that contain no scene and are in none. They are
+/// rejected later, by the files that they lack. A tree without a scene stays empty.
+pub(super) fn add_photo_folders(root: &Path, found: &mut Vec<ScenePath>) {
+    if found.is_empty() {
+        return;
+    }
+    let scenes: Vec<PathBuf> = found.iter().map(|scene| scene.path.clone()).collect();
+    let mut walk = WalkDir::new(root)
+        .min_depth(1)
+        .max_depth(DEEPEST)
+        .same_file_system(true)
+        .sort_by_file_name()
+        .into_iter();
+    while let Some(entry) = walk.next() {
+        let Some(entry) = entry.ok().filter(|entry| entry.file_type().is_dir()) else { continue };
+        let folder = entry.path();
+        let is_scene = scenes.iter().any(|scene| folder.starts_with(scene));
+        let holds_scene = || scenes.iter().any(|scene| scene.starts_with(folder));
+        let has_photos = || photo::has_photos(folder) || photo::has_photos(&folder.join("images"));
+        if is_scene {
+            walk.skip_current_dir();
+        } else if !holds_scene() && has_photos() {
+            walk.skip_current_dir();
+            found.push(scene_path(root, entry.into_path()));
+        }
+    }
 }
 
 /// Lists the subfolders of a folder by name. Names that are not UTF-8 are skipped; no dataset has

@@ -48,30 +48,43 @@ impl CaptureKind {
         }
     }
 
-    /// Detects the kind of the file or folder at `path`. Files in the folder itself or in its
-    /// `sparse/0` take precedence over a COLMAP model further down.
+    /// Detects the kind of the file or folder at `path`.
     ///
     /// # Errors
     /// The path does not exist, or matches no kind or several kinds.
     pub fn kind_of(path: &Path) -> Result<Self, SourceError> {
+        let found = Self::kinds_at(path)?;
+        if let [kind] = found[..] {
+            return Ok(kind);
+        }
+        let names: Vec<&str> = found.iter().map(|kind| kind.as_layout().words()).collect();
+        let because = format!("it contains {}: name the one to use", names.join(" and "));
+        Err(SourceError::Absent { dir: path.to_owned(), because })
+    }
+
+    /// Detects all kinds of the file or folder at `path`; at least one. Files in the folder itself or in
+    /// its `sparse/0` take precedence over a COLMAP model further down.
+    ///
+    /// # Errors
+    /// The path does not exist, or matches no kind.
+    pub fn kinds_at(path: &Path) -> Result<Vec<Self>, SourceError> {
         let absent = |because| SourceError::Absent { dir: path.to_owned(), because };
         if !super::is_folder(path)? {
             let kind = Self::ALL.into_iter().find(|kind| kind.as_layout().is_file(path));
-            return kind.ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
+            return kind
+                .map(|kind| vec![kind])
+                .ok_or_else(|| absent(format!("a file with an unknown name, {WANTED}")));
         }
         std::fs::read_dir(path).map_err(SourceError::io_error(path))?;
         let found: Vec<Self> = Self::ALL.into_iter().filter(|kind| kind.as_layout().is_in(path)).collect();
-        match found[..] {
-            [kind] => Ok(kind),
-            [] if colmap::ColmapModel::model_below(path)?.is_some() => Ok(Self::Colmap),
-            [] if photo::has_photos(path) || photo::has_photos(&path.join("images")) => {
-                Err(absent(format!("found photos without poses, {WANTED}. {WITHOUT_POSES}")))
-            }
-            [] => Err(absent(format!("found no capture, {WANTED}"))),
-            _ => {
-                let names: Vec<&str> = found.iter().map(|kind| kind.as_layout().words()).collect();
-                Err(absent(format!("it contains {}: name the one to use", names.join(" and "))))
-            }
+        if !found.is_empty() {
+            Ok(found)
+        } else if colmap::ColmapModel::model_below(path)?.is_some() {
+            Ok(vec![Self::Colmap])
+        } else if photo::has_photos(path) || photo::has_photos(&path.join("images")) {
+            Err(absent(format!("found photos without poses, {WANTED}. {WITHOUT_POSES}")))
+        } else {
+            Err(absent(format!("found no capture, {WANTED}")))
         }
     }
 

@@ -51,13 +51,17 @@ pub(super) trait CaptureLayout: Sync {
         None
     }
 
-    /// The folders of a tree that may be scenes of this kind. `classes` are the wanted classes, if
-    /// the kind has classes; all if empty.
+    /// The folders of a tree that may be scenes of this kind, and those with photos that lack its files.
+    /// `classes` are the wanted classes, if the kind has classes; all if empty.
     ///
     /// # Errors
     /// The tree cannot be listed.
     fn scenes(&self, root: &Path, _classes: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
-        inventory::capture_folders(root, &|folder| self.is_in(folder))
+        let mut found = inventory::capture_folders(root, &|folder| self.is_in(folder))?;
+        if !self.has_gaussians() {
+            inventory::add_photo_folders(root, &mut found);
+        }
+        Ok(found)
     }
 
     /// Returns true if the files of this kind have no poses, so that a step finds them.

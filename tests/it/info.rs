@@ -1,5 +1,6 @@
 //! `gs2e info`, through the binary: scenes, captures, event files, releases and stores.
 
+use crate::sources::datasets::{Generator, VIEWS};
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
 use gs2e::image::{Size, png};
@@ -136,6 +137,21 @@ fn the_suggested_recipe_is_a_recipe_and_shows_the_scene() {
     assert!(columns >= 32 && rows >= 12, "{columns} columns and {rows} rows are lit");
 }
 
+/// The path of the scene is right from where the recipe is.
+#[test]
+fn a_first_recipe_in_another_folder_finds_its_scene() {
+    let place = Workspace::new();
+    place.write("scenes/plant.ply", ply(&planted(), false));
+    place.write("recipes/defaults.yaml", "outputs: [events]\n");
+    place.ok("info scenes/plant.ply --recipe recipes/plant.yaml");
+    place.ok("plan recipes");
+    let again = place.gs2e("info scenes/plant.ply --recipe recipes/plant.yaml");
+    assert!(again.code == 2 && again.stderr.contains("recipes/plant.yaml"), "{}", again.stderr);
+    place.write("e.txt", "# t x y p in us; sensor 8x4\n1000 1 2 1\n");
+    let ended = place.gs2e("info e.txt --recipe recipes/e.yaml");
+    assert!(ended.code == 2 && !place.path("recipes/e.yaml").exists(), "{}", ended.stderr);
+}
+
 /// An orbit that says nothing is laid about the scene as `info` suggests it.
 #[test]
 fn an_orbit_without_values_is_the_suggested_one() {
@@ -217,6 +233,27 @@ fn a_capture_is_counted_and_measured() {
     for wanted in ["a capture\n", "6 missing", "64x48", "4 units, the median distance"] {
         assert!(shown.contains(wanted), "{wanted}: {shown}");
     }
+}
+
+/// A folder with the captures of two programs, as datasets are often delivered.
+#[test]
+fn each_capture_of_a_folder_is_shown_with_its_key() {
+    let place = Workspace::new();
+    Generator::new().instance(&place.path("fox"), None);
+    let frame = json!({ "file_path": "images/000.jpg", "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4]] });
+    let file = json!({ "w": 64, "h": 48, "fl_x": 60, "fl_y": 60, "cx": 32, "cy": 24, "frames": [frame] });
+    place.write("fox/transforms.json", file.to_string());
+    let shown = place.ok("info fox").stdout;
+    for (kind, views) in [("colmap", VIEWS), ("nerfstudio", 1)] {
+        let key = format!("  in a recipe  source: {{ {kind}: {{ path: … }} }}\n  views        {views}\n");
+        assert!(shown.contains(&key), "{kind}: {shown}");
+    }
+    let found = info_of(&place, "fox");
+    let captures: Vec<_> = found["captures"].as_array().unwrap().iter().map(|c| &c["capture"]).collect();
+    assert_eq!(
+        (&found["kind"], captures),
+        (&json!("captures"), vec![&json!("colmap"), &json!("nerfstudio")])
+    );
 }
 
 #[test]

@@ -312,6 +312,50 @@ fn foreign_captures_are_found_at_any_depth() {
     assert!(fs::read_to_string(place.path("alone/one.yaml")).unwrap().contains("path: \"../data/one\""));
 }
 
+/// Photos without a model are no scene of COLMAP, and are listed as such.
+#[test]
+fn photos_without_a_model_are_rejected_by_name() {
+    let place = Workspace::new();
+    let generator = Generator::new();
+    for (folder, defect) in [("s1", None), ("s7", Some(Defect::NoModel)), ("more/s8", Some(Defect::NoModel))]
+    {
+        generator.instance(&place.path(&format!("data/{folder}")), defect);
+    }
+    // Neither a folder without photos nor a picture next to scenes is a scene.
+    place.write("data/notes/readme.txt", "no photo");
+    place.write("data/overview.png", "a picture of all scenes");
+    let result = init(&place, "colmap data --to recipes");
+    assert_eq!(result["written"].as_array().unwrap().len(), 1);
+    let rejected = result["rejected"].as_array().unwrap().iter();
+    let rejected: Vec<_> = rejected.map(|r| [&r["scene"], &r["code"]].map(|v| v.as_str().unwrap())).collect();
+    assert_eq!(rejected, [["colmap/more/s8", "incomplete"], ["colmap/s7", "incomplete"]]);
+    let list = fs::read_to_string(place.path("recipes/rejected.tsv")).unwrap();
+    assert!(list.contains("colmap/s7\tdata/s7\tincomplete\t"), "{list}");
+}
+
+/// The advice on missing scene files works as it is written.
+#[test]
+fn scenes_without_a_file_are_trained_after_the_advice() {
+    let place = Workspace::new();
+    Generator::new().instance(&place.path("data/s1"), None);
+    let said = place.ok("init colmap data --to recipes").stderr;
+    let help = said.lines().find(|line| line.starts_with("help: ")).expect(&said);
+    assert!(help.contains("delete these recipes, and run gs2e init again with --train"), "{help}");
+    fs::remove_file(place.path("recipes/s1.yaml")).unwrap();
+    let said = place.ok("init colmap data --to recipes --train").stderr;
+    assert!(!said.contains("warning"), "{said}");
+    let recipe = fs::read_to_string(place.path("recipes/s1.yaml")).unwrap();
+    assert!(recipe.ends_with("reconstruct:\n  builtin: {}\n"), "{recipe}");
+    let steps = place.plan("recipes");
+    assert!(
+        steps.iter().any(|(step, action)| step == "colmap/s1/reconstruct" && action != "keep"),
+        "{steps:?}"
+    );
+    fs::create_dir(place.path("models")).unwrap();
+    let ended = place.gs2e("init model models --to other --train");
+    assert!(ended.code == 2 && ended.stderr.contains("has the Gaussians"), "{}", ended.stderr);
+}
+
 #[test]
 fn a_folder_without_scenes_is_reported() {
     let place = Workspace::new();

@@ -17,9 +17,23 @@ use std::path::Path;
 /// Maximum number of cameras shown to people; `--json` has all.
 const CAMERAS_SHOWN: usize = 4;
 
+/// The properties of the capture at a path; where several programs left one, of each.
 pub(super) fn capture_facts(place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
     let known = |error: VerbError| error.help("gs2e info --help lists the files and folders that are known");
-    let kind = CaptureKind::kind_of(place).map_err(|e| known(input::no_source("path", &e, place)))?;
+    let kinds = CaptureKind::kinds_at(place).map_err(|e| known(input::no_source("path", &e, place)))?;
+    let mut found =
+        kinds.iter().map(|kind| kind_facts(*kind, place, console)).collect::<Result<Vec<_>, _>>()?;
+    if found.len() == 1 {
+        return Ok(found.remove(0));
+    }
+    let captures: Vec<&Value> = found.iter().map(|facts| &facts.value).collect();
+    let value = json!({ "captures": captures });
+    let rows = found.into_iter().flat_map(|facts| facts.rows).collect();
+    let title = "several captures; a recipe names one of them";
+    Ok(PathFacts { kind: "captures", title, rows, recipe: Vec::new(), value })
+}
+
+fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
     let (capture, warnings) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
     tell_warnings(&warnings, console);
     let cameras = distinct_cameras(&capture);
@@ -37,6 +51,7 @@ pub(super) fn capture_facts(place: &Path, console: &Console) -> Result<PathFacts
     });
     let mut rows = vec![
         ("form", kind.name().to_owned()),
+        ("in a recipe", format!("source: {{ {}: {{ path: … }} }}", kind.name())),
         ("views", capture.views.len().to_string()),
         ("photos", photo_text(&capture, &missing)),
     ];

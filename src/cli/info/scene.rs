@@ -21,7 +21,8 @@ use std::path::Path;
 const CAMERA: Camera =
     Camera { size: Size { width: 640, height: 480 }, fx: 554.0, fy: 554.0, cx: 320.0, cy: 240.0, lens: None };
 
-pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
+/// The properties of the scene at `place`, which a recipe names as `named`.
+pub(super) fn scene_facts(place: &Path, named: &Path) -> Result<PathFacts, VerbError> {
     let form = file_form(place).map_err(|e| unreadable(place, &e))?;
     let time = usual_time(place).map_err(|e| unreadable(place, &e))?.filter(|_| form.may_change);
     let read = time.map_or_else(|| scene::read_any(place), |time| read_dynamic(place, time));
@@ -30,7 +31,7 @@ pub(super) fn scene_facts(place: &Path) -> Result<PathFacts, VerbError> {
     })?;
     let survey = SceneSurvey::measure_scene(&gaussians);
     let orbit = survey.orbit(&CAMERA).rounded();
-    let recipe = suggested_recipe(place, time, &orbit);
+    let recipe = suggested_recipe(named, time, &orbit);
     let mut value = json!({
         "format": form.format,
         "position_bits": form.position_bits,
@@ -106,7 +107,7 @@ fn vector(v: DVec3, number: impl Fn(f64) -> String) -> String {
 }
 
 /// A recipe with an orbit about the scene.
-fn suggested_recipe(place: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -> Vec<String> {
+fn suggested_recipe(named: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -> Vec<String> {
     // `-0` is a number too, but an odd one.
     let point = |v: DVec3| vector(v + DVec3::ZERO, brief);
     let Camera { size, fx, .. } = CAMERA;
@@ -120,7 +121,7 @@ fn suggested_recipe(place: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -
         "version: 1".to_owned(),
         "scene: my-scene".to_owned(),
         "source: none".to_owned(),
-        format!("reconstruct: {{ given: {{ path: {}{time} }} }}", escape::quoted(&path(place))),
+        format!("reconstruct: {{ given: {{ path: {}{time} }} }}", escape::quoted(&path(named))),
         format!("camera: {{ width: {}, height: {}, fx: {fx} }}", size.width, size.height),
         "trajectories:".to_owned(),
         "  - name: orbit".to_owned(),
