@@ -5,6 +5,9 @@ use super::ledger::{LedgerAsset, LicenceObligation};
 use super::{ComposedTerms, HolderTerms, Redistributability, StatedTerms, UpstreamGrant, ledger, text};
 use crate::source::kind::SourceKind;
 
+/// Holder in the recipe of the README.
+const PLACEHOLDER: &str = "Your Lab";
+
 /// Composes the terms of a scene. Without an owner's expression, a procedural scene is CC0-1.0, and
 /// any other scene gets the id for unstated terms. A grant replaces the ledger's ids of the
 /// upstream. It does not permit redistribution; that still needs the releaser's reason.
@@ -24,6 +27,10 @@ pub fn compose_terms(stated: &StatedTerms<'_>) -> ComposedTerms {
         .collect();
     if parts.iter().any(|part| part.asset.is_none() && part.expression == text::UNSTATED) {
         warnings.push("no licence is stated, so the release says that all rights are reserved".into());
+    }
+    if stated.owner.is_some_and(|(_, holder)| holder == PLACEHOLDER) {
+        warnings
+            .push(format!("the holder `{PLACEHOLDER}` is that of an example: write your own into `licence`"));
     }
     let terms = parts.iter().map(|part| LicenceExpression::parse(&part.expression));
     let expression = LicenceExpression::conjunction_of(

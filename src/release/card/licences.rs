@@ -32,7 +32,7 @@ pub(super) fn licences_section(facts: &ReleaseFacts<'_>) -> String {
     }
     let ledger = facts.ledger();
     if !ledger.is_empty() {
-        let trained = if facts.trained().is_some() { TRAINED } else { "" };
+        let trained = if facts.trained_elsewhere() { TRAINED } else { "" };
         let _ = writeln!(text, "\n{PROGRAMS}{trained}\n\n{ledger}");
         // The ledger ends its last line itself, so there is an empty line too many.
         text.truncate(text.trim_end().len());
@@ -44,7 +44,7 @@ pub(super) fn licences_section(facts: &ReleaseFacts<'_>) -> String {
 /// Introduction of the table of terms.
 const PROGRAMS: &str = "Known terms. The terms of datasets are binding; the terms of programs do not bind a scene by themselves.";
 
-/// Open question of the table of terms, if scenes were trained.
+/// Open question of the table of terms, if other programs trained scenes.
 const TRAINED: &str = " The licence of 3D Gaussian Splatting does not state if it applies to renderings of scenes that \
     were trained with it.";
 
