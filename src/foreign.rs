@@ -19,6 +19,7 @@ mod error;
 mod features;
 pub mod opencv;
 pub mod photos;
+mod pose_watch;
 mod python;
 pub mod readback;
 mod run;

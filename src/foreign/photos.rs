@@ -12,6 +12,7 @@
 use super::ForeignError;
 use super::colmap_run::{ColmapOptions, colmap_run};
 use super::features;
+use super::pose_watch::PoseWatch;
 use crate::programs::EndKind;
 use crate::reconstruct::ProgramWorkspace;
 use crate::source::SourceError;
@@ -87,7 +88,7 @@ pub enum PoseError {
 const NO_MODEL: &str = "failed to create sparse model";
 
 /// Finds the poses of photos, given by name and path in natural order, and writes the model to the
-/// folder `to`: `cameras.bin`, `images.bin` and `points3D.bin`.
+/// folder `to`: `cameras.bin`, `images.bin` and `points3D.bin`. `tell` gets the progress in words.
 ///
 /// # Errors
 /// See [`PoseError`].
@@ -96,12 +97,14 @@ pub fn solve_photos(
     solving: &PoseSolving,
     to: &Path,
     workspace: ProgramWorkspace<'_>,
+    tell: &(dyn Fn(&str) + Sync),
 ) -> Result<SolvedPhotos, PoseError> {
     let given = photos.len();
     if given < MIN_PHOTOS {
         return Err(PoseError::Few { found: given });
     }
-    let place = PoseWorkspace::new(photos, workspace)?;
+    let watch = PoseWatch::new(workspace.log, given, tell);
+    let place = PoseWorkspace::new(photos, workspace, &watch)?;
     let groups = camera_groups(photos)?;
     for (number, group) in groups.iter().enumerate() {
         place.extract(number, group, solving)?;
@@ -179,6 +182,7 @@ fn check_sizes(
 /// Working folder of COLMAP: its database, links to the photos, and its models.
 struct PoseWorkspace<'a> {
     workspace: ProgramWorkspace<'a>,
+    watch: &'a PoseWatch<'a>,
     database: PathBuf,
     images: PathBuf,
     sparse: PathBuf,
@@ -186,7 +190,11 @@ struct PoseWorkspace<'a> {
 }
 
 impl<'a> PoseWorkspace<'a> {
-    fn new(photos: &[(String, PathBuf)], workspace: ProgramWorkspace<'a>) -> Result<Self, ForeignError> {
+    fn new(
+        photos: &[(String, PathBuf)],
+        workspace: ProgramWorkspace<'a>,
+        watch: &'a PoseWatch<'a>,
+    ) -> Result<Self, ForeignError> {
         let [images, sparse] = ["images", "sparse"].map(|name| workspace.folder.join(name));
         for folder in [&images, &sparse] {
             std::fs::create_dir(folder).map_err(ForeignError::io_error(folder))?;
@@ -199,11 +207,24 @@ impl<'a> PoseWorkspace<'a> {
             Ok(name)
         };
         let links = photos.iter().enumerate().map(link).collect::<Result<_, ForeignError>>()?;
-        Ok(Self { workspace, database: workspace.folder.join("database.db"), images, sparse, links })
+        Ok(Self { workspace, watch, database: workspace.folder.join("database.db"), images, sparse, links })
     }
 
     fn run(&self, command: &str, options: ColmapOptions) -> Result<(), ForeignError> {
-        colmap_run(command, &self.database, options, self.workspace).end_well().map(drop)
+        let goes_on = self.watched();
+        let workspace = ProgramWorkspace { goes_on: &goes_on, ..self.workspace };
+        let ended = colmap_run(command, &self.database, options, workspace).end_well().map(drop);
+        self.watch.end();
+        ended
+    }
+
+    /// The condition to go on, which also looks at the log.
+    fn watched(&self) -> impl Fn() -> bool + Sync + use<'a> {
+        let (watch, goes_on) = (self.watch, self.workspace.goes_on);
+        move || {
+            watch.look();
+            goes_on()
+        }
     }
 
     /// Finds the key points of the photos of one camera.
@@ -230,6 +251,7 @@ impl<'a> PoseWorkspace<'a> {
         let described =
             features::read_database(&self.database).map_err(ForeignError::own_product(&self.database))?;
         let pairs = rule.pairs(described.len());
+        self.watch.say(&format!("matching {} pairs of photos", pairs.len()));
         let found = features::match_pairs(&described, &pairs, self.workspace.goes_on);
         let (matches, any) = found.ok_or(ForeignError::Stopped)?;
         if any == 0 {
@@ -267,7 +289,11 @@ impl<'a> PoseWorkspace<'a> {
             // COLMAP discards models below 10 photos, after the first. They count as parts here.
             ("--Mapper.min_model_size", "3".into()),
         ];
-        let ran = match colmap_run("mapper", &self.database, options, self.workspace).end()? {
+        let goes_on = self.watched();
+        let workspace = ProgramWorkspace { goes_on: &goes_on, ..self.workspace };
+        let ended = colmap_run("mapper", &self.database, options, workspace).end();
+        self.watch.end();
+        let ran = match ended? {
             Ok(ran) => ran,
             Err(ran) if ran.says(NO_MODEL) => return Err(PoseError::NoModel { given }),
             Err(ran) => return Err(ran.failed(EndKind::Code(1)).into()),

@@ -85,7 +85,10 @@ impl Stage for PosesStage {
             Some(frames) => frames.files,
             None => on_disk.collect(),
         };
-        let solve = |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace);
+        let progress = cx.progress;
+        let tell = |words: &str| progress.iter().for_each(|progress| progress.tell(words));
+        let solve =
+            |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace, &tell);
         let solved = known_program("colmap", cx, solve, stage_failure)?;
         report(&solved, cx);
         Ok(())

@@ -34,7 +34,7 @@ fn solve(place: &Workspace, photos: &[(String, PathBuf)], to: &str) -> SolvedPho
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let solving = PoseSolving { lens: SolvedLens::Pinhole, features: FEATURES, ..PoseSolving::default() };
-    solve_photos(photos, &solving, &out, workspace).unwrap()
+    solve_photos(photos, &solving, &out, workspace, &|_| {}).unwrap()
 }
 
 fn bytes_of(model: &Path) -> Vec<Vec<u8>> {

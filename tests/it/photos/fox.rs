@@ -28,7 +28,7 @@ fn poses_from_photos_alone_are_those_of_the_given_model() {
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let photos = photos_of(&capture.join("images"));
-    let solved = solve_photos(&photos, &PoseSolving::default(), &out, workspace).unwrap();
+    let solved = solve_photos(&photos, &PoseSolving::default(), &out, workspace, &|_| {}).unwrap();
     eprintln!("fox: {} of {} photos, {:?} px", solved.models[0], solved.given, solved.reprojection_px);
     assert_eq!(solved.models[0], photos.len());
     let [rotations, positions] = differences(&out, &capture.join("sparse/0"));

@@ -101,6 +101,21 @@ fn edit(place: &Workspace, from: &str, to: &str) {
     place.write("recipe.yaml", recipe.replace(from, to));
 }
 
+/// Lines of COLMAP, of which each photo has one, in what is printed to a file.
+#[test]
+fn a_search_for_poses_reports_its_progress() {
+    let lines = "case $1 in\nfeature_extractor) for k in 1 2 3 4 5 6; do echo \"Processed file [$k/6]\"; done;;\n\
+                 mapper) echo 'Initializing with image pair #1 and #2'\n\
+                 for k in 3 4 5 6; do echo \"Registering image #$k ($k)\"; done;;\nesac";
+    let place = scripted(6, lines);
+    plant(&place, 0, 0..6, SIZE);
+    let ended = gs2e(&place, "build -j 1 recipe.yaml");
+    assert_eq!(ended.code, 0, "{}", ended.stderr);
+    for words in ["lab/corner/poses: photo 6/6", "lab/corner/poses: registered 6/6"] {
+        assert!(ended.stderr.contains(words), "{words}: {}", ended.stderr);
+    }
+}
+
 #[test]
 fn poses_are_found_once_and_the_model_decides_what_follows() {
     let place = scripted(7, "");

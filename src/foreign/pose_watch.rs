@@ -1,0 +1,123 @@
+//! Progress of a search for poses, read off the log of COLMAP, which has a line for each photo:
+//! `Processed file [12/50]` of the extractor, and `Registering image #12 (20)` of the mapper (3.8 to
+//! 4.x; `feature_extraction.cc`, `incremental_pipeline.cc`).
+
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// A watch on the log of one search.
+pub(super) struct PoseWatch<'a> {
+    log: &'a Path,
+    photos: usize,
+    tell: &'a (dyn Fn(&str) + Sync),
+    seen: Mutex<SeenLines>,
+}
+
+/// Lines seen so far.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct SeenLines {
+    /// Number of bytes read.
+    bytes: u64,
+    /// Number of calls since the log was read.
+    calls: u32,
+    /// Number of photos with key points.
+    described: usize,
+    /// Number of photos in the current model.
+    registered: usize,
+    /// Tenths of both that were reported.
+    tenths: [usize; 2],
+}
+
+/// Calls between two looks at the log. A program is checked every 20 ms.
+const CALLS: u32 = 50;
+
+impl<'a> PoseWatch<'a> {
+    pub(super) fn new(log: &'a Path, photos: usize, tell: &'a (dyn Fn(&str) + Sync)) -> Self {
+        Self { log, photos, tell, seen: Mutex::default() }
+    }
+
+    /// Reports the state of the search in words.
+    pub(super) fn say(&self, words: &str) {
+        (self.tell)(words);
+    }
+
+    /// Called often while a program runs.
+    pub(super) fn look(&self) {
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        seen.calls += 1;
+        if seen.calls >= CALLS {
+            self.read(&mut seen);
+        }
+    }
+
+    /// Called when a program has ended.
+    pub(super) fn end(&self) {
+        self.read(&mut self.seen.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    fn read(&self, seen: &mut SeenLines) {
+        seen.calls = 0;
+        // Without the log the search goes on, and its failure names the log.
+        let Ok(new) = text_after(self.log, seen.bytes) else { return };
+        seen.take(&new);
+        let counts = [("photo", seen.described), ("registered", seen.registered)];
+        for ((what, count), told) in counts.into_iter().zip(&mut seen.tenths) {
+            // A second model starts with few photos again, and is not reported below the first.
+            let tenth = 10 * count / self.photos.max(1);
+            if tenth > *told {
+                *told = tenth;
+                self.say(&format!("{what} {}/{}", count.min(self.photos), self.photos));
+            }
+        }
+    }
+}
+
+impl SeenLines {
+    /// Counts the whole lines of new text.
+    fn take(&mut self, new: &str) {
+        let Some((whole, _)) = new.rsplit_once('\n') else { return };
+        self.bytes += whole.len() as u64 + 1;
+        for line in whole.lines() {
+            if line.contains("Processed file [") {
+                self.described += 1;
+            } else if line.contains("Initializing with image pair") {
+                self.registered = 2;
+            } else if line.contains("Registering image #") {
+                self.registered += 1;
+            } else if line.contains("Could not register") {
+                self.registered = self.registered.saturating_sub(1);
+            }
+        }
+    }
+}
+
+/// The text of a file after `from` bytes.
+fn text_after(path: &Path, from: u64) -> std::io::Result<String> {
+    let mut file = File::open(path)?;
+    file.seek(SeekFrom::Start(from))?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    // Invalid bytes would change the length, and with it the place of the next look.
+    Ok(bytes.iter().map(|byte| if byte.is_ascii() { char::from(*byte) } else { '?' }).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lines of COLMAP 3.8 and of 4.x.
+    #[test]
+    fn photos_are_counted_by_whole_lines() {
+        let mut seen = SeenLines::default();
+        seen.take("Processed file [1/9]\n  Name: 000000.jpg\nProcessed file [2/9]\nProcessed fi");
+        assert_eq!((seen.described, seen.bytes), (2, 61));
+        seen.take("Processed file [3/9]\n");
+        seen.take("I2 incremental_pipeline.cc:1] Initializing with image pair #1 and #2\n");
+        seen.take("Registering image #3 (3)\nRegistering image #4 (4)\n  => Could not register, trying another image.\n");
+        assert_eq!((seen.described, seen.registered), (3, 3));
+        seen.take("Registering image #4 (num_reg_frames=4)\n");
+        assert_eq!(seen.registered, 4);
+    }
+}
