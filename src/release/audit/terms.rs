@@ -4,6 +4,7 @@
 use super::{AuditFault, FaultCode, TrustedTree};
 use crate::files::{self, LinkRule};
 use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
+use crate::release::card::head::hub_licence;
 use crate::release::manifest::{FileOwners, ReleaseManifest};
 use crate::release::products::is_metadata;
 use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
@@ -291,9 +292,15 @@ pub(super) fn card_fault(tree: &TrustedTree<'_>, manifest: &ReleaseManifest) -> 
         return None;
     }
     let text = text_of(tree, CARD).unwrap_or_default();
-    let stated = text.lines().find_map(|line| line.strip_prefix("license_name: "));
-    let stated = stated.and_then(|text| serde_json::from_str::<String>(text).ok());
-    if stated.as_ref() == Some(&manifest.licence) {
+    let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key));
+    let (stated, wanted) = match hub_licence(&manifest.licence) {
+        Some(id) => (value("license: ").map(str::to_owned), id),
+        None => {
+            let name = value("license_name: ").and_then(|name| serde_json::from_str::<String>(name).ok());
+            (name, manifest.licence.clone())
+        }
+    };
+    if stated.as_ref() == Some(&wanted) {
         return None;
     }
     let stated = stated.unwrap_or_else(|| "nothing".into());

