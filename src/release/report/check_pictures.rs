@@ -100,10 +100,10 @@ fn write_picture(
 fn legend(check: &str) -> (&'static [&'static str], &'static str) {
     match check {
         "event_frame" => (
-            &[],
-            "Change of brightness that the events of a pixel do not explain, at the last frame. Red and blue are \
-             less than the threshold of one event, or than what the spread of thresholds adds to it; yellow is more, \
-             which is a fault, or an event of the sensor's noise floor.",
+            &["red (brighter), blue (darker): within the limit", "yellow: beyond it"],
+            "Change of brightness that the events of a pixel do not explain, at the last frame. A sound picture is \
+             red and blue: a pixel waits for its next event with less than the threshold of one event, or than what \
+             the spread of thresholds adds to it. Yellow is a fault, or an event of the sensor's noise floor.",
         ),
         "motion" => (
             &["in place", "moved along the flow"],

@@ -32,7 +32,20 @@ pub(super) struct DetailLevel {
     pub(super) cameras: usize,
 }
 
-const LEVELS: [DetailLevel; 3] = [
+const LEVELS: [DetailLevel; 4] = [
+    DetailLevel {
+        most: 8,
+        thumbnail: 160,
+        picture: 640,
+        every: true,
+        frames: true,
+        labels: true,
+        check_pictures: 24,
+        passed_pictures: true,
+        passes: true,
+        points: 120,
+        cameras: 9,
+    },
     DetailLevel {
         most: 60,
         thumbnail: 160,
@@ -77,14 +90,14 @@ const LEVELS: [DetailLevel; 3] = [
 impl DetailLevel {
     /// The level for a release of this many trajectories.
     pub(super) fn for_trajectories(trajectories: usize) -> Self {
-        let [whole, part, brief] = LEVELS;
-        [whole, part].into_iter().find(|level| trajectories <= level.most).unwrap_or(brief)
+        let [large, whole, part, brief] = LEVELS;
+        [large, whole, part].into_iter().find(|level| trajectories <= level.most).unwrap_or(brief)
     }
 
     /// The contents that the page leaves out, in words; `None` if it has everything.
     pub(super) fn left_out(self, trajectories: usize) -> Option<String> {
-        let [whole, part, _] = LEVELS;
-        if self == whole {
+        let [large, whole, part, _] = LEVELS;
+        if [large, whole].contains(&self) {
             return None;
         }
         let pictures = if self.every {
@@ -107,10 +120,12 @@ mod tests {
 
     #[test]
     fn the_more_there_is_the_less_is_shown_of_each() {
-        let levels = [1, 60, 61, 600, 601, 6000].map(DetailLevel::for_trajectories);
+        let large = DetailLevel::for_trajectories(8);
+        let levels = [9, 60, 61, 600, 601, 6000].map(DetailLevel::for_trajectories);
         assert_eq!(levels[0], levels[1]);
         assert_eq!(levels[2], levels[3]);
         assert_eq!(levels[4], levels[5]);
+        assert!(large.picture > levels[0].picture && large.left_out(8).is_none());
         assert!(levels[1].picture > levels[2].picture && levels[3].picture > levels[4].picture);
         assert_eq!(levels[0].left_out(60), None);
         assert!(levels[2].left_out(61).unwrap().contains("61 trajectories, more than 60"));

@@ -27,15 +27,15 @@ pub(super) fn write_gallery(html: &mut HtmlFragment, page: &ReportPage<'_>, trac
     streams.truncate(MAX_STREAMS);
     let pictured = has_pictures(page, track);
     if pictured {
-        write_row(html, |html| write_camera(html, page, track));
+        write_row(html, "row", |html| write_camera(html, page, track));
     }
-    write_row(html, |html| {
+    write_row(html, "row", |html| {
         if pictured {
             write_events(html, page, track, &streams);
         }
         write_path(html, page, track.published);
     });
-    write_row(html, |html| {
+    write_row(html, "row plots", |html| {
         write_rates(html, page, track, &streams);
         write_speeds(html, page, track);
     });
@@ -56,11 +56,11 @@ fn has_pictures(page: &ReportPage<'_>, track: ReportTrajectory<'_>) -> bool {
 }
 
 /// Writes a row of figures; nothing if it is empty.
-fn write_row(html: &mut HtmlFragment, inside: impl FnOnce(&mut HtmlFragment)) {
+fn write_row(html: &mut HtmlFragment, class: &str, inside: impl FnOnce(&mut HtmlFragment)) {
     let mut row = HtmlFragment::default();
     inside(&mut row);
     if row != HtmlFragment::default() {
-        html.within("div", &[("class", "row")], |html| html.append(&row));
+        html.within("div", &[("class", class)], |html| html.append(&row));
     }
 }
 

@@ -17,8 +17,10 @@ use std::io::BufReader;
 
 /// Colour of a pixel without a value.
 const UNDEFINED: [u8; 3] = [150; 3];
-/// Share of the pixels beyond each end of a scale.
-const BEYOND: f64 = 0.01;
+/// Share of the pixels beyond each end of the scale of depth: a scene outdoors has a few pixels far behind.
+const BEYOND_DEPTH: f64 = 0.05;
+/// Share of the pixels beyond the end of the scale of flow.
+const BEYOND_FLOW: f64 = 0.01;
 
 /// The depth nearest to the middle of the trajectory.
 pub(in crate::release) fn depth_picture(
@@ -106,7 +108,7 @@ fn read_map<const N: usize>(
 /// Colours depths; returns the picture with the depths at both ends of its scale. `None` if no pixel
 /// has a depth.
 fn colour_depths(depths: &Image<[f32; 1]>) -> Option<(Image<[u8; 3]>, [f64; 2])> {
-    let ends = scale_ends(depths.pixels().iter().map(|[depth]| f64::from(*depth)))?;
+    let ends = scale_ends(depths.pixels().iter().map(|[depth]| f64::from(*depth)), BEYOND_DEPTH)?;
     let [near, far] = ends;
     // All depths can be equal.
     let range = if far > near { far - near } else { 1.0 };
@@ -121,7 +123,7 @@ fn colour_depths(depths: &Image<[f32; 1]>) -> Option<(Image<[u8; 3]>, [f64; 2])>
 /// pixel has a flow.
 fn colour_flows(flows: &Image<[f32; 2]>) -> Option<(Image<[u8; 3]>, f64)> {
     let speed = |[u, v]: &[f32; 2]| libm::hypot(f64::from(*u), f64::from(*v));
-    let [_, full] = scale_ends(flows.pixels().iter().map(speed))?;
+    let [_, full] = scale_ends(flows.pixels().iter().map(speed), BEYOND_FLOW)?;
     let colour = |flow: &[f32; 2]| {
         // Nothing moves if the full colour stands for 0.
         let share = if full > 0.0 { speed(flow) / full } else { speed(flow) };
@@ -130,13 +132,12 @@ fn colour_flows(flows: &Image<[f32; 2]>) -> Option<(Image<[u8; 3]>, f64)> {
     Some((Image::from_vec(flows.size(), flows.pixels().iter().map(colour).collect()), full))
 }
 
-/// The values that a share of [`BEYOND`] of the pixels lies below and above, of those that are
-/// finite.
-fn scale_ends(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
+/// The values that this share of the pixels lies below and above, of those that are finite.
+fn scale_ends(values: impl Iterator<Item = f64>, share: f64) -> Option<[f64; 2]> {
     let mut finite: Vec<f64> = values.filter(|value| value.is_finite()).collect();
     finite.sort_unstable_by(f64::total_cmp);
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
-    let beyond = (finite.len() as f64 * BEYOND) as usize;
+    let beyond = (finite.len() as f64 * share) as usize;
     let end = |at: usize| finite.get(at).copied();
     Some([end(beyond)?, end(finite.len().checked_sub(1 + beyond)?)?])
 }
@@ -197,8 +198,8 @@ mod tests {
 
     #[test]
     fn a_few_extreme_values_do_not_set_the_scale() {
-        let ends = scale_ends((0..=1000).map(|k| if k == 1000 { 1e9 } else { f64::from(k) }));
+        let ends = scale_ends((0..=1000).map(|k| if k == 1000 { 1e9 } else { f64::from(k) }), 0.01);
         assert_eq!(ends.map(|ends| ends.map(short_number)), Some(["10", "990"].map(str::to_owned)));
-        assert_eq!(scale_ends(std::iter::empty()), None);
+        assert_eq!(scale_ends(std::iter::empty(), 0.01), None);
     }
 }
