@@ -117,19 +117,23 @@ fn the_next_build_takes_no_folder_from_under_a_trainer() {
     assert!(!place.path("lost").exists(), "its folder was deleted while it ran");
 }
 
+/// The name of a process with this parent. A line of `stat` is `pid (name) state parent …`.
+fn name_of_child(parent: u32) -> Option<String> {
+    let lines = fs::read_dir("/proc").unwrap().flatten().map(|entry| entry.path().join("stat"));
+    let mut lines = lines.filter_map(|path| fs::read_to_string(path).ok());
+    lines.find_map(|line| {
+        let (before, after) = line.rsplit_once(") ")?;
+        let (_, name) = before.split_once(" (")?;
+        let found = after.split(' ').nth(1)?.parse::<u32>().ok()?;
+        (found == parent).then(|| name.to_owned())
+    })
+}
+
 /// Killing processes by the program's name spares the supervisor, which then does its work.
 #[test]
 fn the_supervisor_has_another_name_than_the_program() {
     let (_, code) = until_nothing_is_left(GROUP, |_, child| {
-        let children = Command::new("ps").args(["-A", "-o", "pid=,ppid=,comm="]).output().unwrap();
-        let list = String::from_utf8_lossy(&children.stdout).into_owned();
-        let own = child.id().to_string();
-        let mut supervisors = list.lines().filter_map(|line| {
-            let mut words = line.split_whitespace();
-            let (_, parent, name) = (words.next()?, words.next()?, words.next()?);
-            (parent == own).then(|| name.to_owned())
-        });
-        let name = supervisors.next().expect("it has a supervisor");
+        let name = name_of_child(child.id()).expect("it has a supervisor");
         assert!(!name.contains("gs2e"), "{name}");
         child.kill().unwrap();
     });
