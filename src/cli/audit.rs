@@ -84,9 +84,12 @@ impl AuditArgs {
         let count = report.faults.len();
         let faults = if count == 1 { "fault" } else { "faults" };
         console.say(&format!("{count} {faults} in {files} files, {mb:.1} MB"));
-        console.say(&format!("this audit covers: {}", report.covers.join("; ")));
         let (proved, unproved) = (report.proved(), report.unproved());
-        proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));
+        // After faults, the long list would hide them.
+        if count == 0 || common.verbose {
+            console.say(&format!("this audit covers: {}", report.covers.join("; ")));
+            proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));
+        }
         if console.json {
             console.result(&json!({
                 "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,

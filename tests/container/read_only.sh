@@ -54,7 +54,7 @@ done
 /opt/gs2e --version
 /opt/gs2e --backend cpu release --to out /opt/recipe.yaml
 /opt/gs2e audit out
-/opt/gs2e --backend cpu release --to out /opt/recipe.yaml 2>&1 | grep "made 0,"
+/opt/gs2e --backend cpu release --to out /opt/recipe.yaml 2>&1 | grep "^0 steps built,"
 '
 
 if [ "${1-}" = --assemble ]; then

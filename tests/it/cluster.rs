@@ -49,7 +49,7 @@ fn tasks_build_all_scenes_and_nothing_is_submitted_again() {
     assert_eq!(fake.jobs(), 1);
     fake.place.ok("release --store alone --to one");
     let ended = fake.place.ok("release --store new --shared-store shared --to two");
-    assert!(ended.stderr.contains("made 0, up to date"), "{}", ended.stderr);
+    assert!(ended.stderr.lines().any(|line| line.starts_with("0 steps built,")), "{}", ended.stderr);
     same_tree(&fake.place.path("one"), &fake.place.path("two"));
     // The stores of tasks are gone.
     let left = fs::read_dir(fake.place.path("")).unwrap().map(|entry| entry.unwrap().file_name());

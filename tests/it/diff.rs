@@ -72,7 +72,7 @@ fn a_release_states_the_parts_of_its_keys_without_records() {
         fs::remove_file(place.path(".gs2e/ac").join(path)).unwrap();
     }
     let ended = place.ok("release --to new recipe.yaml");
-    assert!(ended.stderr.lines().any(|line| line.starts_with("made 0,")), "{}", ended.stderr);
+    assert!(ended.stderr.lines().any(|line| line.starts_with("0 steps built,")), "{}", ended.stderr);
     assert_eq!(diff(&place, "old", "new")["unchanged"], 1);
 }
 

@@ -127,7 +127,7 @@ fn recheck_makes_steps_again_and_compares_bytes() {
     place.ok("build");
     let again = place.ok("build --recheck 100%");
     assert!(again.stderr.contains("6 steps rerun, each with the recorded bytes"), "{}", again.stderr);
-    assert!(again.stderr.contains("made 0, up to date 6, failed 0"), "{}", again.stderr);
+    assert!(again.stderr.contains("0 steps built, 6 reused, 0 failed"), "{}", again.stderr);
     assert!(!place.ok("build --recheck 0").stderr.contains("steps rerun"));
     assert_eq!(place.gs2e("build --recheck 101%").code, 2);
 }
@@ -138,7 +138,7 @@ fn a_step_above_the_memory_budget_runs_alone_with_a_warning() {
     place.write("recipes/a.yaml", recipe("a").to_string());
     let ended = place.ok("build -j 2 --memory 1MB");
     assert!(ended.stderr.contains("no other step runs with it"), "{}", ended.stderr);
-    assert!(ended.stderr.contains("made 6,"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("6 steps built,"), "{}", ended.stderr);
     assert_eq!(place.gs2e("build --memory lots").code, 2);
 }
 

@@ -54,7 +54,7 @@ fn a_waiting_build_names_the_holder_and_continues() {
     let mut rest = String::new();
     message.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait_with_output().unwrap().status.success(), "{rest}");
-    assert!(rest.contains("made 8, up to date 4, failed 0"), "{rest}");
+    assert!(rest.contains("8 steps built, 4 reused, 0 failed"), "{rest}");
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn a_fresh_demo_is_the_committed_one() {
     };
     release();
     let second = release();
-    assert!(second.lines().any(|line| line.starts_with("made 0,")), "{second}");
+    assert!(second.lines().any(|line| line.starts_with("0 steps built,")), "{second}");
     let [fresh, committed] =
         [out.join("manifest.json"), root.join("manifests/demo.json")].map(|path| read(&path));
     let lines: Vec<String> =

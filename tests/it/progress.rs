@@ -36,7 +36,7 @@ fn finished_steps_are_printed_in_plain_lines() {
         ["base/checks", "base/events", "base/sharp", "base/trajectory", "capture", "reconstruct"]
     );
     let last = message.lines().last().unwrap();
-    assert!(last.starts_with("made 6, up to date 0, failed 0; ") && last.ends_with(" s"), "{last}");
+    assert!(last.starts_with("6 steps built, 0 reused, 0 failed; ") && last.ends_with(" s"), "{last}");
 }
 
 /// A step for programs: the paths of its products, and their digests.
@@ -98,5 +98,5 @@ fn settled_steps_count() {
     // The last step is one of checks or pictures: the order of steps depends on their earlier
     // times.
     assert!(message.contains("[12/12] other/base/"), "{message}");
-    assert!(message.contains("made 6, up to date 6, failed 0; "), "{message}");
+    assert!(message.contains("6 steps built, 6 reused, 0 failed; "), "{message}");
 }

@@ -59,7 +59,7 @@ fn count(states: &BTreeMap<String, usize>, state: &str) -> usize {
 fn releases_equal(place: &Workspace) {
     place.ok("release --store alone --to one");
     let ended = place.ok("release --store new --shared-store shared --to other");
-    assert!(ended.stderr.contains("made 0, up to date"), "{}", ended.stderr);
+    assert!(ended.stderr.lines().any(|line| line.starts_with("0 steps built,")), "{}", ended.stderr);
     same_tree(&place.path("one"), &place.path("other"));
 }
 

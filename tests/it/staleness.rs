@@ -9,7 +9,7 @@ fn a_second_release_makes_nothing_and_changes_nothing() {
     place.ok("release --to out tiny.yaml");
     let before = tree(&place.path("out"));
     let second = place.ok("release --to out tiny.yaml");
-    assert!(second.stderr.lines().any(|line| line.starts_with("made 0,")), "{}", second.stderr);
+    assert!(second.stderr.lines().any(|line| line.starts_with("0 steps built,")), "{}", second.stderr);
     assert_eq!(place.stale("tiny.yaml"), [""; 0]);
     assert!(before == tree(&place.path("out")), "a release of what is there already changed the tree");
 }

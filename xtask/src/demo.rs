@@ -21,8 +21,8 @@ pub(crate) fn first_command_twice() -> Outcome {
     release(&folder).run()?;
     let second = release(&folder).capture()?;
     let message = String::from_utf8_lossy(&second.stderr);
-    if !message.lines().any(|line| line.starts_with("made 0,")) {
-        return Err(format!("the second run should have said `made 0, …`; it said:\n{message}"));
+    if !message.lines().any(|line| line.starts_with("0 steps built,")) {
+        return Err(format!("the second run should have said `0 steps built, …`; it said:\n{message}"));
     }
     say("the second run made nothing");
     Ok(())

@@ -15,15 +15,16 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
             "interrupted: {finished} of {all} steps are finished and kept; run the same command to continue"
         );
     }
-    let mut text = format!("made {made}, up to date {kept}, failed {}", failures.len());
+    let noun = if *made == 1 { "step" } else { "steps" };
+    let mut text = format!("{made} {noun} built, {kept} reused, {} failed", failures.len());
     if *adopted > 0 {
-        text.push_str(&format!(", from the shared store {adopted}"));
+        text.push_str(&format!(", {adopted} from the shared store"));
     }
     if *twice > 0 {
-        text.push_str(&format!(", made by another machine at the same time {twice}"));
+        text.push_str(&format!(", {twice} built by another machine at the same time"));
     }
     if *unreached > 0 {
-        text.push_str(&format!(", not reached {unreached}"));
+        text.push_str(&format!(", {unreached} not reached"));
     }
     format!("{text}; {seconds:.2} s")
 }

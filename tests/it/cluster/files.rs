@@ -105,6 +105,6 @@ fn gnu_parallel_builds_the_release_of_one_machine() {
     assert!(["1", "2", "3"].iter().all(|share| place.path(&format!("stores/{share}")).is_dir()));
     place.ok("release --store alone --to one");
     let ended = place.ok("release --store new --shared-store shared --to two");
-    assert!(ended.stderr.contains("made 0, up to date"), "{}", ended.stderr);
+    assert!(ended.stderr.lines().any(|line| line.starts_with("0 steps built,")), "{}", ended.stderr);
     same_tree(&place.path("one"), &place.path("two"));
 }

@@ -165,7 +165,7 @@ fn steps_of_others_that_are_made_again_count_as_theirs() {
     assert!(adopted.iter().all(|line| line["confirmed"] == true && line["cores"].is_u64()), "{lines:?}");
     let wanted = format!("{records} steps of the shared store rerun, each with its bytes");
     assert!(ended.stderr.contains(&wanted), "{}", ended.stderr);
-    assert!(ended.stderr.contains(&format!("from the shared store {records}")), "{}", ended.stderr);
+    assert!(ended.stderr.contains(&format!("{records} from the shared store")), "{}", ended.stderr);
     let ended = place.ok(&format!("build --json --recheck 0 --store m2 --shared-store shared {SCENE}"));
     assert!(!ended.stdout.contains("confirmed"), "{}", ended.stdout);
 }

@@ -187,6 +187,6 @@ mod tests {
         assert_eq!((made_events.frame_count(), made_events.interpolation()), (Some(33), Some("hermite")));
         let plain = "[5/6] plant/fast/events 7.0 s 1.2 Mev\n";
         assert_eq!(made(plain), Some(("1.2 Mev".to_owned(), String::new())));
-        assert_eq!(made("made 0, up to date 6"), None);
+        assert_eq!(made("0 steps built, 6"), None);
     }
 }
