@@ -240,7 +240,8 @@ fn a_capture_is_counted_and_measured() {
 fn each_capture_of_a_folder_is_shown_with_its_key() {
     let place = Workspace::new();
     Generator::new().instance(&place.path("fox"), None);
-    let frame = json!({ "file_path": "images/000.jpg", "transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4]] });
+    let pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]];
+    let frame = json!({ "file_path": "images/000.jpg", "transform_matrix": pose });
     let file = json!({ "w": 64, "h": 48, "fl_x": 60, "fl_y": 60, "cx": 32, "cy": 24, "frames": [frame] });
     place.write("fox/transforms.json", file.to_string());
     let shown = place.ok("info fox").stdout;
