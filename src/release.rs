@@ -265,7 +265,7 @@ impl<'a> JudgedRelease<'a> {
         let release = [context.info.name.as_str(), &context.info.version];
         let exports = ReleaseExports { include: &context.info.include, exporter, store, release };
         let ComposedTree { tree, scenes, agreement, pictures, records } =
-            compose_tree((sound, &held_back), exports, context)?;
+            compose_tree(sound, &held_back, exports, context)?;
         let options = audit::AuditOptions {
             takedown: Some(&context.takedown),
             exporter: None,

@@ -79,7 +79,8 @@ pub(super) fn judge_scenes<'a>(
 
 /// Composes the tree without the sums.
 pub(super) fn compose_tree(
-    (scenes, held_back): (Vec<JudgedScene<'_>>, &[HeldBackScene]),
+    scenes: Vec<JudgedScene<'_>>,
+    held_back: &[HeldBackScene],
     exports: ReleaseExports<'_>,
     context: &ReleaseContext,
 ) -> Result<ComposedTree, ReleaseError> {
