@@ -3,7 +3,7 @@
 
 use crate::event::{Event, Polarity};
 use crate::image::{Image, Size};
-use crate::render::flow::nearest_ranks;
+use crate::render::flow::{FlowQuantiles, nearest_ranks};
 
 /// The image motion at an instant.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,14 +14,36 @@ pub struct FlowAt {
     pub px_s: Image<[f32; 2]>,
 }
 
+/// Median speed of an image, px/s; `None` without a known speed.
+fn median_of(flow: &FlowAt) -> Option<f32> {
+    let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
+    nearest_ranks(speeds, [50]).map(|[speed]| speed)
+}
+
 /// Median speed of the image over some instants, px/s; `None` without a known speed.
 pub(in crate::check) fn median_speed(flows: &[FlowAt]) -> Option<f64> {
-    let of_image = |flow: &FlowAt| {
-        let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
-        nearest_ranks(speeds, [50]).map(|[speed]| speed)
-    };
-    let speeds = flows.iter().filter_map(of_image).collect();
+    let speeds = flows.iter().filter_map(median_of).collect();
     nearest_ranks(speeds, [50]).map(|[speed]| f64::from(speed))
+}
+
+/// Image motion from 0 to `end_us`, px: the integral of the median speed over the pixels, linear
+/// between the instants and constant beyond them. It depends on no rate of frames. `None` if no
+/// instant has a pixel with a known flow.
+#[must_use]
+pub fn total_px(flows: &[FlowAt], end_us: i64) -> Option<f64> {
+    let median = |flow: &FlowAt| Some((flow.t_us, f64::from(median_of(flow)?)));
+    let medians: Vec<(i64, f64)> = flows.iter().filter_map(median).collect();
+    let ends = medians.first().zip(medians.last()).map(|(first, last)| [(0, first.1), (end_us, last.1)])?;
+    let all: Vec<(i64, f64)> = ends[..1].iter().chain(&medians).chain(&ends[1..]).copied().collect();
+    Some(all.windows(2).map(|w| 0.5 * (w[0].1 + w[1].1) * (w[1].0 - w[0].0) as f64 * 1e-6).sum())
+}
+
+/// As [`total_px`]. In a scene that moves by itself, whose depths are left out of the flows, the median
+/// motion between two frames counts for every one of `frames`.
+#[must_use]
+pub fn seen_px(flows: &[FlowAt], end_us: i64, step: Option<FlowQuantiles>, frames: usize) -> Option<f64> {
+    let by_steps = || step.map(|step| f64::from(step.median) * frames.saturating_sub(1) as f64);
+    total_px(flows, end_us).filter(|px| *px >= 1.0).or_else(by_steps)
 }
 
 /// The longest half of a window, us.
