@@ -341,6 +341,7 @@ impl BuildRequest<'_> {
             idle = assessed.iter().all(|a| a.action == StepAction::Keep);
             commands::refuse_commands(&plan, &assessed, common)?;
             refuse_lens(&plan)?;
+            plan::refuse_no_scene(&plan)?;
             self.warn_of_space(&plan, &assessed, store)?;
         }
         if !idle {

@@ -2,14 +2,18 @@
 
 use super::build::{option_tag, store_options};
 use super::console::{Console, path};
+use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
+use crate::escape;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
+use crate::plan::forecast::PlanForecast;
 use crate::plan::kept::kept_names;
 use crate::plan::past::{past_costs, sharing_steps};
 use crate::plan::size::expected_bytes;
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
+use crate::plan::warnings::{PlanWarning, forecast_words, no_scene_file, recipe_warnings, size_warning};
 use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
 use crate::units::format_amount;
@@ -69,8 +73,12 @@ impl PlanArgs {
         // Programs get a single array, so nothing else may go to stdout.
         super::build::tell_notices(&store, &console.for_people());
         super::takedown::show_takedown(taken_down, &console.for_people());
+        refuse_no_scene(&plan)?;
+        plan.scenes().iter().flat_map(recipe_warnings).for_each(|warning| tell_warning(&warning, console));
+        let forecast = PlanForecast::of_plan(&plan, &assessed, &store);
+        size_warning(&forecast).iter().for_each(|warning| tell_warning(warning, console));
         if self.estimate {
-            estimate_run(&plan, &assessed, &store, common, console)?;
+            estimate_run(&plan, &assessed, &store, common, (&forecast, console))?;
             return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store)?;
@@ -78,9 +86,26 @@ impl PlanArgs {
             console.large_result(&rows);
         } else {
             show_rows(&rows, console);
+            forecast_words(&forecast).iter().for_each(|line| console.say(line));
         }
         Ok(ExitKind::Done)
     }
+}
+
+/// Refuses a scene file that is none, which its step would find out late.
+pub(super) fn refuse_no_scene(plan: &Plan) -> Result<(), VerbError> {
+    let found = plan.scenes().iter().find_map(|recipe| Some((recipe, no_scene_file(recipe)?)));
+    let Some((recipe, path)) = found else { return Ok(()) };
+    let what = format!("the scene file of {} is no scene: {}", recipe.scene, escape::path(&path));
+    Err(VerbError::usage("recipe-invalid", what)
+        .help("name a .ply, .splat, .spz, .sog or .splatv file in reconstruct"))
+}
+
+/// Shows a warning about a recipe. Programs get a single array, so it never goes to stdout.
+pub(super) fn tell_warning(warning: &PlanWarning, console: &Console) {
+    let PlanWarning { scene, code, what, help } = warning;
+    let what = scene.as_ref().map_or_else(|| what.clone(), |scene| format!("{scene}: {what}"));
+    console.for_people().tell(&UserMessage::new(MessageLevel::Warning, code, what).help(help));
 }
 
 /// All steps, sorted by scene.
@@ -170,7 +195,7 @@ fn estimate_run(
     assessed: &[StepAssessment],
     store: &Store,
     common: &CommonArgs,
-    console: &Console,
+    (forecast, console): (&PlanForecast, &Console),
 ) -> Result<(), VerbError> {
     let mut sum = EstimateTotal::default();
     let past = past_costs(plan, store)?;
@@ -193,7 +218,9 @@ fn estimate_run(
     let cores = common.cores();
     sum.seconds = sum.core_seconds / cores as f64;
     if console.json {
-        console.result(&json!(sum));
+        let mut estimate = json!(sum);
+        estimate["release"] = json!(forecast);
+        console.result(&estimate);
         return Ok(());
     }
     let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
@@ -203,6 +230,7 @@ fn estimate_run(
             "{steps} steps would run, or may: time and memory are unknown, because no step like them ran before"
         ));
         console.print(&format!("outputs of known size: {outputs}"));
+        console.print_lines(&forecast_words(forecast).join("\n"));
         return Ok(());
     }
     console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
@@ -223,7 +251,7 @@ pub(super) fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
         StepReason::UpToDate => "up to date".to_owned(),
-        StepReason::InputMayChange { step } => format!("waits for {step}"),
+        StepReason::InputMayChange { step } => format!("depends on {step}"),
         StepReason::NotAsked { program } => {
             format!("the version of {program} is unknown: a build determines it")
         }
