@@ -2,6 +2,7 @@
 
 pub mod asked;
 pub mod assess;
+pub mod edits;
 pub mod forecast;
 pub mod kept;
 pub mod lens;

@@ -8,17 +8,19 @@ use super::{CommonArgs, RecipeTargets};
 use crate::escape;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
+use crate::plan::edits::{edits_of_step, edits_since};
 use crate::plan::forecast::PlanForecast;
 use crate::plan::kept::kept_names;
 use crate::plan::past::{past_costs, sharing_steps};
 use crate::plan::size::expected_bytes;
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
 use crate::plan::warnings::{PlanWarning, forecast_words, no_scene_file, recipe_warnings, size_warning};
+use crate::recipe::RecipeEdit;
 use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
 use crate::units::format_amount;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
@@ -42,6 +44,9 @@ struct PlanRow<'a> {
     reason: &'a StepReason,
     key: Option<Key>,
     outputs: Vec<StepFile<'a>>,
+    /// The reason in words for people.
+    #[serde(skip)]
+    words: String,
     /// True if it would run, and the store has frames of its path.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     kept_frames: bool,
@@ -78,7 +83,7 @@ impl PlanArgs {
         let forecast = PlanForecast::of_plan(&plan, &assessed, &store);
         size_warning(&forecast).iter().for_each(|warning| tell_warning(warning, console));
         if self.estimate {
-            estimate_run(&plan, &assessed, &store, common, (&forecast, console))?;
+            estimate_run(&plan, &assessed, &store, common, &forecast, console)?;
             return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store)?;
@@ -123,6 +128,7 @@ fn plan_rows<'a>(
             reason: &StepReason::UpToDate,
             key: Some(step.key),
             outputs: output_files(store, &step.outputs),
+            words: reason_words(&StepReason::UpToDate),
             kept_frames: false,
         })
     });
@@ -133,6 +139,7 @@ fn plan_rows<'a>(
             name.map(|name| store.frames_of(&name)).transpose()?.is_some_and(|files| !files.is_empty()),
         );
     }
+    let edits: Vec<Vec<RecipeEdit>> = plan.scenes().iter().map(|recipe| edits_since(recipe, store)).collect();
     let others = plan.steps().iter().zip(assessed).zip(has_frames).map(|((step, a), kept_frames)| PlanRow {
         scene: plan.scene_of(step),
         step: &step.name,
@@ -140,6 +147,7 @@ fn plan_rows<'a>(
         reason: &a.reason,
         key: a.key,
         outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
+        words: edited_words(&a.reason, &edits_of_step(&edits[step.scene], &step.name)),
         kept_frames,
     });
     let mut rows: Vec<PlanRow<'a>> = known.chain(others).collect();
@@ -166,7 +174,7 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
             StepAction::Keep => "keep",
         };
         let frames = if row.kept_frames { "; its frames are kept" } else { "" };
-        format!("{action:7}  {}/{}  {}{frames}", row.scene, row.step, reason_words(row.reason))
+        format!("{action:7}  {}/{}  {}{frames}", row.scene, row.step, row.words)
     };
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
@@ -195,7 +203,8 @@ fn estimate_run(
     assessed: &[StepAssessment],
     store: &Store,
     common: &CommonArgs,
-    (forecast, console): (&PlanForecast, &Console),
+    forecast: &PlanForecast,
+    console: &Console,
 ) -> Result<(), VerbError> {
     let mut sum = EstimateTotal::default();
     let past = past_costs(plan, store)?;
@@ -246,8 +255,33 @@ fn bytes_text(bytes: f64) -> String {
     format_amount(bytes as u64, "B")
 }
 
+/// A reason in words for people, with the edits of the recipe in the place of the parameters that follow
+/// from them.
+pub(super) fn edited_words(reason: &StepReason, edits: &[&RecipeEdit]) -> String {
+    match reason {
+        StepReason::ParamChanged { .. } if !edits.is_empty() => {
+            format!(
+                "the recipe changed: {}",
+                edits.iter().map(|edit| edit_words(edit)).collect::<Vec<_>>().join("; ")
+            )
+        }
+        other => reason_words(other),
+    }
+}
+
+/// An edit of a recipe in words.
+pub(super) fn edit_words(edit: &RecipeEdit) -> String {
+    let RecipeEdit { path, old, new } = edit;
+    let shown = |value: &Option<Value>| value.as_ref().map_or("absent".into(), Value::to_string);
+    match (old, new) {
+        (Some(Value::Object(_)), None) => format!("{path}: removed"),
+        (None, Some(Value::Object(_))) => format!("{path}: added"),
+        (old, new) => format!("{path}: {} -> {}", shown(old), shown(new)),
+    }
+}
+
 /// A reason in words for people.
-pub(super) fn reason_words(reason: &StepReason) -> String {
+fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
         StepReason::UpToDate => "up to date".to_owned(),

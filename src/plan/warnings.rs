@@ -128,9 +128,7 @@ pub fn forecast_words(forecast: &PlanForecast) -> Vec<String> {
             1 => String::new(),
             count => format!(" and {} others", count - 1),
         };
-        lines.push(format!(
-            "not counted: {first}{others}, whose length is known once its poses are built"
-        ));
+        lines.push(format!("not counted: {first}{others}, whose length is known once its poses are built"));
     }
     lines
 }
