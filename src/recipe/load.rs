@@ -176,8 +176,8 @@ impl RecipeParts {
         parts.with_ranges()
     }
 
-    /// Writes short forms of sensors in full, and replaces their preset `randomised` by its ranges, which their
-    /// other keys override.
+    /// Writes short forms of sensors in full, and replaces their preset `randomised` by its ranges, which
+    /// their other keys override.
     pub(super) fn with_ranges(mut self) -> Self {
         let mut tree = std::mem::replace(&mut self.tree, empty_tree());
         for_each_sensor(&mut tree, &mut |_, sensor| {

@@ -105,7 +105,11 @@ impl<'a> TreeReader<'a> {
         }
         let whole = number::parse_whole(text).ok_or_else(|| self.wanted(wanted))?;
         let within = (low..=high).contains(&whole);
-        let range = if high > i32::MAX.into() { format!("of at least {low}") } else { format!("from {low} to {high}") };
+        let range = if high > i32::MAX.into() {
+            format!("of at least {low}")
+        } else {
+            format!("from {low} to {high}")
+        };
         if within { Ok(whole) } else { Err(self.wanted(&format!("{wanted} {range}"))) }
     }
 

@@ -71,7 +71,8 @@ mod tests {
     /// A plane at depth 4, seen at 50 px of focal length.
     fn meter() -> PointFlowMeter {
         let camera = Camera::pinhole(Size { width: 40, height: 30 }, [50.0, 60.0, 20.0, 15.0]);
-        let points = (0..400).map(|i| DVec3::new(f64::from(i % 20) / 8.0 - 1.2, f64::from(i / 20) / 8.0 - 1.2, 4.0));
+        let points =
+            (0..400).map(|i| DVec3::new(f64::from(i % 20) / 8.0 - 1.2, f64::from(i / 20) / 8.0 - 1.2, 4.0));
         PointFlowMeter { points: points.collect(), camera }
     }
 

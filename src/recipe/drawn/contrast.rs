@@ -12,14 +12,18 @@ pub(in crate::recipe) fn expand_contrast(sensor: &mut TreeNode) {
     let keys = models.flat_map(|model| entries_of(&mut model.value)).filter(|entry| entry.key == CONTRAST);
     for TreeNode { place, kind } in keys.map(|entry| &mut entry.value) {
         let [on, off] = match kind {
-            NodeKind::Scalar { .. } => [TreeNode { place: *place, kind: kind.clone() }, TreeNode { place: *place, kind: kind.clone() }],
+            NodeKind::Scalar { .. } => [
+                TreeNode { place: *place, kind: kind.clone() },
+                TreeNode { place: *place, kind: kind.clone() },
+            ],
             NodeKind::List(items) => match items.as_slice() {
                 [on, off] => [on.clone(), off.clone()],
                 _ => continue,
             },
             _ => continue,
         };
-        let side = |key: &str, value: TreeNode| MappingEntry { key: key.to_owned(), place: value.place, value };
+        let side =
+            |key: &str, value: TreeNode| MappingEntry { key: key.to_owned(), place: value.place, value };
         *kind = NodeKind::Map(vec![side("on", on), side("off", off)]);
     }
 }

@@ -99,8 +99,8 @@ fn is_recipe(entry: &DirEntry) -> bool {
     yaml && !other && !entry.file_type().is_dir()
 }
 
-/// The name of the file beside the recipes that a file is, or is meant to be: in other letters, with blanks around it,
-/// or with the ending `.yml`.
+/// The name of the file beside the recipes that a file is, or is meant to be: in other letters, with blanks
+/// around it, or with the ending `.yml`.
 fn beside_recipes(path: &Path) -> Option<&'static str> {
     let name = path.file_name()?.to_str()?.trim().to_lowercase();
     let name = name.strip_suffix(".yml").map_or_else(|| name.clone(), |stem| format!("{stem}.yaml"));
@@ -109,7 +109,8 @@ fn beside_recipes(path: &Path) -> Option<&'static str> {
 
 /// Returns a fault if a file beside the recipes has another spelling of its name: it would have no effect.
 pub(in crate::recipe) fn misnamed(path: &Path) -> Option<RecipeFault> {
-    let wanted = beside_recipes(path).filter(|wanted| path.file_name().is_some_and(|name| name != *wanted))?;
+    let wanted =
+        beside_recipes(path).filter(|wanted| path.file_name().is_some_and(|name| name != *wanted))?;
     let message = format!("a file with this name is ignored, wanted {wanted}");
     Some(RecipeFault::of_file(path, &message, Some("rename the file")))
 }

@@ -66,7 +66,11 @@ impl Resolver<'_> {
 
     /// Refuses inertial data along a speed that is not twice differentiable: an accelerometer would show its
     /// corners.
-    fn refuse_rough_speeds(&self, raw: &schema::RecipeSchema, trajectories: &[TrajectoryRecipe]) -> Option<()> {
+    fn refuse_rough_speeds(
+        &self,
+        raw: &schema::RecipeSchema,
+        trajectories: &[TrajectoryRecipe],
+    ) -> Option<()> {
         let place = raw.outputs.place().unwrap_or(self.root);
         let rough = trajectories.iter().find_map(|own| Some((own, own.speed.accelerometer_fault()?)));
         let Some((trajectory, SpeedFault { because, instead })) = rough else { return Some(()) };

@@ -34,11 +34,7 @@ impl Resolver<'_> {
         Some(outputs)
     }
 
-    pub(super) fn spacing(
-        &self,
-        raw: &schema::RecipeSchema,
-        rate: Option<Hertz>,
-    ) -> Option<PictureSpacing> {
+    pub(super) fn spacing(&self, raw: &schema::RecipeSchema, rate: Option<Hertz>) -> Option<PictureSpacing> {
         let every = |spacing: Option<WrittenSpacing<'_>>| {
             let WrittenSpacing { every, fps } = spacing?;
             self.refuse_both(every, fps, "every")?;
@@ -87,7 +83,11 @@ impl Resolver<'_> {
     }
 
     /// Refuses blurred frames along a path that is known to be shorter than an exposure.
-    pub(super) fn refuse_long_exposures(&self, field: &Field<schema::BlurSection>, recipe: &Recipe) -> Option<()> {
+    pub(super) fn refuse_long_exposures(
+        &self,
+        field: &Field<schema::BlurSection>,
+        recipe: &Recipe,
+    ) -> Option<()> {
         let (frames, wanted) = (recipe.shutter.frames, recipe.shutter.frames + 2);
         let is_short = |own: &&TrajectoryRecipe| {
             let poses = own.path.stated_poses(recipe.rate);
@@ -98,7 +98,8 @@ impl Resolver<'_> {
             "blurred frames need {wanted} poses for an exposure of {frames} frames, and the trajectory {} has fewer",
             quote_text(&short.written)
         );
-        let fields = field.given().map(|(raw, place)| raw.fps.place().or(raw.frames.place()).unwrap_or(place));
+        let fields =
+            field.given().map(|(raw, place)| raw.fps.place().or(raw.frames.place()).unwrap_or(place));
         let problem = FieldProblem::new(found).help("write fewer blur.frames, or a longer path");
         self.refuse(problem.at(fields.unwrap_or(self.root)))
     }

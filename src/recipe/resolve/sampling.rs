@@ -81,7 +81,9 @@ impl Resolver<'_> {
 fn intolerant(raw: &schema::SamplingSection) -> FieldProblem {
     let help = match raw.rate.is_absent() {
         true => "write sampling: { rate: 2400 } instead: frames per second, at most 1 px of motion apart",
-        false => "remove it: the frames are then at sampling.rate, frames per second, at most 1 px of motion apart",
+        false => {
+            "remove it: the frames are then at sampling.rate, frames per second, at most 1 px of motion apart"
+        }
     };
     FieldProblem::of_key("applies only to the sensor voltmeter with the law exact").help(help)
 }

@@ -172,7 +172,8 @@ impl Resolver<'_> {
             return self.refuse(problem.help("keep one of them: both say when an event fires").at(place));
         }
         let (on, off) = sensor.as_model().contrast();
-        let [on, off] = [(&raw.on, on), (&raw.off, off)].map(|(field, usual)| self.real(field, usual, CONTRAST));
+        let [on, off] =
+            [(&raw.on, on), (&raw.off, off)].map(|(field, usual)| self.real(field, usual, CONTRAST));
         Some(sensor.as_model().with_contrast(on?, off?))
     }
 

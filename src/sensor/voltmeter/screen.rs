@@ -218,9 +218,7 @@ mod tests {
             [ScreeningWarning::UncertainUnits]
         );
         let noisy = codes(reading(TimeUnit::Ms, WhiteBrightness::Unit));
-        assert!(
-            matches!(noisy[..], [ScreeningWarning::Noisy { hz }] if hz > 59.0)
-        );
+        assert!(matches!(noisy[..], [ScreeningWarning::Noisy { hz }] if hz > 59.0));
     }
 
     #[test]

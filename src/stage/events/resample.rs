@@ -27,9 +27,7 @@ struct ResampledRows(Vec<Event>);
 impl EventSink for ResampledRows {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         // Noise falls at the same times with any frames, and would hide how far the others move.
-        self.0.extend(
-            events.iter().filter(|event| event.y % ROWS == 0 && event.label == EventLabel::Signal),
-        );
+        self.0.extend(events.iter().filter(|event| event.y % ROWS == 0 && event.label == EventLabel::Signal));
         Ok(())
     }
 }

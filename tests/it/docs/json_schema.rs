@@ -44,6 +44,9 @@ impl SchemaWriter<'_> {
             let words = Words::of(&member.doc);
             let paths = self.reference.places_of(declared, member);
             let mut schema = self.of_type(&member.ty, &declared.file);
+            if member.ty.contains("ContrastSection") {
+                schema = relations::short_contrast(&schema);
+            }
             values::narrow(&mut schema, member, &words, &paths);
             if declared.file.starts_with(SENSORS) {
                 values::admit_laws(&mut schema);

@@ -1,7 +1,8 @@
 //! ESIM as written.
 
 use super::{
-    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection, ThresholdSection,
+    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
+    ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::esim::IntensityScale;

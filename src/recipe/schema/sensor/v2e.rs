@@ -1,7 +1,8 @@
 //! The sensor of v2e as written.
 
 use super::{
-    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection, ThresholdSection,
+    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
+    ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::v2e::FilterSteps;

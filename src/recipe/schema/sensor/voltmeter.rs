@@ -1,8 +1,8 @@
 //! DVS-Voltmeter as written.
 
 use super::{
-    ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
-    ThresholdSection,
+    ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection,
+    RefractorySection, ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
