@@ -16,8 +16,8 @@ use crate::store::record::StoredOutput;
 use lengths::{SceneLengths, TrajectoryLength};
 use serde::Serialize;
 
-/// Events per pixel and px of motion at a contrast of 0.2. Over seven streams of five scenes, 0.13 to 0.40.
-const EVENTS_PER_FLOW: f64 = 0.25;
+/// Events per pixel and px of motion at a contrast of 0.2. Over eight streams of five scenes, 0.09 to 0.40.
+const EVENTS_PER_FLOW: f64 = 0.2;
 /// Bytes of an event in `events.h5`. In the same streams, 2.45 to 2.79.
 const BYTES_AN_EVENT: f64 = 2.55;
 /// Grey at which the noise of a sensor is taken.
