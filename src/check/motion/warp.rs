@@ -264,6 +264,21 @@ mod tests {
         (0..32).flat_map(|j| (0..8).map(move |y| event(500 * i64::from(j), 10 + j, y))).collect()
     }
 
+    #[test]
+    fn the_motion_is_the_integral_of_the_speed() {
+        let flow = |t_us, speed: f32| FlowAt { t_us, px_s: Image::filled(SIZE, [0.6 * speed, -0.8 * speed]) };
+        // 10 px/s to 0.25 s, then linear to 30 px/s at 0.75 s, which it keeps to 1 s.
+        let flows = [flow(250_000, 10.0), flow(750_000, 30.0)];
+        // Speeds are rounded at 6e-8 of themselves.
+        assert!((total_px(&flows, 1_000_000).unwrap() - (2.5 + 10.0 + 7.5)).abs() < 1e-5);
+        // Instants without a known flow do not count, and no frame rate does.
+        let unknown = FlowAt { t_us: 500_000, px_s: Image::filled(SIZE, [f32::NAN; 2]) };
+        let step = Some(FlowQuantiles { median: 0.5, p95: 0.5, max: 0.5 });
+        let with = [flows[0].clone(), unknown.clone(), flows[1].clone()];
+        assert!((seen_px(&with, 1_000_000, step, 7).unwrap() - 20.0).abs() < 1e-5);
+        assert_eq!(seen_px(&[unknown], 1_000_000, step, 7), Some(3.0));
+    }
+
     fn found(flow: [f32; 2]) -> WarpSharpness {
         let flows = [FlowAt { t_us: 8000, px_s: Image::filled(SIZE, flow) }];
         let mut windows = WarpWindows::new(SIZE, 16_000, &flows);

@@ -2,7 +2,7 @@
 //! points of the source.
 
 use super::PlanState;
-use crate::artifact::{Artifact as _, ArtifactFiles, TrajectoryProduct};
+use crate::artifact::{Artifact, ArtifactFiles, SolvedModel, TrajectoryProduct};
 use crate::camera::{Camera, choose_camera};
 use crate::image::Size;
 use crate::recipe::{Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
@@ -11,6 +11,7 @@ use crate::scene::survey::SceneSurvey;
 use crate::scene::{self, Gaussians, procedural};
 use crate::se3::Se3;
 use crate::source::Capture;
+use crate::source::colmap::ColmapModel;
 use crate::speed::{FlowSpeed, SpeedChoice};
 use crate::stage::PathLength;
 use crate::trajectory::flow::FlowMeter;
@@ -59,28 +60,33 @@ pub(super) struct SceneLengths<'a> {
 }
 
 impl<'a> SceneLengths<'a> {
-    pub(super) fn new(PlanState { plan, assessed, store }: PlanState<'a>, scene: usize) -> Self {
-        let recipe = &plan.scenes()[scene];
-        let built = plan.steps_of(scene).filter_map(|(id, step)| {
-            let name = step.name.strip_suffix("/trajectory")?;
-            let files = ArtifactFiles::from_outputs(assessed[id.0].outputs.as_deref()?, store);
-            let TrajectoryProduct { trajectory, report } = TrajectoryProduct::open(&files).ok()?;
+    pub(super) fn new(state: PlanState<'a>, scene: usize) -> Self {
+        let recipe = &state.plan.scenes()[scene];
+        let built = recipe.trajectories.iter().filter_map(|own| {
+            let motion: TrajectoryProduct = opened(state, scene, &format!("{}/trajectory", own.name))?;
+            let TrajectoryProduct { trajectory, report } = motion;
             let seconds = trajectory.stamps_us.last().map_or(0.0, |us| *us as f64 * 1e-6);
             let (poses, scale) = (trajectory.world_from_camera, report.scale_distance);
-            Some((name, KnownPath { poses, seconds, scale }))
+            Some((own.name.as_str(), KnownPath { poses, seconds, scale }))
         });
         let built: BTreeMap<&str, KnownPath> = built.collect();
         let is_open = recipe.trajectories.iter().any(|own| !built.contains_key(own.name.as_str()));
-        let capture = capture_of(recipe);
+        let capture = opened(state, scene, "capture").or_else(|| capture_of(recipe));
         let own = capture.as_ref().and_then(Capture::camera).map(|(camera, _)| camera);
         let camera = choose_camera(recipe.camera, own.as_ref());
         // A scene may be large, and is only looked at where a path is not known without it.
         let gaussians = if is_open { gaussians_of(recipe) } else { None };
-        let points = if is_open { model_points(recipe) } else { None };
+        let solved = opened::<SolvedModel>(state, scene, "poses").map(|solved| solved.model);
+        let points = if is_open {
+            solved.or_else(|| model_of(recipe)).and_then(|model| points_of(&model))
+        } else {
+            None
+        };
         let points = points.or_else(|| gaussians.as_ref().map(solid_points));
         let meter = points.zip(camera).map(|(points, camera)| PointFlowMeter { points, camera });
+        // Only without views is an orbit laid about the scene.
+        let gaussians = gaussians.filter(|scene| !scene.is_empty() && !recipe.source.has_views());
         let framing = gaussians
-            .filter(|scene| !scene.is_empty())
             .zip(camera)
             .map(|(scene, camera)| SceneFraming { survey: SceneSurvey::measure_scene(&scene), camera });
         Self { recipe, built, capture, meter, framing }
@@ -160,7 +166,8 @@ impl<'a> SceneLengths<'a> {
             meter.speed_px(&path.poses[at], &twist)
         };
         let speeds: Vec<f64> = (0..places).filter_map(speed).collect();
-        (!speeds.is_empty()).then(|| IN_FRONT * speeds.iter().sum::<f64>() / speeds.len() as f64 * path.seconds)
+        (!speeds.is_empty())
+            .then(|| IN_FRONT * speeds.iter().sum::<f64>() / speeds.len() as f64 * path.seconds)
     }
 }
 
@@ -173,10 +180,21 @@ fn capture_of(recipe: &Recipe) -> Option<Capture> {
     }
 }
 
-/// The points of a COLMAP model.
-fn model_points(recipe: &Recipe) -> Option<Vec<DVec3>> {
+/// The product of a step that is up to date.
+fn opened<T: Artifact>(state: PlanState<'_>, scene: usize, step: &str) -> Option<T> {
+    let (id, _) = state.plan.steps_of(scene).find(|(_, planned)| planned.name == step)?;
+    let outputs = state.assessed[id.0].outputs.as_deref()?;
+    T::open(&ArtifactFiles::from_outputs(outputs, state.store)).ok()
+}
+
+/// The COLMAP model of a source on disk.
+fn model_of(recipe: &Recipe) -> Option<ColmapModel> {
     let SceneSource::Captured(captured, _) = &recipe.source else { return None };
-    let points = captured.model()?.points().ok()?;
+    captured.model()
+}
+
+fn points_of(model: &ColmapModel) -> Option<Vec<DVec3>> {
+    let points = model.points().ok()?;
     (!points.is_empty()).then(|| points.into_values().map(|point| point.xyz).collect())
 }
 
