@@ -48,7 +48,8 @@ impl SchemaWriter<'_> {
                 schema = relations::short_contrast(&schema);
             }
             values::narrow(&mut schema, member, &words, &paths);
-            if declared.file.starts_with(SENSORS) {
+            // A contrast is no law: the unit of a law is that of the sensor.
+            if declared.file.starts_with(SENSORS) && name != "ContrastSection" {
                 values::admit_laws(&mut schema);
             }
             schema["description"] = json!(description(&member.doc));
