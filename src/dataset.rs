@@ -188,6 +188,7 @@ fn read_stream(
         own_motion: false,
         is_release: true,
         flow: None,
+        moved_px: None,
         tolerance: None,
         coverage: None,
         doubtful_share: None,

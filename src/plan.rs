@@ -2,12 +2,15 @@
 
 pub mod asked;
 pub mod assess;
+pub mod edits;
+pub mod forecast;
 pub mod kept;
 pub mod lens;
 pub mod past;
 pub mod shard;
 pub mod size;
 pub mod survey;
+pub mod warnings;
 mod wire;
 
 use crate::foreign::versions::VersionQuery;

@@ -164,6 +164,8 @@ pub struct RecipeMeta {
     pub seen: Vec<(PathBuf, StatSighting)>,
     /// Places where the recipe names things that may turn out to be missing.
     pub named_at: NamedAt,
+    /// Sections of the recipe's own file for outputs that it does not ask for.
+    pub unused: Vec<String>,
     /// The merged recipe in full with all defaults, as `scene.json` shows it. Paths are as written.
     pub merged: serde_json::Value,
 }

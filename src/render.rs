@@ -10,6 +10,7 @@ pub mod flow;
 pub mod gpu;
 pub mod lens;
 pub mod parts;
+pub mod points;
 pub mod reference;
 pub mod sample;
 pub mod shared;

@@ -115,12 +115,12 @@ fn whole() -> f64 {
 
 impl fmt::Display for SamplingChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { frames, pilot_frames, pilot_share, between, achieved, tolerance, .. } = self;
-        let percent = 100.0 * pilot_share;
-        let between = between.name();
-        write!(
-            f,
-            "{frames} frames ({between}), chosen with {percent:.0} % of {pilot_frames} pilot frames; error {achieved:.4}, tolerance {tolerance}"
-        )
+        let Self { frames, between, achieved, tolerance, .. } = self;
+        let between = match between {
+            BetweenFrames::Linear => "linear interpolation",
+            BetweenFrames::Catmull => "cubic interpolation",
+            BetweenFrames::Hermite => "cubic interpolation with rates",
+        };
+        write!(f, "{frames} frames, {between}; error {achieved:.3} of a threshold (allowed {tolerance})")
     }
 }

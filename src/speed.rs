@@ -29,6 +29,15 @@ pub struct FlowSpeed {
     pub shape: SpeedExpression,
 }
 
+/// The part of a speed that is not twice differentiable.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SpeedFault {
+    /// The part.
+    pub because: String,
+    /// Advice for the author of the recipe.
+    pub instead: &'static str,
+}
+
 /// The effect of large values of a speed law.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -59,6 +68,26 @@ impl SpeedChoice {
             Self::Function(f) => f,
             Self::List(l) => l,
             Self::Flow(f) => &f.shape,
+        }
+    }
+
+    /// The reason why a camera at this speed has accelerations that no real one has, if there is one.
+    #[must_use]
+    pub fn accelerometer_fault(&self) -> Option<SpeedFault> {
+        match self {
+            // The measured flow of a path has errors, which the second derivative of the path enlarges.
+            Self::Flow(_) => Some(SpeedFault {
+                because: "`flow` follows a measurement".to_owned(),
+                instead: "write speed: { function: \"1\" }, with a duration in the path",
+            }),
+            Self::List(list) => {
+                let instead = "write blend: 0.1, or another number above 0, in the list";
+                Some(SpeedFault { because: list.roughness()?, instead })
+            }
+            Self::Function(function) => {
+                let instead = "write a formula without corners, such as 0.25*sin(t) + 1.1";
+                Some(SpeedFault { because: function.roughness()?, instead })
+            }
         }
     }
 

@@ -141,7 +141,7 @@ impl DriftLaw {
             SensorChoice::Esim(esim) if esim.intensity == IntensityScale::Linear => {
                 Some("not applicable to `intensity: linear`: the check needs a log-brightness sensor")
             }
-            SensorChoice::Esim(esim) => (!esim.keeps_references()).then_some(LOST),
+            SensorChoice::Esim(esim) => lost_events(esim),
         };
         because.map_or_else(|| Ok(Self::for_sensor(sensor)), Err)
     }
@@ -391,7 +391,7 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
         (SamplerKind::Official, _) => Some(OFFICIAL),
         (_, DriftGain::Midpoint) => Some(MIDPOINT),
         _ if !sensor.hot_pixels.is_absent() => Some(HOT),
-        _ if sensor.refractory.period_us > 0.0 => Some(LOST),
+        _ if sensor.refractory.period_us > 0.0 => Some(DEAD),
         _ => None,
     };
     DriftLaw {
@@ -415,7 +415,10 @@ const DELAYED: &str =
 const USUAL_PIXELS: f64 = 1e5;
 const READ_LATE: &str = "not applicable behind a readout of limited rate: events are late, and some are lost";
 const LATE: &str = "not applicable with a latency: events are late, by different times";
-const LOST: &str = "not applicable with a dead time, thresholds drawn per frame or an allowed cap: events need not match the brightness change";
+const DEAD: &str = "not applicable with a dead time: events need not match the brightness change";
+const REDRAWN: &str =
+    "not applicable with thresholds drawn per frame: events need not match the brightness change";
+const CAPPED: &str = "not applicable with an allowed cap: events need not match the brightness change";
 
 /// Without noise, the reference of a pixel moves like the voltage of a voltmeter with `k1 = 1` and
 /// `k2` equal to `eps` on the grey scale.
@@ -427,11 +430,21 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
     };
     let loose = match esim.hot_pixels.is_absent() {
         false => Some(HOT),
-        true => (!esim.keeps_balance()).then_some(LOST),
+        true => lost_events(esim),
     };
     // `ln(L/255 + eps)` and `ln(L + 255 eps)` differ by a constant, which no change shows.
     let k = [1.0, 255.0 * eps, 0.0, 0.0, 0.0, 0.0];
     DriftLaw { spread: threshold.spread, loose, ..quiet_law(k, scale, [threshold.on, threshold.off]) }
+}
+
+/// The setting because of which events are lost, or references move without events.
+fn lost_events(esim: &EsimModel) -> Option<&'static str> {
+    match esim {
+        _ if esim.keeps_references() => None,
+        _ if esim.refractory.period_us > 0.0 => Some(DEAD),
+        _ if esim.allow_cap => Some(CAPPED),
+        _ => Some(REDRAWN),
+    }
 }
 
 /// Without its filter, a pixel of v2e moves like an ideal logarithm with a leak of `C+` per event.
@@ -440,7 +453,8 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
     let loose = match (delayed, v2e.hot_pixels.is_absent()) {
         (true, _) => Some(DELAYED),
         (false, false) => Some(HOT),
-        (false, true) => (v2e.refractory.period_us > 0.0 || v2e.allow_cap).then_some(LOST),
+        (false, true) if v2e.refractory.period_us > 0.0 => Some(DEAD),
+        (false, true) => v2e.allow_cap.then_some(CAPPED),
     };
     let leak = v2e.leak;
     // A threshold per event, per microsecond.

@@ -108,12 +108,10 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if tally.events == 0 {
         return subject.not_run(NAME, "flow", empty(subject.seconds()));
     }
-    let (Some(flow), Some(sensor)) = (subject.flow, subject.sensor) else {
+    // The median over pixels: a near object in a corner moves far, but makes few of the events.
+    let (Some(moved), Some(sensor)) = (subject.moved_px, subject.sensor) else {
         return subject.not_run(NAME, "flow", "there is no optical flow to compare the rate with");
     };
-    let steps = subject.trajectory.stamps_us.len().saturating_sub(1);
-    // The median over pixels: a near object in a corner moves far, but makes few of the events.
-    let moved = f64::from(flow.median) * steps as f64;
     if moved < 1.0 {
         return subject.not_run(
             NAME,

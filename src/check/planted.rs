@@ -8,7 +8,7 @@
 
 use super::coverage::ViewCoverage;
 use super::drift::DriftLaw;
-use super::motion::warp::FlowAt;
+use super::motion::warp::{FlowAt, total_px};
 use super::sampling::ResampledIntervals;
 use super::tally::{StreamObserver, TallyReference};
 use super::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
@@ -180,6 +180,7 @@ impl PlantedWorld {
             tally: Some(&tally),
             resampled: self.resampled.as_ref(),
             flow: self.flow,
+            moved_px: self.flow.and_then(|_| total_px(&self.flows, end)),
             tolerance: self.tolerance,
             coverage: self.coverage,
             doubtful_share: self.doubtful_share,

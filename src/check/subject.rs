@@ -40,8 +40,10 @@ pub struct TrajectorySubject<'a> {
     pub account: Option<&'a SimulationAccount>,
     /// The counts of the event stream.
     pub tally: Option<&'a StreamTally>,
-    /// Image motion between neighbouring frames, px.
+    /// Image motion between neighbouring frames of the sensor, px; in a release, between poses.
     pub flow: Option<FlowQuantiles>,
+    /// Image motion from the first pose to the last, px: the median over pixels, summed over time.
+    pub moved_px: Option<f64>,
     /// The stream with twice the frames, if that was simulated.
     pub resampled: Option<&'a ResampledIntervals>,
     /// The recipe's tolerance of the error between frames, thresholds, if it has one.

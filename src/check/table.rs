@@ -45,7 +45,7 @@ macro_rules! check_table {
             noise_floor (limits noise_floor) (pass noise_floor::NoiseFloor)
                 "set the sensor's noise parameters to those of your camera: docs/sensors.md";
             sampling (limits sampling) (pass sampling::SamplingPass)
-                "use more frames: a higher `sampling.rate`, or `sampling: { tolerance: 0.1 }` for the sensor voltmeter; or slow the path down: `speed: { flow: { px_s: 400 } }`";
+                "use more frames: a higher `sampling.rate`, or `sampling: { tolerance: 0.1 }` for the sensor voltmeter; or slow the path down: fewer `px_s` of a flow, or a longer `duration`";
             affine (limits affine) (pass affine::AffinePass)
                 "keep the path away from large Gaussians near the camera: use a larger distance, or another arc";
             drift_identity (exact drift_identity) (pass drift_identity::DriftIdentity)

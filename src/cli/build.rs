@@ -286,15 +286,15 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
     }
 }
 
-/// Prints the contrast, the leak and the noise of each sensor once, and the twins of each scene.
-fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
+/// Prints the contrast and the noise of each sensor once, and the twins of each scene.
+fn tell_sensors(plan: &Plan, verbose: bool, console: &Console) -> Result<(), VerbError> {
     let mut reported: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
         for (name, sensor) in recipe.every_sensor() {
             if !reported.contains(&sensor) {
                 reported.push(sensor);
                 let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));
-                tell_sensor(&of, sensor, recipe.rate, console)?;
+                tell_sensor(&of, sensor, recipe.rate, verbose, console)?;
             }
         }
         if recipe.trajectories.iter().any(|trajectory| trajectory.drawn.is_some()) {
@@ -308,11 +308,19 @@ fn tell_sensors(plan: &Plan, console: &Console) -> Result<(), VerbError> {
     Ok(())
 }
 
-fn tell_sensor(scene: &str, sensor: &SensorChoice, rate: Hertz, console: &Console) -> Result<(), VerbError> {
+fn tell_sensor(
+    scene: &str,
+    sensor: &SensorChoice,
+    rate: Hertz,
+    verbose: bool,
+    console: &Console,
+) -> Result<(), VerbError> {
     let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{scene}: {e}")))?;
-    super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, console);
-    super::screening::tell_front_end(&sensor.as_model().front_end(), console);
+    super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, verbose, console);
+    if verbose {
+        super::screening::tell_front_end(&sensor.as_model().front_end(), console);
+    }
     Ok(())
 }
 
@@ -341,10 +349,11 @@ impl BuildRequest<'_> {
             idle = assessed.iter().all(|a| a.action == StepAction::Keep);
             commands::refuse_commands(&plan, &assessed, common)?;
             refuse_lens(&plan)?;
+            plan::refuse_no_scene(&plan)?;
             self.warn_of_space(&plan, &assessed, store)?;
         }
         if !idle {
-            tell_sensors(&plan, console)?;
+            tell_sensors(&plan, common.verbose, console)?;
             tell_gpu(chosen, console);
         }
         let mut summary = self.run(&plan, store)?;

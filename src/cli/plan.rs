@@ -2,19 +2,25 @@
 
 use super::build::{option_tag, store_options};
 use super::console::{Console, path};
+use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
+use crate::escape;
 use crate::plan::Plan;
 use crate::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
+use crate::plan::edits::{edits_of_step, edits_since};
+use crate::plan::forecast::PlanForecast;
 use crate::plan::kept::kept_names;
 use crate::plan::past::{past_costs, sharing_steps};
 use crate::plan::size::expected_bytes;
 use crate::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
+use crate::plan::warnings::{PlanWarning, forecast_words, no_scene_file, recipe_warnings, size_warning};
+use crate::recipe::RecipeEdit;
 use crate::store::record::StoredOutput;
 use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions};
 use crate::units::format_amount;
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
@@ -38,6 +44,9 @@ struct PlanRow<'a> {
     reason: &'a StepReason,
     key: Option<Key>,
     outputs: Vec<StepFile<'a>>,
+    /// The reason in words for people.
+    #[serde(skip)]
+    words: String,
     /// True if it would run, and the store has frames of its path.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     kept_frames: bool,
@@ -69,8 +78,12 @@ impl PlanArgs {
         // Programs get a single array, so nothing else may go to stdout.
         super::build::tell_notices(&store, &console.for_people());
         super::takedown::show_takedown(taken_down, &console.for_people());
+        refuse_no_scene(&plan)?;
+        plan.scenes().iter().flat_map(recipe_warnings).for_each(|warning| tell_warning(&warning, console));
+        let forecast = PlanForecast::of_plan(&plan, &assessed, &store);
+        size_warning(&forecast).iter().for_each(|warning| tell_warning(warning, console));
         if self.estimate {
-            estimate_run(&plan, &assessed, &store, common, console)?;
+            estimate_run(&plan, &assessed, &store, common, &forecast, console)?;
             return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store)?;
@@ -78,9 +91,26 @@ impl PlanArgs {
             console.large_result(&rows);
         } else {
             show_rows(&rows, console);
+            forecast_words(&forecast).iter().for_each(|line| console.say(line));
         }
         Ok(ExitKind::Done)
     }
+}
+
+/// Refuses a scene file that is none, which its step would find out late.
+pub(super) fn refuse_no_scene(plan: &Plan) -> Result<(), VerbError> {
+    let found = plan.scenes().iter().find_map(|recipe| Some((recipe, no_scene_file(recipe)?)));
+    let Some((recipe, path)) = found else { return Ok(()) };
+    let what = format!("the scene file of {} is no scene: {}", recipe.scene, escape::path(&path));
+    Err(VerbError::usage("recipe-invalid", what)
+        .help("name a .ply, .splat, .spz, .sog or .splatv file in reconstruct"))
+}
+
+/// Shows a warning about a recipe. Programs get a single array, so it never goes to stdout.
+pub(super) fn tell_warning(warning: &PlanWarning, console: &Console) {
+    let PlanWarning { scene, code, what, help } = warning;
+    let what = scene.as_ref().map_or_else(|| what.clone(), |scene| format!("{scene}: {what}"));
+    console.for_people().tell(&UserMessage::new(MessageLevel::Warning, code, what).help(help));
 }
 
 /// All steps, sorted by scene.
@@ -98,6 +128,7 @@ fn plan_rows<'a>(
             reason: &StepReason::UpToDate,
             key: Some(step.key),
             outputs: output_files(store, &step.outputs),
+            words: reason_words(&StepReason::UpToDate),
             kept_frames: false,
         })
     });
@@ -108,6 +139,7 @@ fn plan_rows<'a>(
             name.map(|name| store.frames_of(&name)).transpose()?.is_some_and(|files| !files.is_empty()),
         );
     }
+    let edits: Vec<Vec<RecipeEdit>> = plan.scenes().iter().map(|recipe| edits_since(recipe, store)).collect();
     let others = plan.steps().iter().zip(assessed).zip(has_frames).map(|((step, a), kept_frames)| PlanRow {
         scene: plan.scene_of(step),
         step: &step.name,
@@ -115,6 +147,7 @@ fn plan_rows<'a>(
         reason: &a.reason,
         key: a.key,
         outputs: output_files(store, a.outputs.as_deref().unwrap_or_default()),
+        words: edited_words(&a.reason, &edits_of_step(&edits[step.scene], &step.name)),
         kept_frames,
     });
     let mut rows: Vec<PlanRow<'a>> = known.chain(others).collect();
@@ -141,7 +174,7 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
             StepAction::Keep => "keep",
         };
         let frames = if row.kept_frames { "; its frames are kept" } else { "" };
-        format!("{action:7}  {}/{}  {}{frames}", row.scene, row.step, reason_words(row.reason))
+        format!("{action:7}  {}/{}  {}{frames}", row.scene, row.step, row.words)
     };
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
@@ -170,6 +203,7 @@ fn estimate_run(
     assessed: &[StepAssessment],
     store: &Store,
     common: &CommonArgs,
+    forecast: &PlanForecast,
     console: &Console,
 ) -> Result<(), VerbError> {
     let mut sum = EstimateTotal::default();
@@ -193,7 +227,9 @@ fn estimate_run(
     let cores = common.cores();
     sum.seconds = sum.core_seconds / cores as f64;
     if console.json {
-        console.result(&json!(sum));
+        let mut estimate = json!(sum);
+        estimate["release"] = json!(forecast);
+        console.result(&estimate);
         return Ok(());
     }
     let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
@@ -203,6 +239,7 @@ fn estimate_run(
             "{steps} steps would run, or may: time and memory are unknown, because no step like them ran before"
         ));
         console.print(&format!("outputs of known size: {outputs}"));
+        console.print_lines(&forecast_words(forecast).join("\n"));
         return Ok(());
     }
     console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
@@ -218,12 +255,37 @@ fn bytes_text(bytes: f64) -> String {
     format_amount(bytes as u64, "B")
 }
 
+/// A reason in words for people, with the edits of the recipe in the place of the parameters that follow
+/// from them.
+pub(super) fn edited_words(reason: &StepReason, edits: &[&RecipeEdit]) -> String {
+    match reason {
+        StepReason::ParamChanged { .. } if !edits.is_empty() => {
+            format!(
+                "the recipe changed: {}",
+                edits.iter().map(|edit| edit_words(edit)).collect::<Vec<_>>().join("; ")
+            )
+        }
+        other => reason_words(other),
+    }
+}
+
+/// An edit of a recipe in words.
+pub(super) fn edit_words(edit: &RecipeEdit) -> String {
+    let RecipeEdit { path, old, new } = edit;
+    let shown = |value: &Option<Value>| value.as_ref().map_or("absent".into(), Value::to_string);
+    match (old, new) {
+        (Some(Value::Object(_)), None) => format!("{path}: removed"),
+        (None, Some(Value::Object(_))) => format!("{path}: added"),
+        (old, new) => format!("{path}: {} -> {}", shown(old), shown(new)),
+    }
+}
+
 /// A reason in words for people.
-pub(super) fn reason_words(reason: &StepReason) -> String {
+fn reason_words(reason: &StepReason) -> String {
     let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
     match reason {
         StepReason::UpToDate => "up to date".to_owned(),
-        StepReason::InputMayChange { step } => format!("waits for {step}"),
+        StepReason::InputMayChange { step } => format!("depends on {step}"),
         StepReason::NotAsked { program } => {
             format!("the version of {program} is unknown: a build determines it")
         }

@@ -6,11 +6,24 @@ use crate::sensor::front_end::FrontEnd;
 use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
 use crate::sensor::twin::NearTwin;
 
-/// Prints the contrast, leak and noise of a sensor. `whose` precedes its warnings.
-pub(super) fn show_screening(what: &str, whose: &str, screening: &SensorScreening, console: &Console) {
+/// The grey whose noise stands for all greys.
+const MIDDLE: usize = 2;
+
+/// Prints the contrast and the noise of a sensor in a line, and in a table if the user asks for more.
+/// `whose` precedes its warnings.
+pub(super) fn show_screening(
+    what: &str,
+    whose: &str,
+    screening: &SensorScreening,
+    verbose: bool,
+    console: &Console,
+) {
     let ([on, off], quantity) = (screening.contrast, screening.quantity);
-    console.say(&format!("{what}: contrast thresholds: ON {on:.4}, OFF {off:.4} in {quantity}"));
-    for n in screening.noise {
+    let ConstantLightNoise { grey, total_hz, .. } = screening.noise[MIDDLE];
+    console.say(&format!(
+        "{what}: contrast ON {on:.4}, OFF {off:.4} in {quantity}; noise {total_hz:.4} Hz per pixel at grey {grey}"
+    ));
+    for n in screening.noise.iter().filter(|_| verbose) {
         let share = n.on_share.map_or(String::new(), |share| format!(", {:.1} % ON", 100.0 * share));
         let ConstantLightNoise { grey, leak_hz, total_hz, .. } = n;
         console.say(&format!(

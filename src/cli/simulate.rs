@@ -175,6 +175,7 @@ impl SimulateArgs {
             &format!("sensor {}", self.sensor),
             &self.sensor,
             &screening,
+            true,
             console,
         );
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);

@@ -2,12 +2,13 @@
 
 use super::build::store_options;
 use super::console::Console;
-use super::plan::reason_words;
+use super::plan::{edit_words, edited_words};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
 use crate::plan::assess::{DescriptionChange, StepAction, StepAssessment, StepReason, assess_plan};
+use crate::plan::edits::{edits_of_step, edits_since};
 use crate::plan::{Plan, PlannedStep};
-use crate::recipe::{self, Recipe, RecipeEdit, find_edits};
+use crate::recipe::{self, RecipeEdit};
 use crate::store::description::ExplanationLine;
 use crate::store::{Store, StoreAccess, StoreError};
 use serde_json::{Value, json};
@@ -42,17 +43,11 @@ impl WhyArgs {
             if console.json {
                 console.result(&to_json(&why, &edits));
             } else {
-                show_explanation(&why, console);
+                show_explanation(&why, &edits, console);
             }
         }
         Ok(ExitKind::Done)
     }
-}
-
-/// The edits of a recipe since its scene was last built; empty if that is not known.
-fn edits_since(recipe: &Recipe, store: &Store) -> Vec<RecipeEdit> {
-    let last = store.last_recipe(&recipe.scene).and_then(|text| serde_json::from_str(&text).ok());
-    last.map(|last: Value| find_edits(&last, &recipe.meta.merged)).unwrap_or_default()
 }
 
 /// Prints the edited values, and the steps that will or may run because of them.
@@ -64,17 +59,7 @@ fn tell_edits(
     console: &Console,
 ) {
     console.print(&format!("{}: the recipe was edited since the last build", plan.scenes()[scene].scene));
-    for RecipeEdit { path, old, new } in edits {
-        let what = match (old, new) {
-            (Some(Value::Object(_)), None) => "removed".to_owned(),
-            (None, Some(Value::Object(_))) => "added".to_owned(),
-            (old, new) => {
-                let shown = |value: &Option<Value>| value.as_ref().map_or("absent".into(), Value::to_string);
-                format!("{} -> {}", shown(old), shown(new))
-            }
-        };
-        console.print(&format!("  {path}: {what}"));
-    }
+    edits.iter().for_each(|edit| console.print(&format!("  {}", edit_words(edit))));
     let steps: Vec<_> = plan.steps_of(scene).map(|(id, step)| (step, &assessed[id.0])).collect();
     let names = |wanted: &dyn Fn(&StepAssessment) -> bool| {
         let names = steps.iter().filter(|(_, a)| wanted(a)).map(|(step, _)| step.name.as_str());
@@ -160,10 +145,16 @@ fn to_json(why: &StepExplanation<'_>, edits: &[RecipeEdit]) -> Value {
     })
 }
 
-fn show_explanation(why: &StepExplanation<'_>, console: &Console) {
+fn show_explanation(why: &StepExplanation<'_>, edits: &[RecipeEdit], console: &Console) {
     let StepExplanation { scene, step, assessed, lines, changes } = why;
-    console.print(&format!("{scene}/{step}: {}", reason_words(&assessed.reason)));
-    for DescriptionChange { path, old, new } in changes {
+    let edits = edits_of_step(edits, step);
+    console.print(&format!("{scene}/{step}: {}", edited_words(&assessed.reason, &edits)));
+    edits
+        .iter()
+        .for_each(|edit| console.print(&format!("  changed since the last run: {}", edit_words(edit))));
+    // Parameters have other names and forms than the keys of the recipe that they follow from.
+    let own = changes.iter().filter(|change| edits.is_empty() || !change.path.starts_with("params."));
+    for DescriptionChange { path, old, new } in own {
         let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
         console.print(&format!("  changed since the last run: {path}: {} -> {}", was(old), was(new)));
     }

@@ -45,7 +45,7 @@ mod tests {
     #[test]
     fn an_earlier_size_counts_as_far_as_its_path_was_alike() {
         let past = |bytes, pictures| PastCosts { bytes, pictures, ..PastCosts::default() };
-        let expected = |bytes, pictures| ExpectedSize { pictures, bytes };
+        let expected = |bytes, pictures| ExpectedSize { pictures, bytes, a_pixel: 0.0 };
         let t = |past: Option<PastCosts>, expected, wanted: Option<f64>| {
             assert_eq!(combined(past.as_ref(), expected), wanted);
         };

@@ -118,7 +118,7 @@ sampling: {{ tolerance: 0.1 }}             # interpolation error between frames,
 sensor:
   voltmeter: {{ preset: davis346 }}
 outputs: [events, sharp]
-sharp: {{ every: 8 }}                      # one picture for each 8 poses: 300 per second
+sharp: {{ fps: 30 }}                       # pictures per second
 "
     )
 }

@@ -5,9 +5,11 @@
 //! which shows if a range leaves the range of its parameter; and once for each trajectory, with the
 //! numbers drawn for it.
 
+mod contrast;
 mod law;
 mod preset;
 
+pub(super) use contrast::expand_contrast;
 pub(super) use law::is_law;
 pub(super) use preset::{RANDOMISED, take_preset};
 
@@ -77,6 +79,12 @@ impl SensorDraws {
     pub(super) fn find(tree: &TreeNode, problems: &Problems) -> Self {
         let (mut numbers, mut middle) = (Vec::new(), tree.clone());
         for_each_law(&mut middle, &mut |(camera, sensor), steps, node| match law::parse_law(node) {
+            Ok(_) if steps.iter().any(|step| step == contrast::CONTRAST) => {
+                let problem = FieldProblem::of_field("is a law, wanted a number");
+                let help = "write the law under threshold, in the unit of the sensor";
+                problems.borrow_mut().push(problem.help(help).at(node.place));
+                node.kind = NodeKind::Refused;
+            }
             Ok(law) => {
                 let (sensor, steps) = (sensor.to_owned(), steps.to_vec());
                 numbers.push(DrawnNumber { camera, sensor, steps, place: node.place, law });

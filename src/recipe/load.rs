@@ -1,6 +1,6 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
-use super::drawn::{SensorDraws, for_each_sensor, take_preset};
+use super::drawn::{SensorDraws, expand_contrast, for_each_sensor, take_preset};
 use super::fault::{RecipeFault, shown_path};
 use super::field::Field;
 use super::find::{RecipeFile, parent_folder};
@@ -10,7 +10,7 @@ use super::reader::{Problems, TreeReader};
 use super::resolve::Resolver;
 use super::text::{SourceText, TextSpan, Texts};
 use super::tree::{self, MAX_BYTES, MappingEntry, NodeKind, TreeNode};
-use super::{NamedAt, Recipe, RecipeMeta, RecipePosition, canonical, preset, schema};
+use super::{NamedAt, OutputKind, Recipe, RecipeMeta, RecipePosition, canonical, preset, schema};
 use crate::files;
 use crate::store::fs::FileStat;
 use crate::store::stat_cache::StatSighting;
@@ -176,10 +176,12 @@ impl RecipeParts {
         parts.with_ranges()
     }
 
-    /// Replaces the preset `randomised` of sensors by its ranges, which their other keys override.
+    /// Writes short forms of sensors in full, and replaces their preset `randomised` by its ranges, which
+    /// their other keys override.
     pub(super) fn with_ranges(mut self) -> Self {
         let mut tree = std::mem::replace(&mut self.tree, empty_tree());
         for_each_sensor(&mut tree, &mut |_, sensor| {
+            expand_contrast(sensor);
             if let Some(ranges) = take_preset(sensor) {
                 // A text for each sensor: a law is known by its place.
                 let ranges = self.add_text(&ranges);
@@ -254,7 +256,8 @@ impl RecipeParts {
         let scene = raw.scene.place().expect("a recipe that was resolved has a scene id");
         let mut merged = canonical::canonical_recipe(&raw, &recipe);
         draws.write_laws(&mut merged);
-        recipe.meta = RecipeMeta { file: file.clone(), seen: self.seen, named_at, merged };
+        let unused = unused_sections(&raw, &recipe);
+        recipe.meta = RecipeMeta { file: file.clone(), seen: self.seen, named_at, unused, merged };
         Ok(ReadRecipe { recipe, texts: self.texts, scene })
     }
 
@@ -284,6 +287,21 @@ impl RecipeParts {
         let (line, column) = text.position(place.start as usize);
         RecipePosition { file: shown_path(&text.path), line, column }
     }
+}
+
+/// The sections for outputs that a recipe does not ask for. Those of a defaults file serve other recipes.
+fn unused_sections(raw: &schema::RecipeSchema, recipe: &Recipe) -> Vec<String> {
+    let places = [
+        (OutputKind::Blur, raw.blur.place()),
+        (OutputKind::Depth, raw.depth.place()),
+        (OutputKind::Flow, raw.flow.place()),
+        (OutputKind::Disparity, raw.disparity.place()),
+        (OutputKind::Segmentation, raw.segmentation.place()),
+        (OutputKind::Sharp, raw.sharp.place()),
+        (OutputKind::Imu, raw.imu.place()),
+    ];
+    let own = places.into_iter().filter(|(_, place)| place.is_some_and(|place| place.file == 0));
+    own.filter(|(output, _)| !recipe.asks_for(*output)).map(|(output, _)| output.name().to_owned()).collect()
 }
 
 /// A mapping without keys: the content of an empty file.

@@ -9,10 +9,17 @@ use serde::Deserialize as _;
 use std::collections::BTreeSet;
 
 /// Groups of mutually exclusive keys. A key of the recipe removes the other groups of the defaults.
-const EXCLUSIVE: [(&str, [&[&str]; 2]); 3] = [
+const EXCLUSIVE: [(&str, [&[&str]; 2]); 9] = [
     ("", [&["sensor"], &["sensors"]]),
     ("sensor.voltmeter", [&["preset"], &["k", "units"]]),
     ("sensors.*.voltmeter", [&["preset"], &["k", "units"]]),
+    ("sensor.*", [&["contrast"], &["threshold"]]),
+    ("sensors.*.*", [&["contrast"], &["threshold"]]),
+    // A sensor by itself, over the ranges of its preset; and `sharp`, `depth` and their like.
+    ("*", [&["contrast"], &["threshold"]]),
+    ("*", [&["every"], &["fps"]]),
+    ("blur", [&["frames"], &["fps"]]),
+    ("camera", [&["fov"], &["fx", "fy", "cx", "cy"]]),
 ];
 
 /// Merges `over` with `under`; values of `over` win.
@@ -57,11 +64,12 @@ fn same_key(a: &[MappingEntry], b: &[MappingEntry]) -> bool {
 /// Returns true if a default's key is overridden by the same key or by a key of another group.
 fn is_overruled(path: &str, key: &str, entries: &[MappingEntry]) -> bool {
     let given = |key: &str| entries.iter().any(|e| e.key == key);
-    let groups = EXCLUSIVE.iter().filter(|(at, _)| paths_match(at, path)).flat_map(|(_, groups)| groups);
-    let others: Vec<&&[&str]> = groups.filter(|group| !group.contains(&key)).collect();
-    let in_group =
-        EXCLUSIVE.iter().any(|(at, groups)| paths_match(at, path) && groups.iter().any(|g| g.contains(&key)));
-    given(key) || in_group && others.iter().any(|group| group.iter().any(|k| given(k)))
+    let excludes = |groups: &[&[&str]; 2]| {
+        let (own, others): (Vec<&[&str]>, Vec<&[&str]>) =
+            groups.iter().partition(|group| group.contains(&key));
+        !own.is_empty() && others.iter().any(|group| group.iter().any(|k| given(k)))
+    };
+    given(key) || EXCLUSIVE.iter().any(|(at, groups)| paths_match(at, path) && excludes(groups))
 }
 
 fn paths_match(pattern: &str, path: &str) -> bool {

@@ -4,7 +4,7 @@
 use super::Recipe;
 use super::canonical::ratio_value;
 use super::field::Field;
-use super::schema::RecipeSchema;
+use super::schema::{EverySection, RecipeSchema, SharpSection};
 use crate::imu::{ImuModel, ImuPreset};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -124,12 +124,22 @@ fn imu_value(imu: &ImuModel) -> Value {
     value
 }
 
-/// A field of a section that may be left out; `None` if the section is faulty.
-fn field_of<T>(section: &Field<T>, field: impl FnOnce(&T) -> &Field<u64>) -> Option<&Field<u64>> {
+/// The spacing of pictures as a recipe writes it: in poses, or in pictures per second.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WrittenSpacing<'a> {
+    pub(super) every: &'a Field<u64>,
+    pub(super) fps: &'a Field<f64>,
+}
+
+/// The spacing of a section that may be left out; `None` if the section is faulty.
+fn spacing_of<T>(
+    section: &Field<T>,
+    fields: impl FnOnce(&T) -> WrittenSpacing<'_>,
+) -> Option<WrittenSpacing<'_>> {
     match section {
-        Field::Absent => Some(&Field::Absent),
+        Field::Absent => Some(WrittenSpacing { every: &Field::Absent, fps: &Field::Absent }),
         Field::Bad => None,
-        Field::Given(section, _) => Some(field(section)),
+        Field::Given(section, _) => Some(fields(section)),
     }
 }
 
@@ -140,13 +150,15 @@ pub struct PictureSpacing(BTreeMap<OutputKind, u32>);
 
 impl PictureSpacing {
     /// The spacings that a recipe writes; `None` for one whose section is faulty.
-    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<&Field<u64>>); 5] {
+    pub(super) fn written(raw: &RecipeSchema) -> [(OutputKind, Option<WrittenSpacing<'_>>); 5] {
+        let of = |section| spacing_of(section, |EverySection { every, fps }| WrittenSpacing { every, fps });
+        let sharp = spacing_of(&raw.sharp, |SharpSection { every, fps, .. }| WrittenSpacing { every, fps });
         [
-            (OutputKind::Sharp, field_of(&raw.sharp, |section| &section.every)),
-            (OutputKind::Depth, field_of(&raw.depth, |section| &section.every)),
-            (OutputKind::Flow, field_of(&raw.flow, |section| &section.every)),
-            (OutputKind::Disparity, field_of(&raw.disparity, |section| &section.every)),
-            (OutputKind::Segmentation, field_of(&raw.segmentation, |section| &section.every)),
+            (OutputKind::Sharp, sharp),
+            (OutputKind::Depth, of(&raw.depth)),
+            (OutputKind::Flow, of(&raw.flow)),
+            (OutputKind::Disparity, of(&raw.disparity)),
+            (OutputKind::Segmentation, of(&raw.segmentation)),
         ]
     }
 
@@ -162,6 +174,11 @@ impl PictureSpacing {
 }
 
 impl Recipe {
+    /// Returns true if any trajectory or camera has an output.
+    pub(super) fn asks_for(&self, output: OutputKind) -> bool {
+        self.outputs.contains(&output) || self.rig.iter().any(|camera| camera.outputs.contains(&output))
+    }
+
     /// Returns true if sharp frames are made.
     #[must_use]
     pub fn has_sharp(&self) -> bool {

@@ -70,6 +70,9 @@ impl<'a> TreeReader<'a> {
     fn items(self) -> Result<&'a [TreeNode], FieldProblem> {
         match &self.node.kind {
             NodeKind::List(items) => Ok(items),
+            NodeKind::Scalar { text, .. } => {
+                Err(self.wanted("a list").help(format!("write it in brackets: [{text}]")))
+            }
             _ => Err(self.wanted("a list")),
         }
     }
@@ -95,9 +98,19 @@ impl<'a> TreeReader<'a> {
 
     fn whole(self, low: i128, high: i128) -> Result<i128, FieldProblem> {
         let wanted = "a whole number";
-        let whole = number::parse_whole(self.plain(wanted)?).ok_or_else(|| self.wanted(wanted))?;
+        let text = self.plain(wanted)?;
+        if let Some(digits) = number::after_zeros(text) {
+            let help = format!("write {digits}, or 0o{digits} for an octal number");
+            return Err(self.wanted("a whole number without zeros before it").help(help));
+        }
+        let whole = number::parse_whole(text).ok_or_else(|| self.wanted(wanted))?;
         let within = (low..=high).contains(&whole);
-        if within { Ok(whole) } else { Err(self.wanted(&format!("{wanted} from {low} to {high}"))) }
+        let range = if high > i32::MAX.into() {
+            format!("of at least {low}")
+        } else {
+            format!("from {low} to {high}")
+        };
+        if within { Ok(whole) } else { Err(self.wanted(&format!("{wanted} {range}"))) }
     }
 
     /// Returns the one key of an enumeration, or its bare word.
@@ -172,7 +185,11 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
         let value = match self.plain("true or false")? {
             "true" => true,
             "false" => false,
-            _ => return Err(self.wanted("true or false")),
+            text => {
+                let is_yes = ["true", "yes", "on", "1"].contains(&text.to_lowercase().as_str());
+                let help = format!("write {is_yes}");
+                return Err(self.wanted("true or false").help(help));
+            }
         };
         visitor.visit_bool(value).map_err(self.here())
     }
@@ -238,7 +255,11 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
         fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, FieldProblem> {
-        let entries = self.entries()?;
+        let such_as = |problem: FieldProblem| match fields {
+            [first, ..] => problem.help(format!("write keys in braces, such as {{ {first}: … }}")),
+            [] => problem,
+        };
+        let entries = self.entries().map_err(such_as)?;
         for entry in entries.iter().filter(|e| !fields.contains(&e.key.as_str())) {
             self.report(FieldProblem::unknown_name("field", &entry.key, fields).at(entry.place));
         }

@@ -68,17 +68,17 @@ impl Resolver<'_> {
         let reconstruct = self.reconstruct(&raw.reconstruct, ground);
         let around = RigContext { source: source.as_ref(), camera, between, rate, outputs: outputs.as_ref() };
         let rig = self.rig(raw, around);
-        let every = self.spacing(raw);
+        let every = self.spacing(raw, rate);
         let readout_us = self.readout_us(&raw.sharp);
-        let shutter = self.shutter(&raw.blur);
+        let shutter = self.shutter(&raw.blur, rate);
         let scale = self.scene_scale(&raw.attributes);
-        let imu = self.imu(raw, source.as_ref(), outputs.as_ref());
+        let imu = self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref());
         let lights = self.lights(raw, rate, outputs.as_ref());
         let objects = self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct));
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
-        Some(Recipe {
+        let recipe = Recipe {
             meta: RecipeMeta::default(),
             scene: scene?,
             seed: seed?,
@@ -104,7 +104,9 @@ impl Resolver<'_> {
             scale: scale?,
             checks: checks?,
             licence: licence?,
-        })
+        };
+        self.refuse_long_exposures(&raw.blur, &recipe)?;
+        Some(recipe)
     }
 
     /// The camera of the recipe. Without views it is required, unless every camera of a rig has its own.

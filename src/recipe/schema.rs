@@ -28,9 +28,9 @@ pub(super) use reconstruct::{
 };
 pub(super) use rig::{ExtrinsicSection, RigCameraSection, RigSection};
 pub(super) use sensor::{
-    EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, LeakSection,
-    LuminanceSection, RangeSection, ReadoutSection, RefractorySection, SensorSection, ThresholdSection,
-    V2eSection, VoltmeterSection,
+    ContrastSection, EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
+    LeakSection, LuminanceSection, RangeSection, ReadoutSection, RefractorySection, SensorSection,
+    ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{
     CaptureSection, FolderSection, FountainSection, KindKey, ProceduralSection, SourceSection, UnposedSection,
@@ -146,8 +146,10 @@ pub(super) struct CameraSection {
     pub width: Field<u64>,
     /// Height of the image. Unit: px. Default: required without `size`.
     pub height: Field<u64>,
-    /// Focal length in x. Unit: px. Default: keeps the source's horizontal field of view; required
-    /// without a capture, or with `fy`, `cx` or `cy`.
+    /// Horizontal angle of view, instead of `fx` and the keys after it. Unit: degrees. Default: that of the
+    /// source; 60 without a capture.
+    pub fov: Field<f64>,
+    /// Focal length in x. Unit: px. Default: that of the angle of view; required with `fy`, `cx` or `cy`.
     pub fx: Field<f64>,
     /// Focal length in y. Unit: px. Default: that of `fx`.
     pub fy: Field<f64>,
@@ -224,6 +226,9 @@ pub(super) enum AntialiasedKey {
 pub(super) struct SharpSection {
     /// Number of poses from one picture to the next. Default: `1`.
     pub every: Field<u64>,
+    /// Pictures per second, instead of `every`: the nearest whole number of poses is taken. Unit: Hz.
+    /// Default: none.
+    pub fps: Field<f64>,
     /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of the pose.
     /// Unit: us. Default: none, for a shutter that sees all rows at once.
     pub readout_us: Field<u64>,
@@ -235,6 +240,9 @@ pub(super) struct SharpSection {
 pub(super) struct EverySection {
     /// Number of poses from one picture to the next. Default: `1`.
     pub every: Field<u64>,
+    /// Pictures per second, instead of `every`: the nearest whole number of poses is taken. Unit: Hz.
+    /// Default: none.
+    pub fps: Field<f64>,
 }
 
 /// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the
@@ -244,6 +252,9 @@ pub(super) struct EverySection {
 pub(super) struct BlurSection {
     /// Number of dense frames per exposure; odd. Default: `15`.
     pub frames: Field<u64>,
+    /// Pictures per second, instead of `frames`: the nearest odd number of dense frames is taken. Unit: Hz.
+    /// Default: none.
+    pub fps: Field<f64>,
     /// Sub-frames between the dense frames. Default: `auto`.
     pub subframes: Field<SubframeRule>,
     /// Values that are averaged. Default: `linear`.

@@ -76,6 +76,21 @@ pub fn file_form(path: &Path) -> io::Result<SceneFileForm> {
     }
 }
 
+/// Returns true if a path has a format of a scene, by its first bytes or, where these say nothing, its name.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn has_scene_form(path: &Path) -> io::Result<bool> {
+    let named = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if path.is_dir() || path.file_name().is_some_and(|name| name == sog::META) || named("splat") {
+        return Ok(true);
+    }
+    let mut head = Vec::new();
+    files::open(path)?.take(16).read_to_end(&mut head)?;
+    let magics: [&[u8]; 5] = [b"ply", &splatv::MAGIC, &sog::ZIP_MAGIC, &spz::MAGIC, &spz::GZIP_MAGIC];
+    Ok(magics.iter().any(|magic| head.starts_with(magic)))
+}
+
 impl SceneFormat {
     /// All formats.
     pub const ALL: [Self; 3] = [Self::Ply, Self::Spz, Self::Splat];

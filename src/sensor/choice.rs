@@ -79,6 +79,13 @@ impl SensorChoice {
         self.as_model().with_settings(SensorSettings { latency: None, ..settings })
     }
 
+    /// The sensor with a label on each event, signal or noise.
+    #[must_use]
+    pub fn with_labels(&self) -> Self {
+        let settings = self.as_model().settings();
+        self.as_model().with_settings(SensorSettings { labels: true, ..settings })
+    }
+
     /// The sensor without pixels that fire by themselves.
     #[must_use]
     pub fn without_hot_pixels(&self) -> Self {

@@ -18,8 +18,8 @@ pub(super) const LIMIT_PER_FRAME: f64 = 50.0;
 const NOISY_HZ: f64 = 20.0;
 /// Rate of noise events, in Hz, below which a polarity counts as absent.
 const RARE_HZ: f64 = 1e-3;
-/// Contrast of one event, as a difference of logarithms, above which there is a warning.
-const INSENSITIVE: f64 = 1.0;
+/// Contrasts of one event, as differences of logarithms, outside which there is a warning.
+const USUAL_CONTRAST: [f64; 2] = [0.05, 2.0];
 
 /// Noise at constant brightness: of one pixel, or the mean of all pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -100,6 +100,11 @@ pub enum ScreeningWarning {
         /// Change of the logarithm for one event, the larger of ON and OFF.
         contrast: f64,
     },
+    /// Hardly a change of brightness is needed for an event.
+    Sensitive {
+        /// Change of the logarithm for one event, the smaller of ON and OFF.
+        contrast: f64,
+    },
     /// A pixel of constant grey makes many events.
     Noisy {
         /// Events per second at grey 128.
@@ -114,22 +119,40 @@ pub enum ScreeningWarning {
     UncertainUnits,
 }
 
+impl ScreeningWarning {
+    /// Returns true if it is about the contrast of an event.
+    #[must_use]
+    pub fn is_of_contrast(&self) -> bool {
+        matches!(self, Self::Insensitive { .. } | Self::Sensitive { .. })
+    }
+}
+
 impl fmt::Display for ScreeningWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Insensitive { contrast } => {
-                let factor = libm::exp(*contrast);
-                write!(f, "one event needs a change of brightness by a factor of {factor:.3} (C = {contrast:.3})")
+                write!(
+                    f,
+                    "one event needs a contrast of {contrast:.4} in ln, which is above {most}: cameras have 0.1 to \
+                     0.5; write contrast: 0.2",
+                    most = USUAL_CONTRAST[1]
+                )
             }
+            Self::Sensitive { contrast } => write!(
+                f,
+                "one event needs a contrast of {contrast:.4} in ln only, which is below {least}: cameras have 0.1 to \
+                 0.5; write contrast: 0.2",
+                least = USUAL_CONTRAST[0]
+            ),
             Self::Noisy { hz } => {
                 write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
             }
             Self::OnePolarity { lacks_off } => {
-                let missing = if *lacks_off { "OFF" } else { "ON" };
+                let made = if *lacks_off { "ON" } else { "OFF" };
                 write!(
                     f,
-                    "its noise has no {missing} events at any light, while real pixels make both polarities; the presets \
-                     davis346 and evk4 do"
+                    "its noise makes {made} events only; real cameras make both. For realistic noise use preset: \
+                     davis346 or evk4"
                 )
             }
             Self::UncertainUnits => f.write_str(
@@ -238,13 +261,19 @@ impl SensorScreening {
             let ConstantLightNoise { grey, total_hz: hz, .. } = worst;
             return Err(ScreenError::Impossible { grey, hz, per_frame, frames_per_second });
         }
-        let (largest, hz) = (contrast[0].max(contrast[1]), noise(MIDDLE).total_hz);
-        let insensitive =
-            (largest > INSENSITIVE).then_some(ScreeningWarning::Insensitive { contrast: largest });
+        let hz = noise(MIDDLE).total_hz;
         let noisy = (hz > NOISY_HZ).then_some(ScreeningWarning::Noisy { hz });
-        let warnings = insensitive.into_iter().chain(noisy).chain(one_polarity(&at_greys)).collect();
+        let warnings = unusual(contrast).chain(noisy).chain(one_polarity(&at_greys)).collect();
         Ok(Self { quantity, contrast, noise: at_greys, warnings })
     }
+}
+
+/// The warnings for contrasts that no camera has.
+fn unusual([on, off]: [f64; 2]) -> impl Iterator<Item = ScreeningWarning> {
+    let ([smallest, largest], [least, most]) = ([on.min(off), on.max(off)], USUAL_CONTRAST);
+    let sensitive = (smallest < least).then_some(ScreeningWarning::Sensitive { contrast: smallest });
+    let insensitive = (largest > most).then_some(ScreeningWarning::Insensitive { contrast: largest });
+    sensitive.into_iter().chain(insensitive)
 }
 
 /// The warning for noise of one polarity. A sensor without noise has none.

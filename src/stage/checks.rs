@@ -11,12 +11,12 @@ pub use products::CheckedProducts;
 
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
-    ArtifactFiles, EventStream, EventStreams, TrajectoryProduct, VerdictsRecord, write_json,
+    ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, VerdictsRecord, write_json,
 };
 use crate::camera::CameraChoice;
 use crate::check::coverage::ViewCoverage;
 use crate::check::drift::DriftLaw;
-use crate::check::motion::warp::FlowAt;
+use crate::check::motion::warp::{FlowAt, seen_px};
 use crate::check::tally::{StreamObserver, TallyReference};
 use crate::check::{Limits, StreamTally, TrajectorySubject, judge_trajectory};
 use crate::event::{EventSource, h5};
@@ -106,8 +106,9 @@ impl Stage for ChecksStage {
         let rate: Ratio =
             motion.report.rate.parse().map_err(StageError::work_failed("read the frame rate"))?;
         let rate = Hertz(rate);
+        let flows = events.as_ref().map_or_else(Vec::new, |streams| measured_flows(streams, &motion));
         let tallies = match &events {
-            Some(streams) => count_streams(streams, &motion, rate, cx)?,
+            Some(streams) => count_streams(streams, &flows, &motion, rate, cx)?,
             None => Vec::new(),
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
@@ -122,6 +123,7 @@ impl Stage for ChecksStage {
             tally: None,
             resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
+            moved_px: simulation.and_then(|simulation| moved_px(simulation, &flows, &motion)),
             tolerance: simulation.and_then(|s| Some(s.chosen.as_ref()?.tolerance)),
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
@@ -187,6 +189,13 @@ fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<Flo
     streams.simulation.depth_stamps_us.iter().zip(&streams.depths).map(at).collect()
 }
 
+/// The image motion over the whole trajectory.
+fn moved_px(simulation: &SimulationRecord, flows: &[FlowAt], motion: &TrajectoryProduct) -> Option<f64> {
+    let stamps_us = &motion.trajectory.stamps_us;
+    let frames = simulation.chosen.as_ref().map_or(stamps_us.len(), |chosen| chosen.frames);
+    seen_px(flows, stamps_us.last().copied().unwrap_or(0), simulation.flow_px, frames)
+}
+
 /// The emptiest of the views with a known depth.
 fn view_coverage(streams: &EventStreams) -> Option<ViewCoverage> {
     ViewCoverage::from_depths(streams.simulation.depth_stamps_us.iter().copied().zip(&streams.depths))
@@ -195,17 +204,17 @@ fn view_coverage(streams: &EventStreams) -> Option<ViewCoverage> {
 /// Counts each stream in one pass.
 fn count_streams(
     streams: &EventStreams,
+    flows: &[FlowAt],
     motion: &TrajectoryProduct,
     rate: Hertz,
     cx: &StageContext<'_>,
 ) -> Result<Vec<StreamTally>, StageError> {
     let simulation = &streams.simulation;
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
-    let flows = measured_flows(streams, motion);
     let count = |(stream, file): (&EventStream, &PathBuf)| {
         let against = TallyReference {
             seen: Some((DriftLaw::for_sensor(&stream.sensor), streams.seen_by(stream))),
-            flows: &flows,
+            flows,
             dead_us: stream.sensor.dead_us(),
             hot_hz: &[],
             labelled: false,

@@ -95,7 +95,7 @@ const FLOW_SAMPLES: usize = 9;
 
 impl Stage for EventsStage {
     const NAME: &'static str = "events";
-    const REVISION: u32 = 6;
+    const REVISION: u32 = 7;
     type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = EventStreams;
 

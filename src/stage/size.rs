@@ -1,6 +1,7 @@
 //! Expected sizes of products, from parameters alone: no step of their kind need have run before.
 
 use crate::camera::CameraChoice;
+use crate::image::Size;
 
 /// Length of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,6 +19,8 @@ pub struct ExpectedSize {
     pub pictures: Option<f64>,
     /// Its bytes; `None` if only the source states the size of the pictures.
     pub bytes: Option<f64>,
+    /// Its bytes for each pixel of a picture; 0 for a product of other files.
+    pub a_pixel: f64,
 }
 
 impl PathLength {
@@ -42,15 +45,23 @@ impl PathLength {
 impl ExpectedSize {
     /// Text of `lines` lines.
     pub(super) fn of_text(lines: f64, bytes_a_line: f64) -> Self {
-        Self { pictures: None, bytes: Some(lines * bytes_a_line) }
+        Self { pictures: None, bytes: Some(lines * bytes_a_line), a_pixel: 0.0 }
     }
 
     /// Pictures by a camera, or by that of the source.
     pub(super) fn of_pictures(pictures: f64, camera: Option<CameraChoice>, bytes_a_pixel: f64) -> Self {
         let pixels = camera.map(|camera| f64::from(camera.width) * f64::from(camera.height));
-        Self { pictures: Some(pictures), bytes: pixels.map(|pixels| pictures * pixels * bytes_a_pixel) }
+        let a_pixel = pictures * bytes_a_pixel;
+        Self { pictures: Some(pictures), bytes: pixels.map(|pixels| pixels * a_pixel), a_pixel }
+    }
+
+    /// The bytes, with this size of pictures where the recipe states none.
+    #[must_use]
+    pub fn bytes_at(self, size: Size) -> f64 {
+        self.bytes.unwrap_or(self.a_pixel * f64::from(size.width) * f64::from(size.height))
     }
 }
 
-/// Bytes per pixel of a PNG of a rendering, which has 3 before compression; an estimate.
-pub(super) const PNG_BYTES: f64 = 1.0;
+/// Bytes per pixel of a PNG of a rendering, which has 3 before compression. Over 13 series of five scenes,
+/// 0.74 to 1.36.
+pub(super) const PNG_BYTES: f64 = 1.05;

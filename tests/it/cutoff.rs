@@ -117,9 +117,9 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     let has =
         |line: &str| assert!(message.lines().any(|l| l.trim() == line), "no line `{line}` in\n{message}");
     has("tiny/base/trajectory: `path.refine.count.factor` changed: 2/1 -> 3/1");
-    has("tiny/base/events: waits for base/trajectory");
-    has("tiny/base/sharp: waits for base/trajectory");
-    has("tiny/base/checks: waits for base/trajectory");
+    has("tiny/base/events: depends on base/trajectory");
+    has("tiny/base/sharp: depends on base/trajectory");
+    has("tiny/base/checks: depends on base/trajectory");
     has("tiny/capture: up to date");
     // This is known already, although the step has no key before the trajectory is made.
     has("changed since the last run: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");

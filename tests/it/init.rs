@@ -46,7 +46,7 @@ fn each_instance_gets_a_short_recipe_that_builds() {
     assert_eq!(steps.iter().filter(|(step, _)| step.ends_with("/mini-2/events")).count(), 12);
     // One scene through to the release: shorter, smaller, and with its owner's permission.
     let defaults = String::from_utf8(files["defaults.yaml"].clone()).unwrap();
-    for line in ["speed: { flow: { px_s: 400 } }", "sampling: { tolerance: 0.1 }", "sharp: { every: 8 }"] {
+    for line in ["speed: { flow: { px_s: 400 } }", "sampling: { tolerance: 0.1 }", "sharp: { fps: 30 }"] {
         assert!(defaults.contains(line), "{line}: {defaults}");
     }
     let defaults = defaults.replace("px_s: 400", "px_s: 30").replace("tolerance: 0.1", "rate: 2400")

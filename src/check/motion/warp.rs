@@ -3,7 +3,7 @@
 
 use crate::event::{Event, Polarity};
 use crate::image::{Image, Size};
-use crate::render::flow::nearest_ranks;
+use crate::render::flow::{FlowQuantiles, nearest_ranks};
 
 /// The image motion at an instant.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,14 +14,36 @@ pub struct FlowAt {
     pub px_s: Image<[f32; 2]>,
 }
 
+/// Median speed of an image, px/s; `None` without a known speed.
+fn median_of(flow: &FlowAt) -> Option<f32> {
+    let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
+    nearest_ranks(speeds, [50]).map(|[speed]| speed)
+}
+
 /// Median speed of the image over some instants, px/s; `None` without a known speed.
 pub(in crate::check) fn median_speed(flows: &[FlowAt]) -> Option<f64> {
-    let of_image = |flow: &FlowAt| {
-        let speeds = flow.px_s.pixels().iter().map(|[u, v]| (u * u + v * v).sqrt()).collect();
-        nearest_ranks(speeds, [50]).map(|[speed]| speed)
-    };
-    let speeds = flows.iter().filter_map(of_image).collect();
+    let speeds = flows.iter().filter_map(median_of).collect();
     nearest_ranks(speeds, [50]).map(|[speed]| f64::from(speed))
+}
+
+/// Image motion from 0 to `end_us`, px: the integral of the median speed over the pixels, linear
+/// between the instants and constant beyond them. It depends on no rate of frames. `None` if no
+/// instant has a pixel with a known flow.
+#[must_use]
+pub fn total_px(flows: &[FlowAt], end_us: i64) -> Option<f64> {
+    let median = |flow: &FlowAt| Some((flow.t_us, f64::from(median_of(flow)?)));
+    let medians: Vec<(i64, f64)> = flows.iter().filter_map(median).collect();
+    let ends = medians.first().zip(medians.last()).map(|(first, last)| [(0, first.1), (end_us, last.1)])?;
+    let all: Vec<(i64, f64)> = ends[..1].iter().chain(&medians).chain(&ends[1..]).copied().collect();
+    Some(all.windows(2).map(|w| 0.5 * (w[0].1 + w[1].1) * (w[1].0 - w[0].0) as f64 * 1e-6).sum())
+}
+
+/// As [`total_px`]. In a scene that moves by itself, whose depths are left out of the flows, the median
+/// motion between two frames counts for every one of `frames`.
+#[must_use]
+pub fn seen_px(flows: &[FlowAt], end_us: i64, step: Option<FlowQuantiles>, frames: usize) -> Option<f64> {
+    let by_steps = || step.map(|step| f64::from(step.median) * frames.saturating_sub(1) as f64);
+    total_px(flows, end_us).filter(|px| *px >= 1.0).or_else(by_steps)
 }
 
 /// The longest half of a window, us.
@@ -240,6 +262,21 @@ mod tests {
     /// each pixel that it enters.
     fn bar() -> Vec<Event> {
         (0..32).flat_map(|j| (0..8).map(move |y| event(500 * i64::from(j), 10 + j, y))).collect()
+    }
+
+    #[test]
+    fn the_motion_is_the_integral_of_the_speed() {
+        let flow = |t_us, speed: f32| FlowAt { t_us, px_s: Image::filled(SIZE, [0.6 * speed, -0.8 * speed]) };
+        // 10 px/s to 0.25 s, then linear to 30 px/s at 0.75 s, which it keeps to 1 s.
+        let flows = [flow(250_000, 10.0), flow(750_000, 30.0)];
+        // Speeds are rounded at 6e-8 of themselves.
+        assert!((total_px(&flows, 1_000_000).unwrap() - (2.5 + 10.0 + 7.5)).abs() < 1e-5);
+        // Instants without a known flow do not count, and no frame rate does.
+        let unknown = FlowAt { t_us: 500_000, px_s: Image::filled(SIZE, [f32::NAN; 2]) };
+        let step = Some(FlowQuantiles { median: 0.5, p95: 0.5, max: 0.5 });
+        let with = [flows[0].clone(), unknown.clone(), flows[1].clone()];
+        assert!((seen_px(&with, 1_000_000, step, 7).unwrap() - 20.0).abs() < 1e-5);
+        assert_eq!(seen_px(&[unknown], 1_000_000, step, 7), Some(3.0));
     }
 
     fn found(flow: [f32; 2]) -> WarpSharpness {

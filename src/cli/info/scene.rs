@@ -133,5 +133,6 @@ fn suggested_recipe(named: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -
         ),
         "    speed: { flow: { px_s: 400 } }".to_owned(),
         "sampling: { tolerance: 0.1 }".to_owned(),
+        "sharp: { fps: 30 }".to_owned(),
     ]
 }

@@ -121,7 +121,10 @@ impl ExportFormat for Colmap {
 
 /// First points are needed, and only depth has them.
 pub(super) fn unmet_points(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
-    plan.subject.depth.is_empty().then(|| UnmetNeed::new("no depth, wanted first points", "outputs: [depth]"))
+    plan.subject
+        .depth
+        .is_empty()
+        .then(|| UnmetNeed::new("needs depth to place the first points", "outputs: [depth]"))
 }
 
 /// At most [`MAX_FRAMES`] frames, at equal distances.

@@ -13,17 +13,13 @@ use walkdir::DirEntry;
 pub(super) fn find_recipes(paths: &[PathBuf]) -> (Vec<RecipeFile>, Vec<RecipeFault>) {
     let (mut found, mut faults) = (FoundRecipes::default(), Vec::new());
     for path in paths {
-        let no_recipe = [DEFAULTS, RELEASE, SOURCES, TAKEDOWN]
-            .iter()
-            .any(|name| path.file_name().is_some_and(|n| n == *name));
         if path.is_dir() {
             walk_folder(path, &mut found, &mut faults);
-        } else if no_recipe {
-            faults.push(RecipeFault::of_file(
-                path,
-                "this file is not a recipe",
-                Some("name a recipe, or its folder"),
-            ));
+        } else if beside_recipes(path).is_some() {
+            let no_recipe = || {
+                RecipeFault::of_file(path, "this file is not a recipe", Some("name a recipe, or its folder"))
+            };
+            faults.push(misnamed(path).unwrap_or_else(no_recipe));
         } else {
             found.add(path.clone(), &parent_folder(path));
         }
@@ -99,17 +95,22 @@ fn is_hidden(path: &Path) -> bool {
 /// cannot be read is then a fault, and no scene goes missing silently.
 fn is_recipe(entry: &DirEntry) -> bool {
     let yaml = entry.path().extension().is_some_and(|extension| extension == "yaml" || extension == "yml");
-    let other = [DEFAULTS, RELEASE, SOURCES].iter().any(|name| entry.file_name() == *name);
+    let other = beside_recipes(entry.path()).is_some();
     yaml && !other && !entry.file_type().is_dir()
 }
 
-/// Returns a fault if a file has the name of the takedown list in other letters, or with blanks around it:
-/// its scenes would be released.
+/// The name of the file beside the recipes that a file is, or is meant to be: in other letters, with blanks
+/// around it, or with the ending `.yml`.
+fn beside_recipes(path: &Path) -> Option<&'static str> {
+    let name = path.file_name()?.to_str()?.trim().to_lowercase();
+    let name = name.strip_suffix(".yml").map_or_else(|| name.clone(), |stem| format!("{stem}.yaml"));
+    [DEFAULTS, RELEASE, SOURCES, TAKEDOWN].into_iter().find(|wanted| name == *wanted)
+}
+
+/// Returns a fault if a file beside the recipes has another spelling of its name: it would have no effect.
 pub(in crate::recipe) fn misnamed(path: &Path) -> Option<RecipeFault> {
-    let name = path.file_name()?.to_str()?;
-    let other = name.trim().eq_ignore_ascii_case(TAKEDOWN) && name != TAKEDOWN;
-    other.then(|| {
-        let message = format!("a file with this name is ignored, wanted {TAKEDOWN}");
-        RecipeFault::of_file(path, &message, Some("rename the file"))
-    })
+    let wanted =
+        beside_recipes(path).filter(|wanted| path.file_name().is_some_and(|name| name != *wanted))?;
+    let message = format!("a file with this name is ignored, wanted {wanted}");
+    Some(RecipeFault::of_file(path, &message, Some("rename the file")))
 }

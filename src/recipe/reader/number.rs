@@ -26,6 +26,13 @@ pub(super) fn parse_whole(text: &str) -> Option<i128> {
     })
 }
 
+/// The digits after the zeros with which a decimal number begins: YAML 1.1 reads `0123` as an octal number,
+/// YAML 1.2 as a decimal one.
+pub(super) fn after_zeros(text: &str) -> Option<&str> {
+    let digits = text.strip_prefix('0')?.trim_start_matches('0');
+    (!digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit())).then_some(digits)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,9 +4,10 @@ use super::Resolver;
 use super::number::RealRange;
 use crate::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
 use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::{OutputKind, SceneSource, schema};
-use crate::units::Hertz;
+use crate::recipe::problem::{FieldProblem, quote_text};
+use crate::recipe::{OutputKind, SceneSource, TrajectoryRecipe, schema};
+use crate::speed::SpeedFault;
+use crate::units::{Hertz, brief};
 use std::collections::BTreeSet;
 
 /// Samples per second. A stamp of a file has nanoseconds, so no two are equal.
@@ -21,6 +22,7 @@ impl Resolver<'_> {
         raw: &schema::RecipeSchema,
         source: Option<&SceneSource>,
         outputs: Option<&BTreeSet<OutputKind>>,
+        trajectories: Option<&[TrajectoryRecipe]>,
     ) -> Option<Option<ImuModel>> {
         let absent = schema::ImuSection::default();
         let section = self.section(&raw.imu, &absent)?;
@@ -48,8 +50,10 @@ impl Resolver<'_> {
         if up.is_none() && source.is_some_and(|source| !source.has_views()) {
             let problem =
                 FieldProblem::new("the output imu needs imu.up: without captured views, no direction is up");
-            return self.refuse(problem.help("write imu: { up: [0, 0, 1] }").at(place));
+            let up = orbit_up(raw).unwrap_or([0.0, 0.0, 1.0]).map(brief).join(", ");
+            return self.refuse(problem.help(format!("write imu: {{ up: [{up}] }}")).at(place));
         }
+        self.refuse_rough_speeds(raw, trajectories?)?;
         Some(Some(ImuModel {
             rate: rate?,
             gyroscope: gyroscope?,
@@ -58,6 +62,23 @@ impl Resolver<'_> {
             up,
             metres_per_unit,
         }))
+    }
+
+    /// Refuses inertial data along a speed that is not twice differentiable: an accelerometer would show its
+    /// corners.
+    fn refuse_rough_speeds(
+        &self,
+        raw: &schema::RecipeSchema,
+        trajectories: &[TrajectoryRecipe],
+    ) -> Option<()> {
+        let place = raw.outputs.place().unwrap_or(self.root);
+        let rough = trajectories.iter().find_map(|own| Some((own, own.speed.accelerometer_fault()?)));
+        let Some((trajectory, SpeedFault { because, instead })) = rough else { return Some(()) };
+        let found = format!(
+            "the output imu needs a smooth speed, and that of {} is not: {because}",
+            quote_text(&trajectory.written)
+        );
+        self.refuse(FieldProblem::new(found).help(instead).at(place))
     }
 
     fn metres_per_unit(&self, field: &Field<schema::ScaleSection>) -> Option<Option<f64>> {
@@ -93,4 +114,13 @@ impl Resolver<'_> {
         };
         Some(AxisModel { noise: noise?, walk: walk?, bias: bias?, range: range? })
     }
+}
+
+/// The up direction of the first orbit that states one.
+fn orbit_up(raw: &schema::RecipeSchema) -> Option<[f64; 3]> {
+    let (list, _) = raw.trajectories.given()?;
+    list.iter().find_map(|item| {
+        let [x, y, z] = item.given()?.0.orbit.given()?.0.up.given()?.0;
+        Some([*x.given()?.0, *y.given()?.0, *z.given()?.0])
+    })
 }

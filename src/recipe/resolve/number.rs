@@ -99,7 +99,13 @@ impl Resolver<'_> {
                 FieldProblem::of_field(format!("is {}, wanted at most 18 digits", bare_text(text))).at(place),
             ),
             Err(_) => {
-                self.out_of_range(&bare_text(text), &format_args!("{range}, such as 5, 1.1 or 11/10"), place)
+                let wanted = format!("is {}, wanted {range}, such as 5, 1.1 or 11/10", bare_text(text));
+                let number = text.trim_end_matches(|c: char| c.is_alphabetic() || c == ' ');
+                let problem = FieldProblem::of_field(wanted).at(place);
+                self.refuse(match number.parse::<Ratio>() {
+                    Ok(_) => problem.help(format!("write the number without its unit: {number}")),
+                    Err(_) => problem,
+                })
             }
         }
     }

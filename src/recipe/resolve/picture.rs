@@ -17,7 +17,7 @@ const SIDE: WholeRange = WholeRange::new(1, 16_384);
 /// Coefficients of lenses. A coefficient of a high order may be large where the field is narrow.
 const COEFFICIENT: RealRange = RealRange::new(-1e6, 1e6);
 
-const WHOLE: &str = "without a source, write the camera: camera: { width: 640, height: 360, fx: 500 }";
+const WHOLE: &str = "without a source, write the camera: camera: { width: 640, height: 360, fov: 60 }";
 
 impl Resolver<'_> {
     pub(super) fn camera(
@@ -107,10 +107,18 @@ impl Resolver<'_> {
         whole: bool,
     ) -> Option<Option<[f64; 4]>> {
         let fields = [&raw.fx, &raw.fy, &raw.cx, &raw.cy];
-        if !whole && fields.iter().all(|field| field.is_absent()) {
+        let absent = fields.iter().all(|field| field.is_absent());
+        if absent && (whole || !raw.fov.is_absent()) {
+            return self.of_angle(&raw.fov, sides).map(Some);
+        }
+        if absent {
             return Some(None);
         }
-        let help = if whole { WHOLE } else { "fy, cx and cy need fx, in pixels" };
+        if let Some(at) = raw.fov.place() {
+            let problem = FieldProblem::of_key("and fx, fy, cx, cy exclude each other");
+            return self.refuse(problem.help("keep one of them: both set the field of view").at(at));
+        }
+        let help = "fy, cx and cy need fx, in pixels";
         let (length, point) = (RealRange::above(0.0, 1e6), RealRange::new(-1e6, 1e6));
         self.required(&raw.fx, "fx", camera, help);
         // If `fx` is absent, that was just reported, and its default reaches no recipe.
@@ -119,6 +127,14 @@ impl Resolver<'_> {
         let [middle_x, middle_y] = sides.map(|side| f64::from(side.unwrap_or(0)) / 2.0);
         let (cx, cy) = (self.real(&raw.cx, middle_x, point), self.real(&raw.cy, middle_y, point));
         Some(Some([fx?, fy?, cx?, cy?]))
+    }
+
+    /// The intrinsics of an angle of view, with the principal point in the middle.
+    fn of_angle(&self, fov: &Field<f64>, [width, height]: [Option<u32>; 2]) -> Option<[f64; 4]> {
+        let half = self.real(fov, 60.0, RealRange::new(1.0, 170.0))?.to_radians() / 2.0;
+        let [width, height] = [width?, height?].map(f64::from);
+        let focal = width / 2.0 / libm::tan(half);
+        Some([focal, focal, width / 2.0, height / 2.0])
     }
 
     pub(super) fn render(

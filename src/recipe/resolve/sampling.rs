@@ -60,7 +60,7 @@ impl Resolver<'_> {
         };
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
         if sensors?.iter().any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
-            return self.refuse(intolerant().at(place));
+            return self.refuse(intolerant(raw).at(place));
         }
         // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };
@@ -69,15 +69,21 @@ impl Resolver<'_> {
 
     /// Refuses a tolerance for own sensors of cameras for which it is not defined.
     pub(super) fn refuse_intolerant(&self, field: &Field<schema::SamplingSection>, rig: &[RigCamera]) {
-        let Some(place) = field.given().and_then(|(raw, _)| raw.tolerance.place()) else { return };
+        let Some((raw, _)) = field.given() else { return };
+        let Some(place) = raw.tolerance.place() else { return };
         let mut own = rig.iter().flat_map(|camera| &camera.sensors).flat_map(SensorSet::iter);
         if own.any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
-            self.report(intolerant().at(place));
+            self.report(intolerant(raw).at(place));
         }
     }
 }
 
-fn intolerant() -> FieldProblem {
-    FieldProblem::of_key("applies only to the sensor voltmeter with the law exact")
-        .help("remove it, and write a rate")
+fn intolerant(raw: &schema::SamplingSection) -> FieldProblem {
+    let help = match raw.rate.is_absent() {
+        true => "write sampling: { rate: 2400 } instead: frames per second, at most 1 px of motion apart",
+        false => {
+            "remove it: the frames are then at sampling.rate, frames per second, at most 1 px of motion apart"
+        }
+    };
+    FieldProblem::of_key("applies only to the sensor voltmeter with the law exact").help(help)
 }

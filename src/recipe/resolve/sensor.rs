@@ -28,6 +28,9 @@ const K: [RealRange; 6] = [
     RealRange::new(0.0, 1e12),
 ];
 
+/// Contrasts of one event, in ln.
+const CONTRAST: RealRange = RealRange::new(1e-4, 20.0);
+
 impl Resolver<'_> {
     /// Resolves the one sensor, or several named sensors.
     pub(in crate::recipe) fn sensors(
@@ -148,7 +151,30 @@ impl Resolver<'_> {
                 return self.refuse(problem.help("write both under sensors, each with a name").at(*place));
             }
         };
+        let sensor = match field.given().and_then(|(raw, _)| raw.contrast()) {
+            Some((contrast, threshold)) => self.with_contrast(sensor, contrast, threshold)?,
+            None => sensor,
+        };
         self.possible(&sensor, rate?, place).then_some(sensor)
+    }
+
+    /// Applies the contrasts of a sensor, which exclude its thresholds.
+    fn with_contrast(
+        &self,
+        sensor: SensorChoice,
+        contrast: &Field<schema::ContrastSection>,
+        threshold: &Field<schema::ThresholdSection>,
+    ) -> Option<SensorChoice> {
+        let Some((raw, place)) = contrast.given() else { return contrast.is_absent().then_some(sensor) };
+        let states = |raw: &schema::ThresholdSection| !(raw.on.is_absent() && raw.off.is_absent());
+        if threshold.given().is_some_and(|(raw, _)| states(raw)) {
+            let problem = FieldProblem::of_key("and threshold exclude each other");
+            return self.refuse(problem.help("keep one of them: both say when an event fires").at(place));
+        }
+        let (on, off) = sensor.as_model().contrast();
+        let [on, off] =
+            [(&raw.on, on), (&raw.off, off)].map(|(field, usual)| self.real(field, usual, CONTRAST));
+        Some(sensor.as_model().with_contrast(on?, off?))
     }
 
     fn voltmeter_sensor(

@@ -32,6 +32,16 @@ pub(in crate::recipe) enum SensorSection {
 }
 
 impl SensorSection {
+    /// The contrast and the threshold as written; `None` for a twin, or a faulty section.
+    pub(in crate::recipe) fn contrast(&self) -> Option<(&Field<ContrastSection>, &Field<ThresholdSection>)> {
+        match self {
+            Self::Voltmeter(raw) => raw.given().map(|(raw, _)| (&raw.contrast, &raw.threshold)),
+            Self::Esim(raw) => raw.given().map(|(raw, _)| (&raw.contrast, &raw.threshold)),
+            Self::V2e(raw) => raw.given().map(|(raw, _)| (&raw.contrast, &raw.threshold)),
+            Self::TwinOf(_) => None,
+        }
+    }
+
     /// Name of the sensor with noise, if this one is its twin.
     pub(in crate::recipe) fn twin_of(&self) -> Option<&Field<String>> {
         if let Self::TwinOf(name) = self { Some(name) } else { None }
@@ -41,6 +51,17 @@ impl SensorSection {
     pub(in crate::recipe) fn voltmeter(&self) -> Option<&VoltmeterSection> {
         if let Self::Voltmeter(raw) = self { Some(raw.given()?.0) } else { None }
     }
+}
+
+/// Contrasts of one event: changes of the natural logarithm of the brightness. One number is both, and a list
+/// of two is ON and OFF: `contrast: 0.2`, `contrast: [0.2, 0.3]`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::recipe) struct ContrastSection {
+    /// Contrast of ON events. Default: the sensor's.
+    pub on: Field<f64>,
+    /// Contrast of OFF events. Default: the sensor's.
+    pub off: Field<f64>,
 }
 
 /// Contrast thresholds. The unit is the sensor's.

@@ -11,6 +11,7 @@ use crate::camera::Camera;
 use crate::camera::stereo::Rectification;
 use crate::check::drift::{DriftLaw, FrameRounding};
 use crate::check::event_times::crossing::StreamClock;
+use crate::check::motion::warp::total_px;
 use crate::check::records;
 use crate::check::records::exposure::{ExposureMean, ExposureMismatch};
 use crate::check::records::objects::{judge_places, stated_motion};
@@ -120,6 +121,7 @@ impl ReleasedTrajectory<'_> {
             crossings: None,
             foreign: None,
             flow: measured.steps_px,
+            moved_px: total_px(&measured.flows, motion.trajectory.stamps_us.last().copied().unwrap_or(0)),
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
             coverage: measured.coverage,
             doubtful_share: None,

@@ -61,7 +61,11 @@ fn count_words(part: &TrajectoryPart) -> String {
     stream(&mut words, None, &part.statistics);
     part.sensors.iter().for_each(|(name, sensor)| stream(&mut words, Some(name), &sensor.statistics));
     if let Some(step) = part.statistics.max_step_px {
-        let _ = write!(words, "; largest optical flow between poses {} px", short_number(f64::from(step)));
+        let _ = write!(
+            words,
+            "; largest optical flow between frames for the sensor {} px",
+            short_number(f64::from(step))
+        );
     }
     words
 }

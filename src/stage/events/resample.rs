@@ -4,7 +4,7 @@ use super::EventsStage;
 use crate::camera::Camera;
 use crate::check::drift;
 use crate::check::sampling::ResampledIntervals;
-use crate::event::{Event, EventSink};
+use crate::event::{Event, EventLabel, EventSink};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence as _};
 use crate::render::Renderer;
@@ -26,7 +26,8 @@ struct ResampledRows(Vec<Event>);
 
 impl EventSink for ResampledRows {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        self.0.extend(events.iter().filter(|event| event.y % ROWS == 0));
+        // Noise falls at the same times with any frames, and would hide how far the others move.
+        self.0.extend(events.iter().filter(|event| event.y % ROWS == 0 && event.label == EventLabel::Signal));
         Ok(())
     }
 }
@@ -61,7 +62,7 @@ impl EventsStage {
         let of = |sensor: &&SensorChoice| {
             // Every second of these frames is a frame of the stream, so one rendering serves both.
             // Without latency, whose jitter says nothing of the frames.
-            let at_once = sensor.without_latency();
+            let at_once = sensor.without_latency().with_labels();
             let both = |step| self.events_of(at_once.as_model(), frames.iter().step_by(step));
             is_comparable(sensor)
                 .then(|| {

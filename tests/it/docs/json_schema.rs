@@ -44,8 +44,12 @@ impl SchemaWriter<'_> {
             let words = Words::of(&member.doc);
             let paths = self.reference.places_of(declared, member);
             let mut schema = self.of_type(&member.ty, &declared.file);
+            if member.ty.contains("ContrastSection") {
+                schema = relations::short_contrast(&schema);
+            }
             values::narrow(&mut schema, member, &words, &paths);
-            if declared.file.starts_with(SENSORS) {
+            // A contrast is no law: the unit of a law is that of the sensor.
+            if declared.file.starts_with(SENSORS) && name != "ContrastSection" {
                 values::admit_laws(&mut schema);
             }
             schema["description"] = json!(description(&member.doc));

@@ -1,7 +1,8 @@
 //! ESIM as written.
 
 use super::{
-    FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection, ThresholdSection,
+    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
+    ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::esim::IntensityScale;
@@ -15,6 +16,8 @@ pub(in crate::recipe) struct EsimSection {
     /// Named set of the keys below: `trainable`, without noise and dead time, for methods that learn from
     /// events; or `randomised`, which has ranges from which numbers are drawn. Default: none.
     pub preset: Field<String>,
+    /// Contrasts of one event, instead of `threshold`. Default: none.
+    pub contrast: Field<ContrastSection>,
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
     /// Time at which the thresholds of the pixels are drawn. Default: `per-sensor`.

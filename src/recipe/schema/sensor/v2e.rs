@@ -1,7 +1,8 @@
 //! The sensor of v2e as written.
 
 use super::{
-    FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection, ThresholdSection,
+    ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
+    ThresholdSection,
 };
 use crate::recipe::field::Field;
 use crate::sensor::v2e::FilterSteps;
@@ -16,6 +17,8 @@ pub(in crate::recipe) struct V2eSection {
     /// Named set of the keys below: `clean`, `noisy`, or `randomised`, which has ranges from which
     /// numbers are drawn. Default: `clean`.
     pub preset: Field<String>,
+    /// Contrasts of one event, instead of `threshold`. Default: none.
+    pub contrast: Field<ContrastSection>,
     /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the
     /// preset's spread.
     pub threshold: Field<ThresholdSection>,

@@ -30,8 +30,17 @@ pub(super) fn of(name: &str, members: &[Member]) -> Vec<Value> {
             exclude("size", "width"),
             exclude("size", "height"),
             json!({ "anyOf": [{ "required": ["size"] }, { "required": ["width", "height"] }] }),
+            exclude("fov", "fx"),
+            exclude("fov", "fy"),
+            exclude("fov", "cx"),
+            exclude("fov", "cy"),
         ],
-        "BlurSection" => vec![json!({ "properties": { "frames": { "not": { "multipleOf": 2 } } } })],
+        "SharpSection" | "EverySection" => vec![exclude("every", "fps")],
+        "EsimSection" | "V2eSection" => vec![exclude_contrast()],
+        "BlurSection" => vec![
+            json!({ "properties": { "frames": { "not": { "multipleOf": 2 } } } }),
+            exclude("frames", "fps"),
+        ],
         "OrbitSection" => vec![json!({ "properties": { "up": { "not": { "const": [0, 0, 0] } } } })],
         "RenderSection" => vec![if_then(
             &json!({ "order": { "const": "blended" }, "rules": {} }),
@@ -47,6 +56,12 @@ pub(super) fn of(name: &str, members: &[Member]) -> Vec<Value> {
         rules.extend(counts[i + 1..].iter().map(|second| exclude(first, second)));
     }
     rules
+}
+
+/// A contrast as a mapping, or as one number or two.
+pub(super) fn short_contrast(mapping: &Value) -> Value {
+    let number = json!({ "type": "number", "minimum": 0.0001, "maximum": 20 });
+    json!({ "anyOf": [mapping, number, { "type": "array", "items": number, "minItems": 2, "maxItems": 2 }] })
 }
 
 /// A law in the place of a number of a sensor.
@@ -96,6 +111,7 @@ fn voltmeter() -> Vec<Value> {
         json!({ "properties": { "k": { "prefixItems": [above, above, least, any, any, least] } } }),
         exclude("preset", "k"),
         exclude("preset", "units"),
+        exclude_contrast(),
         not_both(&json!({ "law": { "const": "official" }, "initial": { "const": "stationary" } })),
         json!({ "properties": { "refractory": { "properties": { "reference": { "const": "passing" } } } } }),
     ]
@@ -115,6 +131,12 @@ fn device_free() -> Value {
 /// Two keys that exclude each other.
 fn exclude(a: &str, b: &str) -> Value {
     json!({ "not": { "required": [a, b] } })
+}
+
+/// A contrast excludes the thresholds of events, but not their spread.
+fn exclude_contrast() -> Value {
+    let sides = json!({ "anyOf": [{ "required": ["on"] }, { "required": ["off"] }] });
+    not_both(&json!({ "contrast": {}, "threshold": sides }))
 }
 
 /// Exactly one of these keys.
