@@ -6,7 +6,7 @@
 
 use gs2e::release::{ManifestStep, ReleaseManifest};
 use gs2e::store::record::{StepProvenance, StepRecord};
-use gs2e::store::{Digest, Key, Store, StoreAccess, StoreOptions};
+use gs2e::store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
@@ -60,6 +60,9 @@ fn replace_outputs(
         }
     }
     let record = StepRecord::new(Key(step.key), &step.stage, Vec::new(), StepProvenance::default());
-    store.publish(&workspace, record)?;
-    Ok(())
+    match store.publish(&workspace, record) {
+        // The lost outputs were other ones.
+        Err(StoreError::Nondeterministic(mismatch)) if mismatch.replaced => Ok(()),
+        other => Ok(other.map(drop)?),
+    }
 }

@@ -128,7 +128,8 @@ impl TrajectorySubject<'_> {
 
     /// The reason why passes that expect pixels to change steadily do not apply, if there is one.
     pub(super) fn moved_by_itself(&self) -> Option<&'static str> {
-        const BECAUSE: &str = "things move on paths of their own, and pixels that they pass may brighten and darken in turn";
+        const BECAUSE: &str =
+            "things move on paths of their own, and pixels that they pass may brighten and darken in turn";
         self.own_motion.then_some(BECAUSE)
     }
 

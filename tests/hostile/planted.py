@@ -368,7 +368,7 @@ def link_blob(place, copy):
 
 def release_planted(program, plant, base, root):
     """The exit code of a release from a store with the fault, and its findings."""
-    shutil.copytree(base / "gs2e-store", root / "store", copy_function=link_blob)
+    shutil.copytree(base / ".gs2e", root / "store", copy_function=link_blob)
     subprocess.run([plant, root / "store", base / "out", root / "tree"], check=True)
     command = [program, "release", "--json", "--store", root / "store", "--to", root / "new", base / "recipe.yaml"]
     ended = subprocess.run(command, capture_output=True, text=True)

@@ -6,7 +6,7 @@
 use crate::support::workspace::{Ended, Workspace};
 use gs2e::release::ReleaseManifest;
 use gs2e::store::record::{StepProvenance, StepRecord};
-use gs2e::store::{Key, Store, StoreAccess, StoreOptions};
+use gs2e::store::{Key, Store, StoreAccess, StoreError, StoreOptions};
 use serde_json::Value;
 use std::fs;
 
@@ -80,7 +80,7 @@ fn exchange(place: &Workspace, from: &str, to: &str) {
     let manifest: ReleaseManifest = serde_json::from_slice(&manifest).unwrap();
     let step = manifest.scenes[0].steps.iter().find(|step| step.step == "base/sharp").unwrap();
     let options = StoreOptions::from(StoreAccess::Write);
-    let store = Store::open(&place.path("gs2e-store"), options, &mut |_| {}).unwrap();
+    let store = Store::open(&place.path(".gs2e"), options, &mut |_| {}).unwrap();
     let workspace = store.workspace().unwrap();
     let digest = |name: &str| step.outputs.iter().find(|output| output.name == name).unwrap().digest;
     for output in &step.outputs {
@@ -90,7 +90,9 @@ fn exchange(place: &Workspace, from: &str, to: &str) {
     // A key whose outputs are intact keeps them.
     fs::remove_file(store.path_of(&digest(to))).unwrap();
     let record = StepRecord::new(Key(step.key), &step.stage, Vec::new(), StepProvenance::default());
-    store.publish(&workspace, record).unwrap();
+    // The outputs of the key were lost, and are replaced by others.
+    let published = store.publish(&workspace, record);
+    assert!(matches!(&published, Err(StoreError::Nondeterministic(mismatch)) if mismatch.replaced));
     store.flush().unwrap();
 }
 
@@ -113,7 +115,7 @@ fn files_are_judged_once() {
         let is_verdicts = |path: &walkdir::DirEntry| {
             fs::read_to_string(path.path()).is_ok_and(|text| text.contains("\"stage\":\"file-checks\""))
         };
-        let files = walkdir::WalkDir::new(place.path("gs2e-store/ac")).into_iter().map(Result::unwrap);
+        let files = walkdir::WalkDir::new(place.path(".gs2e/ac")).into_iter().map(Result::unwrap);
         files.filter(|entry| entry.file_type().is_file()).filter(is_verdicts).count()
     };
     assert_eq!(records(), 1);

@@ -69,8 +69,13 @@ const SIZES: [&str; 5] = [
     "{ width: 173, height: 91 }",
 ];
 
-const SAMPLINGS: [&str; 5] =
-    ["{ rate: 2400 }", "{ rate: 1000 }", "{ rate: 240 }", "{ tolerance: 0.1 }", "{ rate: 2400, tolerance: 0.05 }"];
+const SAMPLINGS: [&str; 5] = [
+    "{ rate: 2400 }",
+    "{ rate: 1000 }",
+    "{ rate: 240 }",
+    "{ tolerance: 0.1 }",
+    "{ rate: 2400, tolerance: 0.05 }",
+];
 
 const OUTPUTS: [&str; 6] = [
     "outputs: [events, sharp, blur, depth, flow]\ndepth: { every: 4 }\nflow: { every: 4 }\nblur: { frames: 5, subframes: literal }",
@@ -103,7 +108,10 @@ const OTHERS: [(&str, &str); 7] = [
         "-rig",
         "rig:\n  cameras:\n    - { name: left }\n    - { name: right, extrinsic: { position: [0.1, 0.01, 0], rotation: [0, 0.02, 0, 0.9998] } }\n  stereo: [[left, right]]\nscale: { metres_per_unit: 0.5 }\nimu: { rate: 1000, up: [0, -1, 0] }\noutputs: [events, sharp, depth, disparity, imu]\nsharp: { every: 2 }\ndepth: { every: 4 }",
     ),
-    ("-lamp", "lights: { flicker: { hz: 100, depth: 0.2 } }\noutputs: [events, sharp, depth]\ndepth: { every: 4 }"),
+    (
+        "-lamp",
+        "lights: { flicker: { hz: 100, depth: 0.2 } }\noutputs: [events, sharp, depth]\ndepth: { every: 4 }",
+    ),
     (
         "-objects-sparse",
         "objects:\n  - { name: board, select: { box: { low: [-1.5, -0.6, -1], high: [-0.35, 0.3, 1] } }, path: { orbit: { centre: [0, 0, 0], axis: [0, 1, 0], degrees_per_second: 60 } } }\noutputs: [events, sharp, segmentation]\nsharp: { every: 4 }",
@@ -119,7 +127,9 @@ fn recipe(i: usize) -> (String, String) {
     let (other_name, other) = OTHERS[(i + i / 25) % OTHERS.len()];
     let sampling = of(&SAMPLINGS, 1);
     // Only voltmeters choose their own frames.
-    let chooses = sensor.matches("voltmeter").count() == 1 && !sensor.contains("official") && !sensor.contains("sensors");
+    let chooses = sensor.matches("voltmeter").count() == 1
+        && !sensor.contains("official")
+        && !sensor.contains("sensors");
     let sampling = if chooses || !sampling.contains("tolerance") { sampling } else { SAMPLINGS[1] };
     let outputs = if other.contains("outputs") { "" } else { of(&OUTPUTS, 1) };
     let name = format!("{i:03}-{sensor_name}-{path_name}{other_name}");
@@ -188,7 +198,11 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         say(&format!("{name:28} {:40} {extent}", counts.join(", ")));
     }
     say(&format!("{scenes} sound releases, {alarms} alarms, {disagreements} disagreements"));
-    if alarms + disagreements == 0 { Ok(()) } else { Err("a check raised an alarm on a sound release".to_owned()) }
+    if alarms + disagreements == 0 {
+        Ok(())
+    } else {
+        Err("a check raised an alarm on a sound release".to_owned())
+    }
 }
 
 /// The verdicts on a sound release.
