@@ -63,11 +63,11 @@ impl<'a> PoseWatch<'a> {
         let Ok(new) = text_after(self.log, seen.bytes) else { return };
         seen.take(&new);
         let counts = [("photo", seen.described), ("registered", seen.registered)];
-        for ((what, count), told) in counts.into_iter().zip(&mut seen.tenths) {
+        for ((what, count), reported) in counts.into_iter().zip(&mut seen.tenths) {
             // A second model starts with few photos again, and is not reported below the first.
             let tenth = 10 * count / self.photos.max(1);
-            if tenth > *told {
-                *told = tenth;
+            if tenth > *reported {
+                *reported = tenth;
                 self.say(&format!("{what} {}/{}", count.min(self.photos), self.photos));
             }
         }
