@@ -2,7 +2,7 @@
 //! `Processed file [12/50]` of the extractor, and `Registering image #12 (20)` of the mapper (3.8 to
 //! 4.x; `feature_extraction.cc`, `incremental_pipeline.cc`).
 
-use std::fs::File;
+use crate::files;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -95,7 +95,7 @@ impl SeenLines {
 
 /// The text of a file after `from` bytes.
 fn text_after(path: &Path, from: u64) -> std::io::Result<String> {
-    let mut file = File::open(path)?;
+    let mut file = files::open(path)?;
     file.seek(SeekFrom::Start(from))?;
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes)?;

@@ -101,7 +101,7 @@ fn edit(place: &Workspace, from: &str, to: &str) {
     place.write("recipe.yaml", recipe.replace(from, to));
 }
 
-/// Lines of COLMAP, of which each photo has one, in what is printed to a file.
+/// COLMAP prints a line for each photo. The progress goes to a file too, not only to a terminal.
 #[test]
 fn a_search_for_poses_reports_its_progress() {
     let lines = "case $1 in\nfeature_extractor) for k in 1 2 3 4 5 6; do echo \"Processed file [$k/6]\"; done;;\n\
