@@ -268,7 +268,7 @@ fn begins_path(line: &str, home: &str) -> bool {
 
 /// The two commands that a newcomer needs. Each does all of its own set-up.
 const QUICK_START: [&str; 2] =
-    ["cargo run --release -- release --to out recipes/demo.yaml", "cargo xtask test"];
+    ["cargo run --release -- release --to out recipes/demo.yaml", "cargo run --release -- check --tree out"];
 
 /// The README must have one section `Quick start`, with exactly these two commands.
 fn quick_start(readme: &[Source]) -> Vec<Fault> {
