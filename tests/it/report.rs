@@ -172,7 +172,7 @@ fn sensors_of_a_trajectory_can_be_compared() {
     let source = sound(&place.path("tree"));
     let page = parsed(&source);
     let class = |node: &Node<'_, '_>, class| node.attribute("class") == Some(class);
-    let rows = || page.descendants().filter(|node| class(node, "row"));
+    let rows = || page.descendants().filter(|node| class(node, "row") || class(node, "row plots"));
     let captions = |row: Node<'_, '_>| -> Vec<String> {
         row.descendants().filter(|node| node.has_tag_name("figcaption")).map(text).collect()
     };
