@@ -116,7 +116,7 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     let message = place.ok("why tiny --recipes tiny.yaml").stdout;
     let has =
         |line: &str| assert!(message.lines().any(|l| l.trim() == line), "no line `{line}` in\n{message}");
-    has("tiny/base/trajectory: `path.refine.count.factor` changed: 2/1 -> 3/1");
+    has("tiny/base/trajectory: the recipe changed: trajectories.base.refine.factor: 2 -> 3");
     has("tiny/base/events: depends on base/trajectory");
     has("tiny/base/sharp: depends on base/trajectory");
     has("tiny/base/checks: depends on base/trajectory");
