@@ -4,7 +4,8 @@
 //! ```text
 //! events ─┬─ passes over a stream (order, duplicates, rate, balance, hot pixels, structure)
 //!         ├─ stamps, pauses and isolated events of pixels         [`stream`]
-//!         └─ with frames: [`alignment`], thresholds and time offset [`response`]
+//!         ├─ holes: times without events                          `gaps`
+//!         └─ with frames: [`alignment`], clock `clock`, `noise`, thresholds [`response`]
 //! poses ──── continuity
 //! frames, poses, depth, camera ── geometry of the pictures, motion of the events  [`views`]
 //! ```
@@ -14,9 +15,13 @@
 //! fail.
 
 pub mod alignment;
+mod bursts;
 pub mod camera;
+mod clock;
 pub mod depth;
+mod gaps;
 pub mod layout;
+mod noise;
 pub mod npy_events;
 pub mod response;
 pub mod samples;
@@ -37,6 +42,9 @@ pub use alignment::AlignmentCurve;
 pub use samples::DatasetFrames;
 
 use alignment::Alignment;
+use clock::EventClock;
+use gaps::StreamPauses;
+use noise::StreamNoise;
 use response::SensorResponse;
 use stream::StreamFacts;
 use views::ViewMeasures;
@@ -82,6 +90,26 @@ pub struct DatasetReport {
     pub alignment: Option<AlignmentCurve>,
 }
 
+impl DatasetReport {
+    /// One sentence: the dataset looks sound, or what is wrong.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        let with = |verdict: Verdict| self.findings.iter().filter(move |f| f.verdict == verdict);
+        let wrong: Vec<&str> = with(Verdict::Fail).map(|finding| finding.because.as_str()).collect();
+        let doubtful: Vec<&str> = with(Verdict::Warn).map(|finding| finding.because.as_str()).collect();
+        let warned = match doubtful.len() {
+            0 => String::new(),
+            1 => format!(". A warning: {}", doubtful[0]),
+            many => format!(". {many} warnings: {}", doubtful.join("; ")),
+        };
+        match wrong.len() {
+            0 => format!("This dataset looks sound, as far as the checks that ran can see{warned}."),
+            1 => format!("One thing is wrong: {}{warned}.", wrong[0]),
+            many => format!("These {many} things are wrong: {}{warned}.", wrong.join("; ")),
+        }
+    }
+}
+
 /// Number of events over time.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RateCurve {
@@ -111,12 +139,19 @@ pub fn check_dataset(dataset: &EventDataset<'_>) -> Result<DatasetReport, EventF
         return Ok(DatasetReport { findings: vec![finding], survey, rate, alignment: None });
     };
     let span_us = [first.floor_micros(), last.floor_micros()];
-    let (rate, facts, mut findings) = read_stream(dataset, span_us)?;
+    let StreamPass { rate, facts, pauses, mut findings } = read_stream(dataset, span_us)?;
     findings.extend(facts.findings(dataset));
     let sorted = survey.backward == 0;
     findings.push(judge_order(dataset, &survey));
+    if sorted {
+        findings.push(pauses.judge(dataset, span_us)?);
+    }
     let aligned = match dataset.frames {
-        Some(frames) if sorted => align(dataset, frames, &mut findings)?,
+        Some(frames) if sorted => {
+            let rate = survey.events as f64 / dataset.size.pixels() as f64;
+            let rate = rate / (span_us[1] - span_us[0]).max(1) as f64;
+            align(dataset, frames, rate, &mut findings)?
+        }
         Some(_) => {
             let because = "the events are not sorted by time".to_owned();
             findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
@@ -140,11 +175,19 @@ fn judge_order(dataset: &EventDataset<'_>, survey: &EventSurvey) -> Finding {
     measured_finding(dataset, ("schema", "order"), verdict, measured, because)
 }
 
+/// The result of one pass over the stream.
+struct StreamPass {
+    rate: RateCurve,
+    facts: StreamFacts,
+    pauses: StreamPauses,
+    findings: Vec<Finding>,
+}
+
 /// The passes over the stream that need no sensor, its rate over time, and its facts.
 fn read_stream(
     dataset: &EventDataset<'_>,
     [start_us, end_us]: [i64; 2],
-) -> Result<(RateCurve, StreamFacts, Vec<Finding>), EventFileError> {
+) -> Result<StreamPass, EventFileError> {
     let trajectory = dataset_path(dataset, [start_us, end_us]);
     let origin = trajectory.1;
     let last_us = trajectory.0.stamps_us.last().copied().unwrap_or(0);
@@ -152,7 +195,7 @@ fn read_stream(
     let flows = flows_since(dataset, origin);
     let against = TallyReference { flows: &flows, ..TallyReference::default() };
     let mut observer = StreamObserver::new(dataset.size, rate, last_us, against);
-    let mut facts = StreamFacts::new(dataset.size);
+    let (mut facts, mut pauses) = (StreamFacts::new(dataset.size), StreamPauses::new());
     // One more than a part, so that the last event lies in the last bin.
     let bin_us = (end_us - start_us) / i64::from(BINS) + 1;
     let mut curve = RateCurve { start_us, bin_us, events: vec![0; usize::from(BINS)] };
@@ -161,6 +204,7 @@ fn read_stream(
         for event in &mut chunk {
             let t_us = event.t.floor_micros();
             facts.see(event, t_us);
+            pauses.see(t_us);
             let bin = usize::try_from((t_us - start_us).div_euclid(bin_us)).unwrap_or(0);
             if let Some(count) = curve.events.get_mut(bin) {
                 *count += 1;
@@ -201,7 +245,7 @@ fn read_stream(
     if let Some(views) = dataset.views {
         findings.extend(judge_views(views, &subject));
     }
-    Ok((curve, facts, findings))
+    Ok(StreamPass { rate: curve, facts, pauses, findings })
 }
 
 /// The passes over pictures with poses and depth.
@@ -256,31 +300,43 @@ fn dataset_path(dataset: &EventDataset<'_>, [start_us, end_us]: [i64; 2]) -> (Tr
     }
 }
 
-/// Offset and thresholds from the frames.
+/// Orientation, clock, noise and thresholds from the frames. `rate` is in events per pixel and us.
 fn align(
     dataset: &EventDataset<'_>,
     frames: &DatasetFrames,
+    rate: f64,
     findings: &mut Vec<Finding>,
 ) -> Result<Option<AlignmentCurve>, EventFileError> {
     if let Err(because) = frames.require_change(dataset.size) {
         findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
         return Ok(None);
     }
-    let alignment = Alignment::measure(dataset.events, frames)?;
+    let alignment = Alignment::measure(dataset.events, frames, dataset.size)?;
     findings.push(alignment.finding(dataset));
-    let Some(rough_us) = alignment.rough_offset() else {
-        let because = "events do not follow the frames".to_owned();
+    if alignment.changed.is_some() {
+        let because = "events follow changed frames only".to_owned();
         findings.push(finding(dataset, "time_offset", "", Verdict::NotRun, because));
         return Ok(Some(alignment.curve));
-    };
-    let responses = SensorResponse::measure(dataset.events, frames, rough_us)?;
-    match responses.split_first() {
-        Some((best, others)) => findings.extend(best.findings(others.first(), dataset, frames)),
-        None => {
-            for check in ["event_frame", "time_offset"] {
-                let because = "too few pixels change steadily by a threshold from frame to frame".to_owned();
-                findings.push(finding(dataset, check, "", Verdict::NotRun, because));
-            }
+    }
+    // A clock of another speed spoils the correlation over the whole time, but not over a run of frames.
+    let rough_us = alignment.rough_offset().unwrap_or(0.0);
+    let clock = EventClock::measure(dataset.events, &frames.bursts, rough_us)?;
+    if let Some(clock) = &clock {
+        findings.extend(clock.findings(dataset, frames));
+        let noise = StreamNoise::measure(dataset.events, &frames.bursts, clock, rate)?;
+        findings.extend(noise.findings(dataset));
+    } else {
+        let because = "too few pairs of events lie where the frames are known".to_owned();
+        findings.push(finding(dataset, "time_offset", "", Verdict::NotRun, because));
+    }
+    if let Some(rough_us) = alignment.rough_offset() {
+        let offset = clock.map_or(rough_us, |clock| clock.offset_us[0]);
+        let responses = SensorResponse::measure(dataset.events, frames, offset)?;
+        if let Some((best, others)) = responses.split_first() {
+            findings.extend(best.findings(others.first(), dataset));
+        } else {
+            let because = "too few pixels change steadily by a threshold from frame to frame".to_owned();
+            findings.push(finding(dataset, "event_frame", "threshold-on", Verdict::NotRun, because));
         }
     }
     Ok(Some(alignment.curve))

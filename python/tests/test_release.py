@@ -31,6 +31,17 @@ def test_a_release_is_a_sequence_of_scenes(release):
         gs2e.open(release / "LICENSES")
     with pytest.raises(ValueError, match="has no split"):
         gs2e.open(release / "a/one", split="train")
+    with pytest.raises(ValueError, match="gs2e convert"):
+        gs2e.open_events(release / "gs2e.py")
+
+
+def test_windows_are_in_whole_microseconds(release):
+    scene = gs2e.open(release)[0]
+    with pytest.raises(TypeError, match="whole number of microseconds"):
+        scene.events(0.0, 0.1)
+    with pytest.raises(ValueError, match="ends before it begins"):
+        scene.events(2000, 1000)
+    assert len(scene.events(10**12, 10**12 + 1000).t) == 0
 
 
 def test_the_released_loader_is_the_module_s(release):

@@ -3,6 +3,7 @@
 mod account;
 mod sensor;
 mod sequence;
+mod warnings;
 
 pub(super) use sensor::sensor_from;
 pub(super) use sequence::{FrameInputs, StampedFrames, full_scale, open_stack, parse_rate};
@@ -17,7 +18,7 @@ use crate::event::file::{EventFile, EventFormat};
 use crate::event::{Event, EventFileError, EventSink, h5};
 use crate::files::{is_there, write_by_rename};
 use crate::frames::array::FullScale;
-use crate::frames::motion::EdgeMotion;
+use crate::frames::motion::FrameMotion;
 use crate::frames::{DenseFrame, FrameError};
 use crate::seed::Seed;
 use crate::sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
@@ -37,10 +38,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
+#[command(group(clap::ArgGroup::new("input").required(true).args(["frames", "video"])))]
 pub(super) struct SimulateArgs {
     /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, or a folder with
     /// DVS-Voltmeter's info.txt
-    #[arg(long, value_name = "FILE or DIR", required_unless_present = "video")]
+    #[arg(long, value_name = "FILE or DIR")]
     frames: Option<PathBuf>,
     /// Video, decoded by the program ffmpeg, with the stamps of its frames
     #[arg(long, value_name = "FILE", conflicts_with_all = ["frames", "rates", "stamps", "fps", "full_scale"])]
@@ -239,7 +241,7 @@ impl SimulateArgs {
             true => ProgressBar::new(sequence.frames.len() as u64),
             false => ProgressBar::hidden(),
         };
-        let mut motion = EdgeMotion::default();
+        let mut motion = FrameMotion::new(sequence.frames.len());
         let mut tap = |frame: &DenseFrame| {
             motion.see(&frame.luminance);
             bar.inc(1);
@@ -251,7 +253,9 @@ impl SimulateArgs {
         let mut channel = [SensorChannel::new(pixels, &mut sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
-        motion_warning(&motion).iter().for_each(|line| console.say(line));
+        warnings::motion_warnings(&motion, self.input_path(), sequence)
+            .iter()
+            .for_each(|line| console.say(line));
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 
@@ -294,19 +298,6 @@ impl SimulateArgs {
         let message = UserMessage::new(MessageLevel::Error, "input-unreadable", "failed to read the frames");
         VerbError::from_message(ExitKind::Failed, message.path(self.input_path()).because(error.to_string()))
     }
-}
-
-/// Motion between two frames from which on events are inexact, in pixels.
-const SOUND_PX: f32 = 1.0;
-
-/// A warning if the picture moves too far from frame to frame.
-fn motion_warning(motion: &EdgeMotion) -> Option<String> {
-    let px = motion.median_px().filter(|px| *px > SOUND_PX)?;
-    Some(format!(
-        "warning: edges move by {px:.1} px or more from frame to frame, so events between frames are inexact: use at \
-         least {:.0} times the frames",
-        (px / SOUND_PX).ceil()
-    ))
 }
 
 /// An event file as an event sink.

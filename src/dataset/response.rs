@@ -1,4 +1,4 @@
-//! Thresholds of an unknown sensor and the offset of its clock, from frames of the same pixels.
+//! Thresholds of an unknown sensor, from frames of the same pixels.
 //!
 //! A pixel whose brightness changes steadily has, on average, half a threshold of change since its last
 //! event, whatever the speed, and `rate lag` more if its events are late by `lag`. If it
@@ -37,10 +37,6 @@ const MAX_UNEVEN: f64 = 3.0;
 const GROUPS: usize = 3;
 /// Minimum number of samples in each direction.
 const MIN_SAMPLES: usize = 100;
-/// An offset beyond this part of a frame interval is a fault, as in a build.
-const MAX_INTERVALS: f64 = 0.5;
-/// Standard errors that a statement needs.
-const SIGMAS: f64 = 3.0;
 
 /// The response of the sensor under one decoding.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,10 +47,6 @@ pub struct SensorResponse {
     pub on: [f64; 2],
     /// Threshold of OFF events, and its standard error.
     pub off: [f64; 2],
-    /// Time of the events minus that of the frames, us, and its standard error.
-    pub offset_us: [f64; 2],
-    /// Change of the offset per time, from the first half of the pairs to the second, and its error.
-    pub drift: [f64; 2],
     /// Relative spread of the thresholds over groups of samples by brightness.
     pub uneven: f64,
     /// Number of samples.
@@ -81,12 +73,7 @@ impl SensorResponse {
     }
 
     /// The findings; `other` is the response under the other decoding.
-    pub(super) fn findings(
-        &self,
-        other: Option<&Self>,
-        dataset: &EventDataset<'_>,
-        frames: &DatasetFrames,
-    ) -> Vec<Finding> {
+    pub(super) fn findings(&self, other: Option<&Self>, dataset: &EventDataset<'_>) -> Vec<Finding> {
         let state = |part: &str, name: &str, [value, error]: [f64; 2]| {
             let because = format!(
                 "{name} events are {value:.4} +- {error:.4} apart in the logarithm of {}, from {} samples",
@@ -110,58 +97,8 @@ impl SensorResponse {
             let because = "too few samples of dark, middle or bright pixels".to_owned();
             finding(dataset, "event_frame", "decode", Verdict::NotRun, because)
         };
-        vec![
-            state("threshold-on", "ON", self.on),
-            state("threshold-off", "OFF", self.off),
-            decode,
-            self.judge_offset(dataset, frames),
-            self.judge_drift(dataset, frames),
-        ]
+        vec![state("threshold-on", "ON", self.on), state("threshold-off", "OFF", self.off), decode]
     }
-
-    fn judge_offset(&self, dataset: &EventDataset<'_>, frames: &DatasetFrames) -> Finding {
-        let [offset, error] = self.offset_us;
-        let side = if offset < 0.0 { "earlier" } else { "later" };
-        let because = format!(
-            "events are {:.0} +- {error:.0} us {side} than the frames, from {} samples",
-            offset.abs(),
-            self.samples
-        );
-        let limit = MAX_INTERVALS * frames.interval_us() as f64;
-        judge_time(dataset, "", self.offset_us, (limit, "us"), &because)
-    }
-
-    fn judge_drift(&self, dataset: &EventDataset<'_>, frames: &DatasetFrames) -> Finding {
-        let [drift, error] = self.drift.map(|value| 100.0 * value);
-        let because =
-            format!("the clock of the events runs {drift:.2} +- {error:.2} % slower than that of the frames");
-        let whole =
-            frames.stamps_us.last().zip(frames.stamps_us.first()).map_or(1, |(last, first)| last - first);
-        let limit = MAX_INTERVALS * frames.interval_us() as f64 / whole as f64;
-        judge_time(dataset, "drift", self.drift, (limit, "1"), &because)
-    }
-}
-
-/// Judges an estimate with its standard error against a limit.
-fn judge_time(
-    dataset: &EventDataset<'_>,
-    part: &str,
-    [value, error]: [f64; 2],
-    (limit, unit): (f64, &str),
-    because: &str,
-) -> Finding {
-    // An error of several limits could hide any offset.
-    if error.is_nan() || error >= 4.0 * limit {
-        let because = format!("{because}; this is too uncertain to judge");
-        return finding(dataset, "time_offset", part, Verdict::NotRun, because);
-    }
-    // The limit that is stated holds for the estimate, with its error.
-    let limit = limit + SIGMAS * error;
-    let is_fault = value.abs() > limit;
-    let verdict = if is_fault { Verdict::Fail } else { Verdict::Pass };
-    let cause = if is_fault { ": the clocks differ, or the pixels are slow" } else { "" };
-    let because = format!("{because}{cause}");
-    measured_finding(dataset, ("time_offset", part), verdict, (Some(value), Some(limit), unit), because)
 }
 
 fn measure_decoded(
@@ -180,47 +117,30 @@ fn measure_decoded(
         offset += lag;
         last = Some((samples, [on, off, lag]));
     }
-    Ok(last.and_then(|(samples, found)| describe(&samples, found, offset, (frames, decode))))
+    Ok(last.and_then(|(samples, found)| describe(&samples, found, frames, decode)))
 }
 
 /// The estimates with their errors; `None` if they are not determined.
 fn describe(
     samples: &[SteadySample],
     [on, off, _]: [f64; 3],
-    offset: f64,
-    (frames, decode): (&DatasetFrames, SampleDecode),
+    frames: &DatasetFrames,
+    decode: SampleDecode,
 ) -> Option<SensorResponse> {
     let instants = frames.instants();
     let pairs = instants.len() - 1;
-    let (parts, half) = (4 * pairs, pairs / 2);
+    let parts = 4 * pairs;
     let without = |skip: usize, which: usize| {
         solve(samples.iter().filter(|sample| sample.part != skip)).map_or(f64::NAN, |found| found[which])
     };
     let error = |which: usize| jackknife_error(parts, &|skip| without(skip, which));
-    let late = |sample: &&SteadySample| sample.part >= 4 * half;
-    let apart_us = mean_time(frames, &instants[half..]) - mean_time(frames, &instants[..=half]);
-    let drift = |skip: usize| {
-        let taken = || samples.iter().filter(|sample| sample.part != skip);
-        let [early, late] =
-            [solve_lag(taken().filter(|s| !late(s)), [on, off]), solve_lag(taken().filter(late), [on, off])];
-        (late - early) / apart_us
-    };
     Some(SensorResponse {
         decode,
         on: [on, error(0)],
         off: [off, error(1)],
-        offset_us: [offset, error(2)],
-        drift: [drift(usize::MAX), jackknife_error(parts, &drift)],
         uneven: spread_over_brightness(samples)?,
         samples: samples.len(),
     })
-}
-
-/// Mean time of the pairs of neighbouring instants, us.
-fn mean_time(frames: &DatasetFrames, instants: &[usize]) -> f64 {
-    let middles =
-        instants.windows(2).map(|pair| 0.5 * (frames.stamps_us[pair[0]] + frames.stamps_us[pair[1]]) as f64);
-    middles.clone().sum::<f64>() / middles.count() as f64
 }
 
 /// A pixel between two instants at which it changes steadily.
@@ -258,17 +178,6 @@ fn solve<'a>(samples: impl Iterator<Item = &'a SteadySample>) -> Option<[f64; 3]
     let matrix = DMat3::from_cols(rows[0], rows[1], rows[2]).transpose();
     let found = matrix.try_inverse().map(|inverse| inverse * DVec3::from_array(sums))?;
     (found.is_finite() && found.x > 0.0 && found.y > 0.0).then(|| found.to_array())
-}
-
-/// The lag alone, with known thresholds: weighted with the difference of the rates.
-fn solve_lag<'a>(samples: impl Iterator<Item = &'a SteadySample>, [on, off]: [f64; 2]) -> f64 {
-    let (mut products, mut squares) = (0.0, 0.0);
-    for sample in samples {
-        let left = sample.change - on * sample.steps[0] + off * sample.steps[1];
-        products += sample.rate * left;
-        squares += sample.rate * sample.rate;
-    }
-    products / squares
 }
 
 /// Relative standard deviation, over groups of equally many samples by brightness, of the mean of

@@ -1,5 +1,6 @@
 //! Frames of a dataset at some pixels: the frames that the estimates need, and no others.
 
+use super::bursts::FrameBursts;
 use crate::image::{Image, Size, srgb};
 use crate::sensor::WHITE;
 use std::collections::BTreeMap;
@@ -19,7 +20,7 @@ pub(super) const LADDER: [usize; 6] = [1, 2, 4, 8, 16, 32];
 const MAX_PIXELS: usize = 1 << 14;
 /// Greys between which a logarithm is known: below, a step of 8 bits exceeds 5 %; above, a camera may
 /// saturate.
-const KNOWN: std::ops::RangeInclusive<f32> = 20.0..=250.0;
+pub(super) const KNOWN: std::ops::RangeInclusive<f32> = 20.0..=250.0;
 /// Change of the logarithm above which a pixel counts as changed.
 const CHANGED: f64 = 0.05;
 /// Minimum number of changes.
@@ -68,6 +69,8 @@ pub struct DatasetFrames {
     pub(super) pixels: Vec<usize>,
     /// Greys of these pixels in the frames that were kept, by the index of the frame.
     kept: BTreeMap<usize, Vec<f32>>,
+    /// Runs of consecutive frames at fewer pixels.
+    pub(super) bursts: FrameBursts,
     /// Stamp and picture of the frame in the middle.
     pub shown: Option<(i64, Image<f32>)>,
 }
@@ -76,14 +79,17 @@ impl DatasetFrames {
     /// Frames of this size at these stamps, none of them kept yet.
     #[must_use]
     pub fn new(size: Size, stamps_us: Vec<i64>) -> Self {
-        Self { size, stamps_us, pixels: mirrored_lattice(size), kept: BTreeMap::new(), shown: None }
+        let pixels = mirrored_lattice(size);
+        let bursts = FrameBursts::new(size, &stamps_us, &pixels);
+        Self { size, stamps_us, pixels, kept: BTreeMap::new(), bursts, shown: None }
     }
 
     /// Indices of the frames to keep, ascending.
     #[must_use]
     pub fn needed(&self) -> Vec<usize> {
         let around = self.instants().into_iter().flat_map(|instant| self.frames_around(instant));
-        let mut needed: Vec<usize> = self.spans().into_iter().flatten().chain(around).collect();
+        let mut needed: Vec<usize> =
+            self.spans().into_iter().flatten().chain(around).chain(self.bursts.needed()).collect();
         needed.push(self.stamps_us.len() / 2);
         needed.sort_unstable();
         needed.dedup();
@@ -97,10 +103,19 @@ impl DatasetFrames {
     /// It has another size.
     pub fn keep(&mut self, index: usize, frame: Image<f32>) {
         assert_eq!(frame.size(), self.size, "frames of one sequence have one size");
-        self.kept.insert(index, self.pixels.iter().map(|pixel| frame.pixels()[*pixel]).collect());
+        if self.is_compared(index) {
+            self.kept.insert(index, self.pixels.iter().map(|pixel| frame.pixels()[*pixel]).collect());
+        }
+        self.bursts.keep(index, &frame);
         if index == self.stamps_us.len() / 2 {
             self.shown = Some((self.stamps_us[index], frame));
         }
+    }
+
+    /// Returns true if a frame belongs to a span or to an instant.
+    fn is_compared(&self, index: usize) -> bool {
+        let of_instant = |instant: &usize| self.frames_around(*instant).binary_search(&index).is_ok();
+        self.spans().as_flattened().contains(&index) || self.instants().iter().any(of_instant)
     }
 
     /// First and last frame of each span. Spans may overlap if there are few frames.
@@ -167,23 +182,29 @@ impl DatasetFrames {
         intervals.get(intervals.len() / 2).copied().unwrap_or(0)
     }
 
+    /// Number of samples that change by more than this in a span; a pixel counts in each span.
+    pub(super) fn count_changes(&self, least: f64) -> usize {
+        let changed = |span: &[usize; 2]| {
+            let changes =
+                (0..self.pixels.len()).filter_map(|place| self.change(*span, place, SampleDecode::Encoded));
+            changes.filter(|change| change.abs() > least).count()
+        };
+        self.spans().iter().map(changed).sum()
+    }
+
     /// Checks that the frames show a change that events can be compared with. The error says what is
     /// missing.
     pub(super) fn require_change(&self, sensor: Size) -> Result<(), String> {
-        if self.size != sensor {
+        // With x and y swapped, the comparison says so.
+        let swapped = Size { width: sensor.height, height: sensor.width };
+        if self.size != sensor && self.size != swapped {
             return Err(format!("frames of {} are not those of a sensor of {sensor}", self.size));
         }
         let spans = self.spans();
         if spans.is_empty() {
             return Err("there are fewer than two frames".to_owned());
         }
-        let changed = |span: &[usize; 2]| {
-            let changes =
-                (0..self.pixels.len()).filter_map(|place| self.change(*span, place, SampleDecode::Encoded));
-            changes.filter(|change| change.abs() > CHANGED).count()
-        };
-        // The same pixel counts in each span: it is compared once in each.
-        let changed: usize = spans.iter().map(changed).sum();
+        let changed = self.count_changes(CHANGED);
         if changed < MIN_CHANGED {
             let all = self.pixels.len() * spans.len();
             return Err(format!("only {changed} of {all} samples of the frames change by 5 %"));

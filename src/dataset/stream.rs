@@ -10,7 +10,7 @@
 //!   bound of the noise, because a slow edge makes some as well.
 
 use super::{EventDataset, finding, measured_finding};
-use crate::check::{Finding, Verdict};
+use crate::check::{DetectableFault, Finding, Verdict};
 use crate::event::Event;
 use crate::image::Size;
 
@@ -18,6 +18,10 @@ use crate::image::Size;
 const GRIDS: [i64; 5] = [10_000, 1000, 100, 10, 1];
 /// Share of stamps on a grid above which it is the stream's. A few exceptions do not hide it.
 const ON_GRID: f64 = 0.999;
+/// Grid that no camera and no careful simulation has, us.
+const COARSE_US: i64 = 1000;
+/// Share of isolated events, without those that have a neighbour by chance, that warns.
+const MAX_ISOLATED: f64 = 0.4;
 /// Minimum number of events for a statement on the grid: by chance, one stamp in ten is a multiple
 /// of 10.
 const MIN_EVENTS: u64 = 100;
@@ -133,6 +137,17 @@ impl StreamFacts {
         self.isolated as f64 / self.size.pixels() as f64 / self.seconds()
     }
 
+    /// Share of noise that leaves this share of isolated events: noise has a neighbour in 9 pixels by chance
+    /// as often as its own rate says, `isolated = noise exp(-9 noise rate 5 ms)`. At most `e` times the
+    /// isolated events, where the exponential is steepest.
+    fn isolated_share(&self) -> f64 {
+        let isolated = self.isolated as f64 / self.events.max(1) as f64;
+        let mean = self.events as f64 / self.size.pixels() as f64 / self.seconds();
+        let neighbours = 9.0 * mean * SUPPORT_US as f64 * 1e-6;
+        let most = (isolated * std::f64::consts::E).min(1.0);
+        (0..20).fold(isolated, |noise, _| (isolated * libm::exp(neighbours * noise)).min(most))
+    }
+
     /// The findings on the stream.
     pub(super) fn findings(&self, dataset: &EventDataset<'_>) -> Vec<Finding> {
         vec![self.judge_grid(dataset), self.state_pause(dataset), self.state_isolated(dataset)]
@@ -144,7 +159,11 @@ impl StreamFacts {
             return finding(dataset, "stamps", "grid", Verdict::NotRun, because);
         }
         let grid = self.grid_us();
-        let verdict = if grid > 1 { Verdict::Warn } else { Verdict::Pass };
+        let verdict = match grid {
+            1 => Verdict::Pass,
+            grid if grid < COARSE_US => Verdict::Warn,
+            _ => Verdict::Fail,
+        };
         let because = if grid > 1 {
             format!("all stamps are multiples of {grid} us after the first; a camera resolves 1 us")
         } else {
@@ -173,16 +192,17 @@ impl StreamFacts {
     fn state_isolated(&self, dataset: &EventDataset<'_>) -> Finding {
         let rate = self.isolated_rate();
         let share = 100.0 * self.isolated as f64 / self.events.max(1) as f64;
+        let noise = self.isolated_share();
+        let is_noisy = noise > MAX_ISOLATED && self.events >= MIN_EVENTS;
+        let verdict = if is_noisy { Verdict::Warn } else { Verdict::Pass };
         let because = format!(
-            "{share:.1} % of the events have no neighbour in the 5 ms before them: noise of at most {rate:.3} Hz per pixel"
+            "{share:.1} % of the events have no neighbour in the 5 ms before them: noise of at most {rate:.3} Hz per \
+             pixel, or {:.0} % of the events",
+            100.0 * noise
         );
-        measured_finding(
-            dataset,
-            ("noise_floor", "isolated"),
-            Verdict::Pass,
-            (Some(rate), None, "Hz"),
-            because,
-        )
+        let measured = (Some(noise), Some(MAX_ISOLATED), "1");
+        let found = measured_finding(dataset, ("noise_floor", "isolated"), verdict, measured, because);
+        Finding { detects: Some(DetectableFault::new(MAX_ISOLATED, "1")), ..found }
     }
 }
 

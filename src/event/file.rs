@@ -47,12 +47,6 @@ impl EventFormat {
         Self::for_path(path, version).filter(|format| *format != Self::Mcap)
     }
 
-    /// Returns true if files of this format store the sensor size.
-    #[must_use]
-    pub fn keeps_size(self) -> bool {
-        self != Self::Text(ColumnSeparator::Csv)
-    }
-
     /// Returns true if they store the simulation law.
     #[must_use]
     pub fn keeps_law(self) -> bool {
@@ -83,6 +77,8 @@ pub struct OpenEventFile {
     pub header: StreamHeader,
     /// Origin of the file's own times, in microseconds.
     pub offset_us: i64,
+    /// True if whole numbers are read as microseconds although nothing states their unit.
+    pub assumes_us: bool,
     /// The events, in the order of the file.
     pub source: Box<dyn EventSource>,
 }
@@ -98,7 +94,7 @@ impl std::fmt::Debug for OpenEventFile {
 /// # Errors
 /// It is not of that format, or the sensor size is unknown.
 pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<OpenEventFile, EventFileError> {
-    let (mut offset_us, mut labelled) = (0, false);
+    let (mut offset_us, mut labelled, mut assumes_us) = (0, false, false);
     let (header, source): (Option<StreamHeader>, Box<dyn EventSource>) = match format {
         EventFormat::H5 => {
             let reader = h5::Reader::open(path)?;
@@ -121,6 +117,7 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<Op
         }
         EventFormat::Text(_) => {
             let reader = text::Reader::open(path, hints.size, hints.unit)?;
+            assumes_us = !reader.states_unit();
             (Some(reader.header()), Box::new(reader))
         }
         EventFormat::Mcap => {
@@ -142,7 +139,7 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<Op
         }
     };
     header.size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
-    Ok(OpenEventFile { header, offset_us, source })
+    Ok(OpenEventFile { header, offset_us, assumes_us, source })
 }
 
 /// An event file open for writing.

@@ -1,7 +1,7 @@
 //! Event streams as text, one line per event: time, column, row, polarity.
 //!
-//! Written files have integer microseconds and say so: `.txt` uses spaces and a comment with unit
-//! and sensor size, `.csv` uses commas and a line of names. Files to be read may have either
+//! Written files have integer microseconds and say so in a comment, with the sensor size: `.txt` uses
+//! spaces, `.csv` uses commas and a line of names. Files to be read may have either
 //! separator, a line of names or of the sensor's two sizes, comments after `#`, and polarities 0
 //! and 1 or -1 and 1. Integer times are microseconds, as in the published simulators. For times
 //! with a fraction, the user must give the unit.

@@ -396,8 +396,9 @@ fn choose(names: &[&str], asked: Option<&str>, what: &str, of: &str) -> Result<u
         }),
         None if names.len() == 1 => Ok(0),
         None => Err(ExportError::Selection(format!(
-            "{of} has {} of kind {what}: choose one with --{what}: {}",
+            "{of} has {} {}; choose one with --{what}: {}",
             names.len(),
+            if what == "trajectory" { "trajectories".to_owned() } else { format!("{what}s") },
             listed()
         ))),
     }

@@ -61,9 +61,7 @@ impl<'a> ExportFolder<'a> {
             return Err(exists("it exists already; an export replaces nothing"));
         }
         let parent = parent_folder(target);
-        if !parent.is_dir() {
-            return Err(exists("it is in a folder that does not exist"));
-        }
+        std::fs::create_dir_all(parent).map_err(ExportError::unwritten(parent))?;
         let mut prefix = OsString::from(".");
         prefix.push(name);
         prefix.push(INFIX);

@@ -80,8 +80,7 @@ impl Codec {
             EventFormat::H5 => read_h5(path),
             EventFormat::Npz => read_npz(path),
             format => {
-                let size = (!format.keeps_size()).then_some(SIZE);
-                let mut opened = file::open(path, format, ReadHints { size, ..ReadHints::default() })?;
+                let mut opened = file::open(path, format, ReadHints::default())?;
                 assert_eq!(opened.header, StreamHeader { size: SIZE, law: None, labelled: false });
                 let events = read_all(&mut *opened.source)?;
                 assert_eq!(opened.source.untimed(), 0);

@@ -111,11 +111,11 @@ fn a_stream_goes_through_every_format() {
     }
     assert_eq!(fs::read_to_string(place.path("e.txt")).unwrap(), text);
     assert_eq!(fs::read(place.path("b.raw")).unwrap(), fs::read(place.path("d.raw")).unwrap());
-    // CSV has no place for the sensor's size; no event is lost with it.
+    // CSV keeps the sensor's size in a comment, as .txt does.
     let noted = place.ok("convert e.txt g.csv").stderr;
-    assert!(noted.contains("note: the sensor's size is not stored: 320x240"), "{noted}");
-    assert_eq!(place.gs2e("convert g.csv h.txt").code, 1, "the size is not stated");
-    place.ok("convert g.csv h.txt --size 320x240");
+    assert!(!noted.contains("note:"), "{noted}");
+    let noted = place.ok("convert g.csv h.txt").stderr;
+    assert!(noted.contains("a sensor of 320x240") && !noted.contains("note:"), "{noted}");
     assert_eq!(fs::read_to_string(place.path("h.txt")).unwrap(), text);
 }
 
@@ -160,6 +160,35 @@ fn other_peoples_text_is_read() {
     // names in another order, polarities of either sign, another separator
     t("x,y,polarity,timestamp\n3,4,-1,12\n3,5,1,13\n", "--size 9x9", &["12 3 4 0", "13 3 5 1"]);
     t("# a comment\n\n1.5; 3; 4; 1\n", "--size 9x9 --time-unit ms", &["1500 3 4 1"]);
+}
+
+/// Whole times without a unit are microseconds, and every verb says so. A fraction has no unit by itself.
+#[test]
+fn one_rule_holds_for_times_without_a_unit() {
+    let place = Workspace::new();
+    place.write("whole.txt", "12 3 4 1\n15 3 5 0\n");
+    place.write("whole.csv", "t,x,y,p\n12,3,4,1\n15,3,5,0\n");
+    place.write("decimal.txt", "0.012 3 4 1\n0.015 3 5 0\n");
+    place.write("own.txt", "# t x y p in us; sensor 9x9\n12 3 4 1\n");
+    let verbs = ["convert IN out.h5 --size 9x9", "info IN --size 9x9", "check --events IN --size 9x9"];
+    for verb in verbs {
+        let said = |file: &str, options: &str| {
+            let ended = place.gs2e(&format!("{} {options}", verb.replace("IN", file)));
+            (ended.code, format!("{}{}", ended.stdout, ended.stderr))
+        };
+        for file in ["whole.txt", "whole.csv"] {
+            let (code, text) = said(file, "");
+            assert!(code == 0 && text.contains("are read as microseconds"), "{verb} {file}: {text}");
+            assert!(!said(file, "--time-unit ns").1.contains("are read as microseconds"), "{verb}");
+        }
+        assert!(!said("own.txt", "").1.contains("are read as microseconds"), "{verb}");
+        let (code, text) = said("decimal.txt", "");
+        assert!(code == 1 && text.contains("give its unit with --time-unit"), "{verb}: {text}");
+        assert_eq!(said("decimal.txt", "--time-unit s").0, 0, "{verb}");
+        // Both that is missing, at once.
+        let ended = place.gs2e(&verb.replace("IN", "decimal.txt").replace(" --size 9x9", ""));
+        assert!(ended.stderr.contains("--size") && ended.stderr.contains("--time-unit"), "{}", ended.stderr);
+    }
 }
 
 #[test]

@@ -3,6 +3,8 @@
 //! The dataset is made here in closed form: a texture moves over the sensor, and a pixel has an event
 //! where the logarithm of its brightness crosses a multiple of a threshold from a random start.
 
+mod faults;
+
 use crate::support::workspace::Workspace;
 use gs2e::image::{Image, Size, png};
 use serde_json::Value;
@@ -10,10 +12,10 @@ use std::fmt::Write as _;
 use std::fs;
 
 /// Columns and rows.
-const WIDTH: u16 = 48;
-const HEIGHT: u16 = 36;
+pub(crate) const WIDTH: u16 = 48;
+pub(crate) const HEIGHT: u16 = 36;
 /// Length, us, and the step at which crossings are looked for.
-const END_US: i64 = 100_000;
+pub(crate) const END_US: i64 = 100_000;
 const STEP_US: usize = 25;
 /// Interval of the frames, us.
 const FRAME_US: usize = 1000;
@@ -30,7 +32,7 @@ fn log_brightness(x: f64, y: f64, t_us: f64) -> f64 {
 }
 
 /// A fixed number between 0 and 1 for a pixel.
-fn phase(pixel: u16) -> f64 {
+pub(crate) fn phase(pixel: u16) -> f64 {
     (f64::from(pixel) * 0.618_033_988_749_895).fract()
 }
 
@@ -59,11 +61,11 @@ fn events() -> Vec<(i64, u16, u16, u8)> {
     found
 }
 
-type Row = (i64, u16, u16, u8);
+pub(crate) type Row = (i64, u16, u16, u8);
 
 /// The folder `set` in the layout of the Event-Camera Dataset, with each event changed by `change`.
-fn write_set(place: &Workspace, change: impl Fn(Row) -> Option<Row>) {
-    let mut rows: Vec<Row> = events().into_iter().filter_map(change).collect();
+pub(crate) fn write_set<I: IntoIterator<Item = Row>>(place: &Workspace, change: impl Fn(Row) -> I) {
+    let mut rows: Vec<Row> = events().into_iter().flat_map(change).collect();
     rows.sort_unstable();
     let mut text = String::new();
     for (t_us, x, y, p) in rows {
@@ -93,7 +95,7 @@ fn write_set(place: &Workspace, change: impl Fn(Row) -> Option<Row>) {
 }
 
 /// The exit code, and the findings by `check#part`.
-fn check(place: &Workspace, args: &str) -> (i32, Vec<(String, Value)>) {
+pub(crate) fn check(place: &Workspace, args: &str) -> (i32, Vec<(String, Value)>) {
     let ended = place.gs2e(&format!("check --events set --as tum --json {args}"));
     let named = |line: &str| {
         let finding: Value = serde_json::from_str(line).unwrap();
@@ -104,12 +106,12 @@ fn check(place: &Workspace, args: &str) -> (i32, Vec<(String, Value)>) {
     (ended.code, ended.stdout.lines().map(named).collect())
 }
 
-fn measured(findings: &[(String, Value)], name: &str) -> f64 {
+pub(crate) fn measured(findings: &[(String, Value)], name: &str) -> f64 {
     let found = findings.iter().find(|(own, _)| own == name);
     found.unwrap_or_else(|| panic!("no {name}: {findings:#?}")).1["measured"].as_f64().unwrap()
 }
 
-fn verdict(findings: &[(String, Value)], name: &str) -> String {
+pub(crate) fn verdict(findings: &[(String, Value)], name: &str) -> String {
     let found = findings.iter().find(|(own, _)| own == name);
     found.unwrap_or_else(|| panic!("no {name}: {findings:#?}")).1["verdict"].as_str().unwrap().to_owned()
 }
@@ -132,6 +134,7 @@ fn a_sound_set_shows_its_thresholds_and_its_clock() {
     assert!((measured(&found, "stamps#grid") - 1.0).abs() < 1e-9);
     assert_eq!(verdict(&found, "pose_continuity#translation"), "pass");
     let page = fs::read_to_string(place.path("page.html")).unwrap();
+    assert!(page.contains("This dataset looks sound"), "{page}");
     assert!(page.starts_with("<!DOCTYPE html>") && page.matches("<img").count() == 2, "{page}");
 }
 
@@ -161,7 +164,9 @@ fn planted_faults_are_named() {
     let found = t(&|(t, x, y, p)| Some((t * 103 / 100, x, y, p)), "time_offset#drift", "fail");
     let drift = measured(&found, "time_offset#drift");
     assert!((drift - 0.03).abs() < 0.004, "{drift}");
-    let found = t(&|(t, x, y, p)| Some((t / 1000 * 1000, x, y, p)), "stamps#grid", "warn");
+    let found = t(&|(t, x, y, p)| Some((t / 100 * 100, x, y, p)), "stamps#grid", "warn");
+    assert!((measured(&found, "stamps#grid") - 100.0).abs() < 1e-9);
+    let found = t(&|(t, x, y, p)| Some((t / 1000 * 1000, x, y, p)), "stamps#grid", "fail");
     assert!((measured(&found, "stamps#grid") - 1000.0).abs() < 1e-9);
     // Every second OFF event is lost: their threshold doubles, as far as the files show.
     let lost = |(t, x, y, p): Row| (p == 1 || (t / 25) % 2 == 0).then_some((t, x, y, p));
@@ -178,13 +183,13 @@ fn inputs_that_do_not_fit_are_refused() {
         assert_eq!(ended.code, code, "gs2e {args}: {}", ended.stderr);
         assert!(ended.stderr.contains(words), "gs2e {args}: {}", ended.stderr);
     };
-    t("check --events gone.h5", 1, "gone.h5");
+    t("check --events gone.h5", 2, "events: gone.h5 does not exist");
     t("check --events set/events.txt", 1, "--size");
     t("check --events set --as tom", 2, "invalid value 'tom'");
     t("check --frames set/images", 2, "--events");
-    t("check --events set/events.txt --size 48x36 --frames set/images", 2, "no timestamps");
+    t("check --events set/events.txt --size 48x36 --time-unit s --frames set/images", 2, "no timestamps");
     t("check --events set/events.txt --size 48x36 --poses set/images.txt", 1, "images.txt: line 1");
     place.write("set/images.txt", "0.1 a\n");
     t("check --events set --as tum", 2, "101 images, and there are 1 stamps");
-    assert_eq!(place.gs2e("check --events set/events.txt --size 48x36").code, 0);
+    assert_eq!(place.gs2e("check --events set/events.txt --size 48x36 --time-unit s").code, 0);
 }

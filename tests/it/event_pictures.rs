@@ -77,3 +77,11 @@ fn impossible_pictures_are_refused() {
     t("convert gone.txt p.png", "gone.txt cannot be read");
     t("convert scene.ply p.png", "p.png: not a format that gs2e writes");
 }
+
+#[test]
+fn a_window_without_events_is_said_once() {
+    let place = workspace();
+    let ended = place.ok("convert e.txt p.png --window 5000,9000");
+    assert_eq!(ended.stderr.matches("no events in this window").count(), 1, "{}", ended.stderr);
+    assert!(!ended.stderr.contains("0 events"), "{}", ended.stderr);
+}

@@ -2,6 +2,7 @@
 
 mod front_end;
 mod mistakes;
+mod motion;
 mod named;
 mod video;
 

@@ -1,6 +1,7 @@
 //! `gs2e check --events`: checks of a dataset that another program or a camera made.
 
 use crate::cli::console::Console;
+use crate::cli::convert::events::{ASSUMED, TimeUnitArg};
 use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::VerbError;
 use crate::cli::{input, simulate};
@@ -53,6 +54,9 @@ pub(super) struct DatasetArgs {
     /// Steps of depth PNGs per unit of the poses: 1000 for millimetres and poses in metres
     #[arg(long, value_name = "N", requires = "events", value_parser = parse_steps)]
     depth_scale: Option<f64>,
+    /// Unit of the times of a .txt or .csv [default: whole numbers are microseconds; s with --as tum]
+    #[arg(long, requires = "events", value_enum, value_name = "UNIT")]
+    time_unit: Option<TimeUnitArg>,
     /// Size of the sensor, for files that do not state it [default: that of the frames]
     #[arg(long, value_name = "WIDTHxHEIGHT", requires = "events", value_parser = input::parse_size)]
     size: Option<Size>,
@@ -71,15 +75,22 @@ impl DatasetArgs {
             path.iter().try_for_each(|path| input::require_file(what, path))?;
         }
         let paths = self.paths(place);
+        if !paths.events.is_dir() {
+            input::require_file("events", &paths.events)?;
+        }
         output::screen_outputs(self.report.as_deref(), [paths.events.as_path()], console.json)?;
         let frames = self.read_frames(&paths)?;
         let hint = self.size.or(frames.as_ref().map(|frames| frames.size));
         let poses = paths.poses.as_deref().map(read_poses).transpose()?;
-        let events = EventPlace { path: &paths.events, hint };
-        let (_, size) = events.open().map_err(|e| unreadable_events(&paths.events, &e))?;
+        let events = EventPlace { path: &paths.events, hint, unit: self.unit() };
+        let opened = events.open().map_err(|e| unreadable_events(&paths.events, &e))?;
+        if opened.assumes_us {
+            console.say(ASSUMED);
+        }
+        let size = opened.size;
         let name =
             place.file_name().map_or_else(|| ".".to_owned(), |name| name.to_string_lossy().into_owned());
-        let open = || events.open().map(|(source, _)| source);
+        let open = || events.open().map(|opened| opened.source);
         let views = self.measure_views(&paths, frames.as_ref(), poses.as_ref())?;
         let dataset = EventDataset {
             name: &name,
@@ -98,10 +109,19 @@ impl DatasetArgs {
         Ok(report)
     }
 
+    fn layout(&self) -> Option<DatasetLayout> {
+        self.layout.as_deref().and_then(DatasetLayout::from_name)
+    }
+
+    /// The unit of the times of a text, if the user or the layout states it.
+    fn unit(&self) -> Option<TextTimeUnit> {
+        let of_layout = (self.layout() == Some(DatasetLayout::Tum)).then_some(TextTimeUnit::Second);
+        self.time_unit.map(TextTimeUnit::from).or(of_layout)
+    }
+
     /// The files: those of the layout, replaced by those that the user names.
     fn paths(&self, place: &Path) -> DatasetPaths {
-        let layout = self.layout.as_deref().and_then(DatasetLayout::from_name);
-        let found = layout.map_or_else(
+        let found = self.layout().map_or_else(
             || DatasetPaths { events: place.to_owned(), ..DatasetPaths::default() },
             |layout| layout.paths(place),
         );
@@ -265,45 +285,45 @@ fn unreadable_events(path: &Path, error: &EventFileError) -> VerbError {
 struct EventPlace<'a> {
     path: &'a Path,
     hint: Option<Size>,
+    unit: Option<TextTimeUnit>,
+}
+
+/// Events that are open for reading.
+struct OpenedEvents {
+    source: Box<dyn EventSource>,
+    size: Size,
+    assumes_us: bool,
 }
 
 impl EventPlace<'_> {
-    fn open(&self) -> Result<(Box<dyn EventSource>, Size), EventFileError> {
+    fn open(&self) -> Result<OpenedEvents, EventFileError> {
         if self.path.is_dir() {
             let because = "the sensor's size is not known: give --size WIDTHxHEIGHT, or frames";
             let size = self.hint.ok_or_else(|| EventFileError::Container(because.to_owned()))?;
-            return Ok((Box::new(NpyEvents::open(self.path)?), size));
+            return Ok(OpenedEvents {
+                source: Box::new(NpyEvents::open(self.path)?),
+                size,
+                assumes_us: false,
+            });
         }
         let format = EventFormat::for_path(self.path, EvtVersion::Evt2).ok_or_else(|| {
             EventFileError::Container(
                 "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap".to_owned(),
             )
         })?;
-        let opened = open_known(self.path, format, self.hint)?;
-        Ok((opened.source, opened.header.size))
+        let OpenEventFile { source, header, assumes_us, .. } = self.open_known(format)?;
+        Ok(OpenedEvents { source, size: header.size, assumes_us })
     }
-}
 
-/// Opens a file of any format. What it states wins over `hint`: frames of another size are reported by
-/// the check. Times of a text with a fraction are in seconds.
-fn open_known(path: &Path, format: EventFormat, hint: Option<Size>) -> Result<OpenEventFile, EventFileError> {
-    let units: &[_] = match format {
-        EventFormat::Text(_) => &[None, Some(TextTimeUnit::Second)],
-        _ => &[None],
-    };
-    let hints = units.iter();
-    let hints = hints.flat_map(|unit| [None, hint].map(|size| ReadHints { size, unit: *unit, topic: None }));
-    let mut first = None;
-    for hints in hints {
-        // A text shows the form of its times with its first events only.
-        let probe = file::open(path, format, hints)
-            .and_then(|mut opened| opened.source.next_chunk(&mut Vec::new()).map(drop));
-        match probe {
-            Ok(()) => return file::open(path, format, hints),
-            Err(error) => first = Some(error),
+    /// Opens a file of any format. The size that it states wins over the hint: frames of another size are
+    /// reported by the check.
+    fn open_known(&self, format: EventFormat) -> Result<OpenEventFile, EventFileError> {
+        let open = |size| file::open(self.path, format, ReadHints { size, unit: self.unit, topic: None });
+        match self.hint {
+            Some(_) => open(None).or_else(|_| open(self.hint)),
+            None => open(None),
         }
     }
-    Err(first.expect("there is a hint to try"))
 }
 
 /// The frame nearest to the middle of the stream and the events around it, for the page.

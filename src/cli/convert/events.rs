@@ -44,7 +44,7 @@ pub(in crate::cli) struct EventInputOptions {
     /// Size of the sensor, if an event file does not state it
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = input::parse_size)]
     size: Option<Size>,
-    /// Unit of times with a fraction, in a .txt or .csv
+    /// Unit of the times in a .txt or .csv [default: whole numbers are microseconds]
     #[arg(long, value_enum, value_name = "UNIT")]
     time_unit: Option<TimeUnitArg>,
     /// Topic of a .mcap, if several hold events
@@ -70,9 +70,12 @@ impl From<RawCodec> for EvtVersion {
     }
 }
 
+/// The note on a text whose whole times have no unit.
+pub(in crate::cli) const ASSUMED: &str = "note: no unit is stated for the times: whole numbers are read as microseconds; --time-unit states another";
+
 /// Units of time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum TimeUnitArg {
+pub(in crate::cli) enum TimeUnitArg {
     /// Seconds
     S,
     /// Milliseconds
@@ -81,6 +84,17 @@ enum TimeUnitArg {
     Us,
     /// Nanoseconds
     Ns,
+}
+
+impl From<TimeUnitArg> for TextTimeUnit {
+    fn from(unit: TimeUnitArg) -> Self {
+        match unit {
+            TimeUnitArg::S => Self::Second,
+            TimeUnitArg::Ms => Self::Millisecond,
+            TimeUnitArg::Us => Self::Microsecond,
+            TimeUnitArg::Ns => Self::Nanosecond,
+        }
+    }
 }
 
 impl EventOptions {
@@ -107,13 +121,11 @@ impl EventInputOptions {
     }
 
     fn hints(&self) -> ReadHints<'_> {
-        let unit = self.time_unit.map(|unit| match unit {
-            TimeUnitArg::S => TextTimeUnit::Second,
-            TimeUnitArg::Ms => TextTimeUnit::Millisecond,
-            TimeUnitArg::Us => TextTimeUnit::Microsecond,
-            TimeUnitArg::Ns => TextTimeUnit::Nanosecond,
-        });
-        ReadHints { size: self.size, unit, topic: self.topic.as_deref() }
+        ReadHints {
+            size: self.size,
+            unit: self.time_unit.map(TextTimeUnit::from),
+            topic: self.topic.as_deref(),
+        }
     }
 }
 
@@ -141,6 +153,9 @@ impl EventConversion<'_> {
         // Losses that follow from the formats are refused before the events are read.
         output::screen_outputs([self.to.0.as_path()], [], false)?;
         let mut opened = self.options.open(self.from.0, self.from.1)?;
+        if opened.assumes_us {
+            console.say(ASSUMED);
+        }
         let before = self.losses_of_format(&opened);
         if !before.is_empty() && !self.lossy {
             return Err(self.refused(&before));
@@ -176,15 +191,11 @@ impl EventConversion<'_> {
 
     /// Properties of the recording that the output's format cannot hold: no event changes without them.
     fn notes_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
-        let format = self.to.1;
-        let law = opened.header.law.filter(|_| !format.keeps_law());
-        let size =
-            Some(opened.header.size).filter(|_| !format.keeps_size() && self.options.input.size.is_none());
+        let law = opened.header.law.filter(|_| !self.to.1.keeps_law());
         let law = law.map(|law| {
             format!("the contrast thresholds are not stored: ON {:.4}, OFF {:.4}", law.c_on, law.c_off)
         });
-        let size = size.map(|size| format!("the sensor's size is not stored: {size}"));
-        [law, size].into_iter().flatten().collect()
+        law.into_iter().collect()
     }
 
     fn refused(&self, losses: &[String]) -> VerbError {

@@ -1,6 +1,6 @@
 //! Events as a picture.
 
-use super::events::EventOptions;
+use super::events::{ASSUMED, EventOptions};
 use super::refuse_usage;
 use crate::cli::console::{Console, path};
 use crate::cli::output::{self, OutputFile};
@@ -105,6 +105,9 @@ impl PictureOptions {
     ) -> Result<ExitKind, VerbError> {
         output::screen_outputs([output], [input], console.json)?;
         let mut opened = options.open(input, format)?;
+        if opened.assumes_us {
+            console.say(ASSUMED);
+        }
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
         // A large sensor may need more memory than there is; that is an error here and not an
@@ -120,8 +123,7 @@ impl PictureOptions {
         let image = canvas.image(self.tau);
         let fill = |out: &mut dyn io::Write| png::write_image(&image, out);
         output::write_outputs(&[OutputFile { path: output, fill: &fill }])?;
-        let shown = format_amount(events, "events");
-        console.say(&format!("{}: {shown} from a sensor of {size}, {}", output.display(), image.size()));
+        console.say(&self.account(output, events, size, image.size()));
         if console.json {
             let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
             console.result(&json!({
@@ -130,6 +132,18 @@ impl PictureOptions {
             }));
         }
         Ok(ExitKind::Done)
+    }
+
+    /// The line about a picture.
+    fn account(&self, output: &Path, events: u64, sensor: Size, picture: Size) -> String {
+        let output = output.display();
+        match self.window {
+            Some(_) if events == 0 => format!("warning: {output}: no events in this window"),
+            _ => {
+                let shown = format_amount(events, "events");
+                format!("{output}: {shown} from a sensor of {sensor}, {picture}")
+            }
+        }
     }
 
     fn kind(&self) -> PictureKind {

@@ -36,6 +36,9 @@ pub(super) fn event_facts(place: &Path, mut opened: OpenEventFile) -> Result<Pat
     });
     let mut rows = vec![("format", format!(".{format}")), ("sensor", header.size.to_string())];
     rows.extend(count_rows(&found, header.labelled));
+    if opened.assumes_us {
+        rows.push(("unit", "not stated: whole times are read as microseconds; see --time-unit".to_owned()));
+    }
     if let Some(law) = header.law {
         rows.push(("thresholds", format!("ON {:.4}, OFF {:.4}, in ln L", law.c_on, law.c_off)));
     }

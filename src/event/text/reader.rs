@@ -50,6 +50,7 @@ pub struct Reader {
     /// Columns of time, column, row and polarity in a line.
     places: [usize; 4],
     unit: Option<TextTimeUnit>,
+    states_unit: bool,
     header: StreamHeader,
 }
 
@@ -60,7 +61,7 @@ impl Reader {
     /// # Errors
     /// The file is empty, the sensor size is unknown, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
-        let mut head = TextHead { size, places: [0, 1, 2, 3] };
+        let mut head = TextHead { size, places: [0, 1, 2, 3], states_unit: unit.is_some() };
         let input = ShortLines::new(BufReader::new(files::open(path)?), MAX_LINE);
         let mut lines = Lines { input, number: 0 };
         let (mut first, mut is_empty) = (None, true);
@@ -77,11 +78,24 @@ impl Reader {
             return Err(EventFileError::Container(because.to_owned()));
         }
         let Some(size) = head.size.filter(|size| size.pixels() > 0) else {
-            let because = "the file does not state the sensor's size: give --size WIDTHxHEIGHT";
+            let time = first.as_deref().and_then(|line| split_fields(line).nth(head.places[0]));
+            let because = match time {
+                Some(time) if unit.is_none() && time.contains('.') => {
+                    "the file states neither the sensor's size nor the unit of its times: give --size WIDTHxHEIGHT, \
+                     and --time-unit s, ms, us or ns"
+                }
+                _ => "the file does not state the sensor's size: give --size WIDTHxHEIGHT",
+            };
             return Err(EventFileError::Container(because.to_owned()));
         };
         let header = StreamHeader { size, law: None, labelled: false };
-        Ok(Self { lines, first, places: head.places, unit, header })
+        Ok(Self { lines, first, places: head.places, unit, states_unit: head.states_unit, header })
+    }
+
+    /// Returns true if the unit of the times is known: the user or the file states it.
+    #[must_use]
+    pub fn states_unit(&self) -> bool {
+        self.states_unit
     }
 
     /// The properties that the file states.
@@ -176,6 +190,7 @@ impl Lines {
 struct TextHead {
     size: Option<Size>,
     places: [usize; 4],
+    states_unit: bool,
 }
 
 impl TextHead {
@@ -183,6 +198,7 @@ impl TextHead {
     fn takes(&mut self, line: &str) -> Result<bool, String> {
         if let Some(comment) = line.trim().strip_prefix('#') {
             // Our own form: `t x y p in us; sensor 640x360`.
+            self.states_unit |= comment.contains(" in us");
             let size = comment.split_once("sensor ").and_then(|(_, size)| size.trim().split_once('x'));
             return self.sized(size).map(|()| true);
         }

@@ -23,11 +23,9 @@ impl Writer {
     /// The file cannot be created.
     pub fn create(path: &Path, table: ColumnSeparator, size: Size) -> Result<Self, EventFileError> {
         let mut file = BufWriter::new(File::create(path)?);
+        writeln!(file, "# {} in us; sensor {size}", NAMES.join(" "))?;
         let separator = match table {
-            ColumnSeparator::Txt => {
-                writeln!(file, "# {} in us; sensor {size}", NAMES.join(" "))?;
-                ' '
-            }
+            ColumnSeparator::Txt => ' ',
             ColumnSeparator::Csv => {
                 writeln!(file, "{}", NAMES.join(","))?;
                 ','

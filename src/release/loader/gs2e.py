@@ -34,6 +34,7 @@ import csv
 import itertools
 import json
 import math
+import operator
 import os
 import zlib
 from typing import NamedTuple, Optional
@@ -149,6 +150,7 @@ class EventFile:
         if self._file is None:
             if not os.path.exists(self.path):
                 raise FileNotFoundError(f"{self.path} does not exist; the recipe has to ask for events")
+            _require_hdf5(self.path)
             self._file = h5py.File(self.path, "r")
             # Kept open, since HDF5 keeps the chunks that it has unpacked with an open column.
             self._columns = dict(self._file["events"].items())
@@ -156,7 +158,14 @@ class EventFile:
             self._offset_us = int(self._file["t_offset"][()])
 
     def events(self, t0_us=None, t1_us=None):
-        """Events with t0_us <= t < t1_us; without a bound, from the first or to the last."""
+        """Events with t0_us <= t < t1_us; without a bound, from the first or to the last.
+
+        Times are whole microseconds. A window in which nothing happens, or that lies outside of the recording, has no
+        events; one that ends before it begins is an error.
+        """
+        t0_us, t1_us = _whole_us(t0_us), _whole_us(t1_us)
+        if t0_us is not None and t1_us is not None and t1_us < t0_us:
+            raise ValueError(f"the window from {t0_us} to {t1_us} us ends before it begins")
         self._open()
         columns, index, offset = self._columns, self._index, self._offset_us
         first, end = 0, len(columns["t"])
@@ -275,11 +284,28 @@ def open_events(path, size=None):
     Its methods are `events`, `event_frame`, `label_frame`, `voxel` and `close`. Files of gs2e state their size; for
     others, `size` is (width, height).
     """
+    _require_hdf5(path)
     if size is None:
         with h5py.File(path, "r") as file:
             found = [file.attrs.get(name) for name in ("width", "height")]
         size = None if None in found else tuple(int(side) for side in found)
     return EventFile(path, size)
+
+
+def _whole_us(t_us):
+    """A time as an int; None stays."""
+    if t_us is None:
+        return None
+    try:
+        return operator.index(t_us)
+    except TypeError:
+        raise TypeError(f"a time is a whole number of microseconds, found {t_us!r}: 0.1 s is 100_000") from None
+
+
+def _require_hdf5(path):
+    """Refuses a file of another format."""
+    if os.path.isfile(path) and not h5py.is_hdf5(path):
+        raise ValueError(f"{path} is no HDF5 file; `gs2e convert {path} events.h5` makes one of .raw, .aedat4 and others")
 
 
 class Scene(EventFile):

@@ -31,6 +31,7 @@ pub fn compose_dataset_page(name: &str, report: &DatasetReport, pictures: &[Capt
         html.within("body", &[], |html| {
             html.within("header", &[], |html| {
                 html.leaf("h1", &[], name);
+                html.leaf("p", &[("class", "verdict")], &report.verdict());
                 write_figures(html, report);
                 let count = VerdictCount::from_findings(&report.findings);
                 html.within("div", &[("class", "verdict-line")], |html| {
@@ -49,8 +50,8 @@ pub fn compose_dataset_page(name: &str, report: &DatasetReport, pictures: &[Capt
                     html.leaf(
                         "p",
                         &[],
-                        "The sensor is unknown. Thresholds, offsets, pauses and noise are estimates with a standard error; \
-                         they have no limit.",
+                        "The sensor is unknown. Thresholds and the dead time are estimates, and have no limit. Limits of the \
+                         clock and of the noise include the error of their estimate.",
                     );
                     write_table(html, name, &report.findings);
                 });
@@ -76,7 +77,7 @@ fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
         (measured("time_offset", ""), "us later than the frames"),
         (measured("event_frame", "threshold-on"), "threshold of ON events"),
         (measured("event_frame", "threshold-off"), "threshold of OFF events"),
-        (measured("noise_floor", "isolated"), "Hz of noise per pixel, at most"),
+        (measured("noise_floor", "share"), "share of noise"),
     ];
     figures.extend(estimates.into_iter().filter_map(|(value, what)| Some((short_number(value?), what))));
     html.within("ul", &[("class", "figures-row")], |html| {

@@ -161,13 +161,15 @@ fn a_link_in_the_hidden_place_is_not_followed() {
 }
 
 #[test]
-fn a_place_in_an_absent_folder_is_refused() {
+fn absent_folders_are_made_for_an_export_and_not_for_a_refusal() {
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("absent/out");
-    let output = export(small::release(), &out, "colmap", &["--trajectory", "base"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&output.stderr).contains("a folder that does not exist"));
+    let out = folder.path().join("absent/deep/out");
+    let refused = export(small::release(), &out, "colmap", &["--trajectory", "none"]);
+    assert_eq!(refused.status.code(), Some(2));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    let output = export(small::release(), &out, "colmap", &["--trajectory", "base"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(out.join("export.json").is_file());
 }
 
 /// Two exports of a release are equal, byte by byte.

@@ -24,6 +24,9 @@ def columns(path):
 
 def same_window(scene, whole, t0_us, t1_us):
     """A window against a mask over whole columns."""
+    if t0_us is not None and t1_us is not None and t1_us < t0_us:
+        refused(lambda: scene.events(t0_us, t1_us), "ends before it begins")
+        return 0
     t = whole["t"]
     mask = np.ones(len(t), bool)
     mask &= True if t0_us is None else t >= t0_us
@@ -53,11 +56,18 @@ def same_at_edges(scene, whole):
     first, last = int(whole["t"][0]), int(whole["t"][-1])
     ends = [None, -1000, -1, 0, first, first + 1, last, last + 1, last + 10**6, 10**12]
     ends += [k * 1000 + d for k in range(last // 1000 + 3) for d in (-1, 0, 1)]
-    ends += [0.5, last - 0.5, last + 0.5]
     # Each of them as either bound, against every seventh.
     pairs = [pair for kind in ends for other in ends[::7] for pair in ((kind, other), (other, kind))]
     hits = [same_window(scene, whole, t0, t1) for t0, t1 in pairs]
     assert min(hits) == 0 < max(hits), "windows of both kinds were tried"
+    # Floats are usually seconds.
+    for times in [(0.0, 0.1), (0, 0.1), (0.0, None), (np.float64(0), 1000)]:
+        try:
+            scene.events(*times)
+        except TypeError as error:
+            assert "whole number of microseconds" in str(error), error
+        else:
+            raise AssertionError(f"floats were not refused: {times}")
 
 
 def windows(folder, trajectory):
@@ -244,6 +254,11 @@ def bare(path):
     with h5py.File(path, "r+") as file:
         del file.attrs["width"]
     refused(lambda: gs2e.open_events(path).voxel(0, last, 3), "does not state its size")
+    raw = path + ".raw"
+    with open(raw, "wb") as file:
+        file.write(b"% evt 2.0\n% end\n")
+    for size in (None, (3, 4)):
+        refused(lambda: gs2e.open_events(raw, size), "gs2e convert")
     assert np.array_equal(gs2e.open_events(path, (stream.width, stream.height)).label_frame(0, last), counts)
 
 
