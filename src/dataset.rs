@@ -182,6 +182,7 @@ fn read_stream(
         resampled: None,
         views: None,
         geometry: None,
+        blocks: None,
         disparities: None,
         crossings: None,
         light_changes: false,
@@ -209,6 +210,7 @@ fn judge_views(views: &ViewMeasures, stream: &TrajectorySubject<'_>) -> Vec<Find
     let subject = TrajectorySubject {
         trajectory: &views.trajectory,
         geometry: Some(&views.geometry),
+        blocks: None,
         tally: None,
         ..*stream
     };
