@@ -431,6 +431,40 @@ impl Artifact for DisparityPictures {
     }
 }
 
+/// Sharp frames. A kind of its own, so that a step can read them next to depth images.
+#[derive(Debug)]
+pub struct SharpFrames(pub PictureSet);
+
+impl Artifact for SharpFrames {
+    const KIND: &'static str = "sharp";
+
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        PictureSet::open(files).map(Self)
+    }
+}
+
+/// The files of a scene, for a step that seldom reads them.
+#[derive(Debug)]
+pub struct SceneFiles(ArtifactFiles);
+
+impl SceneFiles {
+    /// Reads the scene.
+    ///
+    /// # Errors
+    /// A file cannot be read.
+    pub fn read(&self) -> Result<Gaussians, ArtifactError> {
+        Gaussians::open(&self.0)
+    }
+}
+
+impl Artifact for SceneFiles {
+    const KIND: &'static str = Gaussians::KIND;
+
+    fn open(files: &ArtifactFiles) -> Result<Self, ArtifactError> {
+        Ok(Self(files.clone()))
+    }
+}
+
 /// Inertial data of a trajectory.
 #[derive(Debug)]
 pub struct ImuRecording {

@@ -22,6 +22,7 @@ pub mod event_frame;
 pub mod event_rate;
 pub mod event_times;
 mod finding_subject;
+pub mod flash;
 pub mod flow_projection;
 pub mod geometry;
 pub mod hot_pixels;

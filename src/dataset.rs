@@ -226,6 +226,7 @@ fn read_stream(
         resampled: None,
         views: None,
         geometry: None,
+        blocks: None,
         disparities: None,
         crossings: None,
         light_changes: false,
@@ -253,6 +254,7 @@ fn judge_views(views: &ViewMeasures, stream: &TrajectorySubject<'_>) -> Vec<Find
     let subject = TrajectorySubject {
         trajectory: &views.trajectory,
         geometry: Some(&views.geometry),
+        blocks: None,
         tally: None,
         ..*stream
     };

@@ -9,6 +9,7 @@ pub mod fidelity;
 pub mod flow;
 pub mod gpu;
 pub mod lens;
+pub mod near;
 pub mod parts;
 pub mod points;
 pub mod reference;
@@ -83,6 +84,10 @@ pub struct RenderChoice {
     pub antialiased: AntialiasMode,
     /// Colour behind the scene, 0..1.
     pub background: [f64; 3],
+    /// Depth of the plane whose Gaussians are hidden along a path, in scale distances, if some are: see
+    /// [`near::hide_near`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near: Option<f64>,
 }
 
 /// The choice of the antialiased rule.
@@ -98,6 +103,12 @@ pub enum AntialiasMode {
 }
 
 impl RenderChoice {
+    /// The choice for single views, which have no path.
+    #[must_use]
+    pub fn of_views(self) -> Self {
+        Self { near: None, ..self }
+    }
+
     /// The style for a scene that was, or was not, trained with antialiasing.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "colours are blended in 32 bits")]

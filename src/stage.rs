@@ -18,6 +18,7 @@ pub mod frames;
 pub mod geometry;
 pub mod imu;
 pub mod mount;
+mod near;
 mod need;
 pub mod objects;
 pub mod pass;

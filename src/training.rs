@@ -23,6 +23,7 @@ mod memory;
 mod nearest;
 pub mod photos;
 mod placement;
+mod reach;
 mod record;
 mod renderer;
 mod schedule;
@@ -50,6 +51,7 @@ use crate::source::Capture;
 use crate::source::colmap::ColmapPoint;
 use adam::{AdamMeans, BiasTable};
 use draws::TrainingDraws;
+use glam::DVec3;
 use loss::ImageLoss;
 use photos::TrainingViews;
 use renderer::TrainingRenderer;
@@ -59,7 +61,7 @@ use watch::TrainingPace;
 
 /// Number of the laws of training. Raise it when equal settings and photos make other bytes: it is
 /// part of a step's key.
-pub const LAWS: u32 = 4;
+pub const LAWS: u32 = 5;
 
 /// Number of reports of a training.
 const REPORTS: u32 = 20;
@@ -192,6 +194,11 @@ impl<'a> SceneTrainer<'a> {
         self.iteration += 1;
         if self.schedule.places(self.iteration) {
             self.place().map_err(not_rendered)?;
+        }
+        if self.schedule.limits(self.iteration) {
+            let centres: Vec<DVec3> =
+                self.views.shown.iter().map(|view| view.world_from_camera.translation).collect();
+            self.renderer.rebuild(|scene| reach::limit_sizes(scene, &centres)).map_err(not_rendered)?;
         }
         Ok(loss)
     }

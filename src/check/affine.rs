@@ -43,7 +43,7 @@ impl ValidationPass for AffinePass {
         let limit =
             LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MAX_SHARE));
         let because = format!(
-            "{:.2} % of the picture comes from Gaussians too deep for their distance (depth deviation above a tenth of it)",
+            "{:.2} % of the picture comes from Gaussians that are large and close to the camera (deeper than a tenth of their distance); they may look wrong or flash",
             100.0 * measured
         );
         let judged = Judgement {

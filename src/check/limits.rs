@@ -10,7 +10,7 @@ pub(super) use parse::{not_asked, parse_positive, parse_share};
 use super::table::check_table;
 use super::{
     SCENE, affine, alignment, batching, capture, completeness, coverage, duplicates, event_frame, event_rate,
-    hot_pixels, motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback,
+    flash, hot_pixels, motion, noise_floor, polarity, pose_colmap, pose_continuity, pose_opencv, readback,
     recon_psnr, sampling, speed, structure, time_offset,
 };
 use serde::de::MapAccess;

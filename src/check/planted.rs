@@ -186,6 +186,7 @@ impl PlantedWorld {
             doubtful_share: self.doubtful_share,
             views: Some(30),
             geometry: None,
+            blocks: None,
             disparities: None,
             crossings: None,
             foreign: Some(&self.foreign),

@@ -8,6 +8,7 @@ use super::coverage::ViewCoverage;
 use super::depth_consistency::disparity::DisparityDifference;
 use super::drift::DriftLaw;
 use super::event_times::crossing::StreamClock;
+use super::flash::blocks::FrameBlocks;
 use super::geometry::{GeometryMeasures, Measured};
 use super::sampling::ResampledIntervals;
 use super::{DetectableFault, Finding, Limits, StreamTally};
@@ -56,6 +57,8 @@ pub struct TrajectorySubject<'a> {
     pub views: Option<usize>,
     /// Released pictures compared by the poses, if they were read.
     pub geometry: Option<&'a GeometryMeasures>,
+    /// Brightness of the blocks of the sharp frames, if they were read.
+    pub blocks: Option<&'a [FrameBlocks]>,
     /// Disparity images compared with depth images, if the trajectory has some.
     pub disparities: Option<&'a Measured<Vec<DisparityDifference>>>,
     /// Times of the events compared with those that the released frames predict, if they were

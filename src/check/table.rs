@@ -32,6 +32,8 @@ macro_rules! check_table {
                 "the events look like noise: lower the sensor's noise, or its thresholds";
             event_frame (limits event_frame) (pass event_frame::EventFrame)
                 "use more frames: `sampling: { tolerance: 0.1 }`; then compare sharp/ with the events in report.html";
+            flash (limits flash) (pass flash::FlashPass)
+                "a large Gaussian close to the camera appears or vanishes: leave such out of the path with `render: { near: 0.1 }`, or move the path away from it";
             alignment (limits alignment) (pass alignment::AlignmentPass)
                 "compare the pixels of events.h5 with those of sharp/: an image may be shifted, mirrored or turned, or the frames may be in another order";
             completeness (limits completeness) (pass completeness::CompletenessPass)
@@ -47,7 +49,7 @@ macro_rules! check_table {
             sampling (limits sampling) (pass sampling::SamplingPass)
                 "use more frames: a higher `sampling.rate`, or `sampling: { tolerance: 0.1 }` for the sensor voltmeter; or slow the path down: fewer `px_s` of a flow, or a longer `duration`";
             affine (limits affine) (pass affine::AffinePass)
-                "keep the path away from large Gaussians near the camera: use a larger distance, or another arc";
+                "hide those that the path comes close to with `render: { near: 0.1 }`, or use a larger distance, or another arc; the check `flash` finds those that flash";
             drift_identity (exact drift_identity) (pass drift_identity::DriftIdentity)
                 "rebuild the trajectory: `gs2e build --verify`; if the finding remains, it is a bug in gs2e: report it";
             readback (limits readback) (pass readback::ReadbackPass)

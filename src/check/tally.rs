@@ -2,10 +2,12 @@
 //! number of pixels and of anchors, not on the number of events.
 
 mod busy;
+mod course;
 mod crowding;
 mod labels;
 
 pub use busy::BusyPixels;
+pub use course::EventCourse;
 pub use crowding::CrowdingSums;
 pub use labels::LabelCounts;
 
@@ -53,6 +55,8 @@ pub struct StreamTally {
     pub grid: StampGrid,
     /// Largest number of events in one millisecond.
     pub peak_per_ms: u64,
+    /// Events by time.
+    pub course: EventCourse,
     /// Pixels with at least one event.
     pub active_pixels: u64,
     /// Events by the phase of their time within the frame interval.
@@ -169,7 +173,10 @@ impl<'a> StreamObserver<'a> {
             balance.moves_at(px_s);
         }
         Self {
-            tally: StreamTally { hot_left_out: !hot_hz.is_empty(), ..StreamTally::without_events(size) },
+            tally: StreamTally {
+                hot_left_out: !hot_hz.is_empty(),
+                ..StreamTally::without_events(size, EventCourse::new(rate, end_us))
+            },
             size,
             frames_per_us: rate.to_f64() * 1e-6,
             end_us,
@@ -249,6 +256,7 @@ impl<'a> StreamObserver<'a> {
         let tally = &mut self.tally;
         tally.events += 1;
         tally.on += u64::from(event.polarity == Polarity::On);
+        tally.course.count(t_us, event.polarity);
         // Order, times and polarity count for every event; the rest needs a pixel.
         let Some(pixel) = self.pixel(&event) else {
             self.tally.off_sensor += 1;
@@ -314,7 +322,7 @@ impl<'a> StreamObserver<'a> {
 }
 
 impl StreamTally {
-    fn without_events(size: Size) -> Self {
+    fn without_events(size: Size, course: EventCourse) -> Self {
         Self {
             size,
             events: 0,
@@ -328,6 +336,7 @@ impl StreamTally {
             distinct_us: 0,
             grid: GridCounter::new().finish(),
             peak_per_ms: 0,
+            course,
             active_pixels: 0,
             phases: [0; PHASES],
             too_soon: 0,

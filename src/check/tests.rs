@@ -18,7 +18,7 @@ fn every_pass_has_a_name_of_the_list_and_says_something() {
     let silent = findings.iter().filter(|f| f.verdict == Verdict::NotRun);
     let silent: Vec<&str> = silent.map(|f| f.check.as_str()).collect();
     let released = ["event_times", "event_times", "photometric", "depth_consistency", "flow_projection"];
-    let wanted = [&["refractory"], &released[..2], &["noise_floor"], &released[2..]].concat();
+    let wanted = [&["refractory", "flash"], &released[..2], &["noise_floor"], &released[2..]].concat();
     assert_eq!(silent, wanted, "{findings:#?}");
 }
 
@@ -274,6 +274,21 @@ fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
     assert_eq!(world.finding("affine").verdict, Verdict::Fail);
     world.doubtful_share = None;
     assert_eq!(world.finding("affine").verdict, Verdict::NotRun);
+}
+
+#[test]
+fn a_flash_of_all_pixels_is_found_at_its_time() {
+    let mut world = PlantedWorld::default_world();
+    assert_eq!(world.finding("flash#events").verdict, Verdict::Pass);
+    let at = |k: u16| Event { x: k % 96, y: k / 96, t: Timestamp::from_micros(30_500), ..world.events[0] };
+    let flash: Vec<Event> = (0..96 * 72).map(at).collect();
+    world.events.extend(flash);
+    world.events.sort_by_cached_key(Event::file_order);
+    let found = world.finding("flash#events");
+    assert_eq!(found.verdict, Verdict::Fail, "{found:#?}");
+    assert!(found.because.starts_with("from 30.0 to 31.0 ms, near pose 72, "), "{found:#?}");
+    world.limits.flash = Some(flash::Limits { max: Some(1e4) });
+    assert_eq!(world.finding("flash#events").verdict, Verdict::Pass);
 }
 
 #[test]

@@ -246,7 +246,7 @@ impl RenderArgs {
             LayerOrderArg::Blended => LayerOrder::Blended,
         };
         let (rules, background) = (self.rules.into(), self.background.0);
-        RenderChoice { rules, order, antialiased, background }.resolve(gaussians.antialiased)
+        RenderChoice { rules, order, antialiased, background, near: None }.resolve(gaussians.antialiased)
     }
 }
 

@@ -107,7 +107,7 @@ fn wire_gaussians(recipe: &Recipe) -> Option<ReconstructStage> {
         (Some(ReconstructMethod::Changing(path, time)), _) => Some(ReconstructStage::changing(path, *time)),
         (Some(ReconstructMethod::Newest(model)), _) => Some(ReconstructStage::newest_of(model)),
         (Some(ReconstructMethod::Command(command)), _) => {
-            Some(ReconstructStage::from_command(command, capture_stage(recipe), recipe.render))
+            Some(ReconstructStage::from_command(command, capture_stage(recipe), recipe.render.of_views()))
         }
         (Some(ReconstructMethod::Builtin(training)), _) => {
             Some(ReconstructStage::builtin(training.with_render(&recipe.render), capture_stage(recipe)))
@@ -122,7 +122,7 @@ fn wire_photo_checks(recipe: &Recipe, ground: SceneGround<'_>, wiring: &mut Scen
     let SceneGround { capture, solving, gaussians, backend, .. } = ground;
     let fidelity = gaussians.map(|gaussians| {
         let comparing = FidelityStage {
-            render: recipe.render,
+            render: recipe.render.of_views(),
             held_out: held_out_views(recipe),
             capturing: capture_stage(recipe),
             backend: backend.clone(),
@@ -184,7 +184,7 @@ fn wire_motion(
     // Only a speed in image flow needs renderings to make the trajectory.
     let seeing = matches!(trajectory.speed, SpeedChoice::Flow(_)).then(|| ViewingSetup {
         camera: recipe.camera,
-        render: recipe.render,
+        render: recipe.render.of_views(),
         mount: recipe.rig.first().map(|first| first.mount),
         backend: ground.backend.clone(),
     });
@@ -232,10 +232,14 @@ fn wire_outputs(
         own_motion: recipe.moves_by_itself(),
         imu: recipe.imu.clone().filter(|_| imu.is_some()),
         pair: disparity.and_then(|_| checked_pair(recipe, trajectory)),
+        render: recipe.render,
     };
     // Depth and the capture serve the disparity alone.
     let products = (imu, disparity, depth.filter(|_| disparity.is_some()), disparity.map(|_| ground.capture));
-    wiring.add(name("checks"), checking, (motion, events, foreign, products));
+    let sharp = sharp.filter(|_| recipe.lights.is_none()).map(|sharp| StepTarget::new(sharp.step));
+    // Events and the scene together say which Gaussian made a flash.
+    let scene = ground.seen.filter(|_| events.is_some()).map(|seen| StepTarget::new(seen.step));
+    wiring.add(name("checks"), checking, (motion, events, foreign, (products, (sharp, scene))));
 }
 
 /// The stereo pair whose first camera sees along a trajectory.

@@ -36,6 +36,9 @@ pub(super) fn canonical_recipe(raw: &schema::RecipeSchema, recipe: &Recipe) -> V
         "outputs": recipe.outputs,
         "checks": recipe.checks,
     });
+    if let Some(near) = recipe.render.near {
+        out["render"]["near"] = json!(near);
+    }
     let mut add = |key: &str, value: Value| out[key] = value;
     match &recipe.sensors {
         SensorSet::One(one) => add("sensor", sensor_value(raw.sensor.given().map(|(raw, _)| raw), one)),

@@ -24,7 +24,7 @@ use super::{
 };
 use crate::camera::CameraChoice;
 use crate::check::Limits;
-use crate::render::RenderRules;
+use crate::render::{RenderChoice, RenderRules};
 use crate::speed::SpeedChoice;
 use reconstruct::ReconstructContext;
 use rig::RigContext;
@@ -75,6 +75,7 @@ impl Resolver<'_> {
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref());
         let lights = self.lights(raw, rate, outputs.as_ref());
         let objects = self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct));
+        let render = self.hidden_near(raw, render, source.as_ref(), &reconstruct);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -107,6 +108,26 @@ impl Resolver<'_> {
         };
         self.refuse_long_exposures(&raw.blur, &recipe)?;
         Some(recipe)
+    }
+
+    /// The rendering with the default plane of `near`: the renderer's own for a scene that is trained here, which
+    /// may have Gaussians anywhere. A scene that changes with time has none.
+    fn hidden_near(
+        &self,
+        raw: &schema::RecipeSchema,
+        render: Option<RenderChoice>,
+        source: Option<&SceneSource>,
+        reconstruct: &Option<Option<ReconstructMethod>>,
+    ) -> Option<RenderChoice> {
+        let render = render?;
+        if render.near.is_some() && changes(source, reconstruct) {
+            let place = raw.render.given().map_or(self.root, |(_, place)| place);
+            let problem = FieldProblem::new("render.near needs a scene that does not change with time")
+                .help("leave `near` out");
+            return self.refuse(problem.at(place));
+        }
+        let is_trained = matches!(reconstruct, Some(Some(ReconstructMethod::Builtin(_))));
+        Some(RenderChoice { near: render.near.or(is_trained.then_some(0.0)), ..render })
     }
 
     /// The camera of the recipe. Without views it is required, unless every camera of a rig has its own.

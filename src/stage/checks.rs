@@ -4,9 +4,11 @@
 //! with an empty subject, which is added for display. Pictures of some passes lie next to them as
 //! `<check>.png`, or `<sensor>.<check>.png` for several sensors.
 
+mod flash;
 mod pictures;
 mod products;
 
+pub use flash::FlashProducts;
 pub use products::CheckedProducts;
 
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
@@ -23,11 +25,12 @@ use crate::event::{EventSource, h5};
 use crate::foreign::ExternalReport;
 use crate::image::Image;
 use crate::imu::ImuModel;
-use crate::render::CameraView;
 use crate::render::flow::flow_rates;
+use crate::render::{CameraView, RenderChoice};
 use crate::se3::Se3;
 use crate::trajectory::mount::CameraMount;
 use crate::units::{Hertz, Ratio};
+use flash::{FlashGround, OpenedFlashProducts};
 use products::OpenedProducts;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -52,6 +55,9 @@ pub struct ChecksStage {
     /// The stereo pair, if disparity is checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pair: Option<CheckedPair>,
+    /// The rendering, which finds the Gaussian that made a flash. The products depend on it, and they are inputs.
+    #[serde(skip)]
+    pub render: RenderChoice,
 }
 
 /// The cameras of a stereo pair, and their places on the body.
@@ -71,7 +77,8 @@ pub struct CheckedPair {
 }
 
 /// The inputs of the stage, opened.
-type CheckedInputs = (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>, OpenedProducts);
+type CheckedInputs =
+    (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>, (OpenedProducts, OpenedFlashProducts));
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
@@ -80,7 +87,7 @@ impl Stage for ChecksStage {
         StepTarget<TrajectoryProduct>,
         Option<StepTarget<EventStreams>>,
         Option<StepTarget<ExternalReport>>,
-        CheckedProducts,
+        (CheckedProducts, FlashProducts),
     );
     type Output = VerdictsRecord;
 
@@ -95,12 +102,14 @@ impl Stage for ChecksStage {
         // The flow computed from a depth takes two numbers per pixel.
         let flows = files.iter().map(|files| 2 * files.size(EventStreams::DEPTH)).sum::<u64>();
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
-        StepNeed::for_parts([held, held, held])
+        // The scene is read after an alarm only.
+        let scene = files.iter().map(|files| files.size("scene.ply")).max().unwrap_or(0);
+        StepNeed::for_parts([held, held, held, 4 * scene])
     }
 
     fn run(
         &self,
-        (motion, events, foreign, products): CheckedInputs,
+        (motion, events, foreign, (products, seen)): CheckedInputs,
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let rate: Ratio =
@@ -113,6 +122,7 @@ impl Stage for ChecksStage {
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
         let disparities = self.compare_disparities(&products, (&motion, events.as_ref()), cx)?;
+        let blocks = self.frame_blocks(seen.0.as_ref(), cx)?;
         let whole = TrajectorySubject {
             name: "",
             rate,
@@ -129,6 +139,7 @@ impl Stage for ChecksStage {
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
             views: None,
             geometry: None,
+            blocks: blocks.as_deref(),
             disparities: disparities.as_ref(),
             crossings: None,
             foreign: foreign.as_ref(),
@@ -153,6 +164,12 @@ impl Stage for ChecksStage {
             })
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
+        let camera = simulation.map(|simulation| simulation.camera);
+        let ground =
+            camera.zip(seen.1.as_ref()).map(|(camera, scene)| FlashGround { scene, camera, motion: &motion });
+        if let Some(ground) = ground {
+            self.name_sources(&mut findings, std::iter::once(&whole).chain(&streams), &ground)?;
+        }
         findings.extend(self.judge_inertial(products.0.as_ref(), &motion)?);
         for (subject, tally) in streams.iter().zip(&tallies) {
             let law = subject.sensor.map(DriftLaw::for_sensor);

@@ -4,6 +4,7 @@
 mod resample;
 mod sampling;
 
+use super::near::seen_along;
 use super::pass::{PassGround, PassRole, PoseReaders};
 use super::shot::ShotParameters;
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
@@ -142,8 +143,9 @@ impl EventsStage {
         readers: Option<&mut PoseReaders<'_, '_>>,
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let PassGround { capture, gaussians, motion } = ground;
-        let camera = super::choose_camera(self.camera, &capture, cx);
+        let camera = super::choose_camera(self.camera, &ground.capture, cx);
+        let (gaussians, hidden) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.render);
+        let motion = ground.motion;
         cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.render.rules));
         let style = self.render.resolve(gaussians.antialiased);
         let kept = cx.kept.clone();
@@ -175,6 +177,9 @@ impl EventsStage {
             streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
         own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
+        if let Some(remark) = cx.remark.as_mut().filter(|_| hidden > 0) {
+            remark.push_str(&format!(", {hidden} of {} Gaussians hidden near the path", gaussians.len()));
+        }
         let simulation = SimulationRecord {
             camera,
             gaussians: gaussians.len(),

@@ -119,9 +119,17 @@ impl TrainingSchedule {
 
     /// Returns true if Gaussians are placed after this many iterations.
     pub(super) fn places(&self, iteration: u32) -> bool {
-        let every = (self.iterations / 40).clamp(1, PLACE_EVERY);
-        let share = self.share(iteration);
-        iteration.is_multiple_of(every) && (PLACE_FROM..PLACE_UNTIL).contains(&share)
+        self.is_stop(iteration) && (PLACE_FROM..PLACE_UNTIL).contains(&self.share(iteration))
+    }
+
+    /// Returns true if sizes are limited after this many iterations.
+    pub(super) fn limits(&self, iteration: u32) -> bool {
+        self.is_stop(iteration) || iteration == self.iterations
+    }
+
+    /// Returns true if something is done between iterations.
+    fn is_stop(&self, iteration: u32) -> bool {
+        iteration.is_multiple_of((self.iterations / 40).clamp(1, PLACE_EVERY))
     }
 
     /// The number of Gaussians after the placement at this iteration, where `count` were before.

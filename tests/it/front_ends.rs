@@ -162,6 +162,7 @@ fn rendered_colours_are_decoded() {
         order: LayerOrder::Depth,
         antialiased: AntialiasMode::Off,
         background: [0.2, 0.5, 0.8],
+        near: None,
     };
     let renderer = || Backend::Cpu.renderer(scene.clone(), choice.resolve(None)).unwrap();
     let mut rendered = RenderedImages::default();

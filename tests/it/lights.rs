@@ -39,6 +39,7 @@ fn still_events(lights: &SceneLights, model: &dyn SensorModel) -> (Image<[f32; 3
         order: LayerOrder::Depth,
         antialiased: AntialiasMode::Off,
         background: [0.2, 0.5, 0.0],
+        near: None,
     };
     let renderer =
         || -> Box<dyn Renderer> { Backend::Cpu.renderer(scene.clone(), choice.resolve(None)).unwrap() };

@@ -29,6 +29,7 @@ mod event_pictures;
 mod event_statistics;
 mod exports;
 mod fidelity;
+mod flash;
 mod foreign_readers;
 mod forgeries;
 mod front_ends;

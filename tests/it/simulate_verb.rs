@@ -406,7 +406,8 @@ fn rendered_frames_make_the_events_of_a_build() {
     let camera: Camera = serde_json::from_value(simulation["camera"].clone()).unwrap();
     let scene = scene::read_file(&built("scene.ply")).unwrap();
     let (rules, order, antialiased) = (RenderRules::Official, LayerOrder::Depth, AntialiasMode::Auto);
-    let style = RenderChoice { rules, order, antialiased, background: [0.0; 3] }.resolve(scene.antialiased);
+    let style = RenderChoice { rules, order, antialiased, background: [0.0; 3], near: None }
+        .resolve(scene.antialiased);
     let renderer = Backend::Cpu.renderer(Arc::new(scene), style).unwrap();
     let mut frames = RenderedFrames::new(renderer, camera, trajectory.clone());
     let mut greys = Vec::new();

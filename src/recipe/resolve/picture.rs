@@ -148,6 +148,7 @@ impl Resolver<'_> {
         let order = self.layering(&raw.order, rules);
         let antialiased = self.or(&raw.antialiased, schema::AntialiasedKey::Auto);
         let background = self.background(&raw.background);
+        let near = self.real(&raw.near, 0.0, RealRange::new(0.0, 1.0));
         Some(RenderChoice {
             rules: rules?,
             order: order?,
@@ -157,6 +158,7 @@ impl Resolver<'_> {
                 schema::AntialiasedKey::Off => AntialiasMode::Off,
             },
             background: background?,
+            near: if raw.near.is_absent() { None } else { Some(near?) },
         })
     }
 

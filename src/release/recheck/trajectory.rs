@@ -117,6 +117,7 @@ impl ReleasedTrajectory<'_> {
             resampled: None,
             views: self.key_views(),
             geometry: Some(&walked.geometry),
+            blocks: (!walked.blocks.is_empty()).then_some(&walked.blocks),
             disparities: walked.disparities.as_ref(),
             crossings: None,
             foreign: None,

@@ -8,6 +8,7 @@ use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
 use crate::camera::stereo::Rectification;
 use crate::check::depth_consistency::disparity::DisparityDifference;
+use crate::check::flash::blocks::FrameBlocks;
 use crate::check::flow_projection::FlowDifference;
 use crate::check::flow_projection::objects::ObjectFlow;
 use crate::check::geometry::watch::GeometryWatch;
@@ -55,6 +56,8 @@ struct DecodedPose {
 /// What a walk measures.
 pub(super) struct WalkedPictures {
     pub(super) geometry: GeometryMeasures,
+    /// Brightness of the blocks of the sharp frames, without the changes of the light.
+    pub(super) blocks: Vec<FrameBlocks>,
     /// `None` if the trajectory has no disparity images.
     pub(super) disparities: Option<Measured<Vec<DisparityDifference>>>,
 }
@@ -121,6 +124,7 @@ pub(super) fn walk_pictures(
     let views = pictures.views();
     let mut geometry = GeometryWatch::new(pictures.camera, &pictures.motion.trajectory.world_from_camera);
     let (mut differences, mut objects, mut disparities) = (Vec::new(), Vec::new(), Vec::new());
+    let mut blocks = Vec::new();
     let poses: Vec<usize> = (0..pictures.poses()).collect();
     let decode = |poses: &[usize]| -> Result<Vec<DecodedPose>, RecheckError> {
         poses.par_iter().map(|pose| present.decode(pictures, ground, &views[*pose], *pose)).collect()
@@ -136,6 +140,7 @@ pub(super) fn walk_pictures(
             differences.extend(found.flow);
             objects.extend(found.objects);
             disparities.extend(found.disparity);
+            blocks.extend(found.smoothed.as_ref().map(|smoothed| FrameBlocks::new(pose, smoothed)));
             frames.extend(found.frame.map(|frame| (pose, frame)));
             compared.push((pose, found.smoothed, found.depth));
         }
@@ -157,7 +162,8 @@ pub(super) fn walk_pictures(
     let moves = pictures.own_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
     let order = moves.map_or(order, Err);
-    Ok(WalkedPictures { geometry: GeometryMeasures { pictures, order, depths, flows, objects }, disparities })
+    let geometry = GeometryMeasures { pictures, order, depths, flows, objects };
+    Ok(WalkedPictures { geometry, blocks, disparities })
 }
 
 const NO_OBJECTS: &str = "no pose has flow, depth and a mask with the places of its objects";

@@ -109,7 +109,12 @@ fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
 
 pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&SimulationRecord>) -> Value {
     let antialiased = simulation.map(|s| s.antialiased);
-    json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background })
+    let mut rules =
+        json!({ "rules": asked.rules, "antialiased": antialiased, "background": asked.background });
+    if let Some(near) = asked.near {
+        rules["near"] = json!(near);
+    }
+    rules
 }
 
 /// The only stream, if it has no name.

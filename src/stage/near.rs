@@ -1,0 +1,27 @@
+//! The scene as it is seen along a path, without the Gaussians that `render.near` hides.
+
+use crate::artifact::TrajectoryProduct;
+use crate::camera::Camera;
+use crate::render::RenderChoice;
+use crate::render::near::{NearPath, hide_near};
+use crate::scene::Gaussians;
+use std::sync::Arc;
+
+/// Returns the scene, and the number of Gaussians that are hidden. All products of a trajectory hide the same ones.
+pub(super) fn seen_along(
+    gaussians: &Arc<Gaussians>,
+    motion: &TrajectoryProduct,
+    camera: &Camera,
+    render: &RenderChoice,
+) -> (Arc<Gaussians>, usize) {
+    let Some(near) = render.near else { return (gaussians.clone(), 0) };
+    let path = NearPath {
+        camera,
+        rules: render.rules,
+        poses: &motion.trajectory.world_from_camera,
+        plane: near * motion.report.scale_distance,
+    };
+    let mut scene = Gaussians::clone(gaussians);
+    let hidden = hide_near(&mut scene, &path);
+    (Arc::new(scene), hidden.len())
+}
