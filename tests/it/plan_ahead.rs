@@ -89,7 +89,7 @@ fn recipes_that_can_hardly_be_meant_are_warned_of_or_refused() {
             0,
             "outputs does not name depth",
         ),
-        (camera, "camera: { width: 64, height: 48, fx: 0.8 }", 0, "the camera sees 178.6 degrees across"),
+        (camera, "camera: { width: 64, height: 48, fx: 0.8 }", 0, "the camera sees 177.1 degrees across"),
         (
             "outputs: [events, sharp]",
             "outputs: [events, sharp, blur]\nblur: { frames: 99 }",
