@@ -109,11 +109,11 @@ impl PlanForecast {
             match (kind, state.assessed[id.0].outputs.as_deref()) {
                 (None, _) => {}
                 (Some(kind), Some(made)) => self.add_made(kind, made),
-                (Some(OutputKind::Events), None) => {
+                (Some(kind), None) if kind.is_simulated() => {
                     let sensors = state.plan.scenes()[scene].sensors_of(name);
                     sensors.iter().for_each(|(_, sensor)| self.add_events(sensor, length));
                 }
-                (Some(_), None) => self.add_expected(step, length),
+                (Some(kind), None) => self.add_expected(kind, step, length),
             }
         }
     }
@@ -142,11 +142,11 @@ impl PlanForecast {
     }
 
     /// Adds the files of another output.
-    fn add_expected(&mut self, step: &PlannedStep, length: TrajectoryLength) {
+    fn add_expected(&mut self, kind: OutputKind, step: &PlannedStep, length: TrajectoryLength) {
         let Some(expected) = step.step.expected_size(length.path) else { return };
         self.files += expected.pictures.unwrap_or(3.0);
         self.bytes += expected.bytes_at(length.size);
-        if step.step.stage() == OutputKind::Sharp.name() {
+        if kind.is_listed() {
             self.bytes += expected.pictures.unwrap_or(0.0) * BYTES_A_FRAME;
         }
     }

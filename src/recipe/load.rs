@@ -10,7 +10,7 @@ use super::reader::{Problems, TreeReader};
 use super::resolve::Resolver;
 use super::text::{SourceText, TextSpan, Texts};
 use super::tree::{self, MAX_BYTES, MappingEntry, NodeKind, TreeNode};
-use super::{NamedAt, OutputKind, Recipe, RecipeMeta, RecipePosition, canonical, preset, schema};
+use super::{NamedAt, Recipe, RecipeMeta, RecipePosition, canonical, output, preset, schema};
 use crate::files;
 use crate::store::fs::FileStat;
 use crate::store::stat_cache::StatSighting;
@@ -291,16 +291,7 @@ impl RecipeParts {
 
 /// The sections for outputs that a recipe does not ask for. Those of a defaults file serve other recipes.
 fn unused_sections(raw: &schema::RecipeSchema, recipe: &Recipe) -> Vec<String> {
-    let places = [
-        (OutputKind::Blur, raw.blur.place()),
-        (OutputKind::Depth, raw.depth.place()),
-        (OutputKind::Flow, raw.flow.place()),
-        (OutputKind::Disparity, raw.disparity.place()),
-        (OutputKind::Segmentation, raw.segmentation.place()),
-        (OutputKind::Sharp, raw.sharp.place()),
-        (OutputKind::Imu, raw.imu.place()),
-    ];
-    let own = places.into_iter().filter(|(_, place)| place.is_some_and(|place| place.file == 0));
+    let own = output::sections(raw).into_iter().filter(|(_, place)| place.is_some_and(|place| place.file == 0));
     own.filter(|(output, _)| !recipe.asks_for(*output)).map(|(output, _)| output.name().to_owned()).collect()
 }
 

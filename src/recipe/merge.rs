@@ -18,7 +18,7 @@ const EXCLUSIVE: [(&str, [&[&str]; 2]); 9] = [
     // A sensor by itself, over the ranges of its preset; and `sharp`, `depth` and their like.
     ("*", [&["contrast"], &["threshold"]]),
     ("*", [&["every"], &["fps"]]),
-    ("blur", [&["frames"], &["fps"]]),
+    ("*", [&["frames"], &["fps"]]),
     ("camera", [&["fov"], &["fx", "fy", "cx", "cy"]]),
 ];
 

@@ -5,6 +5,7 @@ use super::Recipe;
 use super::canonical::ratio_value;
 use super::field::Field;
 use super::schema::{EverySection, RecipeSchema, SharpSection};
+use super::text::TextSpan;
 use crate::imu::{ImuModel, ImuPreset};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -76,6 +77,12 @@ impl OutputKind {
         self == Self::Events
     }
 
+    /// Returns true if `transforms.json` lists its pictures.
+    #[must_use]
+    pub fn is_listed(self) -> bool {
+        self == Self::Sharp
+    }
+
     /// Returns true if it compares the cameras of a stereo pair, and belongs to the first one.
     #[must_use]
     pub fn is_of_pair(self) -> bool {
@@ -122,6 +129,19 @@ fn imu_value(imu: &ImuModel) -> Value {
         value["up"] = json!(up);
     }
     value
+}
+
+/// The places of the sections of outputs in a recipe.
+pub(super) fn sections(raw: &RecipeSchema) -> [(OutputKind, Option<TextSpan>); 7] {
+    [
+        (OutputKind::Blur, raw.blur.place()),
+        (OutputKind::Depth, raw.depth.place()),
+        (OutputKind::Flow, raw.flow.place()),
+        (OutputKind::Disparity, raw.disparity.place()),
+        (OutputKind::Segmentation, raw.segmentation.place()),
+        (OutputKind::Sharp, raw.sharp.place()),
+        (OutputKind::Imu, raw.imu.place()),
+    ]
 }
 
 /// The spacing of pictures as a recipe writes it: in poses, or in pictures per second.

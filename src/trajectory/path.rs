@@ -1,9 +1,10 @@
 //! The path of a trajectory, as chosen by a recipe.
 
 use super::course::PoseCourse;
+use super::curve::CurveKind;
 use super::flow::FlowMeter;
 use super::keyframes::KeyframePath;
-use super::novel::{BaseTrajectory, NovelGroup};
+use super::novel::{BaseTrajectory, GroupCurve, NovelGroup};
 use super::orbit::OrbitPath;
 use super::refine::RefinePath;
 use super::travel::{PoseCount, TravelPlan};
@@ -25,6 +26,19 @@ pub enum CameraPath {
     Orbit(OrbitPath),
     /// Between given poses.
     Keyframes(KeyframePath),
+}
+
+impl CameraPath {
+    /// Returns true if the direction of the path may jump at a knot.
+    #[must_use]
+    pub fn has_corners(&self) -> bool {
+        match self {
+            Self::Refine(path) => path.curve == CurveKind::SlerpLerp,
+            Self::Keyframes(path) => path.curve == CurveKind::SlerpLerp,
+            Self::Novel(group) => group.curve == GroupCurve::Fixed(CurveKind::SlerpLerp),
+            Self::Orbit(_) => false,
+        }
+    }
 }
 
 /// The inputs of all kinds of paths; each kind uses some of them.

@@ -156,6 +156,12 @@ fn inertial_data_needs_a_smooth_speed() {
             "blend: 0.1",
         ),
         ("refine: { frames: 12 }", "{ function: \"1 + abs(t - 0.5)\" }", "it uses abs", "without corners"),
+        (
+            "refine: { frames: 12, curve: slerp-lerp }",
+            "{ function: \"1\" }",
+            "`curve: slerp-lerp` has corners",
+            "curve: cubic",
+        ),
     ] {
         let said = refusal(&along(path, speed));
         assert!(said.contains("the output imu needs a smooth speed") && said.contains(because), "{said}");

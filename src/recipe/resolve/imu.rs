@@ -72,7 +72,14 @@ impl Resolver<'_> {
         trajectories: &[TrajectoryRecipe],
     ) -> Option<()> {
         let place = raw.outputs.place().unwrap_or(self.root);
-        let rough = trajectories.iter().find_map(|own| Some((own, own.speed.accelerometer_fault()?)));
+        let corners = || SpeedFault {
+            because: "`curve: slerp-lerp` has corners".to_owned(),
+            instead: "write curve: cubic in the path",
+        };
+        let fault = |own: &TrajectoryRecipe| {
+            own.speed.accelerometer_fault().or_else(|| own.path.has_corners().then(corners))
+        };
+        let rough = trajectories.iter().find_map(|own| Some((own, fault(own)?)));
         let Some((trajectory, SpeedFault { because, instead })) = rough else { return Some(()) };
         let found = format!(
             "the output imu needs a smooth speed, and that of {} is not: {because}",

@@ -84,6 +84,7 @@ fn families() -> [Family; 3] {
             special: &[
                 ("src/recipe/canonical/trajectory.rs", "`flow` is also a form of speed"),
                 ("src/recipe/resolve/lights.rs", "`depth` is also that of a modulation"),
+                ("src/plan/edits.rs", "the steps that more than their own section decides"),
                 ("src/release/recheck", "checks of a release read its pictures"),
                 (
                     "src/release/audit/again/products.rs",
