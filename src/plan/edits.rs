@@ -12,7 +12,7 @@ const SECTIONS: [(&str, &[&str]); 13] = [
     ("frames", &["source"]),
     ("reconstruct", &["reconstruct", "source", "render", "seed"]),
     ("fidelity", &["source", "render"]),
-    ("checks", &["checks", "lights", "imu", "scale", "rig"]),
+    ("checks", &["checks", "lights", "imu", "scale", "rig", "objects", "render"]),
     ("trajectory", &["trajectories", "sampling", "camera", "render", "rig", "seed", "scene"]),
     ("events", &["sensor", "sensors", "seed", "scene", "sampling", "camera", "render", "lights", "rig"]),
     ("sharp", &["sharp", "blur", "lights", "camera", "render", "rig"]),
