@@ -165,7 +165,7 @@ impl Stage for ChecksStage {
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
         let ground = FlashGround::new(simulation, seen.1.as_ref(), &motion);
-        self.name_sources(&mut findings, std::iter::once(&whole).chain(&streams), ground.as_ref())?;
+        self.name_sources(&mut findings, &std::iter::once(&whole).chain(&streams), ground.as_ref())?;
         findings.extend(self.judge_inertial(products.0.as_ref(), &motion)?);
         write_stream_pictures(&streams, &tallies, cx)?;
         let verdicts =

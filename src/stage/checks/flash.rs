@@ -68,7 +68,7 @@ impl ChecksStage {
     pub(super) fn name_sources<'s, 'a: 's>(
         &self,
         findings: &mut [Finding],
-        subjects: impl Iterator<Item = &'s TrajectorySubject<'a>> + Clone,
+        subjects: &(impl Iterator<Item = &'s TrajectorySubject<'a>> + Clone),
         ground: Option<&FlashGround<'_>>,
     ) -> Result<(), StageError> {
         let Some(ground) = ground else { return Ok(()) };
