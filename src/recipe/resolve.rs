@@ -58,7 +58,6 @@ impl Resolver<'_> {
         let (scene_id, of) = (scene.as_deref(), source.as_ref());
         let setting = TrajectoryContext { scene: scene_id, seed, source: of, rate, law, has_scene };
         let trajectories = self.trajectories(&raw.trajectories, setting);
-        let render = self.render(&raw.render, usual_rules(&raw.sampling));
         let between = self.between(&raw.sampling);
         let sensors = self.sensors(raw, between, rate);
         let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
@@ -75,7 +74,7 @@ impl Resolver<'_> {
         let imu = self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref());
         let lights = self.lights(raw, rate, outputs.as_ref());
         let objects = self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct));
-        let render = self.hidden_near(raw, render, source.as_ref(), &reconstruct);
+        let render = self.render_along(raw, source.as_ref(), &reconstruct);
         let checks = self.or(&raw.checks, Limits::default());
         let licence = self.licence(&raw.licence, source.as_ref());
         // The parts return here and not earlier, so that all of them have reported their faults.
@@ -112,14 +111,13 @@ impl Resolver<'_> {
 
     /// The rendering with the default plane of `near`: the renderer's own for a scene that is trained here, which
     /// may have Gaussians anywhere. A scene that changes with time has none.
-    fn hidden_near(
+    fn render_along(
         &self,
         raw: &schema::RecipeSchema,
-        render: Option<RenderChoice>,
         source: Option<&SceneSource>,
         reconstruct: &Option<Option<ReconstructMethod>>,
     ) -> Option<RenderChoice> {
-        let render = render?;
+        let render = self.render(&raw.render, usual_rules(&raw.sampling))?;
         if render.near.is_some() && changes(source, reconstruct) {
             let place = raw.render.given().map_or(self.root, |(_, place)| place);
             let problem = FieldProblem::new("render.near needs a scene that does not change with time")

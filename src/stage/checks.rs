@@ -164,24 +164,29 @@ impl Stage for ChecksStage {
             })
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
-        let camera = simulation.map(|simulation| simulation.camera);
-        let ground =
-            camera.zip(seen.1.as_ref()).map(|(camera, scene)| FlashGround { scene, camera, motion: &motion });
-        if let Some(ground) = ground {
-            self.name_sources(&mut findings, std::iter::once(&whole).chain(&streams), &ground)?;
-        }
+        let ground = FlashGround::new(simulation, seen.1.as_ref(), &motion);
+        self.name_sources(&mut findings, &std::iter::once(&whole).chain(&streams), ground.as_ref())?;
         findings.extend(self.judge_inertial(products.0.as_ref(), &motion)?);
-        for (subject, tally) in streams.iter().zip(&tallies) {
-            let law = subject.sensor.map(DriftLaw::for_sensor);
-            // The colours of residuals need events that balance the drift.
-            let balanced = law.is_some_and(|law| law.loose.is_none());
-            pictures::write_pictures(subject.name, (tally, balanced), cx)?;
-        }
+        write_stream_pictures(&streams, &tallies, cx)?;
         let verdicts =
             VerdictsRecord { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
         let out = cx.out.join("verdicts.json");
         write_json(&out, &verdicts).map_err(StageError::io_error(&out))
     }
+}
+
+/// Writes the pictures of each stream.
+fn write_stream_pictures(
+    streams: &[TrajectorySubject<'_>],
+    tallies: &[StreamTally],
+    cx: &StageContext<'_>,
+) -> Result<(), StageError> {
+    streams.iter().zip(tallies).try_for_each(|(subject, tally)| {
+        let law = subject.sensor.map(DriftLaw::for_sensor);
+        // The colours of residuals need events that balance the drift.
+        let balanced = law.is_some_and(|law| law.loose.is_none());
+        pictures::write_pictures(subject.name, (tally, balanced), cx)
+    })
 }
 
 /// The part of a finding's subject for the stream of this name.

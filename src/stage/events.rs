@@ -4,7 +4,7 @@
 mod resample;
 mod sampling;
 
-use super::near::seen_along;
+use super::near::{self, seen_along};
 use super::pass::{PassGround, PassRole, PoseReaders};
 use super::shot::ShotParameters;
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
@@ -177,9 +177,7 @@ impl EventsStage {
             streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
         own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
-        if let Some(remark) = cx.remark.as_mut().filter(|_| hidden > 0) {
-            remark.push_str(&format!(", {hidden} of {} Gaussians hidden near the path", gaussians.len()));
-        }
+        near::add_remark(cx, hidden);
         let simulation = SimulationRecord {
             camera,
             gaussians: gaussians.len(),

@@ -1,5 +1,6 @@
 //! The scene as it is seen along a path, without the Gaussians that `render.near` hides.
 
+use super::StageContext;
 use crate::artifact::TrajectoryProduct;
 use crate::camera::Camera;
 use crate::render::RenderChoice;
@@ -24,4 +25,11 @@ pub(super) fn seen_along(
     let mut scene = Gaussians::clone(gaussians);
     let hidden = hide_near(&mut scene, &path);
     (Arc::new(scene), hidden.len())
+}
+
+/// Adds the number of hidden Gaussians to the remark of a step.
+pub(super) fn add_remark(cx: &mut StageContext<'_>, hidden: usize) {
+    if let Some(remark) = cx.remark.take_if(|_| hidden > 0) {
+        cx.remark = Some(format!("{remark}, {hidden} Gaussians hidden near the path"));
+    }
 }

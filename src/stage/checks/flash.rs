@@ -1,7 +1,7 @@
 //! The sharp frames of a trajectory as blocks, and the Gaussian that made a flash.
 
 use super::ChecksStage;
-use crate::artifact::{SceneFiles, SharpFrames, TrajectoryProduct};
+use crate::artifact::{SceneFiles, SharpFrames, SimulationRecord, TrajectoryProduct};
 use crate::camera::Camera;
 use crate::check::flash::blocks::FrameBlocks;
 use crate::check::flash::{self, PictureFlash};
@@ -33,6 +33,17 @@ pub(super) struct FlashGround<'a> {
     pub(super) motion: &'a TrajectoryProduct,
 }
 
+impl<'a> FlashGround<'a> {
+    /// `None` without events or a scene.
+    pub(super) fn new(
+        simulation: Option<&SimulationRecord>,
+        scene: Option<&'a SceneFiles>,
+        motion: &'a TrajectoryProduct,
+    ) -> Option<Self> {
+        Some(Self { scene: scene?, camera: simulation?.camera, motion })
+    }
+}
+
 impl ChecksStage {
     /// The blocks of the sharp frames. `None` without frames.
     pub(super) fn frame_blocks(
@@ -57,9 +68,10 @@ impl ChecksStage {
     pub(super) fn name_sources<'s, 'a: 's>(
         &self,
         findings: &mut [Finding],
-        subjects: impl Iterator<Item = &'s TrajectorySubject<'a>> + Clone,
-        ground: &FlashGround<'_>,
+        subjects: &(impl Iterator<Item = &'s TrajectorySubject<'a>> + Clone),
+        ground: Option<&FlashGround<'_>>,
     ) -> Result<(), StageError> {
+        let Some(ground) = ground else { return Ok(()) };
         for finding in findings.iter_mut().filter(|finding| is_alarm(finding)) {
             let found = subjects.clone().find_map(|subject| flash_of(subject, finding));
             if let Some(found) = found {
