@@ -291,7 +291,8 @@ impl RecipeParts {
 
 /// The sections for outputs that a recipe does not ask for. Those of a defaults file serve other recipes.
 fn unused_sections(raw: &schema::RecipeSchema, recipe: &Recipe) -> Vec<String> {
-    let own = output::sections(raw).into_iter().filter(|(_, place)| place.is_some_and(|place| place.file == 0));
+    let own =
+        output::sections(raw).into_iter().filter(|(_, place)| place.is_some_and(|place| place.file == 0));
     own.filter(|(output, _)| !recipe.asks_for(*output)).map(|(output, _)| output.name().to_owned()).collect()
 }
 

@@ -70,7 +70,7 @@ usage: cargo xtask <task>
                      target/report
   power [ARGS]...    the share of planted faults that the checks find from files, by size, as the table of docs/checks.md
                      (`--releases N`, `--program FILE`; `--stated` plants the faults of the stated sizes alone)
-  sound [ARGS]...    sound releases of many kinds, checked from their files: no check may warn (`--scenes N`, `--first N`,
+  sound [ARGS]...    sound releases of many kinds: no check may fail, and release and check agree (`--scenes N`, `--first N`,
                      `--program FILE`)
   slurm [ARGS]...    `gs2e submit` on a private Slurm cluster, with tasks, daemons and the submitter killed (`--scenes N`,
                      `--tasks N`, `--program FILE`; needs Debian's slurm-wlm and munge)

@@ -1,5 +1,6 @@
-//! Sound releases of many kinds, checked from their files: no check may warn or fail, and the release
-//! and its check must agree in every verdict.
+//! Sound releases of many kinds, checked from their files: no check may fail, and the release and its check
+//! must agree in every verdict. Warnings are printed, since some are true: frames far apart, and Gaussians
+//! near the camera.
 //!
 //! Each release varies the sensor, the path, the size, the sampling, the rules of rendering, the outputs,
 //! and what else is in the scene: objects, a rig with inertial data, lamps, a lens. The table shows for each
@@ -125,6 +126,8 @@ fn recipe(i: usize) -> (String, String) {
     let (path_name, path) = PATHS[(i + i / 20) % PATHS.len()];
     let of = |list: &[&'static str], salt: usize| list[(i * salt + i / 7) % list.len()];
     let (other_name, other) = OTHERS[(i + i / 25) % OTHERS.len()];
+    // Inertial data of a path with corners are refused.
+    let (path_name, path) = if other_name == "-rig" { PATHS[0] } else { (path_name, path) };
     let sampling = of(&SAMPLINGS, 1);
     // Only voltmeters choose their own frames.
     let chooses = sensor.matches("voltmeter").count() == 1
@@ -168,7 +171,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         }
     };
     let folder = root().join("target/sound");
-    let (mut table, mut alarms, mut disagreements) = (BTreeMap::new(), 0, 0);
+    let (mut table, mut warnings, mut failures, mut disagreements) = (BTreeMap::new(), 0, 0, 0);
     for i in first..first + scenes {
         let (name, text) = recipe(i);
         let found = checked(&gs2e, &folder, &text)?;
@@ -176,12 +179,13 @@ pub(crate) fn run(args: &[String]) -> Outcome {
             disagreements += 1;
             say(&format!("{name}: {because}"));
         }
-        for line in found.findings.lines() {
+        for line in found.findings.lines().filter(|line| line.contains("\"check\":\"")) {
             let [check, subject, verdict, because] =
                 ["check", "subject", "verdict", "because"].map(|key| field(line, key));
             let part = subject.split_once('#').map_or("", |(_, part)| part);
+            warnings += u32::from(verdict == "warn");
+            failures += u32::from(verdict == "fail");
             if ["warn", "fail"].contains(&verdict.as_str()) {
-                alarms += 1;
                 say(&format!("{name}: {verdict} {check}#{part}: {because}"));
             }
             let statement: &mut Statement = table.entry(format!("{check}#{part}")).or_default();
@@ -197,8 +201,10 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         let extent = extent.map_or_else(String::new, |[low, high]| format!("{low:.4} to {high:.4}"));
         say(&format!("{name:28} {:40} {extent}", counts.join(", ")));
     }
-    say(&format!("{scenes} sound releases, {alarms} alarms, {disagreements} disagreements"));
-    if alarms + disagreements == 0 {
+    say(&format!(
+        "{scenes} sound releases: {failures} failures, {disagreements} disagreements, {warnings} warnings"
+    ));
+    if failures + disagreements == 0 {
         Ok(())
     } else {
         Err("a check raised an alarm on a sound release".to_owned())
