@@ -128,7 +128,8 @@ fn recipe(i: usize) -> (String, String) {
     let (other_name, other) = OTHERS[(i + i / 25) % OTHERS.len()];
     // Inertial data of a path with corners are refused.
     let (path_name, path) = if other_name == "-rig" { PATHS[0] } else { (path_name, path) };
-    let sampling = of(&SAMPLINGS, 1);
+    // Frames must resolve a lamp.
+    let sampling = if other_name == "-lamp" { SAMPLINGS[0] } else { of(&SAMPLINGS, 1) };
     // Only voltmeters choose their own frames.
     let chooses = sensor.matches("voltmeter").count() == 1
         && !sensor.contains("official")
