@@ -33,10 +33,12 @@ pub struct Limits {
 
 /// Default limit.
 const MAX_RATIO: f64 = 5.0;
-/// Smallest usual change of a frame, greys: less than rounding to 8 bits leaves.
-const LEAST_GREY: f64 = 0.5;
-/// Smallest usual number of events of a polarity per pixel and interval.
-const LEAST_SHARE: f64 = 0.01;
+/// Smallest usual change of a frame, greys. An alarm is then at least 5 greys, which makes events at a
+/// contrast of 0.1 where the picture is darker than grey 50.
+const LEAST_GREY: f64 = 1.0;
+/// Smallest usual number of events of a polarity per pixel and interval. An alarm is then an event at a
+/// quarter of the pixels, as a change of the whole picture makes.
+const LEAST_SHARE: f64 = 0.05;
 /// Smallest usual number of events. Five times as many are beyond chance in a million intervals.
 const LEAST_EVENTS: f64 = 10.0;
 /// Numbers of steps of the intervals that are judged.
@@ -68,7 +70,7 @@ impl ValidationPass for FlashPass {
     fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
         const PART: &str = "frames";
         let Some(frames) = subject.blocks else {
-            let because = subject.moved_together().unwrap_or("there are no sharp frames that were read");
+            let because = subject.moved_together().unwrap_or("there are no frames to compare");
             return vec![subject.not_run(NAME, PART, because)];
         };
         let Some(found) = in_frames(subject, frames) else {

@@ -5,10 +5,10 @@
 //! release is judged by both, so each statement has the worse of the two verdicts.
 
 use super::{Finding, NAMES, Verdict};
-use std::cmp::Ordering;
 
-/// Passes that need the pictures of a release. Where neither run made a statement, the files say why.
-const OF_PICTURES: [&str; 4] = ["event_times", "photometric", "depth_consistency", "flow_projection"];
+/// Passes over the files of a release. What `checks.json` states of them was found in the same files, which
+/// may have changed since.
+const OF_FILES: [&str; 5] = ["event_times", "photometric", "depth_consistency", "flow_projection", "records"];
 
 /// Joins the findings of a build with those on the files of the release, in the order of reports.
 ///
@@ -16,7 +16,11 @@ const OF_PICTURES: [&str; 4] = ["event_times", "photometric", "depth_consistency
 /// join with the same files changes nothing.
 #[must_use]
 pub fn join_findings(built: Vec<Finding>, files: Vec<Finding>) -> Vec<Finding> {
-    let mut joined = built;
+    let is_judged_again = |f: &Finding| {
+        let same = |other: &Finding| other.check == f.check && other.subject.place == f.subject.place;
+        OF_FILES.contains(&f.check.as_str()) && files.iter().any(same)
+    };
+    let mut joined: Vec<Finding> = built.into_iter().filter(|f| !is_judged_again(f)).collect();
     for finding in files {
         let same = |other: &&mut Finding| other.check == finding.check && other.subject == finding.subject;
         match joined.iter_mut().find(same) {
@@ -48,11 +52,7 @@ fn is_worse(files: &Finding, built: &Finding) -> bool {
         Verdict::Waived => 3,
         Verdict::Fail => 4,
     };
-    match severity(files).cmp(&severity(built)) {
-        Ordering::Less => false,
-        Ordering::Greater => true,
-        Ordering::Equal => files.verdict == Verdict::NotRun && OF_PICTURES.contains(&files.check.as_str()),
-    }
+    severity(files) > severity(built)
 }
 
 #[cfg(test)]

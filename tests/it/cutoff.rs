@@ -122,6 +122,6 @@ fn why_names_the_number_and_the_steps_that_it_touches() {
     has("tiny/base/checks: depends on base/trajectory");
     has("tiny/capture: up to date");
     // This is known already, although the step has no key before the trajectory is made.
-    has("changed since the last run: params.sensor.voltmeter.threshold_on: 1.0 -> 1.25");
+    has("changed since the last run: sensor.voltmeter.threshold.on: 1.0 -> 1.25");
     assert_eq!(message.matches("changed since").count(), 2, "{message}");
 }

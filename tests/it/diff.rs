@@ -155,8 +155,8 @@ fn different_revisions_classes_and_steps_are_reported() {
         step(manifest, "base/events")["key"] = json!(zeros);
         step(manifest, "base/events")["made_of"][field] = value;
     };
-    let revision = json!([{ "code": "revision", "old": EventsStage::REVISION, "new": 7 }]);
-    t(&|m| rekeyed(m, "revision", json!(7)), ("base/events", true, revision));
+    let revision = json!([{ "code": "revision", "old": EventsStage::REVISION, "new": 99 }]);
+    t(&|m| rekeyed(m, "revision", json!(99)), ("base/events", true, revision));
     let class = json!([{ "code": "class", "old": gs2e::render::cpu::FINGERPRINT, "new": "other/1" }]);
     t(&|m| rekeyed(m, "class", json!("other/1")), ("base/events", true, class));
     let untold = json!([{ "code": "untold" }]);

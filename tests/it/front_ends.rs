@@ -41,7 +41,7 @@ fn several_sensors_see_the_same_as_each_alone() {
             "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n  bright: {{ {BRIGHT} }}\n"
         )),
     );
-    let message = place.ok("release --to several tiny.yaml").stderr;
+    let message = place.ok("release -v --to several tiny.yaml").stderr;
     let brightness = "brightness: 0.2126 R + 0.7152 G + 0.0722 B, in linear light, times 1.5";
     assert!(message.contains(brightness), "{message}");
     place.ok("audit several");

@@ -167,8 +167,8 @@ fn walk(pointer: &str, value: &Value, leaves: &mut Vec<String>) {
     }
 }
 
-/// Outputs enter no key. Of the steps that exist, only `checks` depends on whether there are
-/// events.
+/// Outputs enter no key. Of the steps that exist, only `checks` depends on whether there are events
+/// and sharp frames.
 #[test]
 fn outputs_decide_which_steps_exist() {
     let both = own_keys(parse(&recipe("tiny")));
@@ -178,7 +178,7 @@ fn outputs_decide_which_steps_exist() {
         assert_eq!(rekeyed(&both, &own_keys(parse(&edited))), rekeys, "{outputs}");
     };
     t(json!(["sharp", "events"]), &[]);
-    t(json!(["events"]), &[SHARP]);
+    t(json!(["events"]), &[CHECKS, SHARP]);
     t(json!(["sharp"]), &[CHECKS, EVENTS]);
 }
 

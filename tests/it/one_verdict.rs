@@ -104,8 +104,8 @@ fn a_release_that_its_check_would_fail_is_not_written() {
     let ended = place.gs2e("release --copy --to new scene.yaml");
     assert_eq!(ended.code, 3, "{}", ended.stderr);
     assert!(!place.path("new").exists());
-    assert!(ended.stderr.contains("rich/base: photometric: "), "{}", ended.stderr);
-    assert!(ended.stderr.contains("000010.png"), "{}", ended.stderr);
+    assert!(ended.stderr.contains("rich/base#frames: photometric: "), "{}", ended.stderr);
+    assert!(ended.stderr.contains("poses 10 and 11"), "{}", ended.stderr);
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn files_are_judged_once() {
     };
     assert_eq!(records(), 1);
     place.ok("release --copy --to second scene.yaml");
-    place.ok("gc");
+    place.ok("gc scene.yaml");
     assert_eq!(records(), 1, "the release keeps the verdicts on its files");
     place.write("scene.yaml", RICH.replace("seed: 3", "seed: 4"));
     place.ok("release --copy --to second scene.yaml");

@@ -343,7 +343,7 @@ fn each_kind_is_a_step_of_its_own() {
     assert_eq!(place.stale("tiny.yaml"), ["tiny/base/blur"]);
     // There are fewer sharp frames, but those in the middle of exposures are kept.
     place.write("tiny.yaml", format!("{more}sharp: {{ every: 4 }}\n"));
-    assert_eq!(place.stale("tiny.yaml"), ["tiny/base/sharp"]);
+    assert_eq!(place.stale("tiny.yaml"), ["tiny/base/sharp", "tiny/base/checks"]);
     place.ok("release --copy --to out tiny.yaml");
     let names: Vec<String> = read(&place.path("out/tiny/base/sharp")).into_keys().collect();
     assert_eq!(names, ["000000.png", "000003.png", "000004.png", "000008.png"]);

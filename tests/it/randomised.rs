@@ -175,7 +175,7 @@ fn draws_are_in_the_release_and_in_the_key() {
     // Another range is another draw, and `why` names it.
     write("0.4");
     let why = place.ok("why tiny/base/events --recipes tiny.yaml").stdout;
-    assert!(why.contains(&format!("threshold.on: {found} -> ")), "{why}");
+    assert!(why.contains("sensor.v2e.threshold.on.uniform[1]: 0.3 -> 0.4"), "{why}");
 }
 
 /// The same bytes with one and with two threads. A second trajectory leaves the first as it is.
