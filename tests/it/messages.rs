@@ -14,19 +14,25 @@ use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
 
+/// Returns true for the line at the end of a build that counts its steps.
+fn is_count(line: &str) -> bool {
+    line.contains(" built, ") && line.contains(" reused, ")
+}
+
 /// Snapshots the result of a run: its exit code, its messages, and their objects.
 #[track_caller]
 pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
     let mut text = format!("exit {}\n", ended.code);
     let mut in_message = false;
     for line in ended.stderr.lines() {
-        let starts = ["error:", "warning:", "waiting:", "interrupted:", "failed:", "made "];
+        let starts = ["error:", "warning:", "waiting:", "interrupted:", "failed:"];
         in_message = starts.iter().any(|word| line.starts_with(word))
+            || is_count(line)
             || in_message
                 && (line.starts_with([' ', '|']) || line.starts_with("help:") || line.contains('│'));
         if in_message {
             // The time taken differs from run to run.
-            let line = if line.starts_with("made ") { line.split(';').next().unwrap() } else { line };
+            let line = if is_count(line) { line.split(';').next().unwrap() } else { line };
             text.push_str(&format!("{line}\n"));
         }
     }
@@ -178,7 +184,7 @@ fn locked() {
     drop(holder);
     message.read_to_string(&mut stderr).unwrap();
     let code = child.wait().unwrap().code().unwrap();
-    let stderr = stderr.lines().filter(|line| !line.starts_with("made ")).collect::<Vec<_>>().join("\n");
+    let stderr = stderr.lines().filter(|line| !is_count(line)).collect::<Vec<_>>().join("\n");
     check(&place, "locked", &Ended { code, stdout: String::new(), stderr });
 }
 
@@ -304,6 +310,6 @@ fn disk_full() {
         *text = after(text, cause, "CAUSE", |c| c != '\n' && c != '"');
         *text = after(text, "(tmpfs); ", "N", |c| c.is_ascii_digit());
     }
-    stderr = stderr.lines().filter(|line| !line.starts_with("made ")).collect::<Vec<_>>().join("\n");
+    stderr = stderr.lines().filter(|line| !is_count(line)).collect::<Vec<_>>().join("\n");
     check(&place, "disk-full", &Ended { code, stdout, stderr });
 }

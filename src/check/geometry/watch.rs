@@ -148,11 +148,7 @@ impl OrderWatch {
 
     fn finish(self) -> Measured<Vec<FrameTriple>> {
         let Self { triples, .. } = self;
-        if triples.is_empty() {
-            Err("there are fewer than three sharp frames".to_owned())
-        } else {
-            Ok(triples)
-        }
+        if triples.is_empty() { Err("there are fewer than three frames".to_owned()) } else { Ok(triples) }
     }
 }
 

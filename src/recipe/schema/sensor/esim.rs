@@ -16,10 +16,10 @@ pub(in crate::recipe) struct EsimSection {
     /// Named set of the keys below: `trainable`, without noise and dead time, for methods that learn from
     /// events; or `randomised`, which has ranges from which numbers are drawn. Default: none.
     pub preset: Field<String>,
-    /// Contrasts of one event, instead of `threshold`. Default: none.
-    pub contrast: Field<ContrastSection>,
     /// Contrast thresholds. Default: `{ on: 0.2, off: 0.2, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
+    /// Contrasts of one event, instead of `threshold`. Default: none.
+    pub contrast: Field<ContrastSection>,
     /// Time at which the thresholds of the pixels are drawn. Default: `per-sensor`.
     pub mismatch: Field<RedrawRule>,
     /// Scale of brightness. Default: `log`.

@@ -17,11 +17,11 @@ pub(in crate::recipe) struct V2eSection {
     /// Named set of the keys below: `clean`, `noisy`, or `randomised`, which has ranges from which
     /// numbers are drawn. Default: `clean`.
     pub preset: Field<String>,
-    /// Contrasts of one event, instead of `threshold`. Default: none.
-    pub contrast: Field<ContrastSection>,
     /// Contrast thresholds, differences of the natural logarithm. Default: on 0.2, off 0.2, the
     /// preset's spread.
     pub threshold: Field<ThresholdSection>,
+    /// Contrasts of one event, instead of `threshold`. Default: none.
+    pub contrast: Field<ContrastSection>,
     /// Cutoff of the low-pass filter at white; 0 turns the filter off. Unit: Hz. Default: the
     /// preset's.
     pub cutoff: Field<f64>,

@@ -21,11 +21,11 @@ pub(in crate::recipe) struct VoltmeterSection {
     pub k: Field<[Field<f64>; 6]>,
     /// Units of `k`. Default: required with `k`, refused with a preset.
     pub units: Field<ConstantUnits>,
-    /// Contrasts of one event, instead of `threshold`. Default: none.
-    pub contrast: Field<ContrastSection>,
     /// Contrast thresholds; divided by `k1`, they are contrasts. They need a `preset` or `k`. Default:
     /// the preset's, or `{ on: 1, off: 1, spread: 0 }`.
     pub threshold: Field<ThresholdSection>,
+    /// Contrasts of one event, instead of `threshold`. Default: none.
+    pub contrast: Field<ContrastSection>,
     /// Sampler of the process. Default: `exact`.
     pub law: Field<SamplerKind>,
     /// Brightness that drives the drift. Default: `log`.
