@@ -73,6 +73,7 @@ impl SplatScene {
                 Some(false) => AntialiasMode::Off,
             },
             background,
+            near: None,
         };
         let style = choice.resolve(self.scene.antialiased);
         let view = view.checked()?;
