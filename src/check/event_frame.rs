@@ -247,7 +247,8 @@ impl EventFramePass<'_> {
         }
         let (asked, usual) = limit;
         let least = |share: &PixelShare| {
-            asked.unwrap_or_else(|| usual - 2.0 * self.disturbed() - share.spoilt.most(share.of))
+            let noise = 2.0 * self.disturbed() + share.spoilt.most(share.of);
+            asked.unwrap_or_else(|| usual - noise - self.beyond_tolerance())
         };
         let enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
         if enough.is_empty() {
@@ -272,6 +273,12 @@ impl EventFramePass<'_> {
             because += &format!("; {cause} may spoil {:.2} %", 100.0 * spoilt);
         }
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
+    }
+
+    /// Share of the pixels whose frames may miss what the sensor saw by more than is added for a tolerance: five
+    /// times its root mean square, hence at most a 25th by Chebyshev's inequality.
+    fn beyond_tolerance(&self) -> f64 {
+        if self.subject.is_release && self.subject.tolerance.is_some() { 1.0 / 25.0 } else { 0.0 }
     }
 
     /// Number of events per pixel that move its reference although its brightness does not change.

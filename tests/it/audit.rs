@@ -246,7 +246,7 @@ fn unlawful_terms_are_found() {
     check_resealed(
         |f| {
             let card = fs::read_to_string(f.join("README.md")).unwrap();
-            fs::write(f.join("README.md"), card.replace("CC0-1.0", "MIT")).unwrap();
+            fs::write(f.join("README.md"), card.replace("license: cc0-1.0", "license: mit")).unwrap();
         },
         &["card-licence README.md"],
     );

@@ -110,13 +110,18 @@ fn room() -> Gaussians {
     still_life(&StillLife { gaussians: 4000, seed: 1, ..StillLife::default() })
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "scene files have 32 bits")]
+fn log_scale(size: f64) -> f32 {
+    size.ln() as f32
+}
+
 /// The room with a round, white, opaque Gaussian at a place before the camera of a pose.
 fn with_blob(pose: &Se3, place: DVec3, size: f64) -> Gaussians {
     let mut scene = room();
     let mean = pose.rotation * place + pose.translation - scene.origin;
     let functions = scene.sh_len();
     scene.positions.push(mean.as_vec3().to_array());
-    scene.log_scales.push([size.ln() as f32; 3]);
+    scene.log_scales.push([log_scale(size); 3]);
     scene.rotations.push([1.0, 0.0, 0.0, 0.0]);
     scene.opacity_logits.push(1.0);
     // Harmonic 0 is 0.5 + 0.282 c.

@@ -262,7 +262,7 @@ impl ReleasedTrajectory<'_> {
     /// Compares some blurred frames with the mean of their sharp frames.
     fn blur(&self, pictures: &ReleasedPictures<'_>) -> Result<Finding, RecheckError> {
         if !self.recipe.outputs_of(&self.part.name).contains(&OutputKind::Blur) {
-            return Ok(records::blur_not_compared(self.name, "the recipe asks for no blurred frames"));
+            return Ok(records::blur_not_compared(self.name, "the recipe asks for none"));
         }
         let frames = self.recipe.shutter.frames;
         let stated = self.part.blur.as_ref().and_then(|blur| blur["subframes"].as_u64());
