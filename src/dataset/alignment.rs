@@ -7,7 +7,7 @@
 //! together; the frames in all eight orientations, and reversed polarity, are tried too.
 //!
 //! Its place is the offset of the clocks only roughly: a pixel's event comes at the end of a threshold
-//! of change, so that `s` is late. [`super::clock`] refines it.
+//! of change, so that `s` is late. `clock` refines it.
 
 use super::samples::{DatasetFrames, SampleDecode};
 use super::{EventDataset, OpenEvents, for_each_event, measured_finding};

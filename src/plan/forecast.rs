@@ -1,9 +1,9 @@
 //! Poses, seconds of motion, files and bytes of a plan, before anything is built.
 //!
 //! The length of a path follows from the recipe, from the trajectory where that is built, or else from
-//! the poses and points of its source ([`lengths`]). Pictures without compression have exact sizes. The
+//! the poses and points of its source (`lengths`). Pictures without compression have exact sizes. The
 //! others take the bytes per pixel of their kind, and events the number per pixel and px of motion, as
-//! measured over scenes of many kinds ([`EVENTS_PER_FLOW`]).
+//! measured over scenes of many kinds (`EVENTS_PER_FLOW`).
 
 mod lengths;
 

@@ -35,7 +35,7 @@ impl FrameBlocks {
         Self { pose, means: sums.iter().zip(&counts).map(|(sum, count)| sum / count).collect() }
     }
 
-    /// The change to another frame of the same size that [`SHARE`] of the blocks have or exceed, in the
+    /// The change to another frame of the same size that `SHARE` of the blocks have or exceed, in the
     /// direction in which it is larger.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an index of a block")]
