@@ -39,7 +39,7 @@ pub fn judge_agreement(subject: &str, part: &str, what: &str, faults: &[String])
 pub fn judge_blur(subject: &str, compared: &[(usize, ExposureMismatch)]) -> Finding {
     let worst = compared.iter().max_by(|a, b| a.1.share.total_cmp(&b.1.share));
     let Some((pose, mismatch)) = worst else {
-        return blur_not_compared(subject, "no exposure has all of its sharp frames in the release");
+        return blur_not_compared(subject, "no exposure has all of its frames in the release");
     };
     // A mean of kept frames is exact to rounding at every value.
     let limit = LimitSide::gate(if mismatch.is_exact { 0.0 } else { BLUR_SHARE });
