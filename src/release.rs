@@ -229,7 +229,8 @@ impl<'a> JudgedRelease<'a> {
     /// same files are taken from the store.
     ///
     /// # Errors
-    /// A step is not built and the release is not partial, there is no scene, splits overlap, a product cannot be read, or `cancel` is set.
+    /// A step is not built and the release is not partial, there is no scene, splits overlap, a product
+    /// cannot be read, or `cancel` is set.
     pub fn new(built: BuiltPlan<'a>, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
         let BuiltPlan { plan, summary, store, context, .. } = built;
         let gather = |index| built::gather_scene(plan, index, summary, (store, &context.terms));
@@ -246,9 +247,9 @@ impl<'a> JudgedRelease<'a> {
     /// Writes the release, unless it already stands at the target.
     ///
     /// # Errors
-    /// A check failed without a waiver and the release is not partial, no scene is sound, an included export cannot be made, the target changed since it was
-    /// claimed, the disk fails, or `cancel` is set. Nothing of an existing release is touched before the last
-    /// rename.
+    /// A check failed without a waiver and the release is not partial, no scene is sound, an included export
+    /// cannot be made, the target changed since it was claimed, the disk fails, or `cancel` is set. Nothing
+    /// of an existing release is touched before the last rename.
     pub fn write(
         self,
         target: &mut ReleaseTarget,

@@ -155,9 +155,9 @@ impl DriftLaw {
 
     /// Returns true if the events of a pixel show the sign of its drift `dv`, although some may be lost.
     ///
-    /// Let the drift be `n` thresholds, with at most `2 n` events. If these have the wrong sign, at most `n` go
-    /// along with the drift. At least `n` more did, because those against it are as many. So the sensor lost at
-    /// least half of them, and a dead time loses far fewer.
+    /// Let the drift be `n` thresholds, with at most `2 n` events. If these have the wrong sign, at most `n`
+    /// go along with the drift. At least `n` more did, because those against it are as many. So the sensor
+    /// lost at least half of them, and a dead time loses far fewer.
     #[must_use]
     pub fn shows_sign(&self, dv: f64, counts: [u32; 2]) -> bool {
         let [on, off] = counts.map(f64::from);
@@ -437,7 +437,7 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
     DriftLaw { spread: threshold.spread, loose, ..quiet_law(k, scale, [threshold.on, threshold.off]) }
 }
 
-/// The setting because of which events are lost, or references move without events.
+/// The setting that loses events, or moves references without events.
 fn lost_events(esim: &EsimModel) -> Option<&'static str> {
     match esim {
         _ if esim.keeps_references() => None,

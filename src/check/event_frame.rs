@@ -275,8 +275,8 @@ impl EventFramePass<'_> {
         self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
     }
 
-    /// Share of the pixels whose frames may miss what the sensor saw by more than is added for a tolerance: five
-    /// times its root mean square, hence at most a 25th by Chebyshev's inequality.
+    /// Share of the pixels whose frames may miss what the sensor saw by more than is added for a tolerance:
+    /// five times its root mean square, hence at most a 25th by Chebyshev's inequality.
     fn beyond_tolerance(&self) -> f64 {
         if self.subject.is_release && self.subject.tolerance.is_some() { 1.0 / 25.0 } else { 0.0 }
     }

@@ -136,7 +136,8 @@ pub fn in_frames(subject: &TrajectorySubject<'_>, frames: &[blocks::FrameBlocks]
     found.max_by(|a, b| a.change.ratio.total_cmp(&b.change.ratio))
 }
 
-/// The most unusual number of events, and their polarity; `None` without events, or if the stream is too short.
+/// The most unusual number of events, and their polarity; `None` without events, or if the stream is too
+/// short.
 #[must_use]
 pub fn in_events(subject: &TrajectorySubject<'_>) -> Option<(PictureFlash, &'static str)> {
     let tally = subject.tally?;

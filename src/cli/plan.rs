@@ -97,7 +97,7 @@ impl PlanArgs {
     }
 }
 
-/// Refuses a scene file that is none, which its step would find out late.
+/// Refuses a file that holds no scene, before its step runs.
 pub(super) fn refuse_no_scene(plan: &Plan) -> Result<(), VerbError> {
     let found = plan.scenes().iter().find_map(|recipe| Some((recipe, no_scene_file(recipe)?)));
     let Some((recipe, path)) = found else { return Ok(()) };

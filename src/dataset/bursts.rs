@@ -114,8 +114,8 @@ impl FrameBursts {
         Some(BrightnessAt { log: from + rate * (t_us - self.stamps_us[interval]), rate })
     }
 
-    /// These frames behind a low-pass filter of first order on the logarithm, with this time constant at white.
-    /// It is longer in dim light, as v2e has it: `tau / (0.1 + 0.9 light)`.
+    /// These frames behind a low-pass filter of first order on the logarithm, with this time constant at
+    /// white. It is longer in dim light, as v2e has it: `tau / (0.1 + 0.9 light)`.
     pub(super) fn slowed(&self, tau_us: f64) -> Self {
         let mut slowed = self.clone();
         for interval in self.runs.iter().flat_map(Clone::clone) {

@@ -7,11 +7,11 @@
 //! d = C_on [the later event is ON] - C_off [it is OFF] + lag (rate_b - rate_a) - leak (t_b - t_a)
 //! ```
 //!
-//! whatever the sensor's thresholds and its leak. Pairs around a turn of brightness, an ON event and then an OFF event,
-//! have a large difference of rates, and decide. First, each run of frames is searched for the offset at
-//! which most pairs agree, so that a clock of another speed is found as well. Then offset and speed are
-//! solved together by least squares. Pairs that differ from their threshold by more than a quarter are left
-//! out: one of their events is noise, or there were events between them that are lost.
+//! whatever the sensor's thresholds and its leak. Pairs around a turn of brightness, an ON event and then an
+//! OFF event, have a large difference of rates, and decide. First, each run of frames is searched for the
+//! offset at which most pairs agree, so that a clock of another speed is found as well. Then offset and speed
+//! are solved together by least squares. Pairs that differ from their threshold by more than a quarter are
+//! left out: one of their events is noise, or there were events between them that are lost.
 //!
 //! Standard errors are those of the jackknife over quadrants of runs. Pixels with a low-pass filter are late
 //! by a time that depends on light and speed. Where a delay explains the pairs poorly, filtered frames are
@@ -43,7 +43,8 @@ const ROUNDS: usize = 8;
 const SIGMAS: f64 = 4.0;
 /// Standard errors beyond the limit at which a fault is found in 95 % of trials.
 const POWER: f64 = 1.645;
-/// Mean deviation of pairs above which a delay alone explains the events poorly: sensors without a filter have
+/// Mean deviation of pairs above which a delay alone explains the events poorly: sensors without a filter
+/// have
 /// 0.04 to 0.15, v2e's noisy pixels 0.45 to 0.7.
 const POOR: f64 = 0.4;
 /// Largest ratio of the deviations under a filter and under a delay.
@@ -139,7 +140,7 @@ impl EventClock {
         [of_offset, judge_time(dataset, "drift", self.drift, limit, because)].map(|found| self.explain(found))
     }
 
-    /// Adds the cause to a fault. Slow pixels are none: their lag depends on light and speed.
+    /// Adds the cause to a fault. Slow pixels do not count: their lag depends on light and speed.
     fn explain(&self, found: Finding) -> Finding {
         let (verdict, cause) = match found.verdict {
             Verdict::Fail if self.is_slow => {

@@ -51,7 +51,7 @@ pub struct PlanForecast {
     pub bytes: f64,
     /// Bytes of the events among them, which differ most between scenes.
     pub event_bytes: f64,
-    /// `scene/trajectory` of those whose length, or the size of whose pictures, is not known before a build.
+    /// `scene/trajectory` of those without a known length or picture size before a build.
     pub unknown: Vec<String>,
 }
 

@@ -109,8 +109,8 @@ impl Resolver<'_> {
         Some(recipe)
     }
 
-    /// The rendering with the default plane of `near`: the renderer's own for a scene that is trained here, which
-    /// may have Gaussians anywhere. A scene that changes with time has none.
+    /// The rendering with the default plane of `near`: the renderer's own for a scene that is trained here,
+    /// which may have Gaussians anywhere. A scene that changes with time has none.
     fn render_along(
         &self,
         raw: &schema::RecipeSchema,

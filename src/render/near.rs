@@ -1,11 +1,12 @@
 //! Gaussians that the near plane would cut within the picture, hidden along a whole path.
 //!
-//! A renderer draws a Gaussian until its mean passes the near plane, and its affine projection divides the size by the
-//! depth. So a large one covers the whole picture at that moment, also where its mean is far to the side, and vanishes
-//! with the next frame. The published renderers differ in the plane alone (0.2 scene units in
-//! graphdeco-inria/diff-gaussian-rasterization, 0.01 in nerfstudio-project/gsplat); a plane at another depth moves the
-//! moment. A fade over depth is slower, but no motion makes its change of brightness either. A Gaussian that is hidden
-//! along the whole path changes nothing at any moment, in frames, events, depth and flow alike.
+//! A renderer draws a Gaussian until its mean passes the near plane, and its affine projection divides the
+//! size by the depth. So a large one covers the whole picture at that moment, also where its mean is far to
+//! the side, and vanishes with the next frame. The published renderers differ in the plane alone (0.2 scene
+//! units in graphdeco-inria/diff-gaussian-rasterization, 0.01 in nerfstudio-project/gsplat); a plane at
+//! another depth moves the moment. A fade over depth is slower, but no motion makes its change of brightness
+//! either. A Gaussian that is hidden along the whole path changes nothing at any moment, in frames, events,
+//! depth and flow alike.
 
 pub mod cause;
 mod footprint;
@@ -22,8 +23,8 @@ use rayon::prelude::*;
 
 /// Smallest opacity in the picture at which a Gaussian is hidden: about four greys of a white one.
 const VISIBLE: f64 = 1.0 / 64.0;
-/// Largest depth of a Gaussian before it passes the plane, in depths of the plane. Further away, it passed between
-/// two poses of a coarse path, and perhaps out of the picture.
+/// Largest depth of a Gaussian before it passes the plane, in depths of the plane. Further away, it passed
+/// between two poses of a coarse path, and perhaps out of the picture.
 const PASSING: f64 = 2.0;
 /// Number of neighbouring poses that are bounded at once.
 const BLOCK: usize = 32;

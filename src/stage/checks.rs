@@ -55,7 +55,8 @@ pub struct ChecksStage {
     /// The stereo pair, if disparity is checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pair: Option<CheckedPair>,
-    /// The rendering, which finds the Gaussian that made a flash. The products depend on it, and they are inputs.
+    /// The rendering, which finds the Gaussian that made a flash. The products depend on it, and they are
+    /// inputs.
     #[serde(skip)]
     pub render: RenderChoice,
 }

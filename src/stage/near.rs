@@ -8,7 +8,8 @@ use crate::render::near::{NearPath, hide_near};
 use crate::scene::Gaussians;
 use std::sync::Arc;
 
-/// Returns the scene, and the number of Gaussians that are hidden. All products of a trajectory hide the same ones.
+/// Returns the scene, and the number of Gaussians that are hidden. All products of a trajectory hide the same
+/// ones.
 pub(super) fn seen_along(
     gaussians: &Arc<Gaussians>,
     motion: &TrajectoryProduct,

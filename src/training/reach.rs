@@ -1,11 +1,11 @@
 //! A limit on the size of Gaussians near the cameras.
 //!
-//! No camera stands inside a Gaussian: its largest standard deviation is at most a share of its distance to the
-//! nearest camera that is trained on. The affine projection divides the size by the depth. So a Gaussian of a distant
-//! background that is as wide as a third of its distance covers the whole picture when its mean, far to the side,
-//! passes the near plane. B. Kerbl et al. 2023 remove Gaussians larger than a tenth of the extent (GitHub
-//! graphdeco-inria/gaussian-splatting, `scene/gaussian_model.py`, `densify_and_prune`), and all of a distant
-//! background with them.
+//! No camera stands inside a Gaussian: its largest standard deviation is at most a share of its distance to
+//! the nearest camera that is trained on. The affine projection divides the size by the depth. So a Gaussian
+//! of a distant background that is as wide as a third of its distance covers the whole picture when its mean,
+//! far to the side, passes the near plane. B. Kerbl et al. 2023 remove Gaussians larger than a tenth of the
+//! extent (GitHub graphdeco-inria/gaussian-splatting, `scene/gaussian_model.py`, `densify_and_prune`), and
+//! all of a distant background with them.
 
 #![expect(clippy::cast_possible_truncation, reason = "parameters are stored in 32 bits")]
 
@@ -13,7 +13,8 @@ use crate::scene::Gaussians;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Largest standard deviation, in distances to the nearest camera. At the camera, the opacity of the Gaussian is below
+/// Largest standard deviation, in distances to the nearest camera. At the camera, the opacity of the Gaussian
+/// is below
 /// `exp(-4^2 / 2)` or 3e-4, less than any rules draw.
 const MAX_SPREAD: f64 = 0.25;
 

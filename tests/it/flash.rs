@@ -1,5 +1,5 @@
-//! Gaussians that pass the near plane before the camera: found by the check `flash` where they change the events, and
-//! hidden by `render.near`.
+//! Gaussians that pass the near plane before the camera: found by the check `flash` where they change the
+//! events, and hidden by `render.near`.
 
 use crate::release::small::{gs2e, said};
 use crate::support::given::transforms;
@@ -141,7 +141,8 @@ fn most_added(with: &[[f64; 2]], without: &[[f64; 2]]) -> (f64, usize) {
     added.zip(0..).max_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap()
 }
 
-/// Ten Gaussians by distance to the side and size: large ones cover the picture when they reach the near plane.
+/// Ten Gaussians by distance to the side and size: large ones cover the picture when they reach the near
+/// plane.
 const PLANTED: [[f64; 2]; 10] = [
     [0.3, 0.02],
     [0.3, 0.15],
@@ -171,8 +172,8 @@ fn a_gaussian_that_flashes_is_found_by_its_events_and_its_frames_and_named() {
         let events = statement(&findings, "events");
         let because = events["because"].as_str().unwrap();
         eprintln!("{side} {size}: {added:.4} per pixel in ms {millisecond}: {because}");
-        // The usual rate is below 0.1 per pixel, and an alarm needs five times as many. Between the bounds, either
-        // is right.
+        // The usual rate is below 0.1 per pixel, and an alarm needs five times as many. Between the bounds,
+        // either is right.
         if added > 0.6 {
             found += 1;
             assert!(is_alarm(events), "{side} {size}: {events:#}");

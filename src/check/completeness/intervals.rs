@@ -85,8 +85,8 @@ impl IntervalWatch {
         Self { size, law, stamps_us, short_us, drift, counts, sums, intervals, tiles }
     }
 
-    /// Counts no interval as short in which an image of this speed, px/s, moves too far. Frames may be too far
-    /// apart for any short interval.
+    /// Counts no interval as short in which an image of this speed, px/s, moves too far. Frames may be too
+    /// far apart for any short interval.
     pub(in crate::check) fn moves_at(&mut self, px_s: f64) {
         let most_us = 1e6 * SHORT_PX / px_s;
         if (self.short_us as f64) > most_us {

@@ -26,8 +26,8 @@ use std::collections::BTreeMap;
 const MADE: f64 = 1e6;
 /// Number of places at which the motion of a path is measured.
 const PLACES: usize = 9;
-/// Motion of the pixels of a rendering over that of the points of a scene. Hidden points are farther than what
-/// hides them, and slow the median. Over eight paths along five scenes it was 1.01 to 1.22.
+/// Motion of the pixels of a rendering over that of the points of a scene. Hidden points are farther than
+/// what hides them, and slow the median. Over eight paths along five scenes it was 1.01 to 1.22.
 const IN_FRONT: f64 = 1.1;
 /// Opacity logit from which on a Gaussian counts as a point of a surface: an opacity of a half.
 const SOLID: f32 = 0.0;

@@ -36,8 +36,8 @@ pub struct FlashCause {
     pub share: f64,
 }
 
-/// Finds the Gaussian without which two views differ least, among those whose share of the picture changes most. `None`
-/// if none makes a tenth of the change.
+/// Finds the Gaussian without which two views differ least, among those whose share of the picture changes
+/// most. `None` if none makes a tenth of the change.
 ///
 /// # Errors
 /// A view cannot be rendered.
