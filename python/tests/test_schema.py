@@ -183,6 +183,9 @@ class Invention:
             if "oneOf" in rule:
                 choices = [choice["required"][0] for choice in rule["oneOf"]]
                 wanted = wanted - set(choices) | {self.random.choice(choices)}
+            apart = sorted(rule.get("not", {}).get("required", ()))
+            if apart and wanted.issuperset(apart):
+                wanted.remove(self.random.choice(apart))
         made = {key: self.value(properties[key], depth + 1) for key in properties if key in wanted}
         made.update((key, text) for key, text in self.HINTS.items() if isinstance(made.get(key), str))
         if isinstance(schema.get("additionalProperties"), dict):

@@ -205,8 +205,8 @@ pub(super) struct RenderSection {
     pub background: Field<[Field<f64>; 3]>,
     /// Order of layers of nearly the same depth. Default: `depth`.
     pub order: Field<LayerOrder>,
-    /// Depth of a plane before the camera, in scale distances of the path; the near plane of the rules where that is
-    /// deeper. Gaussians that pass it within the picture are hidden along the whole path: see
+    /// Depth of a plane before the camera, in scale distances of the path; the near plane of the rules where
+    /// that is deeper. Gaussians that pass it within the picture are hidden along the whole path: see
     /// [checks.md](checks.md#flashes). Default: none; `0` for a scene that `reconstruct: builtin` trains.
     pub near: Field<f64>,
 }

@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 42] = [
+const CONTEXTS: [(&str, &str); 43] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -30,6 +30,7 @@ const CONTEXTS: [(&str, &str); 42] = [
     ),
     ("camera", "{ camera: { width: 64, height: 48 } }"),
     ("camera.f", "{ camera: { width: 64, height: 48, fx: 50 } }"),
+    ("camera.fov", "{ camera: { width: 64, height: 48 } }"),
     ("camera.c", "{ camera: { width: 64, height: 48, fx: 50 } }"),
     (
         "trajectories[].refine.curve.bezier",
