@@ -29,6 +29,13 @@ fn main() -> Result<(), Failure> {
             changed.insert(file.blake3, bytes);
         }
     }
+    // A key with intact outputs keeps them. All go before any is published: two steps may exchange theirs.
+    for digest in changed.keys() {
+        let place = store.path_of(digest);
+        if place.exists() {
+            fs::remove_file(place)?;
+        }
+    }
     let steps = manifest.scenes.iter().flat_map(|scene| &scene.steps);
     for step in steps.filter(|step| step.outputs.iter().any(|output| changed.contains_key(&output.digest))) {
         replace_outputs(&store, step, &changed)?;
@@ -50,13 +57,6 @@ fn replace_outputs(
         match changed.get(&output.digest) {
             Some(bytes) => fs::write(to, bytes)?,
             None => drop(fs::copy(store.path_of(&output.digest), to)?),
-        }
-    }
-    // A key with intact outputs keeps them.
-    for output in step.outputs.iter().filter(|output| changed.contains_key(&output.digest)) {
-        let place = store.path_of(&output.digest);
-        if place.exists() {
-            fs::remove_file(place)?;
         }
     }
     let record = StepRecord::new(Key(step.key), &step.stage, Vec::new(), StepProvenance::default());

@@ -5,6 +5,9 @@
 //! measured value is the sum of the drift by events over the sum of the drift, over these pixels.
 //! Sound streams show half of it or more; an interval without events shows nothing.
 //!
+//! Where an image turns back, most pixels begin close to an event of the other direction and may show
+//! nothing. So the voltage that a pixel began with, plus its drift, must be as large too.
+//!
 //! - `time`: the smallest share over the intervals. It finds chunks, windows and halves of the
 //!   recording that are missing.
 //! - `place`: the smallest share over 4x4 parts of the sensor. It finds rows, columns and parts of

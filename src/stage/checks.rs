@@ -83,7 +83,7 @@ type CheckedInputs =
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 13;
+    const REVISION: u32 = 14;
     type Inputs = (
         StepTarget<TrajectoryProduct>,
         Option<StepTarget<EventStreams>>,

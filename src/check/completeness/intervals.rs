@@ -23,7 +23,8 @@ pub struct ChangeInterval {
     pub short: bool,
 }
 
-/// Sums over pixels that changed by more than `LEAST` thresholds.
+/// Sums over pixels that changed by more than `LEAST` thresholds. `pixels`, `asked` and `shown` leave out
+/// those that began so close to an event of the other direction that the change need not end in one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TileSums {
     /// Number of pixels.
@@ -106,15 +107,22 @@ impl IntervalWatch {
     ) {
         let change = drift.unwrap_or(f64::NAN) - self.drift[pixel];
         let before = std::mem::replace(&mut self.counts[pixel], counts);
-        self.drift[pixel] = drift.unwrap_or(f64::NAN);
         let [a, b] = self.law.thresholds;
+        // The voltage at the last anchor, within the thresholds whatever the events are.
+        let begin = (self.drift[pixel] - a * f64::from(before[0]) + b * f64::from(before[1])).clamp(-b, a);
+        self.drift[pixel] = drift.unwrap_or(f64::NAN);
         // Unknown changes fail the comparison.
-        if change.abs() > LEAST * 0.5 * (a + b) + error {
+        let least = LEAST * 0.5 * (a + b) + error;
+        if change.abs() > least {
             let [on, off] = [0, 1].map(|side| u64::from(counts[side] - before[side]));
             let shown = a * on as f64 - b * off as f64;
             let (events, floor) = if change > 0.0 { ([on, off], floor[1]) } else { ([off, on], floor[0]) };
-            let (asked, shown) = (change.abs(), shown * change.signum());
-            let own = TileSums { pixels: 1, asked, shown, events, floor };
+            let own = if change.abs() + begin * change.signum() > least {
+                let (asked, shown) = (change.abs(), shown * change.signum());
+                TileSums { pixels: 1, asked, shown, events, floor }
+            } else {
+                TileSums { events, floor, ..TileSums::default() }
+            };
             self.sums.add(own);
             let tile = self.tile(pixel);
             self.tiles[tile].add(own);
