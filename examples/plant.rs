@@ -5,7 +5,7 @@
 //! written as `gs2e check --tree` finds in the files.
 
 use gs2e::release::{ManifestStep, ReleaseManifest};
-use gs2e::store::record::{StepProvenance, StepRecord};
+use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
 use gs2e::store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -29,35 +29,52 @@ fn main() -> Result<(), Failure> {
             changed.insert(file.blake3, bytes);
         }
     }
-    // A key with intact outputs keeps them. All go before any is published: two steps may exchange theirs.
-    for digest in changed.keys() {
-        let place = store.path_of(digest);
-        if place.exists() {
-            fs::remove_file(place)?;
-        }
-    }
     let steps = manifest.scenes.iter().flat_map(|scene| &scene.steps);
-    for step in steps.filter(|step| step.outputs.iter().any(|output| changed.contains_key(&output.digest))) {
-        replace_outputs(&store, step, &changed)?;
+    let is_altered = |step: &&ManifestStep| step.outputs.iter().any(|o| changed.contains_key(&o.digest));
+    let altered: Vec<&ManifestStep> = steps.filter(is_altered).collect();
+    // By way of bytes that no other step has, since two steps may exchange theirs.
+    for step in &altered {
+        replace_outputs(&store, step, |output| {
+            changed.contains_key(&output.digest).then(|| (output.digest, own(step, output)))
+        })?;
+    }
+    for step in &altered {
+        replace_outputs(&store, step, |output| {
+            let bytes = changed.get(&output.digest)?.clone();
+            Some((Digest::of_bytes(&own(step, output)), bytes))
+        })?;
     }
     store.flush()?;
     Ok(())
 }
 
-/// Publishes the outputs of a step once more, with the changed bytes.
+/// Bytes that only this output of this step has.
+fn own(step: &ManifestStep, output: &StoredOutput) -> Vec<u8> {
+    format!("{} {}", step.key, output.name).into_bytes()
+}
+
+/// Publishes the outputs of a step once more. `change` returns the digest of the bytes that an output has,
+/// and new ones; `None` keeps them.
 fn replace_outputs(
     store: &Store,
     step: &ManifestStep,
-    changed: &BTreeMap<Digest, Vec<u8>>,
+    change: impl Fn(&StoredOutput) -> Option<(Digest, Vec<u8>)>,
 ) -> Result<(), Failure> {
     let workspace = store.workspace()?;
+    let mut lost = Vec::new();
     for output in &step.outputs {
         let to = workspace.path().join(&output.name);
         fs::create_dir_all(to.parent().unwrap_or(Path::new(".")))?;
-        match changed.get(&output.digest) {
-            Some(bytes) => fs::write(to, bytes)?,
-            None => drop(fs::copy(store.path_of(&output.digest), to)?),
+        if let Some((digest, bytes)) = change(output) {
+            fs::write(to, bytes)?;
+            lost.push(store.path_of(&digest));
+        } else {
+            fs::copy(store.path_of(&output.digest), to)?;
         }
+    }
+    // A key with intact outputs keeps them.
+    for place in lost.iter().filter(|place| place.exists()) {
+        fs::remove_file(place)?;
     }
     let record = StepRecord::new(Key(step.key), &step.stage, Vec::new(), StepProvenance::default());
     match store.publish(&workspace, record) {

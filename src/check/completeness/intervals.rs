@@ -146,3 +146,40 @@ impl IntervalWatch {
         row * TILES + column
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::check::planted::PlantedWorld;
+
+    /// Sums of the two intervals of a pixel with thresholds of 1, by its drift and events until each anchor.
+    fn sums(anchors: [(f64, [u32; 2]); 2]) -> [TileSums; 2] {
+        let world = PlantedWorld::default_world();
+        let law = DriftLaw::for_crossings(&world.sensor.into()).expect("a voltmeter has a drift");
+        let frames = AnchorFrames { stamps_us: vec![0, 1000, 2000], images: Vec::new(), spans: Vec::new() };
+        let mut watch = IntervalWatch::new(Size { width: 1, height: 1 }, law, &frames);
+        for (i, (drift, counts)) in anchors.into_iter().enumerate() {
+            watch.see(0, Some(drift), counts, (0.0, [0.0; 2]));
+            watch.settle(i + 1);
+        }
+        let (intervals, _) = watch.finish();
+        [intervals[0].sums, intervals[1].sums]
+    }
+
+    #[test]
+    fn a_pixel_that_turns_back_need_not_fire() {
+        // It rises by 1.9, with one event, and falls by 1.8 to 0.9 below the level of that event.
+        let [rise, fall] = sums([(1.9, [1, 0]), (0.1, [1, 0])]);
+        assert_eq!((rise.pixels, rise.share()), (1, 1.0 / 1.9));
+        assert_eq!(fall.pixels, 0);
+        // A fall by 2.2 ends in an event.
+        let [_, fall] = sums([(1.9, [1, 0]), (-0.3, [1, 1])]);
+        assert_eq!((fall.pixels, fall.shown), (1, 1.0));
+    }
+
+    #[test]
+    fn lost_events_are_missed_in_the_next_interval_too() {
+        let [first, second] = sums([(1.9, [0, 0]), (3.8, [0, 0])]);
+        assert_eq!([first, second].map(|sums| (sums.pixels, sums.shown)), [(1, 0.0); 2]);
+    }
+}
