@@ -52,8 +52,9 @@ user)
     $as "$@"
     ;;
 bare)
-    for program in sh bash env ls cat cp mv rm ln mkdir mkfifo chmod du cut sed grep head sleep seq true kill touch setsid \
-        unshare mount sha256sum; do
+    # What every Unix has; the shell of a cluster task takes `mktemp`, and training programs of the tests `dirname`.
+    for program in sh bash env ls cat cp mv rm ln mkdir mkfifo mktemp chmod du cut dirname sed grep head sleep seq true kill \
+        touch setsid unshare mount sha256sum; do
         found=$(command -v "$program") && ln -s "$found" "$place/$program"
     done
     PATH=$place "$@"
