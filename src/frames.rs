@@ -45,7 +45,7 @@ pub enum FrameError {
         /// Index of the frame.
         index: usize,
         /// Cause.
-        source: crate::render::RenderError,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The content of the frame cannot be used.
     #[error("frame {index}: {because}")]

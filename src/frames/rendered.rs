@@ -185,7 +185,7 @@ impl RenderedFrames {
         want: ChannelSet,
     ) -> Result<RenderWork, FrameError> {
         let rendered = self.renderer.render(view, want, &mut self.rendered);
-        let work = rendered.map_err(|source| FrameError::Render { index, source })?;
+        let work = rendered.map_err(|source| FrameError::Render { index, source: source.into() })?;
         self.work += work;
         Ok(work)
     }

@@ -61,7 +61,7 @@ impl RenderedFrames {
             }
             let view = self.view(index).expect("the sample is of the path");
             let work = self.renderer.render(&view, want, &mut rendered);
-            work.map_err(|source| FrameError::Render { index, source })?;
+            work.map_err(|source| FrameError::Render { index, source: source.into() })?;
         }
         Ok(clock() - began)
     }
