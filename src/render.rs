@@ -3,11 +3,13 @@
 pub mod backend;
 pub mod centre;
 pub mod cpu;
+pub mod differentiable;
 pub mod doubt;
 mod dual;
 pub mod fidelity;
 pub mod flow;
 pub mod gpu;
+mod gpu_error;
 pub mod lens;
 pub mod near;
 pub mod parts;
@@ -15,6 +17,8 @@ pub mod points;
 pub mod reference;
 pub mod sample;
 pub mod shared;
+
+pub use gpu_error::GpuError;
 
 use crate::camera::Camera;
 use crate::image::Image;
@@ -357,7 +361,7 @@ pub enum RenderError {
     Style(String),
     /// The GPU failed or is out of memory.
     #[error(transparent)]
-    Gpu(#[from] gpu::GpuError),
+    Gpu(#[from] GpuError),
 }
 
 /// A back end that holds one scene and renders its views.

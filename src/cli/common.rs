@@ -6,12 +6,13 @@ use super::machine;
 use super::problem::VerbError;
 use crate::files;
 use crate::programs::ProgramFinder;
-use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::{self, GpuDevice, GpuError};
+use crate::render::gpu::{self, GpuDevice, GpuPool};
+use crate::render::{GpuError, OmissionPolicy};
 use crate::run::backends::{AutoRenderers, RendererChoice, RendererKind};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Options of every verb.
 #[derive(Debug, Clone, Args)]
@@ -73,7 +74,8 @@ impl CommonArgs {
             // A software GPU is slower than the CPU renderer, so it is used only if it is named.
             BackendArg::Auto => {
                 let choice = self.gpu.clone().unwrap_or(gpu::DeviceChoice::Hardware);
-                RendererKind::Auto(AutoRenderers::new(choice, self.features_left_out()))
+                let without = self.features_left_out();
+                RendererKind::Auto(AutoRenderers::new(move || Ok(Arc::new(GpuPool::open(&choice, without)?))))
             }
             _ => RendererKind::One(self.backend()?),
         };
@@ -116,8 +118,8 @@ impl CommonArgs {
         match self.backend {
             BackendArg::Gpu => {
                 let choice = self.gpu.clone().unwrap_or(gpu::DeviceChoice::Any);
-                let pool = gpu::GpuPool::open(&choice, self.features_left_out());
-                pool.map(Backend::Gpu).map_err(|e| no_adapter(&e))
+                let pool = GpuPool::open(&choice, self.features_left_out());
+                pool.map(Backend::from).map_err(|e| no_adapter(&e))
             }
             _ if self.gpu.is_some() => Err(VerbError::usage(
                 "no-adapter",

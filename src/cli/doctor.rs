@@ -202,7 +202,7 @@ fn store(path: &Path, page: &mut DoctorPage) {
 /// The trial of a GPU, compared with the picture of the CPU.
 fn try_gpu(scene: &TrialScene, on_cpu: &Result<TrialPicture, String>, gpu: &ListedGpu) -> String {
     let Ok(device) = &gpu.opened else { return "not tried".to_owned() };
-    match (scene.render(&Backend::Gpu(device.clone().into())), on_cpu) {
+    match (scene.render(&Backend::from(device.clone())), on_cpu) {
         (Err(because), _) => because,
         (Ok(picture), Ok(on_cpu)) => format!("{}, {}", picture.rate(), picture.likeness(on_cpu)),
         (Ok(picture), Err(_)) => picture.rate(),

@@ -271,13 +271,13 @@ impl RenderArgs {
             return by(&common.backend()?).map_err(render_failed);
         }
         // A GPU has neither blended orders nor scenes that change, so `auto` need not open one.
-        if !gpu::supports_order(style.order) || scene.dynamics().is_some() {
+        if !Backend::gpu_supports_order(style.order) || scene.dynamics().is_some() {
             return by(&Backend::Cpu).map_err(render_failed);
         }
         // A software GPU is slower than the CPU renderer.
         let device = common.device(&gpu::DeviceChoice::Hardware).map_err(RenderError::from);
         // Only a failure of the GPU itself is tried again; a wrong view fails on the CPU too.
-        let done = device.and_then(|device| by(&Backend::Gpu(device.into()))).or_else(|error| {
+        let done = device.and_then(|device| by(&device.into())).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
             console.say(&format!("rendering on the CPU, because {because}"));
             by(&Backend::Cpu)

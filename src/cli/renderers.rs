@@ -18,13 +18,14 @@ mod tests {
     use crate::plan::Plan;
     use crate::programs::ProgramFinder;
     use crate::render::OmissionPolicy;
-    use crate::render::backend::Backend;
+    use crate::render::backend::{Backend, GpuBackend};
     use crate::render::gpu::{DeviceChoice, GpuDevice, GpuPool};
     use crate::run::RunSummary;
     use crate::run::backends::{AutoRenderers, RendererKind};
     use clap::Parser as _;
     use std::collections::BTreeSet;
     use std::path::Path;
+    use std::sync::Arc;
 
     const RECIPE: &str = "version: 1\nscene: tiny\nseed: 1\n\
         source: { procedural: { kind: still-life, gaussians: 200, views: 4, seed: 1 } }\n\
@@ -46,7 +47,8 @@ mod tests {
         std::fs::write(&recipe, RECIPE).unwrap();
         let store = dir.join("store").display().to_string();
         let common = Cli::try_parse_from(["gs2e", "build", "--store", &store]).unwrap().common;
-        let auto = AutoRenderers::with_pool(pool);
+        let pool: Arc<dyn GpuBackend> = Arc::new(pool);
+        let auto = AutoRenderers::new(move || Ok(Arc::clone(&pool)));
         let console = Console::new(crate::cli::ConsoleStreams::of_process(), false, true);
         let care = TrustOptions::default();
         let chosen = RendererChoice::new(

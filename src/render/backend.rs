@@ -1,13 +1,41 @@
 //! Choice of a back end, and the numerical class that it adds to the keys of steps.
 
 use super::cpu::{self, CpuRenderer};
-use super::gpu::{self, GpuError, GpuPool, GpuRenderer};
+use super::differentiable::DifferentiableRenderer;
 use super::lens::LensRenderer;
 use super::reference::{self, ReferenceRenderer};
-use super::{RenderError, RenderStyle, Renderer};
+use super::{GpuError, LayerOrder, RenderError, RenderStyle, Renderer};
 use crate::image::Size;
 use crate::scene::Gaussians;
 use std::sync::Arc;
+
+/// Open GPUs of one numerical class, as the code that plans and runs steps knows them.
+pub trait GpuBackend: std::fmt::Debug + Send + Sync {
+    /// The numerical class of all GPUs: the [`Renderer::fingerprint`] of their renderers.
+    fn class(&self) -> &str;
+
+    /// The number of GPUs.
+    fn device_count(&self) -> usize;
+
+    /// Returns true if no GPU can render any more.
+    fn is_lost(&self) -> bool;
+
+    /// Creates the renderer of a scene, for cameras without a lens.
+    ///
+    /// # Errors
+    /// The GPU cannot hold the scene, or cannot render in this style.
+    fn renderer(&self, scene: &Gaussians, style: RenderStyle) -> Result<Box<dyn Renderer>, RenderError>;
+
+    /// Creates a renderer with gradients.
+    ///
+    /// # Errors
+    /// As [`Self::renderer`], or the style has no gradients.
+    fn differentiable(
+        &self,
+        scene: Gaussians,
+        style: RenderStyle,
+    ) -> Result<Box<dyn DifferentiableRenderer>, RenderError>;
+}
 
 /// A back end that can take scenes.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +46,7 @@ pub enum Backend {
     /// The CPU in f64: slow.
     Reference,
     /// A GPU, or several of one kind.
-    Gpu(GpuPool),
+    Gpu(Arc<dyn GpuBackend>),
     /// A GPU that was not opened, known by its numerical class. It is enough for keys, but it
     /// cannot render.
     Unopened(String),
@@ -31,7 +59,7 @@ impl Backend {
         match self {
             Self::Cpu => cpu::FINGERPRINT.to_owned(),
             Self::Reference => reference::FINGERPRINT.to_owned(),
-            Self::Gpu(pool) => pool.fingerprint().to_owned(),
+            Self::Gpu(gpus) => gpus.class().to_owned(),
             Self::Unopened(class) => class.clone(),
         }
     }
@@ -48,7 +76,7 @@ impl Backend {
         let pinhole: Box<dyn Renderer> = match self {
             Self::Cpu => Box::new(CpuRenderer::new(scene, style)?),
             Self::Reference => Box::new(ReferenceRenderer::new(scene, style)?),
-            Self::Gpu(pool) => Box::new(GpuRenderer::new(pool.take()?, &scene, style)?),
+            Self::Gpu(gpus) => gpus.renderer(&scene, style)?,
             Self::Unopened(class) => return Err(GpuError::None(format!("{class} was not opened")).into()),
         };
         Ok(Box::new(LensRenderer::new(pinhole)))
@@ -60,8 +88,39 @@ impl Backend {
         match self {
             Self::Cpu => cpu::memory_needed(scene_bytes, size),
             Self::Reference => reference::memory_needed(scene_bytes, size),
-            Self::Gpu(_) | Self::Unopened(_) => gpu::memory_needed(scene_bytes, size),
+            Self::Gpu(_) | Self::Unopened(_) => Self::gpu_memory(scene_bytes, size),
         }
+    }
+
+    /// Host memory for rendering on a GPU, in bytes: the scene and its activated form during the upload, and
+    /// the images of a few frames in transfer.
+    fn gpu_memory(scene_bytes: u64, size: Size) -> u64 {
+        const BYTES_A_PIXEL: u64 = 96;
+        2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
+    }
+
+    /// Creates a renderer with gradients.
+    ///
+    /// # Errors
+    /// As [`Self::renderer`], or the back end or the style has no gradients.
+    pub fn differentiable(
+        &self,
+        scene: Gaussians,
+        style: RenderStyle,
+    ) -> Result<Box<dyn DifferentiableRenderer>, RenderError> {
+        match self {
+            Self::Cpu => Ok(Box::new(cpu::backward::GradientRenderer::new(scene, style)?)),
+            Self::Gpu(gpus) => gpus.differentiable(scene, style),
+            Self::Reference | Self::Unopened(_) => {
+                Err(RenderError::Style(format!("{} has no gradients", self.class())))
+            }
+        }
+    }
+
+    /// Returns true if a GPU can blend layers in this order.
+    #[must_use]
+    pub fn gpu_supports_order(order: LayerOrder) -> bool {
+        order == LayerOrder::Depth
     }
 
     /// Returns true if the back end can render both with and without leaving work out.

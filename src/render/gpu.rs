@@ -26,16 +26,15 @@ mod sums;
 mod work;
 
 pub use clock::TimedStage;
-pub use device::{DeviceChoice, GpuDevice, GpuError, ListedGpu, list_gpus};
+pub use device::{DeviceChoice, GpuDevice, ListedGpu, list_gpus};
 pub use features::{FeatureSet, GpuFeature};
 pub use gradients::GpuGradientRenderer;
 pub use pool::GpuPool;
 pub use work::{FrameWork, StageWork};
 
+use super::backend::Backend;
 use super::shared::TILE;
-use super::{
-    CameraView, ChannelSet, LayerOrder, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow,
-};
+use super::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow};
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
 use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
@@ -107,20 +106,6 @@ struct GpuShot {
 const FIRST_SPLATS: u32 = 1 << 16;
 const FIRST_PAIRS: u32 = 1 << 18;
 
-/// Host memory for rendering a scene of this many bytes at this size, in bytes: the scene and its
-/// activated form during the upload, and the images of a few frames in transfer.
-#[must_use]
-pub fn memory_needed(scene_bytes: u64, size: Size) -> u64 {
-    const BYTES_A_PIXEL: u64 = 96;
-    2 * scene_bytes + BYTES_A_PIXEL * u64::from(size.width) * u64::from(size.height)
-}
-
-/// Returns true if layers can be blended in this order.
-#[must_use]
-pub fn supports_order(order: LayerOrder) -> bool {
-    order == LayerOrder::Depth
-}
-
 impl GpuRenderer {
     /// Uploads a scene to a device.
     ///
@@ -137,7 +122,7 @@ impl GpuRenderer {
         traced: Option<Vec<TracedRegion>>,
     ) -> Result<Self, RenderError> {
         super::check_style(&style)?;
-        if !supports_order(style.order) {
+        if !Backend::gpu_supports_order(style.order) {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }

@@ -7,14 +7,13 @@
 
 mod auto;
 
-pub use auto::{AutoRenderers, InformedRenderers};
+pub use auto::{AutoRenderers, InformedRenderers, OpenedGpus};
 
 use super::RunSummary;
 use crate::plan::Plan;
 use crate::programs::ProgramFinder;
-use crate::render::OmissionPolicy;
 use crate::render::backend::Backend;
-use crate::render::gpu::GpuError;
+use crate::render::{GpuError, OmissionPolicy};
 use crate::store::Store;
 
 /// The back ends of a command, and the work that they leave out.

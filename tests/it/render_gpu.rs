@@ -18,7 +18,8 @@ use crate::support::{gpu, ply, shared};
 use glam::DVec3;
 use gs2e::image::{Image, Size, luminance, png};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuError, GpuRenderer, TimedStage};
+use gs2e::render::GpuError;
+use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::render::{
     CameraVelocity, CameraView, ChannelSet, RenderError, RenderRules, RenderStyle, RenderWork,
     RenderedImages, Renderer,

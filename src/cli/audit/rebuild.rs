@@ -169,7 +169,7 @@ fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> 
             let device = common.device(&gpu::DeviceChoice::Any);
             let device = device
                 .map_err(|e| VerbError::failed("no-adapter", format!("{class} rendered the release: {e}")))?;
-            Backend::Gpu(device.into())
+            device.into()
         }
         _ => Backend::Reference,
     };

@@ -1,10 +1,11 @@
 //! The device memory of a frame, and its bindings for the passes.
 
-use super::device::{GpuDevice, GpuError};
+use super::device::GpuDevice;
 use super::passes::BindingLayouts;
 use super::scene::{MAX_GROUPS, ScenePart};
 use super::shader::{BLOCK, DIGIT_BITS, DISPATCHES, GROUP, TOTALS};
 use super::{TileRegion, frame};
+use crate::render::GpuError;
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding,
     BufferDescriptor, BufferSize, BufferUsages,

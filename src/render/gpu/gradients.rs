@@ -26,6 +26,7 @@ use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVari
 use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, passes::ShaderCompiler};
 use crate::image::{Image, Size};
 use crate::render::cpu::backward::{GaussianGradient, ViewGradients, refuse_without_gradients};
+use crate::render::differentiable::DifferentiableRenderer;
 use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use buffers::GradientBuffers;
@@ -57,6 +58,41 @@ struct BackwardPipelines {
     backward: ComputePipeline,
     gather: ComputePipeline,
     chain: ComputePipeline,
+}
+
+impl DifferentiableRenderer for GpuGradientRenderer {
+    fn scene(&self) -> &Gaussians {
+        self.scene()
+    }
+
+    fn into_scene(self: Box<Self>) -> Gaussians {
+        (*self).into_scene()
+    }
+
+    fn set_degree(&mut self, degree: u8) {
+        self.set_degree(degree);
+    }
+
+    fn change(&mut self, numbers: &[u32], change: &mut dyn FnMut(&mut Gaussians)) {
+        self.change(numbers, change);
+    }
+
+    fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError> {
+        self.rebuild(change)
+    }
+
+    fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        self.render(view)
+    }
+
+    fn gradients(
+        &mut self,
+        by_pixel: &[[f32; 3]],
+        score: &[f32],
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError> {
+        self.gradients(by_pixel, score, out)
+    }
 }
 
 impl GpuGradientRenderer {

@@ -3,8 +3,13 @@
 //! Each renderer works on one GPU. GPUs of other kinds round differently, so their steps would have other keys: a
 //! pool has GPUs of one numerical class only.
 
-use super::device::{DeviceChoice, GpuDevice, GpuError};
+use super::device::{DeviceChoice, GpuDevice};
 use super::features::FeatureSet;
+use super::{GpuGradientRenderer, GpuRenderer};
+use crate::render::backend::{Backend, GpuBackend};
+use crate::render::differentiable::DifferentiableRenderer;
+use crate::render::{GpuError, RenderError, RenderStyle, Renderer};
+use crate::scene::Gaussians;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// GPUs of one numerical class. Clones share the load.
@@ -34,6 +39,44 @@ impl From<GpuDevice> for GpuPool {
     }
 }
 
+impl From<GpuPool> for Backend {
+    fn from(pool: GpuPool) -> Self {
+        Self::Gpu(Arc::new(pool))
+    }
+}
+
+impl From<GpuDevice> for Backend {
+    fn from(device: GpuDevice) -> Self {
+        GpuPool::from(device).into()
+    }
+}
+
+impl GpuBackend for GpuPool {
+    fn class(&self) -> &str {
+        self.devices[0].fingerprint()
+    }
+
+    fn device_count(&self) -> usize {
+        self.devices.len()
+    }
+
+    fn is_lost(&self) -> bool {
+        self.devices.iter().all(|device| device.check().is_err())
+    }
+
+    fn renderer(&self, scene: &Gaussians, style: RenderStyle) -> Result<Box<dyn Renderer>, RenderError> {
+        Ok(Box::new(GpuRenderer::new(self.take()?, scene, style)?))
+    }
+
+    fn differentiable(
+        &self,
+        scene: Gaussians,
+        style: RenderStyle,
+    ) -> Result<Box<dyn DifferentiableRenderer>, RenderError> {
+        Ok(Box::new(GpuGradientRenderer::new(self.take()?, scene, style)?))
+    }
+}
+
 impl GpuPool {
     /// A pool of these devices. Those of another numerical class than the first are left out.
     ///
@@ -55,23 +98,11 @@ impl GpuPool {
         GpuDevice::open_all(choice, without).map(Self::new)
     }
 
-    /// The number of devices.
-    #[must_use]
-    pub fn device_count(&self) -> usize {
-        self.devices.len()
-    }
-
     /// Name and interface of the devices, with their number if there are several.
     #[must_use]
     pub fn name(&self) -> String {
         let name = self.devices[0].name();
         if self.devices.len() == 1 { name.to_owned() } else { format!("{} GPUs {name}", self.devices.len()) }
-    }
-
-    /// The numerical class of all devices ([`GpuDevice::fingerprint`]).
-    #[must_use]
-    pub fn fingerprint(&self) -> &str {
-        self.devices[0].fingerprint()
     }
 
     /// The device with the fewest renderers among those that were not lost. The renderer that it is for keeps the
@@ -89,11 +120,5 @@ impl GpuPool {
         loads[at] += 1;
         let place = PoolPlace { loads: Arc::clone(&self.loads), at };
         Ok(self.devices[at].clone().at_place(place))
-    }
-
-    /// Returns true if no device can render any more.
-    #[must_use]
-    pub fn is_lost(&self) -> bool {
-        self.devices.iter().all(|device| device.check().is_err())
     }
 }

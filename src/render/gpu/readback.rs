@@ -1,11 +1,11 @@
 //! Transfer of images and counts from the device.
 
 use super::clock::{self, DeviceClock};
-use super::device::{GpuDevice, GpuError};
+use super::device::GpuDevice;
 use super::shader::{ImageLayout, TOTALS, Total, UNDEFINED};
 use super::{TileRegion, buffers::FrameBuffers};
 use crate::image::{Image, Size};
-use crate::render::{ChannelSet, RenderWork, RenderedImages};
+use crate::render::{ChannelSet, GpuError, RenderWork, RenderedImages};
 use rayon::prelude::*;
 use std::sync::mpsc;
 use wgpu::{

@@ -2,8 +2,9 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "a part's Gaussians are few enough for 32 bits")]
 
-use super::device::{GpuDevice, GpuError};
+use super::device::GpuDevice;
 use super::shader::{GROUP, LOST, SPOILT};
+use crate::render::GpuError;
 use crate::render::cpu::activate::{self, ActivatedGaussian};
 use crate::scene::{Gaussians, sh};
 use rayon::prelude::*;

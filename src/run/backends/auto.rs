@@ -6,42 +6,46 @@ use crate::plan::asked;
 use crate::plan::assess::{PlanError, StepAction, assess_plan};
 use crate::plan::{Plan, RendererPolicy, past};
 use crate::recipe::Recipe;
-use crate::render::OmissionPolicy;
-use crate::render::backend::Backend;
-use crate::render::gpu::{self, DeviceChoice, FeatureSet, GpuError, GpuPool};
+use crate::render::backend::{Backend, GpuBackend};
+use crate::render::{GpuError, OmissionPolicy};
 use crate::store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::fmt;
+use std::sync::Arc;
+
+/// Open GPUs, or the reason why there are none.
+pub type OpenedGpus = Result<Arc<dyn GpuBackend>, GpuError>;
 
 /// Chooses a suitable back end for each scene.
-#[derive(Debug)]
 pub struct AutoRenderers {
-    choice: DeviceChoice,
-    without: FeatureSet,
-    /// The GPUs, or the error of opening them; `None` if they were not opened yet.
-    pub(super) gpu: RefCell<Option<Result<GpuPool, GpuError>>>,
+    open: Box<dyn Fn() -> OpenedGpus>,
+    /// The GPUs; `None` if they were not opened yet.
+    pub(super) gpu: RefCell<Option<OpenedGpus>>,
     /// Scenes that the GPU failed.
     pub(super) on_cpu: RefCell<BTreeSet<String>>,
 }
 
-impl AutoRenderers {
-    /// Renders by one of these GPUs without some of its features, or else by the CPU.
-    #[must_use]
-    pub fn new(choice: DeviceChoice, without: FeatureSet) -> Self {
-        Self { choice, without, gpu: RefCell::default(), on_cpu: RefCell::default() }
+impl fmt::Debug for AutoRenderers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { gpu, on_cpu, .. } = self;
+        f.debug_struct("AutoRenderers").field("gpu", gpu).field("on_cpu", on_cpu).finish_non_exhaustive()
     }
+}
 
-    /// Renders by GPUs that are open already.
-    #[cfg(test)]
-    pub(crate) fn with_pool(pool: GpuPool) -> Self {
-        Self { gpu: RefCell::new(Some(Ok(pool))), ..Self::new(DeviceChoice::Any, FeatureSet::NONE) }
+impl AutoRenderers {
+    /// Renders by the GPUs that `open` opens, or else by the CPU. They are opened once, when something must be
+    /// rendered.
+    #[must_use]
+    pub fn new(open: impl Fn() -> OpenedGpus + 'static) -> Self {
+        Self { open: Box::new(open), gpu: RefCell::default(), on_cpu: RefCell::default() }
     }
 
     /// The GPU, opened if necessary, or else the CPU.
     fn best(&self) -> Backend {
         let mut gpu = self.gpu.borrow_mut();
-        match gpu.get_or_insert_with(|| GpuPool::open(&self.choice, self.without)) {
-            Ok(pool) => Backend::Gpu(pool.clone()),
+        match gpu.get_or_insert_with(|| (self.open)()) {
+            Ok(gpus) => Backend::Gpu(Arc::clone(gpus)),
             Err(_) => Backend::Cpu,
         }
     }
@@ -73,7 +77,7 @@ impl RendererPolicy for InformedRenderers<'_> {
     fn of(&self, recipe: &Recipe) -> Backend {
         match &self.chosen.by {
             RendererKind::One(backend) => backend.clone(),
-            RendererKind::Auto(_) if !gpu::supports_order(recipe.render.order) => Backend::Cpu,
+            RendererKind::Auto(_) if !Backend::gpu_supports_order(recipe.render.order) => Backend::Cpu,
             // Nor moving objects, nor scenes that change with time.
             RendererKind::Auto(_) if !recipe.objects.is_empty() || recipe.scene_time().is_some() => {
                 Backend::Cpu

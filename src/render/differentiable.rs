@@ -1,0 +1,89 @@
+//! Renderings of a scene under training, and the gradients of its parameters.
+
+use super::cpu::backward::{GradientRenderer, ViewGradients};
+use super::{CameraView, RenderError, RenderWork};
+use crate::image::Image;
+use crate::scene::Gaussians;
+
+/// A scene on a back end with gradients.
+pub trait DifferentiableRenderer: std::fmt::Debug {
+    /// The scene.
+    fn scene(&self) -> &Gaussians;
+
+    /// Returns the scene and drops the rest.
+    fn into_scene(self: Box<Self>) -> Gaussians;
+
+    /// Sets the highest degree of harmonics that is evaluated. Higher ones count as zero.
+    fn set_degree(&mut self, degree: u8);
+
+    /// Changes parameters of the Gaussians with these indices, ascending. The number of Gaussians stays.
+    ///
+    /// # Panics
+    /// The change adds or removes Gaussians.
+    fn change(&mut self, numbers: &[u32], change: &mut dyn FnMut(&mut Gaussians));
+
+    /// Changes the scene in any way, except its degree of harmonics.
+    ///
+    /// # Errors
+    /// There is no memory for the scene.
+    fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError>;
+
+    /// Renders a view and keeps the trace for [`Self::gradients`].
+    ///
+    /// # Errors
+    /// The view cannot be rendered.
+    fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError>;
+
+    /// Gradients of a loss with respect to all parameters, from those with respect to the pixels of the last view,
+    /// as [`GradientRenderer::gradients`].
+    ///
+    /// # Errors
+    /// The back end has no memory for the sums, or it failed.
+    ///
+    /// # Panics
+    /// No view was rendered since the last change of the scene or of the degree, or there is not one value per
+    /// pixel.
+    fn gradients(
+        &mut self,
+        by_pixel: &[[f32; 3]],
+        score: &[f32],
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError>;
+}
+
+impl DifferentiableRenderer for GradientRenderer {
+    fn scene(&self) -> &Gaussians {
+        self.scene()
+    }
+
+    fn into_scene(self: Box<Self>) -> Gaussians {
+        (*self).into_scene()
+    }
+
+    fn set_degree(&mut self, degree: u8) {
+        self.set_degree(degree);
+    }
+
+    fn change(&mut self, numbers: &[u32], change: &mut dyn FnMut(&mut Gaussians)) {
+        self.change(numbers, change);
+    }
+
+    fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError> {
+        self.rebuild(change);
+        Ok(())
+    }
+
+    fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        self.render(view)
+    }
+
+    fn gradients(
+        &mut self,
+        by_pixel: &[[f32; 3]],
+        score: &[f32],
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError> {
+        self.gradients(by_pixel, score, out);
+        Ok(())
+    }
+}
