@@ -28,7 +28,7 @@
 //! - [`units`], [`escape`], `html`, [`files`], [`programs`], [`budget`], [`stats`], `elementary`, [`seed`],
 //!   [`mod@image`], [`se3`]: the foundation. Pure values, visible text, memory budgets, and the
 //!   only access to files and to other programs.
-//! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`lights`],
+//! - [`camera`], [`source`], [`scene`], [`speed`], [`trajectory`], [`render`], [`gpu`], [`lights`],
 //!   [`frames`], [`event`], [`sensor`], [`sampling`], [`imu`], [`reconstruct`], [`training`], [`foreign`], [`check`],
 //!   [`dataset`], [`licence`]: the domain. Values and models, with readers and writers of their own
 //!   formats. No store, and no threads except rayon's.
@@ -91,6 +91,7 @@ pub mod export;
 pub mod files;
 pub mod foreign;
 pub mod frames;
+pub mod gpu;
 pub(crate) mod html;
 pub mod image;
 pub mod imu;

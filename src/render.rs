@@ -8,7 +8,6 @@ pub mod doubt;
 mod dual;
 pub mod fidelity;
 pub mod flow;
-pub mod gpu;
 mod gpu_error;
 pub mod lens;
 pub mod near;
@@ -443,7 +442,7 @@ pub trait Renderer {
 }
 
 /// Checks that the style can be rendered.
-fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
+pub(crate) fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
     }
@@ -457,7 +456,7 @@ fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
 }
 
 /// Checks that the view can be rendered.
-fn check_view(view: &CameraView) -> Result<(), RenderError> {
+pub(crate) fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));
     if let Some(lens) = camera.lens {

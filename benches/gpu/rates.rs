@@ -2,7 +2,7 @@
 
 use crate::model::{CARDS, Card};
 use crate::views::BenchViews;
-use gs2e::render::gpu::{FrameWork, GpuDevice, GpuRenderer, TimedStage};
+use gs2e::gpu::{FrameWork, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use std::time::Instant;
 

@@ -12,8 +12,8 @@ use super::{BackendArg, CommonArgs, input};
 use crate::camera::Camera;
 use crate::camera::lens::Distortion;
 use crate::files::is_there;
+use crate::gpu;
 use crate::render::backend::Backend;
-use crate::render::gpu;
 use crate::render::{
     AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
     RenderStyle, RenderWork, RenderedImages,

@@ -15,11 +15,11 @@ mod tests {
     use super::*;
     use crate::cli::build::{BuildRequest, TrustOptions, open_store};
     use crate::cli::{Cli, RecipeTargets};
+    use crate::gpu::{DeviceChoice, GpuDevice, GpuPool};
     use crate::plan::Plan;
     use crate::programs::ProgramFinder;
     use crate::render::OmissionPolicy;
     use crate::render::backend::{Backend, GpuBackend};
-    use crate::render::gpu::{DeviceChoice, GpuDevice, GpuPool};
     use crate::run::RunSummary;
     use crate::run::backends::{AutoRenderers, RendererKind};
     use clap::Parser as _;

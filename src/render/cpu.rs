@@ -6,13 +6,13 @@
 //! on a transcendental function of the platform, and the order of every sum is fixed. The bytes are
 //! therefore the same on every machine and with any number of threads.
 
-pub(super) mod activate;
+pub(crate) mod activate;
 pub mod backward;
 mod bin;
 mod cull;
 mod exp2;
 mod extent;
-pub(super) mod eye;
+pub(crate) mod eye;
 mod level;
 mod project;
 mod raster;

@@ -4,9 +4,9 @@ use super::{amount, shared};
 use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::image::Size;
 use gs2e::render::cpu::{CpuRenderer, InstructionSet, PassKind};
-use gs2e::render::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::render::sample::TileSample;
 use gs2e::render::{
     CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages,

@@ -7,6 +7,7 @@ use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
 use crate::export::{IncludedExporter, SilentProgress};
+use crate::gpu;
 use crate::plan::Plan;
 use crate::recipe::{self, Recipe};
 use crate::release::audit::{AuditFault, rebuilt};
@@ -14,7 +15,6 @@ use crate::release::{
     BuiltPlan, JudgedRelease, LinkMode, ReleaseContext, ReleaseManifest, ReleaseTarget, TargetClaim,
 };
 use crate::render::backend::Backend;
-use crate::render::gpu;
 use crate::run::backends::{RendererChoice, RendererKind};
 use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;

@@ -58,18 +58,18 @@ pub(super) struct BlockMotion {
 
 /// One Gaussian in activated form: see [`GaussianBlock`].
 #[derive(Debug, Clone, Copy)]
-pub(in crate::render) struct ActivatedGaussian {
-    pub(in crate::render) axes: [[f32; 3]; 3],
-    pub(in crate::render) opacity: f32,
+pub(crate) struct ActivatedGaussian {
+    pub(crate) axes: [[f32; 3]; 3],
+    pub(crate) opacity: f32,
 }
 
 /// Applies the activations to one Gaussian in f64, and rounds the result.
-pub(in crate::render) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedGaussian {
+pub(crate) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedGaussian {
     ActivatedGaussian { axes: scaled_axes(scene, i), opacity: logistic_opacity(scene.opacity_logits[i]) }
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
-pub(in crate::render) const MIN_NORM: f64 = 1e-12;
+pub(crate) const MIN_NORM: f64 = 1e-12;
 
 impl GaussianBlock {
     /// The Gaussian of a lane.

@@ -294,10 +294,7 @@ impl GradientRenderer {
 }
 
 /// Refuses a scene or a style that has no gradients, on any back end.
-pub(in crate::render) fn refuse_without_gradients(
-    scene: &Gaussians,
-    style: RenderStyle,
-) -> Result<(), RenderError> {
+pub(crate) fn refuse_without_gradients(scene: &Gaussians, style: RenderStyle) -> Result<(), RenderError> {
     if scene.len() > MAX_GAUSSIANS {
         let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
         return Err(RenderError::Scene(because));

@@ -36,7 +36,7 @@ pub(super) struct ViewTransform {
 }
 
 /// Bounds of `x / z`, then of `y / z`, at which the derivative of the projection is taken.
-pub(in crate::render) fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
+pub(crate) fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
         RenderRules::Official | RenderRules::Exact | RenderRules::Soft => {
             // The published bounds are symmetric about the optical axis: they know no principal

@@ -3,8 +3,8 @@
 use super::{ALL_RULES, by_gpu, images, moving, style};
 use crate::support::gaussians::{OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use crate::support::gpu;
+use gs2e::gpu::{GpuFeature, GpuRenderer, TimedStage};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::gpu::{GpuFeature, GpuRenderer, TimedStage};
 use gs2e::render::{ChannelSet, RenderedImages, Renderer as _};
 use std::sync::Arc;
 

@@ -13,9 +13,9 @@ use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, 
 use crate::support::gpu;
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::gpu::{GpuDevice, GpuGradientRenderer};
 use gs2e::image::Size;
 use gs2e::render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
-use gs2e::render::gpu::{GpuDevice, GpuGradientRenderer};
 use gs2e::render::{CameraView, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
 use gs2e::scene::{Gaussians, SceneScreening};
 use gs2e::se3::Se3;

@@ -24,6 +24,7 @@ const ORDER: &[&str] = &[
     "speed",
     "trajectory",
     "render",
+    "gpu",
     "lights",
     "frames",
     "event",

@@ -32,10 +32,12 @@ pub use gradients::GpuGradientRenderer;
 pub use pool::GpuPool;
 pub use work::{FrameWork, StageWork};
 
-use super::backend::Backend;
-use super::shared::TILE;
-use super::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow};
 use crate::image::{Image, Size};
+use crate::render::backend::Backend;
+use crate::render::shared::TILE;
+use crate::render::{
+    CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow,
+};
 use crate::scene::Gaussians;
 use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
 use clock::DeviceClock;
@@ -121,7 +123,7 @@ impl GpuRenderer {
         style: RenderStyle,
         traced: Option<Vec<TracedRegion>>,
     ) -> Result<Self, RenderError> {
-        super::check_style(&style)?;
+        crate::render::check_style(&style)?;
         if !Backend::gpu_supports_order(style.order) {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
@@ -183,7 +185,7 @@ impl GpuRenderer {
 
     /// Submits a view.
     fn begin(&mut self, view: &CameraView, want: ChannelSet) -> Result<PendingView, RenderError> {
-        super::check_view(view)?;
+        crate::render::check_view(view)?;
         let mut shots = Vec::new();
         if let Some(traced) = &mut self.traced {
             traced.clear();

@@ -1,11 +1,11 @@
 //! The text of the shaders, with constants generated from their Rust definitions.
 
-use super::super::shared::{
+use crate::image::LUMINANCE_WEIGHTS;
+use crate::render::cpu::activate::MIN_NORM;
+use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DEPTH_MIN_ALPHA, DILATION, EXTENT_ROOT_FLOOR,
     EXTENT_SIGMAS, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, MAX_ALPHA, NEAR, STOP, TILE, least_alpha,
 };
-use crate::image::LUMINANCE_WEIGHTS;
-use crate::render::cpu::activate::MIN_NORM;
 use crate::render::{ChannelSet, RenderRules, RenderStyle};
 use crate::scene::sh;
 use std::f64::consts::LOG2_E;
