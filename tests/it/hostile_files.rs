@@ -11,7 +11,6 @@ use crate::support::workspace::{Ended, TINY, Workspace};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
-use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -35,7 +34,8 @@ fn plant(kind: &str, path: &Path) {
     match kind {
         "device" => symlink("/dev/zero", path).unwrap(),
         "FIFO" => mknodat(CWD, path, FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap(),
-        "socket" => drop(UnixListener::bind(path).unwrap()),
+        // A listener would refuse the paths of a long temporary folder.
+        "socket" => mknodat(CWD, path, FileType::Socket, Mode::from_raw_mode(0o600), 0).unwrap(),
         "dangling" => symlink("no such file", path).unwrap(),
         "loop" => symlink(path.file_name().unwrap(), path).unwrap(),
         "folder" => fs::create_dir(path).unwrap(),
