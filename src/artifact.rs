@@ -5,6 +5,7 @@
 //! pictures) are opened as handles, and consumers stream their bytes.
 
 use crate::camera::Camera;
+use crate::camera::view::CameraVelocity;
 use crate::check::Finding;
 use crate::check::sampling::ResampledIntervals;
 use crate::files;
@@ -12,8 +13,7 @@ use crate::foreign::ExternalReport;
 use crate::frames::anchors::AnchorFrames;
 use crate::image::{Image, npy};
 use crate::render::fidelity::PhotoFidelity;
-use crate::render::flow::FlowQuantiles;
-use crate::render::{CameraVelocity, OmissionPolicy, RenderWork};
+use crate::render::{OmissionPolicy, RenderWork};
 use crate::sampling::SamplingChoice;
 use crate::sampling::exposure::ExposureRecord;
 use crate::scene::dynamic::file::{DynamicsRecord, open_files};
@@ -29,6 +29,7 @@ use crate::speed::SpeedMeaning;
 use crate::store::record::{StoredOutput, content_digest};
 use crate::store::{Digest, Store};
 use crate::trajectory::Trajectory;
+use crate::trajectory::flow::FlowQuantiles;
 use crate::trajectory::report::SpeedReport;
 use crate::trajectory::twist::pose_twists;
 use crate::units::Ratio;

@@ -3,8 +3,10 @@
 //! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, and its centre is at `(i+0.5, j+0.5)`. A centred
 //! camera has `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
 
+pub mod flow;
 pub mod lens;
 pub mod stereo;
+pub mod view;
 
 use crate::image::Size;
 use glam::{DVec2, DVec3};

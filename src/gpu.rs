@@ -32,12 +32,12 @@ pub use gradients::GpuGradientRenderer;
 pub use pool::GpuPool;
 pub use work::{FrameWork, StageWork};
 
+use crate::camera::flow::flow_rates;
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::render::backend::Backend;
 use crate::render::shared::TILE;
-use crate::render::{
-    CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer, flow,
-};
+use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer};
 use crate::scene::Gaussians;
 use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
 use clock::DeviceClock;
@@ -235,8 +235,7 @@ impl GpuRenderer {
         }
         checked.map_err(|()| self.device.not_finite())?;
         self.is_checked = true;
-        out.flow =
-            if want.flow { out.depth.as_ref().map(|depth| flow::flow_rates(depth, &view)) } else { None };
+        out.flow = if want.flow { out.depth.as_ref().map(|depth| flow_rates(depth, &view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
         // Nothing moves in the scenes of this back end.
         out.segments = want.segments.then(|| Image::filled(view.camera.size, 0));

@@ -1,9 +1,10 @@
 //! Memory over many scenes in a row.
 
 use crate::rates::style;
+use gs2e::camera::view::CameraView;
 use gs2e::gpu::{GpuDevice, GpuRenderer};
 use gs2e::image::Size;
-use gs2e::render::{CameraView, ChannelSet, RenderRules, RenderedImages, Renderer as _};
+use gs2e::render::{ChannelSet, RenderRules, RenderedImages, Renderer as _};
 use gs2e::scene::procedural::{StillLife, still_capture, still_life};
 use std::time::Instant;
 

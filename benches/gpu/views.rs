@@ -1,7 +1,7 @@
 //! The scene and the views that are rendered.
 
 use crate::Options;
-use gs2e::render::{CameraVelocity, CameraView};
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::scene::procedural::{StillLife, still_capture, still_life};
 use gs2e::scene::{self, Gaussians};
 use gs2e::source::{CapturedView, nerfstudio};

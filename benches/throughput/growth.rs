@@ -7,13 +7,12 @@
 
 use glam::DQuat;
 use gs2e::camera::Camera;
+use gs2e::camera::view::CameraView;
 use gs2e::event::{Event, EventSink};
 use gs2e::frames::DenseFrame;
 use gs2e::image::{Image, Size};
 use gs2e::render::cpu::{CpuRenderer, PassKind};
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::scene::Gaussians;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;

@@ -6,12 +6,11 @@
 
 pub(crate) mod memory;
 
+use gs2e::camera::view::CameraView;
 use gs2e::image::{Size, png};
 use gs2e::render::backend::Backend;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::source::Capture;
 use gs2e::study::growth::GrowthLaws;

@@ -3,11 +3,12 @@
 use crate::threads::own_pool;
 use glam::{DMat3, DVec3};
 use gs2e::camera::Camera;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::image::{Image, MAX_PIXELS, Size};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
-    AntialiasMode, CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderChoice, RenderError,
-    RenderRules, RenderStyle, RenderedImages, Renderer,
+    AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle,
+    RenderedImages, Renderer,
 };
 use gs2e::scene::{self, Gaussians};
 use gs2e::se3::{self, Se3};

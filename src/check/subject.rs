@@ -13,9 +13,9 @@ use super::geometry::{GeometryMeasures, Measured};
 use super::sampling::ResampledIntervals;
 use super::{DetectableFault, Finding, Limits, StreamTally};
 use crate::foreign::ExternalReport;
-use crate::render::flow::FlowQuantiles;
 use crate::sensor::{SensorChoice, SimulationAccount};
 use crate::trajectory::Trajectory;
+use crate::trajectory::flow::FlowQuantiles;
 use crate::trajectory::report::SpeedReport;
 use crate::units::Hertz;
 

@@ -11,12 +11,13 @@ use super::problem::{ExitKind, VerbError};
 use super::{BackendArg, CommonArgs, input};
 use crate::camera::Camera;
 use crate::camera::lens::Distortion;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::files::is_there;
 use crate::gpu;
 use crate::render::backend::Backend;
 use crate::render::{
-    AntialiasMode, CameraVelocity, CameraView, LayerOrder, RenderChoice, RenderError, RenderRules,
-    RenderStyle, RenderWork, RenderedImages,
+    AntialiasMode, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle, RenderWork,
+    RenderedImages,
 };
 use crate::scene::dynamic::file::read_dynamic;
 use crate::scene::dynamic::{SceneSpan, SceneTime};

@@ -6,14 +6,14 @@
 
 use super::depth::read_depth;
 use crate::camera::Camera;
+use crate::camera::flow::flow_rates;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::check::geometry::watch::{GeometryWatch, PosedPictures};
 use crate::check::geometry::{GeometryMeasures, PictureMeasures};
 use crate::check::motion::warp::FlowAt;
 use crate::check::photometric::align::smooth_picture;
 use crate::frames::folder::read_luminance;
 use crate::image::Image;
-use crate::render::flow::flow_rates;
-use crate::render::{CameraVelocity, CameraView};
 use crate::se3::Se3;
 use crate::se3::rotation::slerp;
 use crate::trajectory::Trajectory;

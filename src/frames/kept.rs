@@ -8,11 +8,10 @@ mod codec;
 mod file;
 
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::files::{self, Removal};
 use crate::render::sample::TileSample;
-use crate::render::{
-    CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer,
-};
+use crate::render::{ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
 use crate::se3::Se3;
 use file::{EntryFile, EntryPlace, EntryWriter, KeptChannel, KeptView};
 use std::collections::{BTreeMap, BTreeSet};

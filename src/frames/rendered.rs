@@ -10,10 +10,11 @@ pub use shares::{ReaderSeconds, share_rest};
 
 use super::{DenseFrame, FrameError, FrameSequence};
 use crate::camera::Camera;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::image::{Image, Size};
 use crate::lights::SceneLights;
 use crate::render::sample::TileSample;
-use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::trajectory::Trajectory;
 use crate::units::Timestamp;
 use rayon::prelude::*;

@@ -3,9 +3,10 @@
 #![expect(clippy::cast_possible_truncation, reason = "a value is cut into two of 32 bits")]
 
 use super::TileRegion;
+use crate::camera::view::CameraView;
 use crate::image::luminance;
+use crate::render::RenderStyle;
 use crate::render::cpu::eye::slope_bounds;
-use crate::render::{CameraView, RenderStyle};
 use glam::DVec3;
 
 /// Size of `Frame`, bytes: fifteen rows of four words and nine words, rounded up to whole rows.

@@ -20,14 +20,15 @@ mod buffers;
 
 use super::device::GpuDevice;
 use super::features::GpuFeature;
+use super::passes::ShaderCompiler;
 use super::readback::Copy;
-use super::scene;
 use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVariant};
-use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, passes::ShaderCompiler};
+use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, scene};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::render::cpu::backward::{GaussianGradient, ViewGradients, refuse_without_gradients};
 use crate::render::differentiable::DifferentiableRenderer;
-use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
+use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use buffers::GradientBuffers;
 use std::ops::Range;

@@ -9,10 +9,10 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use super::flow::FlowQuantiles;
 use crate::camera::Camera;
 use crate::se3::Se3;
 use crate::se3::rotation::log_vector;
+use crate::trajectory::flow::FlowQuantiles;
 use glam::DVec3;
 
 /// Quantiles, over the steps between neighbouring poses, of the largest possible motion of a point
@@ -34,9 +34,9 @@ pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<FlowQu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::flow::flow_displacement;
+    use crate::camera::view::CameraView;
     use crate::image::{Image, Size};
-    use crate::render::CameraView;
-    use crate::render::flow::flow_displacement;
     use crate::se3::rotation::exp_vector;
     use glam::DQuat;
 

@@ -26,10 +26,12 @@ pub use level::InstructionSet;
 
 use super::sample::TileSample;
 use super::{
-    CameraView, ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
-    RenderedImages, Renderer, flow, parts,
+    ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
+    parts,
 };
 use crate::camera::Camera;
+use crate::camera::flow::{flow_of_parts, with_drift};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::scene::dynamic::SceneMoment;
 use crate::scene::{Gaussians, sh};
@@ -415,8 +417,8 @@ fn add_motion(
     };
     let depth = out.depth.as_ref().filter(|_| want.flow);
     out.flow = depth.map(|depth| {
-        let flow = flow::flow_of_parts(depth, out.segments.as_ref(), views);
-        flow::with_drift(flow, depth, out.drift.as_ref(), camera)
+        let flow = flow_of_parts(depth, out.segments.as_ref(), views);
+        with_drift(flow, depth, out.drift.as_ref(), camera)
     });
     out.depth = out.depth.take().filter(|_| want.depth);
     out.segments = out.segments.take().filter(|_| want.segments);

@@ -1,7 +1,8 @@
 //! Renderings of a scene under training, and the gradients of its parameters.
 
 use super::cpu::backward::{GradientRenderer, ViewGradients};
-use super::{CameraView, RenderError, RenderWork};
+use super::{RenderError, RenderWork};
+use crate::camera::view::CameraView;
 use crate::image::Image;
 use crate::scene::Gaussians;
 

@@ -9,7 +9,8 @@
 
 pub mod sheet;
 
-use super::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
+use super::{ChannelSet, RenderError, RenderedImages, Renderer};
+use crate::camera::view::CameraView;
 use crate::image::Image;
 use crate::image::likeness::{mean_square, psnr_db, ssim};
 use crate::source;

@@ -13,9 +13,10 @@
 
 use super::sample::TileSample;
 use super::shared::MAX_EDGE;
-use super::{CameraView, ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
+use super::{ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
 use crate::camera::Camera;
 use crate::camera::lens::{Distortion, WIDEST};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::se3::Se3;
 use glam::{DMat2, DVec2, DVec3};

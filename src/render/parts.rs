@@ -11,8 +11,9 @@
 //! covariances or harmonics.
 
 use super::shared::{GSPLAT_NEAR, NEAR};
-use super::{CameraVelocity, CameraView, RenderError, RenderRules};
+use super::{RenderError, RenderRules};
 use crate::camera::Camera;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::scene::Gaussians;
 use crate::scene::motion::{MovingPart, PartMotion};
 use crate::se3::Se3;

@@ -6,9 +6,9 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "speeds are rounded to 32 bits; cells are few")]
 
-use super::flow::nearest_ranks;
 use crate::camera::Camera;
 use crate::se3::{Se3, Twist};
+use crate::stats::nearest_ranks;
 use crate::trajectory::flow::FlowMeter;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;

@@ -14,9 +14,11 @@ mod project;
 use super::dual::{DualNumber, RealNumber};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{
-    CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages,
-    Renderer, flow, parts,
+    ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
+    parts,
 };
+use crate::camera::flow::{flow_of_parts, with_drift};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::scene::Gaussians;
 use glam::DVec3;
@@ -197,8 +199,8 @@ impl Renderer for ReferenceRenderer {
         let views = self.part_views(view);
         let drift = Image::from_vec(size, pixels.iter().map(ReferencePixel::drift).collect());
         let flow = |depth| {
-            let still = flow::flow_of_parts(depth, Some(&segments), &views);
-            flow::with_drift(still, depth, Some(&drift).filter(|_| self.is_dynamic()), &view.camera)
+            let still = flow_of_parts(depth, Some(&segments), &views);
+            with_drift(still, depth, Some(&drift).filter(|_| self.is_dynamic()), &view.camera)
         };
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
         out.drift = want.drift.then_some(drift);

@@ -6,10 +6,12 @@
 
 use super::path::SampledPath;
 use crate::camera::Camera;
+use crate::camera::flow::{flow_of_parts, with_drift};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::lights::SceneLights;
-use crate::render::flow::{flow_of_parts, nearest_ranks, with_drift};
-use crate::render::{CameraView, ChannelSet, RenderError, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderError, RenderedImages, Renderer};
+use crate::stats::nearest_ranks;
 use rayon::prelude::*;
 
 /// Bounds on the number of parts of a path, each with one flow. Within them it is the number of

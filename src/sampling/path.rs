@@ -1,6 +1,6 @@
 //! A trajectory as continuous motion, so that every sampling of it follows the same path.
 
-use crate::render::CameraVelocity;
+use crate::camera::view::CameraVelocity;
 use crate::se3::rotation_spline::SplineDiverged;
 use crate::se3::spline::CurvePlace;
 use crate::se3::{Se3, Twist};

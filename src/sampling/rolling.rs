@@ -11,10 +11,11 @@
 
 use super::exposure::{DenseView, ExposeError, ExposureCourse};
 use super::path::SampledPath;
+use crate::camera::flow::{flow_of_parts, with_drift};
+use crate::camera::view::CameraView;
 use crate::image::Image;
 use crate::lights::SceneLights;
-use crate::render::flow::{flow_of_parts, with_drift};
-use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;
 use std::ops::Range;

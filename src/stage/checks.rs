@@ -16,6 +16,8 @@ use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, VerdictsRecord, write_json,
 };
 use crate::camera::CameraChoice;
+use crate::camera::flow::flow_rates;
+use crate::camera::view::CameraView;
 use crate::check::coverage::ViewCoverage;
 use crate::check::drift::DriftLaw;
 use crate::check::motion::warp::{FlowAt, seen_px};
@@ -25,8 +27,7 @@ use crate::event::{EventSource, h5};
 use crate::foreign::ExternalReport;
 use crate::image::Image;
 use crate::imu::ImuModel;
-use crate::render::flow::flow_rates;
-use crate::render::{CameraView, RenderChoice};
+use crate::render::RenderChoice;
 use crate::se3::Se3;
 use crate::trajectory::mount::CameraMount;
 use crate::units::{Hertz, Ratio};

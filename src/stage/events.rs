@@ -11,6 +11,8 @@ use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
 };
+use crate::camera::flow;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::camera::{Camera, CameraChoice};
 use crate::event::{LawStamp, StreamHeader, h5};
 use crate::frames::anchors::{AnchorChoice, AnchorFrames};
@@ -21,12 +23,8 @@ use crate::image::{Image, Size, npy};
 use crate::lights::SceneLights;
 use crate::render::backend::Backend;
 use crate::render::doubt::BlendDoubt;
-use crate::render::flow::{self, FlowQuantiles};
 use crate::render::parts::near_warnings;
-use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages,
-    Renderer,
-};
+use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages, Renderer};
 use crate::sampling::ErrorTolerance;
 use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
@@ -35,7 +33,9 @@ use crate::sensor::front_end::{self, FrontEnd};
 use crate::sensor::voltmeter::BetweenFrames;
 use crate::sensor::{SensorChannel, SensorChoice, SensorSet, SimulateError, SimulationAccount, simulate_all};
 use crate::source::Capture;
+use crate::stats::nearest_ranks;
 use crate::trajectory::Trajectory;
+use crate::trajectory::flow::FlowQuantiles;
 use sampling::SampledFrames;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -425,7 +425,7 @@ fn sample_path(
     write_product(&cx.out.join(EventStreams::DEPTH), |file| npy::write_stack(&depths, file))?;
     let flow_px = FlowQuantiles::from_values(moved_px);
     let depths = depths.into_iter().flat_map(Image::into_pixels).collect();
-    let depth_unit = flow::nearest_ranks(depths, [5, 50, 95]);
+    let depth_unit = nearest_ranks(depths, [5, 50, 95]);
     Ok(PathSample { flow_px, doubtful_share: doubt.share(), depth_unit, stamps_us })
 }
 

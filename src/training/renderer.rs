@@ -1,10 +1,11 @@
 //! The renderer of a training, with changes that return something.
 
+use crate::camera::view::CameraView;
 use crate::image::Image;
 use crate::render::backend::Backend;
 use crate::render::cpu::backward::ViewGradients;
 use crate::render::differentiable::DifferentiableRenderer;
-use crate::render::{CameraView, RenderError, RenderStyle, RenderWork};
+use crate::render::{RenderError, RenderStyle, RenderWork};
 use crate::scene::Gaussians;
 
 /// Why a change has a result.

@@ -10,12 +10,34 @@ use super::curve::{MeasuredCurve, PoseCurve};
 use crate::se3::arc_length::{ArcLength, CurveSpeed};
 use crate::se3::spline::{CubicSpline, CurvePlace};
 use crate::se3::{Se3, Twist};
+use crate::stats::nearest_ranks;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Number of places at which the flow is measured.
 const PLACES: u32 = 65;
 /// Distance of the first and last place from the ends of the path, as a share of it.
 const END: f64 = 1e-6;
+
+/// Quantiles of a set of values.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlowQuantiles {
+    /// The median: half of the values are at most this.
+    pub median: f32,
+    /// 95 % of the values are at most this.
+    pub p95: f32,
+    /// The largest value.
+    pub max: f32,
+}
+
+impl FlowQuantiles {
+    /// Quantiles of the values that are not NaN, by [`nearest_ranks`]. `None` if no value is left.
+    #[must_use]
+    pub fn from_values(values: Vec<f32>) -> Option<Self> {
+        nearest_ranks(values, [50, 95, 100]).map(|[median, p95, max]| Self { median, p95, max })
+    }
+}
 
 /// Measures the image motion of a moving camera.
 pub trait FlowMeter {

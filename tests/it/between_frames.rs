@@ -2,12 +2,13 @@
 
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
+use gs2e::camera::view::CameraVelocity;
 use gs2e::event::Event;
 use gs2e::frames::FrameSequence as _;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::{Image, Size};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{CameraVelocity, LayerOrder, RenderRules, RenderStyle};
+use gs2e::render::{LayerOrder, RenderRules, RenderStyle};
 use gs2e::scene::Gaussians;
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;

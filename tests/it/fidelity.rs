@@ -4,11 +4,10 @@
 use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
+use gs2e::camera::view::CameraView;
 use gs2e::image::{Size, png};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::{scene, source};
 use serde_json::Value;
 use std::fs;

@@ -1,13 +1,12 @@
 //! Sensors whose front ends differ, over one rendering.
 
 use crate::support::workspace::{TINY, Workspace};
+use gs2e::camera::view::CameraView;
 use gs2e::frames::FrameSequence as _;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::{Size, srgb};
-use gs2e::render::{
-    AntialiasMode, CameraView, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages,
-    backend::Backend,
-};
+use gs2e::render::backend::Backend;
+use gs2e::render::{AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, FrontEndFrames, LuminanceWeights};
 use gs2e::trajectory::Trajectory;

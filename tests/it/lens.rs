@@ -9,13 +9,12 @@ use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec2, DVec3};
 use gs2e::camera::Camera;
 use gs2e::camera::lens::Distortion;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::image::{Image, Size, png};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::lens::LensRenderer;
 use gs2e::render::sample::TileSample;
-use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e::scene::{Gaussians, ply};
 use gs2e::se3::Se3;
 use gs2e::source::LensModel;

@@ -3,21 +3,21 @@
 
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
+use gs2e::camera::view::CameraView;
 use gs2e::event::{Event, Polarity};
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::image::{Image, Size, png, srgb};
 use gs2e::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use gs2e::render::backend::Backend;
 use gs2e::render::{
-    AntialiasMode, CameraView, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages, Renderer,
-    backend::Backend,
+    AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages, Renderer,
 };
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::seed::Seed;
-use gs2e::sensor::SensorModel;
 use gs2e::sensor::esim::EsimModel;
 use gs2e::sensor::front_end::{ChannelDecode, FrontEnd};
 use gs2e::sensor::noise::ThresholdMismatch;
-use gs2e::sensor::simulate_one;
+use gs2e::sensor::{SensorModel, simulate_one};
 use gs2e::trajectory::Trajectory;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;

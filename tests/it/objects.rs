@@ -7,13 +7,12 @@ use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DMat3, DQuat, DVec3};
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::event::{EventSource as _, h5};
 use gs2e::image::png;
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e::scene::motion::{PartKeyframe, PartPath, PartRecord, SceneMotion};
 use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;

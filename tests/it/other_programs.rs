@@ -9,15 +9,14 @@ use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::camera::view::CameraView;
 use gs2e::foreign::colmap::{ColmapPoses, ColmapRegistration};
 use gs2e::foreign::opencv::{OpencvGeometry, ReleasedPoses};
 use gs2e::foreign::{TrajectoryPicture, colmap, opencv, versions};
 use gs2e::image::{Size, png};
 use gs2e::reconstruct::ProgramWorkspace;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;
 use gs2e::trajectory::Trajectory;

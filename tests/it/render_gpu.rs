@@ -16,13 +16,12 @@ use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
 use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use crate::support::{gpu, ply, shared};
 use glam::DVec3;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::image::{Image, Size, luminance, png};
-use gs2e::render::GpuError;
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, RenderError, RenderRules, RenderStyle, RenderWork,
-    RenderedImages, Renderer,
+    ChannelSet, GpuError, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
 use gs2e::scene::Gaussians;
 use gs2e::source::nerfstudio;

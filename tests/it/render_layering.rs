@@ -3,12 +3,11 @@
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use crate::support::{ply, shared};
+use gs2e::camera::view::CameraView;
 use gs2e::image::Size;
 use gs2e::render::cpu::{CpuRenderer, InstructionSet};
 use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use gs2e::source::nerfstudio;
 use std::sync::Arc;

@@ -7,10 +7,10 @@ use crate::support::gaussians::{
 };
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::render::cpu::CpuRenderer;
 use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, OmissionPolicy, RenderRules, RenderStyle, RenderWork,
-    RenderedImages, Renderer,
+    ChannelSet, OmissionPolicy, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
 use gs2e::scene::{Gaussians, sh};
 use gs2e::se3::Se3;

@@ -12,13 +12,12 @@
 use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use crate::support::{ply, shared};
 use glam::DVec3;
+use gs2e::camera::flow::flow_displacement;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::image::Size;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::flow::flow_displacement;
 use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use gs2e::se3::Se3;
 use gs2e::se3::rotation::exp_vector;

@@ -2,9 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
+use gs2e::camera::view::CameraView;
 use gs2e::image::{Image, luminance};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{CameraView, ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e::render::{ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
 use std::sync::Arc;
 
 const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..OFFICIAL };

@@ -4,8 +4,9 @@
 #![expect(clippy::cast_possible_truncation, reason = "the counts of these scenes fit every type")]
 
 use crate::support::gaussians::{ALL, OFFICIAL};
+use gs2e::camera::view::CameraView;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{CameraView, ChannelSet, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e::render::{ChannelSet, RenderStyle, RenderWork, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use gs2e::study::stress::splat::scenes::{self, ALL_RULES};
 use std::sync::Arc;

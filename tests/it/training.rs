@@ -3,12 +3,11 @@
 use crate::support::given::{self, GIVEN};
 use crate::support::gpu;
 use crate::support::workspace::Workspace;
+use gs2e::camera::view::CameraView;
 use gs2e::image::likeness::{mean_square, psnr_db};
 use gs2e::image::{Image, png};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::scene::{self, Gaussians};
 use gs2e::source::{Capture, nerfstudio};
 use serde_json::{Value, json};

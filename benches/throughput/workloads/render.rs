@@ -4,13 +4,13 @@ use super::{amount, shared};
 use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::camera::view::{CameraVelocity, CameraView};
 use gs2e::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e::image::Size;
 use gs2e::render::cpu::{CpuRenderer, InstructionSet, PassKind};
 use gs2e::render::sample::TileSample;
 use gs2e::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages,
-    Renderer as _,
+    ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer as _,
 };
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::scene::{self, Gaussians};

@@ -3,7 +3,8 @@
 
 use crate::event::{Event, Polarity};
 use crate::image::{Image, Size};
-use crate::render::flow::{FlowQuantiles, nearest_ranks};
+use crate::stats::nearest_ranks;
+use crate::trajectory::flow::FlowQuantiles;
 
 /// The image motion at an instant.
 #[derive(Debug, Clone, PartialEq)]

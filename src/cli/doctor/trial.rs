@@ -1,8 +1,9 @@
 //! A short rendering of the embedded scene.
 
+use crate::camera::view::CameraView;
 use crate::image::{Image, likeness};
 use crate::render::backend::Backend;
-use crate::render::{CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages};
+use crate::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages};
 use crate::scene::Gaussians;
 use crate::scene::procedural::{StillLife, still_capture, still_life};
 use std::sync::Arc;

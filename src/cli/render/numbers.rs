@@ -1,6 +1,6 @@
 //! Options with several numbers: `1,2,3`.
 
-use crate::render::CameraVelocity;
+use crate::camera::view::CameraVelocity;
 use glam::DVec3;
 
 /// A colour, each channel 0..1.

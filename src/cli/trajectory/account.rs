@@ -3,9 +3,9 @@
 use crate::camera::Camera;
 use crate::cli::console::{Console, path};
 use crate::render::centre::centre_px;
-use crate::render::flow::FlowQuantiles;
 use crate::source::kind::CaptureKind;
 use crate::trajectory::MadeTrajectory;
+use crate::trajectory::flow::FlowQuantiles;
 use crate::trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
 use std::path::Path;

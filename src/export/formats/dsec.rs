@@ -18,12 +18,12 @@
 //! stream, and the attributes `width` and `height` of the root state the same.
 
 use super::camera_needs::{products, unmet_events, unmet_own_views};
+use crate::camera::flow::flow_between;
+use crate::camera::view::CameraView;
 use crate::event::{Event, EventFileError, EventSink as _, StreamHeader, h5};
 use crate::export::hdf5::Hdf5File;
 use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
 use crate::image::{Image, Size, png};
-use crate::render::CameraView;
-use crate::render::flow::flow_between;
 use crate::units::Timestamp;
 use serde_json::{Value, json};
 use std::fmt::Write as _;

@@ -1,6 +1,6 @@
 use super::*;
+use crate::camera::view::CameraVelocity;
 use crate::image::{Image, Size};
-use crate::render::CameraVelocity;
 use glam::{DQuat, DVec3};
 use std::cell::Cell;
 use std::rc::Rc;

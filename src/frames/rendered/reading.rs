@@ -104,7 +104,8 @@ impl FrameSequence for ReadFrames<'_> {
 mod tests {
     use super::*;
     use crate::camera::Camera;
-    use crate::render::{CameraVelocity, CameraView, RenderError};
+    use crate::camera::view::{CameraVelocity, CameraView};
+    use crate::render::RenderError;
     use crate::se3::Se3;
     use crate::trajectory::Trajectory;
     use glam::{DQuat, DVec3};

@@ -71,8 +71,9 @@ impl RenderedFrames {
 mod tests {
     use super::*;
     use crate::camera::Camera;
+    use crate::camera::view::CameraView;
     use crate::image::Size;
-    use crate::render::{CameraView, RenderError, RenderWork, Renderer};
+    use crate::render::{RenderError, RenderWork, Renderer};
     use crate::se3::Se3;
     use crate::trajectory::Trajectory;
     use std::cell::Cell;

@@ -7,8 +7,9 @@ use crate::frames::DenseFrame;
 use crate::frames::anchors::{AnchorChoice, AnchorFrames};
 use crate::image::{GreyImage, Image};
 use crate::recipe::OutputKind;
-use crate::render::flow::{FlowQuantiles, nearest_ranks};
 use crate::sensor::front_end::FrontEnd;
+use crate::stats::nearest_ranks;
+use crate::trajectory::flow::FlowQuantiles;
 use crate::units::Timestamp;
 use rayon::prelude::*;
 

@@ -2,12 +2,13 @@
 
 use super::RecheckError;
 use super::pictures::ReleasedPictures;
+use crate::camera::flow::{flow_displacement, flow_rates};
 use crate::check::coverage::ViewCoverage;
 use crate::check::geometry::watch::PosedPictures as _;
 use crate::check::motion::warp::FlowAt;
 use crate::image::Image;
 use crate::recipe::OutputKind;
-use crate::render::flow::{FlowQuantiles, flow_displacement, flow_rates};
+use crate::trajectory::flow::FlowQuantiles;
 
 /// Largest number of instants at which the image motion is read.
 const FLOWS: usize = 9;

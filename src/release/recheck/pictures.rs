@@ -3,11 +3,11 @@
 use super::{AuditedTree, RecheckError};
 use crate::artifact::{OBJECT_PLACES, TrajectoryProduct};
 use crate::camera::Camera;
+use crate::camera::flow::leave_out_parts;
+use crate::camera::view::CameraView;
 use crate::check::geometry::watch::PosedPictures;
 use crate::image::{GreyImage, Image, npy, png};
 use crate::recipe::{OutputKind, Recipe};
-use crate::render::CameraView;
-use crate::render::flow::leave_out_parts;
 use crate::sampling::exposure;
 use crate::scene::motion::{PlaceLine, read_places};
 use std::io::Cursor;

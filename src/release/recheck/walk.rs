@@ -6,7 +6,9 @@
 use super::RecheckError;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
+use crate::camera::flow::{flow_rates, leave_out_parts};
 use crate::camera::stereo::Rectification;
+use crate::camera::view::CameraView;
 use crate::check::depth_consistency::disparity::DisparityDifference;
 use crate::check::flash::blocks::FrameBlocks;
 use crate::check::flow_projection::FlowDifference;
@@ -15,8 +17,6 @@ use crate::check::geometry::watch::GeometryWatch;
 use crate::check::geometry::{GeometryMeasures, Measured, PictureMeasures};
 use crate::check::photometric::align::smooth_picture;
 use crate::image::{GreyImage, Image};
-use crate::render::CameraView;
-use crate::render::flow::{flow_rates, leave_out_parts};
 use crate::render::parts::views_of_motions;
 use crate::scene::motion::PartMotion;
 use rayon::prelude::*;

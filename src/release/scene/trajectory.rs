@@ -7,11 +7,11 @@ use crate::image::Size;
 use crate::recipe::{Recipe, TrajectoryRecipe};
 use crate::release::built::{BuiltScene, BuiltTrajectory};
 use crate::render::RenderChoice;
-use crate::render::flow::FlowQuantiles;
 use crate::seed::Seed;
 use crate::sensor::SensorChoice;
 use crate::sensor::twin::twin_of;
 use crate::trajectory::CourseKind;
+use crate::trajectory::flow::FlowQuantiles;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 

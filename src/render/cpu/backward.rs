@@ -21,10 +21,11 @@ use super::eye::ViewTransform;
 use super::project::{CHUNK, ProjectionInput};
 use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
 use super::{FrameBuffers, InstructionSet, unseen};
+use crate::camera::view::CameraView;
 use crate::image::{Image, Size};
 use crate::render::shared::TILE;
 use crate::render::{
-    CameraView, ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
+    ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
 };
 use crate::scene::{Gaussians, sh};
 use chain::{DrawnGaussian, ProjectionChain};

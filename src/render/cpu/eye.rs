@@ -5,9 +5,10 @@
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
 use crate::camera::Camera;
+use crate::camera::view::{CameraVelocity, CameraView};
+use crate::render::RenderRules;
 use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
-use crate::render::{CameraVelocity, CameraView, RenderRules};
 use glam::{DMat3, DVec3};
 
 /// `sqrt(log2(e) / 2)`. Scaling by it turns `exp(-x^2 / 2)` into `2^-x^2`.

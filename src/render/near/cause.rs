@@ -2,9 +2,10 @@
 
 use super::footprint::NearEye;
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::image::Size;
 use crate::render::cpu::CpuRenderer;
-use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderError, RenderStyle, RenderedImages, Renderer};
 use crate::scene::Gaussians;
 use rayon::prelude::*;
 use std::sync::Arc;

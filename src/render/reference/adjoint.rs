@@ -3,7 +3,7 @@
 
 use super::parameters::{GaussianRates, MovingGaussian};
 use super::{ReferenceLayer, ReferenceRenderer, RenderError, RenderRules};
-use crate::render::CameraView;
+use crate::camera::view::CameraView;
 use crate::render::shared::MAX_ALPHA;
 use std::f64::consts::LOG2_E;
 

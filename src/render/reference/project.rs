@@ -2,12 +2,13 @@
 
 use super::D;
 use super::parameters::MovingGaussian;
+use crate::camera::view::CameraView;
 use crate::render::dual::{RealNumber, cross_product, dot_product};
 use crate::render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
     FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
-use crate::render::{CameraView, RenderRules, RenderStyle};
+use crate::render::{RenderRules, RenderStyle};
 use crate::scene::Gaussians;
 use glam::{DMat3, DVec3};
 use std::array::from_fn;

@@ -4,13 +4,12 @@ use super::{
     ExposureRecord, MAX_SUBFRAMES, ShutterSettings, SubframeRule, exposure_centres, open_us, shutter_times,
 };
 use crate::camera::Camera;
+use crate::camera::flow::{flow_of_parts, with_drift};
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::image::Image;
 use crate::image::light::PictureSum;
 use crate::lights::SceneLights;
-use crate::render::flow::{flow_of_parts, with_drift};
-use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, RenderError, RenderWork, RenderedImages, Renderer,
-};
+use crate::render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
 use crate::sampling::path::SampledPath;
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;

@@ -3,12 +3,12 @@
 use super::ChecksStage;
 use crate::artifact::{SceneFiles, SharpFrames, SimulationRecord, TrajectoryProduct};
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::check::flash::blocks::FrameBlocks;
 use crate::check::flash::{self, PictureFlash};
 use crate::check::{Finding, TrajectorySubject, Verdict};
 use crate::files;
 use crate::image::png;
-use crate::render::CameraView;
 use crate::render::near::cause::{FlashViews, find_cause};
 use crate::stage::near::seen_along;
 use crate::stage::{StageContext, StageError, StepTarget};

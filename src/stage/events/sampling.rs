@@ -3,9 +3,10 @@
 use super::EventsStage;
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::camera::Camera;
+use crate::camera::view::CameraVelocity;
 use crate::frames::anchors::AnchorFrames;
 use crate::lights;
-use crate::render::{CameraVelocity, LayerOrder, RenderRules, Renderer};
+use crate::render::{LayerOrder, RenderRules, Renderer};
 use crate::sampling::choose::{ChoiceQuestion, ChooseError};
 use crate::sampling::flow::PathFlow;
 use crate::sampling::jitter::lost_in_noise;

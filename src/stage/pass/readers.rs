@@ -2,9 +2,10 @@
 
 use super::{PassEnd, PassGround, PoseStage, PoseTaker};
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::frames::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
 use crate::render::parts::near_warnings;
-use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::stage::shot::ShotParameters;
 use crate::stage::{StageContext, StageError, choose_camera};
 

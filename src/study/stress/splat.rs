@@ -11,9 +11,10 @@ pub mod scenes;
 pub use needles::judge_needles;
 
 use super::{NotRun, Outcome, StressArea, StressCase};
+use crate::camera::view::CameraView;
 use crate::render::backend::Backend;
 use crate::render::reference::ReferenceRenderer;
-use crate::render::{CameraView, ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
+use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use std::sync::Arc;
 

@@ -2,8 +2,9 @@
 
 use super::lab::LabError;
 use super::{FrameCost, TimeSpent};
+use crate::camera::view::CameraView;
 use crate::image::{Image, luminance};
-use crate::render::{CameraView, ChannelSet, RenderWork, RenderedImages, Renderer};
+use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use std::ops::ControlFlow;
 
 /// Readings of this process. They come from outside, because a study reads no clock.

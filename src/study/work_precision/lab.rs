@@ -9,12 +9,11 @@ use super::{
     judge_pass,
 };
 use crate::camera::Camera;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::frames::rendered::RenderedFrames;
 use crate::render::backend::Backend;
 use crate::render::flow::PixelFlowMeter;
-use crate::render::{
-    CameraVelocity, CameraView, ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle,
-};
+use crate::render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle};
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::SimulateError;

@@ -1,7 +1,7 @@
 //! The part of a path that a study looks at, and its finest frames.
 
 use crate::camera::Camera;
-use crate::render::CameraView;
+use crate::camera::view::CameraView;
 use crate::sampling::path::SampledPath;
 use crate::units::{Hertz, Ratio};
 

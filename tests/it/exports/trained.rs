@@ -8,12 +8,11 @@ use super::export;
 use crate::release::small::{gs2e, said};
 use glam::DVec2;
 use gs2e::camera::Camera;
+use gs2e::camera::view::CameraView;
 use gs2e::image::likeness::{mean_square, psnr_db};
 use gs2e::image::{Image, luminance, png};
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
-    CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _,
-};
+use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use gs2e::scene;
 use gs2e::se3::Se3;
 use gs2e::source::colmap::ColmapModel;

@@ -7,13 +7,14 @@
 use super::gpu;
 use crate::support::gaussians::OFFICIAL;
 use gs2e::camera::Camera;
+use gs2e::camera::view::CameraView;
 use gs2e::event::Event;
 use gs2e::frames::rendered::RenderedFrames;
 use gs2e::frames::{DenseFrame, FrameError, FrameSequence};
 use gs2e::gpu::GpuRenderer;
 use gs2e::image::Size;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{CameraView, ChannelSet, RenderedImages, Renderer};
+use gs2e::render::{ChannelSet, RenderedImages, Renderer};
 use gs2e::scene::procedural::{self, StillLife};
 use gs2e::se3::Se3;
 use gs2e::seed::Seed;

@@ -13,10 +13,11 @@ use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, 
 use crate::support::gpu;
 use glam::{DQuat, DVec3};
 use gs2e::camera::Camera;
+use gs2e::camera::view::CameraView;
 use gs2e::gpu::{GpuDevice, GpuGradientRenderer};
 use gs2e::image::Size;
 use gs2e::render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
-use gs2e::render::{CameraView, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
+use gs2e::render::{LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
 use gs2e::scene::{Gaussians, SceneScreening};
 use gs2e::se3::Se3;
 use std::array::from_fn;

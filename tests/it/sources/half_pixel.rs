@@ -3,7 +3,8 @@
 
 use super::planted::{Camera, Image, Planted};
 use crate::support::gaussians::{ColourBlob, OFFICIAL, blob_crowd, blob_scene, render};
-use gs2e::render::{CameraView, RenderedImages};
+use gs2e::camera::view::CameraView;
+use gs2e::render::RenderedImages;
 use gs2e::scene::Gaussians;
 use gs2e::source::{Capture, colmap, nerfstudio};
 use serde_json::{Value, json};

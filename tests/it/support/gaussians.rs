@@ -4,8 +4,9 @@ pub(crate) use gs2e::study::stress::splat::blobs::{
     ALL, ColourBlob, OFFICIAL, ScatterDraws, blob_crowd, blob_scene, view_ahead,
 };
 
+use gs2e::camera::view::CameraView;
 use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{CameraView, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e::render::{RenderStyle, RenderWork, RenderedImages, Renderer};
 use gs2e::scene::Gaussians;
 use std::sync::Arc;
 

@@ -4,10 +4,11 @@
 
 use super::*;
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::render::cpu::CpuRenderer;
 use crate::render::reference::adjoint::{LayerSums, layer_sums};
 use crate::render::reference::{GaussianRates, ReferenceRenderer};
-use crate::render::{CameraView, RenderedImages, Renderer as _};
+use crate::render::{RenderedImages, Renderer as _};
 use crate::scene::SceneScreening;
 use crate::se3::Se3;
 use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};

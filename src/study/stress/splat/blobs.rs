@@ -1,8 +1,9 @@
 //! Small scenes, and views of them.
 
 use crate::camera::Camera;
+use crate::camera::view::CameraView;
 use crate::image::Size;
-use crate::render::{CameraView, ChannelSet, LayerOrder, RenderRules, RenderStyle};
+use crate::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
 use crate::scene::{Gaussians, SceneScreening, procedural, sh};
 use crate::se3::Se3;
 use glam::{DQuat, DVec3};

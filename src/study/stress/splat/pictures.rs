@@ -3,9 +3,10 @@
 use super::blobs::{ALL, OFFICIAL};
 use super::{CaseRenderer, FloatPrecision, SplatBench, exact_luminance};
 use crate::camera::Camera;
+use crate::camera::view::{CameraVelocity, CameraView};
 use crate::image::{Size, luminance as grey_of};
 use crate::render::backend::Backend;
-use crate::render::{CameraVelocity, CameraView, ChannelSet, RenderRules, RenderStyle, RenderedImages};
+use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderedImages};
 use crate::scene::Gaussians;
 use crate::scene::procedural::{self, StillLife};
 use crate::se3::rotation::exp_vector;

@@ -4,9 +4,10 @@
 use super::blobs::{ALL, ColourBlob, OFFICIAL, blob_scene, view_ahead};
 use super::scenes::{self, ALL_RULES};
 use super::{CaseRenderer, image_bits, pixel_opacities};
+use crate::camera::view::CameraView;
 use crate::image::Size;
 use crate::render::backend::Backend;
-use crate::render::{CameraView, RenderRules, RenderStyle, RenderWork, RenderedImages};
+use crate::render::{RenderRules, RenderStyle, RenderWork, RenderedImages};
 use crate::scene::Gaussians;
 use crate::study::stress::{NotRun, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;

@@ -1,7 +1,8 @@
 //! Scenes at the edges of the arithmetic, with their known properties.
 
 use super::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
-use crate::render::{CameraView, RenderRules};
+use crate::camera::view::CameraView;
+use crate::render::RenderRules;
 use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
 

@@ -1,0 +1,41 @@
+//! A camera at a place and a time.
+
+use super::Camera;
+use crate::se3::Se3;
+use glam::DVec3;
+
+/// A camera, its pose and its velocity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraView {
+    /// Intrinsics and image size.
+    pub camera: Camera,
+    /// Pose, with OpenCV camera axes.
+    pub world_from_camera: Se3,
+    /// Velocity, for channels that are rates.
+    pub velocity: CameraVelocity,
+    /// Time from the first pose of the trajectory, s: moving parts of the scene are where they are then.
+    pub seconds: f64,
+}
+
+/// Velocity of a camera, in its own axes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct CameraVelocity {
+    /// Linear velocity, scene units per second.
+    pub linear: DVec3,
+    /// Angular velocity, radians per second.
+    pub angular: DVec3,
+}
+
+impl CameraView {
+    /// This view at another time, s.
+    #[must_use]
+    pub fn at_time(self, seconds: f64) -> Self {
+        Self { seconds, ..self }
+    }
+
+    /// A view of a camera at rest.
+    #[must_use]
+    pub fn at_rest(camera: Camera, world_from_camera: Se3) -> Self {
+        Self { camera, world_from_camera, velocity: CameraVelocity::default(), seconds: 0.0 }
+    }
+}
