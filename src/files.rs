@@ -8,6 +8,7 @@
 pub(crate) mod below;
 mod removal;
 pub(crate) mod rename;
+pub mod stat;
 mod walk;
 
 pub use removal::{Removal, remove, remove_below};

@@ -15,9 +15,9 @@ mod preset;
 
 pub use preset::ImuPreset;
 
-use crate::sampling::path::SampledPath;
 use crate::se3::Se3;
 use crate::seed::{DrawSpace, Seed, SeedCell};
+use crate::trajectory::sampled::SampledPath;
 use crate::units::Hertz;
 use glam::DVec3;
 use serde::Serialize;

@@ -47,6 +47,7 @@ pub use upstream::UpstreamOrigin;
 
 use crate::camera::CameraChoice;
 use crate::check::Limits;
+use crate::files::stat::StatSighting;
 use crate::imu::ImuModel;
 use crate::licence::UpstreamGrant;
 use crate::lights::SceneLights;
@@ -58,7 +59,6 @@ use crate::scene::dynamic::SceneTime;
 use crate::scene::objects::ObjectSettings;
 use crate::sensor::SensorSet;
 use crate::speed::SpeedChoice;
-use crate::store::stat_cache::StatSighting;
 use crate::training::TrainingSettings;
 use crate::trajectory::path::CameraPath;
 use crate::trajectory::sample::SummationRule;

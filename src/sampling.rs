@@ -17,7 +17,6 @@ pub mod flow;
 pub mod jitter;
 pub mod law;
 pub mod measure;
-pub mod path;
 pub mod rolling;
 pub mod scout;
 

@@ -44,6 +44,7 @@ pub use digest::{Digest, Key};
 pub use root::ReleaseRoot;
 
 use crate::files::is_no_file;
+use crate::files::stat::StatSighting;
 use blob::BlobFolders;
 pub use cache::EvictedFiles;
 pub use kept::KeptFiles;
@@ -58,7 +59,7 @@ use marker::{StoreFolder, StoreKind};
 use record::{RecordSummary, StepRecord, StoredOutput};
 use shared::SharedStore;
 use space::DiskSpace;
-use stat_cache::{StatEntry, StatSighting};
+use stat_cache::StatEntry;
 use state::{StateDb, StateTable};
 use std::collections::BTreeSet;
 use std::fs::File;

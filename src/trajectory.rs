@@ -27,6 +27,7 @@ pub mod picture;
 pub mod refine;
 pub mod report;
 pub mod sample;
+pub mod sampled;
 pub mod smooth;
 pub mod text;
 pub mod transforms;

@@ -4,9 +4,9 @@
 //! the program and of the folders of its packages. Commands that run nothing take the answer from
 //! there. If a program or one of those folders has moved since, they report that a step may run.
 
+use crate::files::stat::StatSighting;
 use crate::foreign::versions::VersionQuery;
 use crate::programs::ProgramFinder;
-use crate::store::stat_cache::StatSighting;
 use crate::store::{Digest, Store};
 use std::path::PathBuf;
 

@@ -9,12 +9,12 @@ pub use change::{DescriptionChange, changed_lines};
 pub use verdict::{PlanError, StepAction, StepAssessment, StepReason};
 
 use super::{Plan, PlannedStep};
+use crate::files::stat::StatSighting;
 use crate::stage::capture::CaptureStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::{Stage, StageError, StepId};
 use crate::store::description::DescribedValue;
 use crate::store::record::{StoredOutput, content_digest};
-use crate::store::stat_cache::StatSighting;
 use crate::store::{BlobState, Digest, Key, Store, StoreError};
 use std::path::PathBuf;
 

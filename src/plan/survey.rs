@@ -197,7 +197,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
 #[derive(Default)]
 struct SceneState {
     steps: Vec<SettledStep>,
-    seen: Vec<(PathBuf, crate::store::stat_cache::StatSighting)>,
+    seen: Vec<(PathBuf, crate::files::stat::StatSighting)>,
 }
 
 impl SceneState {

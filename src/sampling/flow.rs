@@ -4,7 +4,6 @@
 //! its start. Depth is rendered at some places. The flow between them follows from the depth and
 //! from the camera's motion at each moment, so a burst of motion between two places is noticed.
 
-use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::camera::flow::{flow_of_parts, with_drift};
 use crate::camera::view::CameraView;
@@ -12,6 +11,7 @@ use crate::image::{Image, Size};
 use crate::lights::SceneLights;
 use crate::render::{ChannelSet, RenderError, RenderedImages, Renderer};
 use crate::stats::nearest_ranks;
+use crate::trajectory::sampled::SampledPath;
 use rayon::prelude::*;
 
 /// Bounds on the number of parts of a path, each with one flow. Within them it is the number of

@@ -10,7 +10,6 @@
 //! most [`MISS_PX`] from the time of the band to that of a row.
 
 use super::exposure::{DenseView, ExposeError, ExposureCourse};
-use super::path::SampledPath;
 use crate::camera::flow::{flow_of_parts, with_drift};
 use crate::camera::view::CameraView;
 use crate::image::Image;
@@ -18,6 +17,7 @@ use crate::lights::SceneLights;
 use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;
+use crate::trajectory::sampled::SampledPath;
 use std::ops::Range;
 
 /// Largest motion of the image from the time of a band to that of one of its rows, px, by the fastest flow at the pose.

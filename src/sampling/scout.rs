@@ -1,13 +1,13 @@
 //! Frames at any moment of a path, for the pilot only.
 
 use super::measure::{PathViewer, SampledShot};
-use super::path::SampledPath;
 use crate::camera::Camera;
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameError, FrameSequence as _};
 use crate::lights::SceneLights;
 use crate::render::Renderer;
 use crate::sensor::front_end::FrontEnd;
+use crate::trajectory::sampled::SampledPath;
 
 /// The renderer and its state.
 pub struct ScoutRenderer<'a> {

@@ -11,9 +11,8 @@ use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
 };
-use crate::camera::flow;
 use crate::camera::view::{CameraVelocity, CameraView};
-use crate::camera::{Camera, CameraChoice};
+use crate::camera::{Camera, CameraChoice, flow};
 use crate::event::{LawStamp, StreamHeader, h5};
 use crate::frames::anchors::{AnchorChoice, AnchorFrames};
 use crate::frames::kept::{KeptFrames, KeptRenderer};
@@ -26,7 +25,6 @@ use crate::render::doubt::BlendDoubt;
 use crate::render::parts::near_warnings;
 use crate::render::{ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages, Renderer};
 use crate::sampling::ErrorTolerance;
-use crate::sampling::path::SampledPath;
 use crate::scene::Gaussians;
 use crate::seed::Seed;
 use crate::sensor::front_end::{self, FrontEnd};
@@ -36,6 +34,7 @@ use crate::source::Capture;
 use crate::stats::nearest_ranks;
 use crate::trajectory::Trajectory;
 use crate::trajectory::flow::FlowQuantiles;
+use crate::trajectory::sampled::SampledPath;
 use sampling::SampledFrames;
 use serde::Serialize;
 use std::collections::BTreeMap;

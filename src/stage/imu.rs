@@ -4,9 +4,9 @@ use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarge
 use crate::artifact::{ImuRecording, TrajectoryProduct};
 use crate::imu::files::{self, SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
 use crate::imu::{ImuModel, ImuSampler};
-use crate::sampling::path::SampledPath;
 use crate::seed::Seed;
 use crate::source::Capture;
+use crate::trajectory::sampled::SampledPath;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};

@@ -2,9 +2,10 @@
 //! absent.
 
 use super::blob::is_fresh_name;
-use super::fs::{FileStat, FolderEntry, Fs};
+use super::fs::{FolderEntry, Fs};
 use super::{Digest, StoreError};
 use crate::files::rename::parent_folder;
+use crate::files::stat::FileStat;
 use rustix::io::Errno;
 use std::io;
 use std::path::{Path, PathBuf};

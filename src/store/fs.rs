@@ -5,42 +5,14 @@
 //! write into their workspace directly, and the store sees those files when it publishes them.
 
 use super::Digest;
+use crate::files::stat::FileStat;
 use crate::files::{self, Removal};
 use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW};
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-
-/// The stat fields of a file at one moment. Two equal values for one path mean that the file was
-/// not written in between, within the resolution of the clock.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct FileStat {
-    /// Device.
-    pub dev: u64,
-    /// Inode.
-    pub ino: u64,
-    /// Length in bytes.
-    pub size: u64,
-    /// Last change of the bytes, ns since the epoch.
-    pub mtime_ns: i64,
-    /// Last change of the bytes or of the inode, ns since the epoch. Programs cannot set it.
-    pub ctime_ns: i64,
-}
-
-impl From<&fs::Metadata> for FileStat {
-    fn from(m: &fs::Metadata) -> Self {
-        let ns = |s: i64, n: i64| s.saturating_mul(1_000_000_000).saturating_add(n);
-        Self {
-            dev: m.dev(),
-            ino: m.ino(),
-            size: m.size(),
-            mtime_ns: ns(m.mtime(), m.mtime_nsec()),
-            ctime_ns: ns(m.ctime(), m.ctime_nsec()),
-        }
-    }
-}
 
 /// An entry of a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]

@@ -3,9 +3,9 @@
 
 use super::blob::is_fresh_name;
 use super::disk::{disk_error, is_absent};
-use super::fs::FileStat;
 use super::gc::GcSweep;
 use super::{Digest, Store, StoreError, TMP};
+use crate::files::stat::FileStat;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -6,10 +6,10 @@
 //! written where equal fields mean equal bytes.
 
 use super::disk::{StoreDisk, disk_error, is_absent};
-use super::fs::FileStat;
-use super::stat_cache::{StatEntry, StatSighting};
+use super::stat_cache::StatEntry;
 use super::state::StateTable;
 use super::{Digest, Store, StoreError};
+use crate::files::stat::{FileStat, StatSighting};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

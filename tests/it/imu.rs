@@ -5,9 +5,9 @@ use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
 use gs2e::imu::{AxisErrors, AxisModel, GRAVITY, ImuModel, ImuSample, ImuSampler};
-use gs2e::sampling::path::SampledPath;
 use gs2e::se3::Se3;
 use gs2e::seed::Seed;
+use gs2e::trajectory::sampled::SampledPath;
 use gs2e::units::{Hertz, Ratio};
 use serde_json::{Value, json};
 

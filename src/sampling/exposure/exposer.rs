@@ -10,9 +10,9 @@ use crate::image::Image;
 use crate::image::light::PictureSum;
 use crate::lights::SceneLights;
 use crate::render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
-use crate::sampling::path::SampledPath;
 use crate::se3::Se3;
 use crate::se3::rotation_spline::SplineDiverged;
+use crate::trajectory::sampled::SampledPath;
 
 /// Time difference to a pose below which the pose is used itself, s: stamps are whole microseconds.
 const SAME: f64 = 1e-9;

@@ -8,10 +8,10 @@ use crate::event::{Event, EventLabel, EventSink};
 use crate::frames::rendered::RenderedFrames;
 use crate::frames::{DenseFrame, FrameSequence as _};
 use crate::render::Renderer;
-use crate::sampling::path::SampledPath;
 use crate::sensor::voltmeter::BetweenFrames;
 use crate::sensor::{SensorChoice, SensorError, SensorModel};
 use crate::stage::{StageContext, StageError};
+use crate::trajectory::sampled::SampledPath;
 use crate::units::Timestamp;
 
 /// Number of intervals.

@@ -11,13 +11,13 @@ use crate::sampling::choose::{ChoiceQuestion, ChooseError};
 use crate::sampling::flow::PathFlow;
 use crate::sampling::jitter::lost_in_noise;
 use crate::sampling::measure::SensorScale;
-use crate::sampling::path::SampledPath;
 use crate::sampling::scout::{ScoutError, ScoutRenderer};
 use crate::sampling::{ErrorTolerance, SamplingChoice};
 use crate::sensor::SensorChoice;
 use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use crate::stage::{StageContext, StageError};
 use crate::trajectory::Trajectory;
+use crate::trajectory::sampled::SampledPath;
 use crate::units::format_amount;
 
 /// Times of the frames, and their renderer.

@@ -19,9 +19,10 @@
 use super::PLANS;
 use super::folder::{OWN_FOLDER, SharedFolder, is_refused};
 use super::medium::read_record;
+use crate::files::stat::FileStat;
 use crate::store::blob::blob_name;
 use crate::store::disk::{disk_error, is_absent};
-use crate::store::fs::{FileStat, FolderEntry, SystemFs};
+use crate::store::fs::{FolderEntry, SystemFs};
 use crate::store::{Digest, Key, StoreError, TMP, TRASH};
 use serde::Serialize;
 use std::collections::BTreeSet;

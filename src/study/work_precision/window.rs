@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::camera::view::CameraView;
-use crate::sampling::path::SampledPath;
+use crate::trajectory::sampled::SampledPath;
 use crate::units::{Hertz, Ratio};
 
 /// A part of a path, and its finest frames.

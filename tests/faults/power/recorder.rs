@@ -1,12 +1,12 @@
 //! File operations that are carried out and recorded.
 
+use gs2e::files::stat::FileStat;
 use gs2e::store::Digest;
-use gs2e::store::fs::{FileStat, FolderEntry, Fs, SystemFs};
+use gs2e::store::fs::{FolderEntry, Fs, SystemFs};
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::{fs, io};
 
 /// The files of the database, by name.
 pub(super) type Database = Vec<(&'static str, Vec<u8>)>;
