@@ -92,7 +92,7 @@ impl StressArgs {
         let backends = match common.backend {
             BackendArg::Auto => {
                 // A missing GPU must not fail the table: its cases are listed as not run.
-                let gpu = common.device(&gpu::DeviceChoice::Any).map(|device| Backend::from(device));
+                let gpu = common.device(&gpu::DeviceChoice::Any).map(Backend::from);
                 vec![
                     ("cpu", Ok(Backend::Cpu)),
                     ("reference", Ok(Backend::Reference)),

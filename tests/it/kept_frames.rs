@@ -59,8 +59,11 @@ fn rates_and_frames_of_a_tolerance_are_kept() {
 #[test]
 fn many_scenes_keep_no_frames_unless_asked() {
     let place = Workspace::new();
-    for name in ["a", "b"] {
-        place.write(&format!("recipes/{name}.yaml"), recipe(name).to_string());
+    // Scenes of other Gaussians: of equal ones, the second would take the frames of the first.
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        let mut value = recipe(name);
+        value["source"]["procedural"]["seed"] = json!(seed);
+        place.write(&format!("recipes/{name}.yaml"), value.to_string());
     }
     place.ok("build");
     assert_eq!(files(&place).len(), 0);
