@@ -165,10 +165,11 @@ impl<'a> StepJob<'a> {
             // The altered file has the name of the right bytes, and must not be taken for them.
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
-        if stale.recheck.is_none()
-            && !self.doubts(step, stale)
-            && let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))?
-        {
+        if stale.recheck.is_some() {
+            // Its bytes are those of the own store.
+        } else if self.doubts(step, stale) {
+            self.store.inspect_shared(&stale.key)?;
+        } else if let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))? {
             return Ok(PreparedStep::Adopted(Box::new(adopted)));
         }
         // Even an empty folder cannot be created on a full disk.

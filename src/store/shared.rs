@@ -179,6 +179,21 @@ impl Store {
         Ok(Some(record))
     }
 
+    /// Looks for lost and damaged outputs of a key in the shared store, so that [`Store::share`] replaces them.
+    /// [`Store::adopt`] finds them too.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn inspect_shared(&self, key: &Key) -> Result<(), StoreError> {
+        let Some(shared) = &self.shared else { return Ok(()) };
+        for output in shared.outputs(key)?.unwrap_or_default() {
+            if !shared.medium.is_sound(&output)? {
+                shared.damaged().insert(output.digest);
+            }
+        }
+        Ok(())
+    }
+
     /// Offers the outputs of a key to the shared store, if there is one and it lacks them. Returns true if
     /// it had them.
     ///

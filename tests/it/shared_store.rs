@@ -119,6 +119,17 @@ fn files_below(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn damaged_files_are_made_again_and_replaced() {
+    check_damaged_files("--recheck 0");
+}
+
+/// These steps are not adopted, so the machine does not see their files by copying them.
+#[test]
+fn damaged_files_of_steps_made_again_for_comparison_are_replaced() {
+    check_damaged_files("--recheck 1");
+}
+
+/// Damages files of the shared store, and builds on a machine with these options. The next machine then makes nothing.
+fn check_damaged_files(options: &str) {
     let place = place();
     states(start(&place, "m0", ""));
     let damages: [fn(&Path, Vec<u8>); 3] = [
@@ -138,9 +149,9 @@ fn damaged_files_are_made_again_and_replaced() {
                 damage(&path, bytes);
             }
         }
-        let mended = states(start(&place, &format!("m{}", 2 * i + 1), ""));
+        let mended = states(start(&place, &format!("m{}", 2 * i + 1), options));
         assert!(count(&mended, "made") > 0 && count(&mended, "adopted") > 0, "{mended:?}");
-        let next = states(start(&place, &format!("m{}", 2 * i + 2), ""));
+        let next = states(start(&place, &format!("m{}", 2 * i + 2), "--recheck 0"));
         assert_eq!(count(&next, "made"), 0, "damage {i}: {next:?}");
     }
     releases_equal(&place);
