@@ -35,15 +35,15 @@ pub trait DifferentiableRenderer: std::fmt::Debug {
     /// The view cannot be rendered.
     fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError>;
 
-    /// Gradients of a loss with respect to all parameters, from those with respect to the pixels of the last view,
-    /// as [`GradientRenderer::gradients`].
+    /// Gradients of a loss with respect to all parameters, from those with respect to the pixels of the last
+    /// view, as [`GradientRenderer::gradients`].
     ///
     /// # Errors
     /// The back end has no memory for the sums, or it failed.
     ///
     /// # Panics
-    /// No view was rendered since the last change of the scene or of the degree, or there is not one value per
-    /// pixel.
+    /// No view was rendered since the last change of the scene or of the degree, or there is not one value
+    /// per pixel.
     fn gradients(
         &mut self,
         by_pixel: &[[f32; 3]],

@@ -166,7 +166,7 @@ impl<'a> StepJob<'a> {
             self.store.discard(&digest.parse().expect("a reason holds a digest's text"))?;
         }
         if stale.recheck.is_some() {
-            // Its bytes are those of the own store.
+            // It is compared with the record of the own store.
         } else if self.doubts(step, stale) {
             self.store.inspect_shared(&stale.key)?;
         } else if let Some(adopted) = self.adopted(&stale.key).map_err(|e| self.with_space(e, 0))? {

@@ -179,7 +179,7 @@ impl Store {
         Ok(Some(record))
     }
 
-    /// Looks for lost and damaged outputs of a key in the shared store, so that [`Store::share`] replaces them.
+    /// Looks for lost and damaged outputs of a key in the shared store. [`Store::share`] then replaces them.
     /// [`Store::adopt`] finds them too.
     ///
     /// # Errors

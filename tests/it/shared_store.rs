@@ -128,7 +128,8 @@ fn damaged_files_of_steps_made_again_for_comparison_are_replaced() {
     check_damaged_files("--recheck 1");
 }
 
-/// Damages files of the shared store, and builds on a machine with these options. The next machine then makes nothing.
+/// Damages files of the shared store, and builds on a machine with these options. The next machine makes
+/// nothing.
 fn check_damaged_files(options: &str) {
     let place = place();
     states(start(&place, "m0", ""));

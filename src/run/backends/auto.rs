@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
-/// Open GPUs, or the reason why there are none.
+/// Open GPUs, or the error of opening them.
 pub type OpenedGpus = Result<Arc<dyn GpuBackend>, GpuError>;
 
 /// Chooses a suitable back end for each scene.
@@ -34,8 +34,8 @@ impl fmt::Debug for AutoRenderers {
 }
 
 impl AutoRenderers {
-    /// Renders by the GPUs that `open` opens, or else by the CPU. They are opened once, when something must be
-    /// rendered.
+    /// Renders by the GPUs that `open` opens, or else by the CPU. They are opened once, when something must
+    /// be rendered.
     #[must_use]
     pub fn new(open: impl Fn() -> OpenedGpus + 'static) -> Self {
         Self { open: Box::new(open), gpu: RefCell::default(), on_cpu: RefCell::default() }
