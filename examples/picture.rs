@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release --example picture -- TRAJECTORY_FOLDER FRAME WINDOW_US OUT.png`
 
-use gs2e::event::picture::{WindowCounts, join_pictures};
-use gs2e::event::{Event, EventSink, EventSource, h5};
-use gs2e::image::png;
+use gs2e_event::picture::{WindowCounts, join_pictures};
+use gs2e_event::{Event, EventSink, EventSource, h5};
+use gs2e_image::png;
 use std::error::Error;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};

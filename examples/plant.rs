@@ -4,9 +4,9 @@
 //! `tests/hostile/planted.py` shows with it that `gs2e release` finds the same faults before anything is
 //! written as `gs2e check --tree` finds in the files.
 
-use gs2e::release::{ManifestStep, ReleaseManifest};
-use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
-use gs2e::store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
+use gs2e_release::{ManifestStep, ReleaseManifest};
+use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
+use gs2e_store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;

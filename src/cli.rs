@@ -55,12 +55,12 @@ use arguments::{misread, parse, wants_json};
 
 use common::{BackendArg, CommonArgs};
 
-use crate::programs::SUPERVISE;
-use crate::recipe;
 use clap::{Parser, Subcommand};
 use console::Console;
 pub use console::ConsoleStreams;
 pub use environment::Environment;
+use gs2e_files::programs::SUPERVISE;
+use gs2e_recipe as recipe;
 pub use problem::ExitKind;
 use problem::VerbError;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};

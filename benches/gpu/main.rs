@@ -10,8 +10,8 @@ mod rates;
 mod series;
 mod views;
 
-use gs2e::gpu::{DeviceChoice, FeatureSet, GpuDevice, list_gpus};
-use gs2e::image::Size;
+use gs2e_gpu::{DeviceChoice, FeatureSet, GpuDevice, list_gpus};
+use gs2e_image::Size;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

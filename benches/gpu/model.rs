@@ -4,7 +4,7 @@
 //! and a fixed time for each dispatch and for each round of a scan, because each waits for the one before.
 //! The stages run one after another.
 
-use gs2e::gpu::{FrameWork, StageWork, TimedStage};
+use gs2e_gpu::{FrameWork, StageWork, TimedStage};
 
 /// Share of the memory's rate that a pass achieves.
 const OF_BANDWIDTH: f64 = 0.7;

@@ -2,18 +2,18 @@
 
 use crate::rates::style;
 use crate::views::BenchViews;
-use gs2e::event::Event;
-use gs2e::frames::rendered::RenderedFrames;
-use gs2e::gpu::{GpuDevice, GpuRenderer};
-use gs2e::image::{Size, likeness};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, RenderRules, RenderedImages, Renderer};
-use gs2e::scene::procedural::{StillLife, still_capture, still_life};
-use gs2e::se3::Se3;
-use gs2e::seed::Seed;
-use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
-use gs2e::trajectory::Trajectory;
+use gs2e_demo::{StillLife, still_capture, still_life};
+use gs2e_event::Event;
+use gs2e_gpu::{GpuDevice, GpuRenderer};
+use gs2e_image::{Size, likeness};
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::Seed;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, RenderRules, RenderedImages, Renderer};
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_sensor::simulate_one;
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_trajectory::Trajectory;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ pub(super) fn measure(device: &GpuDevice, bench: &BenchViews) -> Result<(), Stri
 }
 
 fn pictures(device: &GpuDevice, bench: &BenchViews, name: &str, rules: RenderRules) -> Result<(), String> {
-    let failed = |e: gs2e::render::RenderError| e.to_string();
+    let failed = |e: gs2e_render::RenderError| e.to_string();
     let want = ChannelSet { rgb: true, luminance: true, luminance_rate: true, ..ChannelSet::NONE };
     let mut gpu = GpuRenderer::new(device.clone(), &bench.scene, style(rules)).map_err(failed)?;
     let mut cpu = CpuRenderer::new(bench.scene.clone(), style(rules)).map_err(failed)?;
@@ -83,7 +83,7 @@ type Events = BTreeMap<(u16, u16, bool), Vec<i64>>;
 fn events(device: &GpuDevice) -> Result<(), String> {
     let life = StillLife { gaussians: 2000, views: 6, arc: 40.0, seed: 1, fountain: None };
     let scene = Arc::new(still_life(&life));
-    let failed = |e: gs2e::render::RenderError| e.to_string();
+    let failed = |e: gs2e_render::RenderError| e.to_string();
     let official = style(RenderRules::Official);
     let gpu = GpuRenderer::new(device.clone(), &scene, official).map_err(failed)?;
     let by_gpu = sensed(Box::new(gpu), &life)?;
@@ -145,7 +145,7 @@ fn sensed(renderer: Box<dyn Renderer>, life: &StillLife) -> Result<Events, Strin
     simulate_one(&mut frames, &model, Seed(7), &mut all, &mut go_on).map_err(|e| e.to_string())?;
     let mut events = Events::new();
     for event in all {
-        let is_on = event.polarity == gs2e::event::Polarity::On;
+        let is_on = event.polarity == gs2e_event::Polarity::On;
         events.entry((event.x, event.y, is_on)).or_default().push(event.t.0);
     }
     events.values_mut().for_each(|times| times.sort_unstable());

@@ -2,8 +2,8 @@
 
 use crate::model::{CARDS, Card};
 use crate::views::BenchViews;
-use gs2e::gpu::{FrameWork, GpuDevice, GpuRenderer, TimedStage};
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_gpu::{FrameWork, GpuDevice, GpuRenderer, TimedStage};
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
 use std::time::Instant;
 
 /// Views that are announced before the first is read, as a build does.
@@ -60,7 +60,7 @@ fn run(
     (rules, want): (RenderRules, ChannelSet),
     frames: usize,
 ) -> Result<RateFound, String> {
-    let failed = |e: gs2e::render::RenderError| e.to_string();
+    let failed = |e: gs2e_render::RenderError| e.to_string();
     let mut gpu = GpuRenderer::new(device.clone(), &bench.scene, style(rules)).map_err(failed)?;
     let mut out = RenderedImages::default();
     let view = |frame: usize| &bench.views[frame % bench.views.len()];

@@ -1,17 +1,17 @@
 //! Memory over many scenes in a row.
 
 use crate::rates::style;
-use gs2e::camera::view::CameraView;
-use gs2e::gpu::{GpuDevice, GpuRenderer};
-use gs2e::image::Size;
-use gs2e::render::{ChannelSet, RenderRules, RenderedImages, Renderer as _};
-use gs2e::scene::procedural::{StillLife, still_capture, still_life};
+use gs2e_demo::{StillLife, still_capture, still_life};
+use gs2e_gpu::{GpuDevice, GpuRenderer};
+use gs2e_image::Size;
+use gs2e_render::{ChannelSet, RenderRules, RenderedImages, Renderer as _};
+use gs2e_scene::camera::view::CameraView;
 use std::time::Instant;
 
 /// Renders small scenes one after another on one device, as a build of many scenes does, and prints what
 /// this process holds after each tenth of them.
 pub(super) fn measure(device: &GpuDevice, scenes: u32) -> Result<(), String> {
-    let failed = |e: gs2e::render::RenderError| e.to_string();
+    let failed = |e: gs2e_render::RenderError| e.to_string();
     let want = ChannelSet { rgb: true, luminance: true, ..ChannelSet::NONE };
     println!("\n{scenes} scenes in a row, of 1,000 to 4,000 Gaussians, two views of 320x180 each\n");
     println!(

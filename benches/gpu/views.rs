@@ -1,10 +1,11 @@
 //! The scene and the views that are rendered.
 
 use crate::Options;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::scene::procedural::{StillLife, still_capture, still_life};
-use gs2e::scene::{self, Gaussians};
-use gs2e::source::{CapturedView, nerfstudio};
+use gs2e_demo::{StillLife, still_capture, still_life};
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_source::{CapturedView, nerfstudio};
 use serde_json::json;
 use std::fs;
 use std::path::Path;

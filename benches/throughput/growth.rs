@@ -6,21 +6,22 @@
 //! size.
 
 use glam::DQuat;
-use gs2e::camera::Camera;
-use gs2e::camera::view::CameraView;
-use gs2e::event::{Event, EventSink};
-use gs2e::frames::DenseFrame;
-use gs2e::image::{Image, Size};
-use gs2e::render::cpu::{CpuRenderer, PassKind};
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
-use gs2e::scene::Gaussians;
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::se3::Se3;
-use gs2e::seed::Seed;
-use gs2e::sensor::SensorModel as _;
-use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
-use gs2e::study::growth::GrowthLaws;
-use gs2e::units::{Hertz, Timestamp};
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_event::{Event, EventSink};
+use gs2e_image::{Image, Size};
+use gs2e_lab::growth::GrowthLaws;
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::Seed;
+use gs2e_num::units::{Hertz, Timestamp};
+use gs2e_render::cpu::{CpuRenderer, PassKind};
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_sensor::SensorModel as _;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::sync::Arc;

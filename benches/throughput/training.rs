@@ -6,15 +6,17 @@
 
 pub(crate) mod memory;
 
-use gs2e::camera::view::CameraView;
-use gs2e::image::{Size, png};
-use gs2e::render::backend::Backend;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::source::Capture;
-use gs2e::study::growth::GrowthLaws;
-use gs2e::training::{self, TrainingNews, TrainingSettings, TrainingWatch};
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_image::{Size, png};
+use gs2e_lab::growth::GrowthLaws;
+use gs2e_render::backend::Backend;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source::Capture;
+use gs2e_train as training;
+use gs2e_train::{TrainingNews, TrainingSettings, TrainingWatch};
 use serde_json::{Value, json};
 use std::fs::File;
 use std::path::PathBuf;

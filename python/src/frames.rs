@@ -1,8 +1,8 @@
 //! Frames that Python gives one by one, as an array or an iterator, and their conversion to luminance.
 
-use gs2e::frames::array::FullScale;
-use gs2e::frames::npy::LOOKED_AT;
-use gs2e::image::{Image, Size};
+use gs2e_image::{Image, Size};
+use gs2e_sensor::frames::array::FullScale;
+use gs2e_sensor::frames::npy::LOOKED_AT;
 use numpy::{PyArray2, PyArrayMethods as _, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods as _};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;

@@ -1,9 +1,9 @@
 //! Frames that arrive from the thread of the caller.
 
-use gs2e::frames::stamps::{StampError, relative_stamps};
-use gs2e::frames::{DenseFrame, FrameError, FrameSequence, require_finite};
-use gs2e::image::{Image, Size};
-use gs2e::units::Timestamp;
+use gs2e_image::{Image, Size};
+use gs2e_num::units::Timestamp;
+use gs2e_sensor::frames::stamps::{StampError, relative_stamps};
+use gs2e_sensor::frames::{DenseFrame, FrameError, FrameSequence, require_finite};
 use std::sync::mpsc::Receiver;
 
 /// A message of the caller's thread.

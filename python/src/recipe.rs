@@ -1,7 +1,7 @@
 //! Recipes: their faults as an exception.
 
 use crate::sensor::recipe_error;
-use gs2e::recipe::read_all;
+use gs2e_recipe::read_all;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 

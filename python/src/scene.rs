@@ -2,16 +2,18 @@
 
 use crate::threads::own_pool;
 use glam::{DMat3, DVec3};
-use gs2e::camera::Camera;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::image::{Image, MAX_PIXELS, Size};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
+use gs2e_image::{Image, MAX_PIXELS, Size};
+use gs2e_num::se3;
+use gs2e_num::se3::Se3;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{
     AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle,
     RenderedImages, Renderer,
 };
-use gs2e::scene::{self, Gaussians};
-use gs2e::se3::{self, Se3};
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use numpy::{IntoPyArray as _, PyArrayMethods as _};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;

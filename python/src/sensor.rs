@@ -1,8 +1,8 @@
 //! The sensor as Python sees it.
 
-use gs2e::recipe::{RecipeFaults, read_sensor, sensor_from_text};
-use gs2e::sensor::SensorChoice;
-use gs2e::sensor::voltmeter::BetweenFrames;
+use gs2e_recipe::{RecipeFaults, read_sensor, sensor_from_text};
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};

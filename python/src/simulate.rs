@@ -4,15 +4,15 @@ use crate::frames::FrameIterator;
 use crate::received::{FrameMessage, ReceivedFrames};
 use crate::sensor::Sensor;
 use crate::threads::own_pool;
-use gs2e::event::evt::EvtVersion;
-use gs2e::event::file::{EventFile, EventFormat};
-use gs2e::event::h5::ChunkFilter;
-use gs2e::event::{Event, EventFileError, EventSink};
-use gs2e::frames::FrameSequence as _;
-use gs2e::frames::stamps::relative_stamps;
-use gs2e::seed::Seed;
-use gs2e::sensor::voltmeter::BetweenFrames;
-use gs2e::sensor::{
+use gs2e_event::evt::EvtVersion;
+use gs2e_event::file::{EventFile, EventFormat};
+use gs2e_event::h5::ChunkFilter;
+use gs2e_event::{Event, EventFileError, EventSink};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::frames::FrameSequence as _;
+use gs2e_sensor::frames::stamps::relative_stamps;
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_sensor::{
     SensorChannel, SensorError, SimulateError, SimulatedStream, SimulationAccount, simulate_all,
 };
 use numpy::{IntoPyArray as _, PyArray1, PyArrayMethods as _, PyReadonlyArray1};
@@ -159,7 +159,7 @@ impl RunSetup {
     ) -> Result<SimulationAccount, RunFailure> {
         let stream = SimulatedStream { sensor: &self.sensor.0, size: frames.size(), span_us: self.span_us };
         let mut account = SimulationAccount::default();
-        gs2e::files::write_by_rename(out, |part| {
+        gs2e_files::write_by_rename(out, |part| {
             let mut file = stream.create_file(part, format, filter)?;
             account = self.simulate(frames, &mut FileSink(&mut *file))?;
             EventFile::finish(file, stream.length_us())?;

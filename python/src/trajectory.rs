@@ -3,16 +3,16 @@
 use crate::scene::SplatScene;
 use crate::sensor::recipe_error;
 use crate::threads::own_pool;
-use gs2e::artifact::TrajectoryProduct;
-use gs2e::camera::{Camera, choose_camera};
-use gs2e::recipe::{
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_recipe::{
     ChainError, RecipeFaults, TrajectoryChain, TrajectoryFragment, fragment_from_text, read_fragment,
 };
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::flow::PixelFlowMeter;
-use gs2e::source::Capture;
-use gs2e::source::kind::CaptureKind;
-use gs2e::trajectory::flow::FlowMeter;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::flow::PixelFlowMeter;
+use gs2e_scene::camera::{Camera, choose_camera};
+use gs2e_source::Capture;
+use gs2e_source::kind::CaptureKind;
+use gs2e_trajectory::flow::FlowMeter;
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

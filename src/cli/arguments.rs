@@ -2,9 +2,9 @@
 
 use super::problem::VerbError;
 use super::{Cli, console};
-use crate::escape;
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, FromArgMatches as _};
+use gs2e_files::escape;
 use std::ffi::OsString;
 
 /// Returns the command line as clap knows it: every verb and option with its help, from which

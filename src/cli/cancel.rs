@@ -4,9 +4,9 @@ use super::CommonArgs;
 use super::cluster::{ClusterAccess, ClusterTargets, recipe_digest};
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
-use crate::cluster::queue::TaskId;
-use crate::cluster::slurm::Slurm;
-use crate::store::Digest;
+use gs2e_build::cluster::queue::TaskId;
+use gs2e_build::cluster::slurm::Slurm;
+use gs2e_store::Digest;
 use serde_json::json;
 use std::collections::BTreeSet;
 

@@ -5,16 +5,16 @@ use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::{BackendArg, CommonArgs, RecipeTargets, takedown};
-use crate::cluster::ClusterError;
-use crate::cluster::finished::{PlanProgress, scene_progress};
-use crate::cluster::scene_state::{AskedScene, ClusterView, SceneFailure, SceneState};
-use crate::cluster::slurm::Slurm;
-use crate::files::is_there;
-use crate::plan::Plan;
-use crate::plan::survey::plan_all;
-use crate::recipe::Recipe;
-use crate::run::backends::RendererChoice;
-use crate::store::{Digest, Key, Store, StoreAccess, StoreOptions, is_bucket};
+use gs2e_build::cluster::ClusterError;
+use gs2e_build::cluster::finished::{PlanProgress, scene_progress};
+use gs2e_build::cluster::scene_state::{AskedScene, ClusterView, SceneFailure, SceneState};
+use gs2e_build::cluster::slurm::Slurm;
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::survey::plan_all;
+use gs2e_build::run::backends::RendererChoice;
+use gs2e_files::is_there;
+use gs2e_recipe::Recipe;
+use gs2e_store::{Digest, Key, Store, StoreAccess, StoreOptions, is_bucket};
 use std::path::{Path, PathBuf};
 
 /// The scenes that a verb is about, and the store that their tasks share.

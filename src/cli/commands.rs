@@ -4,10 +4,10 @@
 use super::CommonArgs;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
-use crate::plan::Plan;
-use crate::plan::assess::{StepAction, StepAssessment};
-use crate::stage::Stage as _;
-use crate::stage::reconstruct::ReconstructStage;
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::{StepAction, StepAssessment};
+use gs2e_build::stage::Stage as _;
+use gs2e_build::stage::reconstruct::ReconstructStage;
 use std::collections::BTreeMap;
 
 /// Maximum number of commands shown; the rest are counted.

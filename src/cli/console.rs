@@ -1,12 +1,12 @@
 //! Output: people read stderr, and programs read stdout.
 //!
 //! Only this module knows which text belongs to gs2e. Each call writes one line with every hidden
-//! character shown (see [`crate::escape`]). So a name from outside cannot move the cursor, change a
+//! character shown (see [`gs2e_files::escape`]). So a name from outside cannot move the cursor, change a
 //! title, or start a line of its own.
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
-use crate::escape;
+use gs2e_files::escape;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

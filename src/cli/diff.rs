@@ -2,10 +2,10 @@
 
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
-use crate::release::diff::{
+use gs2e_release::diff::{
     DiffReason, FileChange, ReleaseDifference, SceneChange, SceneSize, ValueChange, diff_releases,
 };
-use crate::store::Digest;
+use gs2e_store::Digest;
 use serde_json::Value;
 use std::path::PathBuf;
 

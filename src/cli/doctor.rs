@@ -3,17 +3,17 @@
 mod trial;
 
 use super::console::Console;
-use super::machine;
 use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs};
-use crate::files::is_there;
-use crate::gpu::{self, FeatureSet, GpuFeature, ListedGpu};
-use crate::programs::ProgramFinder;
-use crate::render::backend::Backend;
-use crate::store::space::DiskSpace;
-use crate::store::{FORMAT, Store, StoreAccess, StoreOptions};
-use crate::units::format_amount;
+use super::{BackendArg, CommonArgs, machine};
 use fearless_simd::Level;
+use gs2e_files::is_there;
+use gs2e_files::programs::ProgramFinder;
+use gs2e_gpu as gpu;
+use gs2e_gpu::{FeatureSet, GpuFeature, ListedGpu};
+use gs2e_num::units::format_amount;
+use gs2e_render::backend::Backend;
+use gs2e_store::space::DiskSpace;
+use gs2e_store::{FORMAT, Store, StoreAccess, StoreOptions};
 use serde_json::{Value, json};
 use std::path::Path;
 use trial::{TrialPicture, TrialScene};

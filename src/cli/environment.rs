@@ -1,7 +1,7 @@
 //! The variables of the environment that the program itself reads. Libraries read others, such as
 //! `NO_COLOR`.
 
-use crate::store::BucketEnvironment;
+use gs2e_store::BucketEnvironment;
 use rustix::system::uname;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};

@@ -4,11 +4,11 @@ use super::console::{Console, path};
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
 use super::{on_interrupt, output};
-use crate::export::{
+use gs2e_export::{
     ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, FORMATS, SubjectChoice,
     TestViews, format_named, write_export,
 };
-use crate::store::space::is_full;
+use gs2e_store::space::is_full;
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 use std::path::PathBuf;

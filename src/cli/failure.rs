@@ -3,13 +3,13 @@
 use super::commands;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{FULL, stage_failed, unplanned_message};
-use crate::programs::ProgramFailure;
-use crate::run::StepError;
-use crate::stage::StageError;
-use crate::store::record::{StepProvenance, StepRecord, content_digest};
-use crate::store::space::DiskSpace;
-use crate::store::{OutputMismatch, SharedMismatch, StoreError};
-use crate::units::format_amount;
+use gs2e_build::run::StepError;
+use gs2e_build::stage::StageError;
+use gs2e_files::programs::ProgramFailure;
+use gs2e_num::units::format_amount;
+use gs2e_store::record::{StepProvenance, StepRecord, content_digest};
+use gs2e_store::space::DiskSpace;
+use gs2e_store::{OutputMismatch, SharedMismatch, StoreError};
 
 /// A step, and the progress of the run.
 #[derive(Debug, Clone, Copy)]
@@ -130,7 +130,7 @@ pub(super) fn retry_commands(failed: &[(String, String, UserMessage)], options: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::{Digest, Key};
+    use gs2e_store::{Digest, Key};
 
     #[test]
     fn a_full_disk_is_told_with_its_figures() {

@@ -9,14 +9,15 @@ use super::console::{Console, path};
 use super::convert::events::EventInputOptions;
 use super::input;
 use super::problem::{ExitKind, VerbError};
-use crate::event::evt::EvtVersion;
-use crate::event::file::EventFormat;
-use crate::files::rename::parent_folder;
-use crate::recipe::draft;
-use crate::scene::dynamic::file::frame_files;
-use crate::scene::sog;
-use crate::store::Store;
-use crate::{files, release};
+use gs2e_event::evt::EvtVersion;
+use gs2e_event::file::EventFormat;
+use gs2e_files as files;
+use gs2e_files::rename::parent_folder;
+use gs2e_recipe::draft;
+use gs2e_release as release;
+use gs2e_scene::dynamic::file::frame_files;
+use gs2e_scene::sog;
+use gs2e_store::Store;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -150,7 +151,7 @@ fn unreadable(place: &Path, error: &io::Error) -> VerbError {
 /// A number in five significant digits.
 fn short(value: f64) -> String {
     let rounded = format!("{value:.4e}").parse().unwrap_or(value);
-    crate::units::brief(rounded)
+    gs2e_num::units::brief(rounded)
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
-use crate::files;
-use crate::image::Size;
-use crate::source::SourceError;
+use gs2e_files as files;
+use gs2e_image::Size;
+use gs2e_source::SourceError;
 use std::io;
 use std::path::Path;
 

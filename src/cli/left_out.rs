@@ -1,8 +1,8 @@
 //! The table of work that a build left out, for people: one table per rendered trajectory.
 
 use super::console::Console;
-use crate::frames::rendered::TimeSaved;
-use crate::release::left_out::OmissionRow;
+use gs2e_release::left_out::OmissionRow;
+use gs2e_sampling::rendered::TimeSaved;
 use std::collections::BTreeMap;
 
 /// Maximum number of tables printed. Few people read more.

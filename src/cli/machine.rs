@@ -1,6 +1,6 @@
 //! Properties of this machine: cores, processor and memory.
 
-use crate::files;
+use gs2e_files as files;
 use std::num::NonZero;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! A message in four parts: the failure, its place, its causes, and a remedy.
 
-use crate::escape;
-use crate::recipe::RecipePosition;
+use gs2e_files::escape;
+use gs2e_recipe::RecipePosition;
 use serde_json::json;
 use std::path::Path;
 

@@ -4,10 +4,10 @@ use super::build::store_options;
 use super::console::{Console, path};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, RecipeTargets};
-use crate::plan::Plan;
-use crate::plan::assess::assess_plan;
-use crate::recipe;
-use crate::store::{Store, StoreAccess};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::assess_plan;
+use gs2e_recipe as recipe;
+use gs2e_store::{Store, StoreAccess};
 use serde_json::json;
 
 /// Arguments of `open`.

@@ -5,9 +5,9 @@
 //! file without write permission is refused, as is anything but a regular file. `-` is stdout.
 
 use super::problem::VerbError;
-use crate::files;
-use crate::files::rename::{PartialFile, link_target, parent_folder};
-use crate::store::space::is_full;
+use gs2e_files as files;
+use gs2e_files::rename::{PartialFile, link_target, parent_folder};
+use gs2e_store::space::is_full;
 use std::collections::BTreeSet;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};

@@ -1,11 +1,11 @@
 //! Errors that end a verb early, and the exit code that follows.
 
 use super::message::{MessageLevel, UserMessage};
-use crate::plan::assess::PlanError;
-use crate::plan::survey::SurveyError;
-use crate::recipe::RecipeFaults;
-use crate::stage::StageError;
-use crate::store::StoreError;
+use gs2e_build::plan::assess::PlanError;
+use gs2e_build::plan::survey::SurveyError;
+use gs2e_build::stage::StageError;
+use gs2e_recipe::RecipeFaults;
+use gs2e_store::StoreError;
 use std::process::ExitCode;
 
 /// The end of the program.

@@ -8,21 +8,22 @@ use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, FULL, VerbError};
 use super::verdicts::{show_findings, tell_count};
 use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
-use crate::check::{Finding, REASON, is_waivable};
-use crate::escape;
-use crate::export::{IncludedExporter, SilentProgress};
-use crate::plan::Plan;
-use crate::plan::assess::{StepAction, assess_plan};
-use crate::recipe::{self, Recipe, ReconstructMethod};
-use crate::release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
-use crate::release::signature::SigningKey;
-use crate::release::{
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::{StepAction, assess_plan};
+use gs2e_build::run::RunSummary;
+use gs2e_check::{Finding, REASON, is_waivable};
+use gs2e_export::{IncludedExporter, SilentProgress};
+use gs2e_files::escape;
+use gs2e_recipe as recipe;
+use gs2e_recipe::{Recipe, ReconstructMethod};
+use gs2e_release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
+use gs2e_release::signature::SigningKey;
+use gs2e_release::{
     BuiltPlan, GatherError, GuardedPath, HeldBackScene, JudgedRelease, LinkMode, ReleaseContext,
     ReleaseError, ReleaseTarget, TargetClaim, WrittenRelease,
 };
-use crate::run::RunSummary;
-use crate::store::space::is_full;
-use crate::store::{LockClaim, ReleaseRoot, Store};
+use gs2e_store::space::is_full;
+use gs2e_store::{LockClaim, ReleaseRoot, Store};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

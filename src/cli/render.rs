@@ -9,22 +9,24 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{BackendArg, CommonArgs, input};
-use crate::camera::Camera;
-use crate::camera::lens::Distortion;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::files::is_there;
-use crate::gpu;
-use crate::render::backend::Backend;
-use crate::render::{
+use account::RenderAccount;
+use clap::ValueEnum;
+use gs2e_files::is_there;
+use gs2e_gpu as gpu;
+use gs2e_render::backend::Backend;
+use gs2e_render::{
     AntialiasMode, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle, RenderWork,
     RenderedImages,
 };
-use crate::scene::dynamic::file::read_dynamic;
-use crate::scene::dynamic::{SceneSpan, SceneTime};
-use crate::scene::{self, Gaussians};
-use crate::source::{self, view};
-use account::RenderAccount;
-use clap::ValueEnum;
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::lens::Distortion;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::dynamic::file::read_dynamic;
+use gs2e_scene::dynamic::{SceneSpan, SceneTime};
+use gs2e_source as source;
+use gs2e_source::view;
 use numbers::ColourArg;
 use picture::{ChannelArg, ChannelImage, PictureFormat};
 use serde_json::json;

@@ -1,7 +1,7 @@
-//! The back ends of a command as users hear of them. The policy is [`crate::run::backends`].
+//! The back ends of a command as users hear of them. The policy is [`gs2e_build::run::backends`].
 
 use super::console::Console;
-use crate::run::backends::RendererChoice;
+use gs2e_build::run::backends::RendererChoice;
 
 /// Reports a GPU that is needed and cannot be used.
 pub(super) fn tell_gpu(chosen: &RendererChoice, console: &Console) {
@@ -15,14 +15,14 @@ mod tests {
     use super::*;
     use crate::cli::build::{BuildRequest, TrustOptions, open_store};
     use crate::cli::{Cli, RecipeTargets};
-    use crate::gpu::{DeviceChoice, GpuDevice, GpuPool};
-    use crate::plan::Plan;
-    use crate::programs::ProgramFinder;
-    use crate::render::OmissionPolicy;
-    use crate::render::backend::{Backend, GpuBackend};
-    use crate::run::RunSummary;
-    use crate::run::backends::{AutoRenderers, RendererKind};
     use clap::Parser as _;
+    use gs2e_build::plan::Plan;
+    use gs2e_build::run::RunSummary;
+    use gs2e_build::run::backends::{AutoRenderers, RendererKind};
+    use gs2e_files::programs::ProgramFinder;
+    use gs2e_gpu::{DeviceChoice, GpuDevice, GpuPool};
+    use gs2e_render::OmissionPolicy;
+    use gs2e_render::backend::{Backend, GpuBackend};
     use std::collections::BTreeSet;
     use std::path::Path;
     use std::sync::Arc;
@@ -58,7 +58,7 @@ mod tests {
         );
         let targets = RecipeTargets { recipes: vec![recipe] };
         let store = open_store(&common, &care, &console).unwrap();
-        let plan = Plan::new(crate::recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
+        let plan = Plan::new(gs2e_recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
         let building = BuildRequest {
             settled: 0,
             targets: &targets,
@@ -68,7 +68,7 @@ mod tests {
             console: &console,
         };
         let (plan, summary) = building.build(plan, &store).unwrap();
-        let class = |step: &crate::plan::PlannedStep| {
+        let class = |step: &gs2e_build::plan::PlannedStep| {
             let key = store.last_key("tiny", &step.name)?;
             let lines = store.full_record(&key).unwrap()?.description;
             lines.into_iter().find(|line| line.path == "class").map(|line| line.text)

@@ -1,10 +1,10 @@
 //! The properties of a sensor by itself, printed before it runs.
 
 use super::console::Console;
-use crate::sensor::SensorSet;
-use crate::sensor::front_end::FrontEnd;
-use crate::sensor::screening::{ConstantLightNoise, SensorScreening};
-use crate::sensor::twin::NearTwin;
+use gs2e_sensor::SensorSet;
+use gs2e_sensor::front_end::FrontEnd;
+use gs2e_sensor::screening::{ConstantLightNoise, SensorScreening};
+use gs2e_sensor::twin::NearTwin;
 
 /// The grey whose noise stands for all greys.
 const MIDDLE: usize = 2;

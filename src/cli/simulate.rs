@@ -14,20 +14,20 @@ use super::convert::events::RawCodec;
 use super::message::{MessageLevel, UserMessage};
 use super::output::{self, unwritable_file};
 use super::problem::{ExitKind, VerbError};
-use crate::event::file::{EventFile, EventFormat};
-use crate::event::{Event, EventFileError, EventSink, h5};
-use crate::files::{is_there, write_by_rename};
-use crate::frames::array::FullScale;
-use crate::frames::motion::FrameMotion;
-use crate::frames::{DenseFrame, FrameError};
-use crate::seed::Seed;
-use crate::sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
-use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind};
-use crate::sensor::{
+use account::SimulateReport;
+use gs2e_event::file::{EventFile, EventFormat};
+use gs2e_event::{Event, EventFileError, EventSink, h5};
+use gs2e_files::{is_there, write_by_rename};
+use gs2e_num::seed::Seed;
+use gs2e_num::units::Hertz;
+use gs2e_sensor::frames::array::FullScale;
+use gs2e_sensor::frames::motion::FrameMotion;
+use gs2e_sensor::frames::{DenseFrame, FrameError};
+use gs2e_sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
+use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind};
+use gs2e_sensor::{
     SensorChannel, SensorChoice, SensorError, SimulateError, SimulatedStream, SimulationAccount, simulate_all,
 };
-use crate::units::Hertz;
-use account::SimulateReport;
 use indicatif::ProgressBar;
 use serde::de::DeserializeOwned;
 use serde::de::value::{Error as WordError, StrDeserializer};

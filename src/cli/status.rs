@@ -4,10 +4,10 @@ use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, failure_messa
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, clock, output};
-use crate::cluster::page::{ShownScene, StatusPage};
-use crate::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
-use crate::cluster::slurm::Slurm;
-use crate::files::write_by_rename;
+use gs2e_build::cluster::page::{ShownScene, StatusPage};
+use gs2e_build::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
+use gs2e_build::cluster::slurm::Slurm;
+use gs2e_files::write_by_rename;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::Write as _;

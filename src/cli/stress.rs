@@ -3,17 +3,16 @@
 mod page;
 
 use super::console::Console;
-use super::input;
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs};
-use crate::files::is_there;
-use crate::gpu;
-use crate::render::backend::Backend;
-use crate::scene;
-use crate::study::stress::splat::SplatBench;
-use crate::study::stress::{NotRun, Outcome, StressArea, StressCase, area_cases};
+use super::{BackendArg, CommonArgs, input};
 use clap::builder::PossibleValuesParser;
+use gs2e_files::is_there;
+use gs2e_gpu as gpu;
+use gs2e_lab::stress::splat::SplatBench;
+use gs2e_lab::stress::{NotRun, Outcome, StressArea, StressCase, area_cases};
+use gs2e_render::backend::Backend;
+use gs2e_scene as scene;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -178,7 +177,7 @@ impl StressRow {
             CaseVerdict::NotRun => "not-run",
         };
         let found = self.outcome.as_ref().ok();
-        let of = |value: fn(&crate::study::stress::CaseResult) -> Value| found.map_or(Value::Null, value);
+        let of = |value: fn(&gs2e_lab::stress::CaseResult) -> Value| found.map_or(Value::Null, value);
         json!({
             "id": id, "area": area, "case": case, "backend": backend, "regime": regime, "verdict": verdict,
             "computed": of(|f| json!(f.worst.computed)), "answer": of(|f| json!(f.worst.answer)),
@@ -207,7 +206,7 @@ fn exit_kind(rows: &[StressRow]) -> ExitKind {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::stress::{CaseResult, StressPoint};
+    use gs2e_lab::stress::{CaseResult, StressPoint};
 
     fn row(outcome: Outcome) -> StressRow {
         let (area, case, regime, unit) = (StressArea::Splat, "ties", "deep | wide", "px");

@@ -11,8 +11,8 @@ use super::CommonArgs;
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::{ExitKind, VerbError};
-use crate::sensor::SimulateError;
-use crate::study::work_precision::lab::LabError;
+use gs2e_lab::work_precision::lab::LabError;
+use gs2e_sensor::SimulateError;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 

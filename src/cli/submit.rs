@@ -7,10 +7,10 @@ use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, absolute, fai
 use super::console::Console;
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, machine, on_interrupt};
-use crate::cluster::scene_state::{SceneState, StateCounts};
-use crate::cluster::script::BatchOptions;
-use crate::cluster::slurm::Slurm;
-use crate::escape::is_hidden;
+use gs2e_build::cluster::scene_state::{SceneState, StateCounts};
+use gs2e_build::cluster::script::BatchOptions;
+use gs2e_build::cluster::slurm::Slurm;
+use gs2e_files::escape::is_hidden;
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::Write as _;

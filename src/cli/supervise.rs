@@ -1,11 +1,11 @@
-//! The supervisor of a program: the other end of the socket in [`crate::programs`].
+//! The supervisor of a program: the other end of the socket in [`gs2e_files::programs`].
 //!
 //! The program runs in a process group of its own. When it ends, when the socket closes, or when a
 //! signal arrives, the rest of the group is killed. Descendants that left the group are killed too:
 //! the system makes the supervisor the parent of orphans, so it finds them.
 
-use crate::files;
-use crate::programs::ProgramReport;
+use gs2e_files as files;
+use gs2e_files::programs::ProgramReport;
 use rustix::process::{
     Pid, Signal, WaitId, WaitIdOptions, WaitIdStatus, getpid, kill_process, kill_process_group, waitid,
 };

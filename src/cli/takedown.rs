@@ -2,7 +2,7 @@
 
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
-use crate::recipe::TakenDown;
+use gs2e_recipe::TakenDown;
 
 /// Prints the number of scenes left out, and the number of ids in the list that match no scene, if
 /// they are not zero.

@@ -1,8 +1,10 @@
 //! The recipes that a verb works on, as the user names them.
 
 use super::problem::VerbError;
-use crate::{escape, files, recipe};
 use clap::Args;
+use gs2e_files as files;
+use gs2e_files::escape;
+use gs2e_recipe as recipe;
 use std::path::{Path, PathBuf};
 
 /// The recipes or folders that a verb works on.

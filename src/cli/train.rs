@@ -5,18 +5,19 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input, machine};
-use crate::render::RenderRules;
-use crate::render::backend::Backend;
-use crate::run;
-use crate::scene::ply::write_ply;
-use crate::source::kind::CaptureKind;
-use crate::source::{Capture, DiskCapture};
-use crate::training::{
-    self, CheckpointFile, TrainedGaussians, TrainingEnd, TrainingError, TrainingGoal, TrainingSettings,
+use clap::ValueEnum;
+use gs2e_build::run;
+use gs2e_num::units::format_amount;
+use gs2e_render::RenderRules;
+use gs2e_render::backend::Backend;
+use gs2e_scene::ply::write_ply;
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::{Capture, DiskCapture};
+use gs2e_train as training;
+use gs2e_train::{
+    CheckpointFile, TrainedGaussians, TrainingEnd, TrainingError, TrainingGoal, TrainingSettings,
     TrainingWatch,
 };
-use crate::units::format_amount;
-use clap::ValueEnum;
 use serde_json::json;
 use std::io;
 use std::path::PathBuf;
@@ -116,8 +117,8 @@ impl TrainArgs {
         let disk = self.disk()?;
         let (capture, warnings) = disk.read().map_err(|e| input::unreadable_file("capture", &e))?;
         // The photos are straightened here, so the warning about their distortion does not apply.
-        let is_ignored = |warning: &crate::source::SourceWarning| {
-            !matches!(warning, crate::source::SourceWarning::DistortionIgnored { .. })
+        let is_ignored = |warning: &gs2e_source::SourceWarning| {
+            !matches!(warning, gs2e_source::SourceWarning::DistortionIgnored { .. })
         };
         warnings.iter().filter(|w| is_ignored(w)).for_each(|w| console.say(&format!("warning: {w}")));
         self.refuse_memory(&capture)?;

@@ -7,15 +7,17 @@ use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
 use super::problem::{ExitKind, VerbError};
 use super::{CommonArgs, input};
-use crate::camera::{self, Camera};
-use crate::recipe::{self, ChainError, TrajectoryChain, TrajectoryFragment};
-use crate::render::backend::Backend;
-use crate::render::flow::PixelFlowMeter;
-use crate::source::Capture;
-use crate::source::kind::CaptureKind;
-use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::{MadeTrajectory, picture};
 use account::TrajectoryAccount;
+use gs2e_recipe as recipe;
+use gs2e_recipe::{ChainError, TrajectoryChain, TrajectoryFragment};
+use gs2e_render::backend::Backend;
+use gs2e_render::flow::PixelFlowMeter;
+use gs2e_scene::camera;
+use gs2e_scene::camera::Camera;
+use gs2e_source::Capture;
+use gs2e_source::kind::CaptureKind;
+use gs2e_trajectory::flow::FlowMeter;
+use gs2e_trajectory::{MadeTrajectory, picture};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -148,7 +150,7 @@ impl TrajectoryArgs {
             let help = "pass --capture, or write in the recipe camera: { width, height, fx, fy, cx, cy }";
             missing("there is no camera", help)
         })?;
-        let gaussians = crate::scene::read_file(scene).map_err(|e| input::unreadable_file("scene", &e))?;
+        let gaussians = gs2e_scene::read_file(scene).map_err(|e| input::unreadable_file("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
         let renderer = backend.renderer(Arc::new(gaussians), style);
         let renderer =

@@ -3,14 +3,14 @@
 use super::console::Console;
 use super::message::{MessageLevel, UserMessage};
 use super::problem::VerbError;
-use crate::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
-use crate::check::{Finding, Verdict, advice};
-use crate::plan::Plan;
-use crate::plan::survey::SettledScene;
-use crate::run::RunSummary;
-use crate::stage::{checks, scene_checks};
-use crate::store::Store;
-use crate::store::record::StoredOutput;
+use gs2e_build::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::survey::SettledScene;
+use gs2e_build::run::RunSummary;
+use gs2e_build::stage::{checks, scene_checks};
+use gs2e_check::{Finding, Verdict, advice};
+use gs2e_store::Store;
+use gs2e_store::record::StoredOutput;
 
 /// Maximum number of findings that are shown one by one; a build of many scenes repeats itself.
 const MAX_SHOWN: usize = 20;

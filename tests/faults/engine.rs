@@ -1,15 +1,17 @@
 //! The engine within this process, over any file operations.
 
 use crate::place::{Place, Products};
-use gs2e::plan::assess::{StepAction, assess_plan};
-use gs2e::plan::survey::{PlanSurvey, survey_recipes};
-use gs2e::programs::ProgramFinder;
-use gs2e::render::backend::Backend;
-use gs2e::run::{RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
-use gs2e::stage::StepId;
-use gs2e::store::fs::Fs;
-use gs2e::store::record::StoredOutput;
-use gs2e::store::{Digest, Store, StoreAccess, StoreOptions};
+use gs2e_build::plan::assess::{StepAction, assess_plan};
+use gs2e_build::plan::survey::{PlanSurvey, survey_recipes};
+use gs2e_build::run::{
+    RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run,
+};
+use gs2e_build::stage::StepId;
+use gs2e_files::programs::ProgramFinder;
+use gs2e_render::backend::Backend;
+use gs2e_store::fs::Fs;
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Digest, Store, StoreAccess, StoreOptions};
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;

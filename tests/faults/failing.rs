@@ -1,8 +1,8 @@
 //! File operations with injected faults: one fails, or all from a given one on.
 
-use gs2e::files::stat::FileStat;
-use gs2e::store::Digest;
-use gs2e::store::fs::{FolderEntry, Fs, SystemFs};
+use gs2e_files::stat::FileStat;
+use gs2e_store::Digest;
+use gs2e_store::fs::{FolderEntry, Fs, SystemFs};
 use std::io;
 use std::path::Path;
 use std::sync::Mutex;

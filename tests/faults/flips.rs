@@ -1,16 +1,15 @@
 //! Flips of single bits in release files and in blobs, with size and mtime kept. The audit finds
 //! each flip and names file, scene and repair. A build finds each flip and makes the blob again.
 
-use crate::Size;
 use crate::damage::Flip;
 use crate::engine::{Built, Engine};
 use crate::frozen::Frozen;
 use crate::place::{Place, Products, same};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
-use gs2e::store::fs::{Fs, SystemFs};
+use crate::{Size, scenes};
+use gs2e_store::fs::{Fs, SystemFs};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;

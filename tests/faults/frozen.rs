@@ -1,8 +1,8 @@
 //! Files whose stat fields stay unchanged: damage below the file system, such as bit rot.
 
-use gs2e::files::stat::FileStat;
-use gs2e::store::Digest;
-use gs2e::store::fs::{FolderEntry, Fs, SystemFs};
+use gs2e_files::stat::FileStat;
+use gs2e_store::Digest;
+use gs2e_store::fs::{FolderEntry, Fs, SystemFs};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};

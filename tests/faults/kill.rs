@@ -7,10 +7,9 @@
 use crate::place::{Place, Products, same, sound, tree, within};
 use crate::program::{end, run_until, start};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
-use crate::{Size, is_over};
-use gs2e::store::Digest;
+use crate::{Size, is_over, scenes};
+use gs2e_store::Digest;
 use rustix::process::Signal;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;

@@ -5,15 +5,14 @@
 //! that are up to date may count as up to date. A build without faults then finishes with the right
 //! products.
 
-use crate::Size;
 use crate::engine::{Built, Engine};
 use crate::failing::{Failing, How, Injection};
 use crate::place::{Place, Products, same, within};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
-use gs2e::store::fs::{Fs, SystemFs};
+use crate::{Size, scenes};
+use gs2e_store::fs::{Fs, SystemFs};
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;

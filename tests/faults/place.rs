@@ -1,7 +1,7 @@
 //! A temporary folder in which the program runs, and the contents of its store.
 
 use crate::program::{self, Ended};
-use gs2e::store::Digest;
+use gs2e_store::Digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;

@@ -9,16 +9,15 @@
 mod disk;
 mod recorder;
 
-use crate::Size;
 use crate::engine::{Built, Engine};
 use crate::frozen::Frozen;
 use crate::place::{Place, Products, same, within};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
 use crate::workers::spread;
+use crate::{Size, scenes};
 use disk::{Disk, Loss};
-use gs2e::store::fs::{Fs, SystemFs};
+use gs2e_store::fs::{Fs, SystemFs};
 use recorder::Recorder;
 use std::fs;
 use std::path::PathBuf;

@@ -4,10 +4,9 @@
 
 use crate::place::{Place, tree};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
-use crate::{Size, is_over};
-use gs2e::store::Digest;
+use crate::{Size, is_over, scenes};
+use gs2e_store::Digest;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::Command;

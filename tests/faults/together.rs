@@ -3,10 +3,9 @@
 use crate::place::{Place, Products, same};
 use crate::program::{Ended, end, start};
 use crate::random::Random;
-use crate::scenes;
 use crate::tally::Tally;
-use crate::{Size, is_over};
-use gs2e::store::Digest;
+use crate::{Size, is_over, scenes};
+use gs2e_store::Digest;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;

@@ -224,7 +224,7 @@ fn lines(lines: &[&str]) -> Vec<Vec<OsString>> {
 
 /// A text quoted for YAML.
 fn quoted(text: &str) -> String {
-    gs2e::escape::quoted(text)
+    gs2e_files::escape::quoted(text)
 }
 
 /// The recipe, with the line that starts with `begins` replaced by `other`.

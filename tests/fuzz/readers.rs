@@ -4,13 +4,14 @@
 
 use crate::corpus::{Corpus, files, inflated, zipped};
 use crate::{command_lines, consoles};
-use gs2e::event::{self, EventSource, text};
-use gs2e::frames::array::FullScale;
-use gs2e::frames::{FrameSequence as _, folder, npy};
-use gs2e::image::{Size, jpeg, png};
-use gs2e::recipe::{RecipeFile, read_files};
-use gs2e::scene::{ply, sog, splat, spz};
-use gs2e::source::{colmap, nerfstudio};
+use gs2e_event as event;
+use gs2e_event::{EventSource, text};
+use gs2e_image::{Size, jpeg, png};
+use gs2e_recipe::{RecipeFile, read_files};
+use gs2e_scene::{ply, sog, splat, spz};
+use gs2e_sensor::frames::array::FullScale;
+use gs2e_sensor::frames::{FrameSequence as _, folder, npy};
+use gs2e_source::{colmap, nerfstudio};
 use std::io::{Cursor, Write as _};
 use std::path::Path;
 use std::time::Duration;

@@ -2,23 +2,24 @@
 
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
-use gs2e::camera::view::CameraVelocity;
-use gs2e::event::Event;
-use gs2e::frames::FrameSequence as _;
-use gs2e::frames::rendered::RenderedFrames;
-use gs2e::image::{Image, Size};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{LayerOrder, RenderRules, RenderStyle};
-use gs2e::scene::Gaussians;
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
-use gs2e::seed::Seed;
-use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
-use gs2e::source::Capture;
-use gs2e::trajectory::Trajectory;
-use gs2e::trajectory::twist::pose_twists;
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_event::Event;
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::seed::Seed;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraVelocity;
+use gs2e_sensor::frames::FrameSequence as _;
+use gs2e_sensor::simulate_one;
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
+use gs2e_source::Capture;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::twist::pose_twists;
 use serde_json::Value;
 use std::fs;
 use std::ops::ControlFlow;
@@ -57,7 +58,7 @@ impl World {
     fn frames(&self, steps: u32) -> RenderedFrames {
         let seconds: Vec<f64> = (0..=steps).map(|j| LENGTH * f64::from(j) / f64::from(steps)).collect();
         let poses: Vec<Se3> = seconds.iter().map(|t| self.pose(*t)).collect();
-        let own = |(pose, twist): (&Se3, gs2e::se3::Twist)| CameraVelocity {
+        let own = |(pose, twist): (&Se3, gs2e_num::se3::Twist)| CameraVelocity {
             linear: pose.rotation.conjugate() * twist.linear,
             angular: twist.angular,
         };

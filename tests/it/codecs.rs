@@ -7,15 +7,15 @@ mod hdf5;
 mod labels;
 
 use crate::support::absent::absent;
-use gs2e::event::evt::EvtVersion;
-use gs2e::event::file::{EventFormat, ReadHints};
-use gs2e::event::text::ColumnSeparator;
-use gs2e::event::{
+use gs2e_event::evt::EvtVersion;
+use gs2e_event::file::{EventFormat, ReadHints};
+use gs2e_event::text::ColumnSeparator;
+use gs2e_event::{
     Event, EventFileError, EventLabel, EventSink, EventSource, LawStamp, Polarity, StreamHeader, file, h5,
     npz,
 };
-use gs2e::image::Size;
-use gs2e::units::Timestamp;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::io::{Cursor, Write as _};
 use std::path::Path;
 

@@ -9,11 +9,11 @@ mod templates;
 use crate::support::given::ply;
 use crate::support::workspace::{TINY, Workspace};
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::image::{Image, Size, png};
-use gs2e::se3::Se3;
-use gs2e::source::colmap::ColmapPoint;
-use gs2e::source::colmap::write::{WrittenImage, write_model};
+use gs2e_image::{Image, Size, png};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_source::colmap::ColmapPoint;
+use gs2e_source::colmap::write::{WrittenImage, write_model};
 use std::fs;
 
 const SIZE: Size = Size { width: 64, height: 48 };

@@ -2,7 +2,7 @@
 
 use crate::support::ply;
 use crate::support::workspace::Workspace;
-use gs2e::scene;
+use gs2e_scene as scene;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

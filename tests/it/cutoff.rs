@@ -2,8 +2,8 @@
 
 use crate::support::steps::{Step, recipe, steps};
 use crate::support::workspace::{Workspace, alter};
-use gs2e::scene::ply::write_ply;
-use gs2e::scene::procedural::{StillLife, still_life};
+use gs2e_demo::{StillLife, still_life};
+use gs2e_scene::ply::write_ply;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;

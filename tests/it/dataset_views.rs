@@ -4,8 +4,8 @@
 use crate::planted_geometry::{POSES, release};
 use crate::support::workspace::Workspace;
 use glam::{DMat3, DQuat};
-use gs2e::se3::{OPENCV_FROM_OPENGL, Se3};
-use gs2e::trajectory::Trajectory;
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;

@@ -6,7 +6,7 @@
 mod faults;
 
 use crate::support::workspace::Workspace;
-use gs2e::image::{Image, Size, png};
+use gs2e_image::{Image, Size, png};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs;

@@ -4,8 +4,8 @@
 use crate::support::given::{sound, transforms};
 use crate::support::steps::recipe;
 use crate::support::workspace::{TINY, Workspace, tree};
-use gs2e::stage::Stage as _;
-use gs2e::stage::events::EventsStage;
+use gs2e_build::stage::Stage as _;
+use gs2e_build::stage::events::EventsStage;
 use serde_json::{Value, json};
 use std::fs;
 
@@ -157,7 +157,7 @@ fn different_revisions_classes_and_steps_are_reported() {
     };
     let revision = json!([{ "code": "revision", "old": EventsStage::REVISION, "new": 99 }]);
     t(&|m| rekeyed(m, "revision", json!(99)), ("base/events", true, revision));
-    let class = json!([{ "code": "class", "old": gs2e::render::cpu::FINGERPRINT, "new": "other/1" }]);
+    let class = json!([{ "code": "class", "old": gs2e_render::cpu::FINGERPRINT, "new": "other/1" }]);
     t(&|m| rekeyed(m, "class", json!("other/1")), ("base/events", true, class));
     let untold = json!([{ "code": "untold" }]);
     t(&|m| rekeyed(m, "revision", json!(EventsStage::REVISION)), ("base/events", true, untold.clone()));

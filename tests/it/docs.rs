@@ -54,9 +54,9 @@ fn the_reference_of_the_command_line_is_current() {
 /// What `gs2e schema` prints.
 #[test]
 fn the_reference_as_a_json_schema_is_current() {
-    const PATH: &str = "src/recipe/recipe.schema.json";
+    const PATH: &str = "crates/recipe/src/recipe.schema.json";
     let wanted = json_schema::text(&Crate::read());
-    if gs2e::recipe::JSON_SCHEMA == wanted {
+    if gs2e_recipe::JSON_SCHEMA == wanted {
         return;
     }
     let rewrite = std::env::var_os("WRITE_DOCS").is_some_and(|value| value == "1");

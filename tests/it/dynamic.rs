@@ -7,12 +7,12 @@ mod files;
 use crate::objects::{ALL, after, crowd, errors, moving_view, style};
 use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use glam::DVec3;
-use gs2e::camera::view::CameraView;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{ChannelSet, RenderRules, RenderedImages, Renderer};
-use gs2e::scene::Gaussians;
-use gs2e::scene::dynamic::{SceneSpan, SceneTime, SplatCourse, SplatFrames, SplatTrack};
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::reference::ReferenceRenderer;
+use gs2e_render::{ChannelSet, RenderRules, RenderedImages, Renderer};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatCourse, SplatFrames, SplatTrack};
 use std::sync::Arc;
 
 /// The scene's time passes 1.3 times as fast as the trajectory's; at 0.37 s, `u` is 0.2905.
@@ -76,7 +76,7 @@ fn rates_are_differences_of_pictures_in_which_camera_and_gaussians_move() {
             (RenderRules::Gsplat, true),
             (RenderRules::Soft, false),
         ] {
-            let style = gs2e::render::RenderStyle { antialiased, ..style(rules) };
+            let style = gs2e_render::RenderStyle { antialiased, ..style(rules) };
             let reference = ReferenceRenderer::new(scene.clone(), style).unwrap();
             let grey = |seconds: f64| -> Vec<f64> {
                 reference.luminance(&after(&view, seconds)).unwrap().iter().map(|[value, _]| *value).collect()

@@ -1,7 +1,7 @@
 //! `gs2e convert events.* picture.png`: the pixels of planted events.
 
 use crate::support::workspace::Workspace;
-use gs2e::image::{Image, Size, png};
+use gs2e_image::{Image, Size, png};
 use serde_json::Value;
 use std::fs::File;
 use std::io::BufReader;

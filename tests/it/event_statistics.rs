@@ -17,11 +17,11 @@ mod labels;
 mod models;
 mod renewal;
 
-use gs2e::event::{Event, Polarity};
-use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
-use gs2e::image::Size;
-use gs2e::seed::Seed;
-use gs2e::sensor::{SensorModel, SimulationAccount, simulate_one};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+use gs2e_sensor::{SensorModel, SimulationAccount, simulate_one};
 use std::ops::ControlFlow;
 
 /// Simulates a sequence from its beginning.

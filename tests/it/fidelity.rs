@@ -4,11 +4,12 @@
 use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
-use gs2e::camera::view::CameraView;
-use gs2e::image::{Size, png};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
-use gs2e::{scene, source};
+use gs2e_image::{Size, png};
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_scene as scene;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source as source;
 use serde_json::Value;
 use std::fs;
 use std::sync::Arc;

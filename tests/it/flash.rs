@@ -4,12 +4,12 @@
 use crate::release::small::{gs2e, said};
 use crate::support::given::transforms;
 use glam::DVec3;
-use gs2e::event::{EventSource as _, h5};
-use gs2e::scene::Gaussians;
-use gs2e::scene::form::SceneFormat;
-use gs2e::scene::procedural::{StillLife, still_life};
-use gs2e::se3::Se3;
-use gs2e::trajectory::Trajectory;
+use gs2e_demo::{StillLife, still_life};
+use gs2e_event::{EventSource as _, h5};
+use gs2e_num::se3::Se3;
+use gs2e_scene::Gaussians;
+use gs2e_scene::form::SceneFormat;
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -66,7 +66,7 @@ impl Flashing {
         while reader.next_chunk(&mut chunk).unwrap() {
             for event in &chunk {
                 let at = usize::try_from(event.t.floor_micros() / 1000).unwrap();
-                let of = usize::from(event.polarity == gs2e::event::Polarity::Off);
+                let of = usize::from(event.polarity == gs2e_event::Polarity::Off);
                 rates.get_mut(at).into_iter().for_each(|rate| rate[of] += 1.0);
             }
         }

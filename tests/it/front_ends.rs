@@ -1,15 +1,16 @@
 //! Sensors whose front ends differ, over one rendering.
 
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::camera::view::CameraView;
-use gs2e::frames::FrameSequence as _;
-use gs2e::frames::rendered::RenderedFrames;
-use gs2e::image::{Size, srgb};
-use gs2e::render::backend::Backend;
-use gs2e::render::{AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages};
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, FrontEndFrames, LuminanceWeights};
-use gs2e::trajectory::Trajectory;
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_image::{Size, srgb};
+use gs2e_render::backend::Backend;
+use gs2e_render::{AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages};
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_sensor::frames::FrameSequence as _;
+use gs2e_sensor::front_end::{ChannelDecode, FrontEnd, FrontEndFrames, LuminanceWeights};
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::fs;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::{Workspace, tree};
-use gs2e::store::{Store, StoreAccess};
+use gs2e_store::{Store, StoreAccess};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};

@@ -2,13 +2,15 @@
 
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, alter};
-use gs2e::plan::Plan;
-use gs2e::plan::survey::survey_recipes;
-use gs2e::programs::ProgramFinder;
-use gs2e::recipe::read_all;
-use gs2e::render::backend::Backend;
-use gs2e::run::{RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run};
-use gs2e::store::{Digest, Store, StoreAccess};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::survey::survey_recipes;
+use gs2e_build::run::{
+    RecheckPolicy, ResourceBudget, RunEvent, RunObserver, RunOptions, run_plan, settle_run,
+};
+use gs2e_files::programs::ProgramFinder;
+use gs2e_recipe::read_all;
+use gs2e_render::backend::Backend;
+use gs2e_store::{Digest, Store, StoreAccess};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::PathBuf;

@@ -3,8 +3,8 @@
 //! This test then fails and names the revision to raise.
 
 use crate::support::given::{GIVEN, sound};
-use gs2e::release::ReleaseManifest;
-use gs2e::store::record::content_digest;
+use gs2e_release::ReleaseManifest;
+use gs2e_store::record::content_digest;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::io::Write as _;
@@ -308,7 +308,7 @@ fn pins() -> Vec<Pin> {
 /// The pinned stages are those that the sources define, so a new stage is missed here at once.
 #[test]
 fn every_stage_is_pinned() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/stage");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/build/src/stage");
     let mut stages = BTreeSet::new();
     let entries = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
     for file in entries.filter(|entry| entry.file_type().is_file()) {

@@ -34,7 +34,7 @@ pub(crate) fn inert(place: &Workspace, arguments: &str) -> Ended {
 
 /// A text quoted as in recipes.
 fn quoted(text: &str) -> String {
-    gs2e::escape::quoted(text)
+    gs2e_files::escape::quoted(text)
 }
 
 /// The objects that were printed.

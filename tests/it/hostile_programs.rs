@@ -7,7 +7,7 @@ use crate::support::absent::absent;
 use crate::support::given;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
-use gs2e::store::{Store, StoreAccess};
+use gs2e_store::{Store, StoreAccess};
 use serde_json::json;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt as _;

@@ -4,11 +4,11 @@
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
-use gs2e::imu::{AxisErrors, AxisModel, GRAVITY, ImuModel, ImuSample, ImuSampler};
-use gs2e::se3::Se3;
-use gs2e::seed::Seed;
-use gs2e::trajectory::sampled::SampledPath;
-use gs2e::units::{Hertz, Ratio};
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::Seed;
+use gs2e_num::units::{Hertz, Ratio};
+use gs2e_trajectory::imu::{AxisErrors, AxisModel, GRAVITY, ImuModel, ImuSample, ImuSampler};
+use gs2e_trajectory::sampled::SampledPath;
 use serde_json::{Value, json};
 
 /// Position, velocity and rotation.

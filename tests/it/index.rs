@@ -2,7 +2,7 @@
 
 use crate::release::small::{copy, gs2e, release};
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::event::{EventSource as _, h5};
+use gs2e_event::{EventSource as _, h5};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use std::collections::BTreeMap;
@@ -45,7 +45,7 @@ fn counted(path: &Path) -> (i64, i64) {
     let (mut chunk, mut all, mut on) = (Vec::new(), 0, 0);
     while reader.next_chunk(&mut chunk).unwrap() {
         all += i64::try_from(chunk.len()).unwrap();
-        on += chunk.iter().map(|event| i64::from(event.polarity == gs2e::event::Polarity::On)).sum::<i64>();
+        on += chunk.iter().map(|event| i64::from(event.polarity == gs2e_event::Polarity::On)).sum::<i64>();
     }
     (all, on)
 }

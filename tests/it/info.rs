@@ -3,7 +3,7 @@
 use crate::sources::datasets::{Generator, VIEWS};
 use crate::support::workspace::{TINY, Workspace};
 use glam::DVec3;
-use gs2e::image::{Size, png};
+use gs2e_image::{Size, png};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{Cursor, Write as _};

@@ -245,9 +245,9 @@ fn views_that_are_not_used_are_listed_with_the_reason() {
 
 #[test]
 fn both_layouts_of_dl3dv_are_read_and_brought_to_their_photos() {
-    use gs2e::image::Size;
-    use gs2e::source::kind::CaptureKind;
-    use gs2e::source::{DiskCapture, PoseFile};
+    use gs2e_image::Size;
+    use gs2e_source::kind::CaptureKind;
+    use gs2e_source::{DiskCapture, PoseFile};
     let place = Workspace::new();
     let generator = Generator::new();
     let [bulk, sample] = ["a", "b"].map(|digit| digit.repeat(64));

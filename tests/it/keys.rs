@@ -5,11 +5,11 @@
 
 use crate::support::steps::{keys, recipe};
 use crate::support::workspace::Workspace;
-use gs2e::plan::Plan;
-use gs2e::plan::assess::read_sources;
-use gs2e::recipe::{Recipe, read_all};
-use gs2e::render::backend::Backend;
-use gs2e::store::{Digest, Key, Store, StoreAccess};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::read_sources;
+use gs2e_recipe::{Recipe, read_all};
+use gs2e_render::backend::Backend;
+use gs2e_store::{Digest, Key, Store, StoreAccess};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;

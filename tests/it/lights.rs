@@ -3,22 +3,23 @@
 
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
-use gs2e::camera::view::CameraView;
-use gs2e::event::{Event, Polarity};
-use gs2e::frames::rendered::RenderedFrames;
-use gs2e::image::{Image, Size, png, srgb};
-use gs2e::lights::{Flicker, LevelMoment, SceneLights, Waveform};
-use gs2e::render::backend::Backend;
-use gs2e::render::{
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{Image, Size, png, srgb};
+use gs2e_num::seed::Seed;
+use gs2e_render::backend::Backend;
+use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use gs2e_render::{
     AntialiasMode, ChannelSet, LayerOrder, RenderChoice, RenderRules, RenderedImages, Renderer,
 };
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::seed::Seed;
-use gs2e::sensor::esim::EsimModel;
-use gs2e::sensor::front_end::{ChannelDecode, FrontEnd};
-use gs2e::sensor::noise::ThresholdMismatch;
-use gs2e::sensor::{SensorModel, simulate_one};
-use gs2e::trajectory::Trajectory;
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_sensor::esim::EsimModel;
+use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
+use gs2e_sensor::noise::ThresholdMismatch;
+use gs2e_sensor::{SensorModel, simulate_one};
+use gs2e_trajectory::Trajectory;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::sync::Arc;

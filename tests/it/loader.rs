@@ -5,7 +5,7 @@
 use crate::release::small::release;
 use crate::support::absent::absent;
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::image::png;
+use gs2e_image::png;
 use std::fs;
 use std::io::BufReader;
 use std::path::Path;
@@ -71,7 +71,7 @@ fn exposures_and_geometry_are_read() {
     ask(release(), &["exposures", release().join("small/one/base").to_str().unwrap()]);
 }
 
-fn raw(image: &gs2e::image::Image<[u8; 3]>) -> Vec<u8> {
+fn raw(image: &gs2e_image::Image<[u8; 3]>) -> Vec<u8> {
     image.pixels().as_flattened().to_vec()
 }
 

@@ -2,7 +2,7 @@
 
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
-use gs2e::store::{LockClaim, Store, StoreAccess, StoreOptions};
+use gs2e_store::{LockClaim, Store, StoreAccess, StoreOptions};
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;

@@ -3,7 +3,7 @@
 //! build: equal digests also show that no optimisation changes a bit. It is the README's first command, whose second
 //! run makes nothing.
 
-use gs2e::release::{ManifestScene, ReleaseManifest};
+use gs2e_release::{ManifestScene, ReleaseManifest};
 use std::path::Path;
 use std::process::Command;
 

@@ -10,7 +10,7 @@ use crate::support::absent::is_thorough;
 use crate::support::gaussians::{blob_crowd, blob_scene};
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, hidden_gpus};
-use gs2e::scene::{Gaussians, ply};
+use gs2e_scene::{Gaussians, ply};
 use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;

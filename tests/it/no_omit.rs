@@ -4,9 +4,9 @@
 use crate::support::gaussians::{ColourBlob, blob_crowd, blob_scene};
 use crate::support::given::{GIVEN, transforms};
 use crate::support::workspace::{TINY, Workspace, tree};
-use gs2e::release::ReleaseManifest;
-use gs2e::release::left_out::OmissionRow;
-use gs2e::scene::{Gaussians, ply, sh};
+use gs2e_release::ReleaseManifest;
+use gs2e_release::left_out::OmissionRow;
+use gs2e_scene::{Gaussians, ply, sh};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;

@@ -7,16 +7,16 @@ use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::event::{EventSource as _, h5};
-use gs2e::image::png;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
-use gs2e::scene::motion::{PartKeyframe, PartPath, PartRecord, SceneMotion};
-use gs2e::scene::{Gaussians, sh};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
+use gs2e_event::{EventSource as _, h5};
+use gs2e_image::png;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::reference::ReferenceRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::motion::{PartKeyframe, PartPath, PartRecord, SceneMotion};
+use gs2e_scene::{Gaussians, sh};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -259,7 +259,7 @@ fn an_object_that_turned_looks_like_a_scene_whose_harmonics_were_turned() {
         centred.positions.iter_mut().for_each(|p| p[2] -= 4.5);
         let still = rotated_scene(&centred, turn, about);
         let mut moving = centred;
-        let degrees = gs2e::se3::rotation::log_vector(turn) * 180.0 / std::f64::consts::PI;
+        let degrees = gs2e_num::se3::rotation::log_vector(turn) * 180.0 / std::f64::consts::PI;
         let path = PartPath::Keyframes(vec![
             PartKeyframe { at: 0.0, shift: DVec3::ZERO, turn: DVec3::ZERO },
             PartKeyframe { at: 1.0, shift: about, turn: degrees },

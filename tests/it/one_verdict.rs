@@ -4,9 +4,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::workspace::{Ended, Workspace};
-use gs2e::release::ReleaseManifest;
-use gs2e::store::record::{StepProvenance, StepRecord};
-use gs2e::store::{Key, Store, StoreAccess, StoreError, StoreOptions};
+use gs2e_release::ReleaseManifest;
+use gs2e_store::record::{StepProvenance, StepRecord};
+use gs2e_store::{Key, Store, StoreAccess, StoreError, StoreOptions};
 use serde_json::Value;
 use std::fs;
 

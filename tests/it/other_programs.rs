@@ -8,19 +8,20 @@ use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::camera::view::CameraView;
-use gs2e::foreign::colmap::{ColmapPoses, ColmapRegistration};
-use gs2e::foreign::opencv::{OpencvGeometry, ReleasedPoses};
-use gs2e::foreign::{TrajectoryPicture, colmap, opencv, versions};
-use gs2e::image::{Size, png};
-use gs2e::reconstruct::ProgramWorkspace;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
-use gs2e::trajectory::Trajectory;
-use gs2e::{scene, source};
+use gs2e_image::{Size, png};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_scene as scene;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source as source;
+use gs2e_source::foreign::colmap::{ColmapPoses, ColmapRegistration};
+use gs2e_source::foreign::opencv::{OpencvGeometry, ReleasedPoses};
+use gs2e_source::foreign::{TrajectoryPicture, colmap, opencv, versions};
+use gs2e_source::reconstruct::ProgramWorkspace;
+use gs2e_trajectory::Trajectory;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::path::Path;
@@ -113,7 +114,7 @@ impl Filmed {
 }
 
 fn median(registration: &ColmapRegistration) -> f64 {
-    gs2e::stats::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect()).unwrap()
+    gs2e_num::stats::upper_median(registration.poses.iter().map(|p| p.rotation_deg).collect()).unwrap()
 }
 
 fn worst(registration: &ColmapRegistration) -> (usize, f64) {
@@ -179,7 +180,7 @@ fn equal_pictures_are_found_at_equal_places_by_colmap() {
     assert_eq!(found.unwrap_err(), "there are 2 pictures, 3 are the fewest");
     let blank: Vec<TrajectoryPicture> =
         (0..4).map(|pose| TrajectoryPicture { pose, file: filmed.folder.path().join("blank") }).collect();
-    let grey = gs2e::image::Image::filled(filmed.camera.size, [90u8; 3]);
+    let grey = gs2e_image::Image::filled(filmed.camera.size, [90u8; 3]);
     png::write_image(&grey, File::create(&blank[0].file).unwrap()).unwrap();
     let found = filmed
         .in_workspace("d", |workspace| colmap::register_pictures(&blank, &filmed.camera, workspace))
@@ -202,7 +203,7 @@ fn a_failed_program_is_reported_with_its_output() {
         .in_workspace("b", |workspace| opencv::measure_released(&released, own, &broken, workspace))
         .unwrap_err();
     assert_eq!(error.to_string(), "run python3: it ended with exit code 1");
-    let gs2e::foreign::ForeignError::Failed(failed) = error else { panic!("{error}") };
+    let gs2e_source::foreign::ForeignError::Failed(failed) = error else { panic!("{error}") };
     assert!(failed.last.iter().any(|line| line.contains("OpenCV cannot read")), "{:?}", failed.last);
 }
 
@@ -217,7 +218,7 @@ fn opencv_agrees_with_the_renderer_and_finds_wrong_files() {
     }
     assert!(sound.pairs.len() >= 8);
     let half = |value: fn(&opencv::RelativeMotion) -> f64| {
-        gs2e::stats::upper_median(sound.pairs.iter().map(value).collect()).unwrap()
+        gs2e_num::stats::upper_median(sound.pairs.iter().map(value).collect()).unwrap()
     };
     assert!(half(|m| m.rotation_deg) < 0.5 && half(|m| m.direction_deg) < 10.0, "{:?}", sound.pairs);
 
@@ -252,7 +253,7 @@ fn motions_that_pictures_do_not_show_are_found_by_opencv() {
     let planted = filmed.with(|j, p| if j % 2 == 1 { Se3 { rotation: p.rotation * turn, ..p } } else { p });
     let released = ReleasedPoses::from_trajectory(&filmed.camera, &planted, &filmed.pictures);
     let seen = filmed.seen("a", &released, &filmed.pictures);
-    let half = gs2e::stats::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect()).unwrap();
+    let half = gs2e_num::stats::upper_median(seen.pairs.iter().map(|m| m.rotation_deg).collect()).unwrap();
     assert!(seen.pairs.len() >= 3 && half > 1.0, "{:?}", seen.pairs);
 }
 

@@ -4,8 +4,8 @@
 use crate::release::small::{copy, edit, gs2e, read, release, reseal};
 use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::image::png;
-use gs2e::scene::ply;
+use gs2e_image::png;
+use gs2e_scene::ply;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Cursor;

@@ -65,10 +65,10 @@ fn a_length_that_nothing_tells_is_named() {
     let recipe = recipe.replace("refine: { window: 2, factor: 2, curve: cubic }", "refine: { window: 2 }");
     place.write("r.yaml", recipe.replace("{ function: \"0.25*sin(t) + 1.1\" }", "{ flow: { px_s: 400 } }"));
     std::fs::create_dir(place.path("photos")).unwrap();
-    let picture = gs2e::image::Image::filled(gs2e::image::Size { width: 16, height: 16 }, [9_u8, 9, 9]);
+    let picture = gs2e_image::Image::filled(gs2e_image::Size { width: 16, height: 16 }, [9_u8, 9, 9]);
     for name in ["a.png", "b.png", "c.png"] {
         let mut file = std::fs::File::create(place.path(&format!("photos/{name}"))).unwrap();
-        gs2e::image::png::write_image(&picture, &mut file).unwrap();
+        gs2e_image::png::write_image(&picture, &mut file).unwrap();
     }
     let said = place.ok("plan r.yaml").stderr;
     assert!(

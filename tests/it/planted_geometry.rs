@@ -4,11 +4,11 @@
 use crate::release::forger::{read, reseal_sums};
 use crate::release::small::{gs2e, said};
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::event::h5::{self, H5Options};
-use gs2e::event::{Event, EventSink as _, EventSource as _};
-use gs2e::se3::{OPENCV_FROM_OPENGL, Se3};
-use gs2e::trajectory::Trajectory;
-use gs2e::units::Timestamp;
+use gs2e_event::h5::H5Options;
+use gs2e_event::{Event, EventSink as _, EventSource as _, h5};
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
+use gs2e_num::units::Timestamp;
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

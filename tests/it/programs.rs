@@ -1,7 +1,7 @@
 //! Programs under the supervisor: their output, the reports of their ends, and their leftover
 //! processes.
 
-use gs2e::programs::{
+use gs2e_files::programs::{
     EndKind, ProgramCall, ProgramEnd, ProgramFinder, last_lines, length, run, run_within, says,
 };
 use std::collections::BTreeMap;

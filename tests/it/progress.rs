@@ -1,7 +1,7 @@
 //! Messages of a running build: lines for users, objects for programs.
 
 use crate::support::workspace::{TINY, Workspace};
-use gs2e::store::Digest;
+use gs2e_store::Digest;
 use serde_json::Value;
 
 fn two_scenes() -> Workspace {

@@ -1,7 +1,7 @@
 //! Sensors with numbers that are drawn for each trajectory.
 
 use crate::support::workspace::{TINY, Workspace, same_tree};
-use gs2e::recipe::{Recipe, read_all};
+use gs2e_recipe::{Recipe, read_all};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;

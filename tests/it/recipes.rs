@@ -5,7 +5,7 @@ mod meaning;
 mod mutations;
 mod paths;
 
-use gs2e::recipe::{Recipe, RecipeFaults, RecipeMeta, read_all, read_release, read_sources};
+use gs2e_recipe::{Recipe, RecipeFaults, RecipeMeta, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 
 const FIXTURES: &str = "tests/fixtures/recipes";

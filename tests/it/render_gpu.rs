@@ -16,15 +16,15 @@ use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
 use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use crate::support::{gpu, ply, shared};
 use glam::DVec3;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
-use gs2e::image::{Image, Size, luminance, png};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
+use gs2e_gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
+use gs2e_image::{Image, Size, luminance, png};
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{
     ChannelSet, GpuError, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
-use gs2e::scene::Gaussians;
-use gs2e::source::nerfstudio;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_source::nerfstudio;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;

@@ -3,13 +3,13 @@
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use crate::support::{ply, shared};
-use gs2e::camera::view::CameraView;
-use gs2e::image::Size;
-use gs2e::render::cpu::{CpuRenderer, InstructionSet};
-use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
-use gs2e::scene::Gaussians;
-use gs2e::source::nerfstudio;
+use gs2e_image::Size;
+use gs2e_render::cpu::{CpuRenderer, InstructionSet};
+use gs2e_render::reference::ReferenceRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source::nerfstudio;
 use std::sync::Arc;
 
 const SOFT: RenderStyle = RenderStyle { rules: RenderRules::Soft, background: [0.2, 0.1, 0.4], ..OFFICIAL };

@@ -6,15 +6,15 @@ use crate::support::gaussians::{
     ALL, ColourBlob, OFFICIAL, ScatterDraws, blob_crowd, blob_scene, view_ahead,
 };
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{
     ChannelSet, OmissionPolicy, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
-use gs2e::scene::{Gaussians, sh};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::{Gaussians, sh};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::sync::Arc;

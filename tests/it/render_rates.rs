@@ -12,16 +12,16 @@
 use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use crate::support::{ply, shared};
 use glam::DVec3;
-use gs2e::camera::flow::flow_displacement;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::image::Size;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::reference::ReferenceRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
-use gs2e::scene::Gaussians;
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
-use gs2e::source::nerfstudio;
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::reference::ReferenceRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::flow::flow_displacement;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_source::nerfstudio;
 use std::sync::Arc;
 
 const ALL_RULES: [RenderRules; 4] =

@@ -2,10 +2,10 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
-use gs2e::camera::view::CameraView;
-use gs2e::image::{Image, luminance};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_image::{Image, luminance};
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
 const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..OFFICIAL };
@@ -202,7 +202,7 @@ fn an_empty_scene_shows_the_background() {
     assert!(
         found.rgb.unwrap().pixels().iter().all(|c| c.map(f32::to_bits) == style.background.map(f32::to_bits))
     );
-    assert_eq!(work, gs2e::render::RenderWork::default());
+    assert_eq!(work, gs2e_render::RenderWork::default());
 }
 
 #[test]

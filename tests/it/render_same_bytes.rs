@@ -4,10 +4,10 @@
 
 use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
 use glam::{DQuat, DVec3};
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::image::luminance;
-use gs2e::render::cpu::{CpuRenderer, InstructionSet};
-use gs2e::render::{ChannelSet, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e_image::luminance;
+use gs2e_render::cpu::{CpuRenderer, InstructionSet};
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use std::sync::Arc;
 
 const GAUSSIANS: usize = 6000;

@@ -4,11 +4,12 @@
 #![expect(clippy::cast_possible_truncation, reason = "the counts of these scenes fit every type")]
 
 use crate::support::gaussians::{ALL, OFFICIAL};
-use gs2e::camera::view::CameraView;
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, RenderStyle, RenderWork, RenderedImages, Renderer};
-use gs2e::scene::Gaussians;
-use gs2e::study::stress::splat::scenes::{self, ALL_RULES};
+use gs2e_lab::stress::splat::scenes;
+use gs2e_lab::stress::splat::scenes::ALL_RULES;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
 fn cpu(scene: &Gaussians, style: RenderStyle) -> CpuRenderer {

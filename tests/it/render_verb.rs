@@ -6,8 +6,8 @@ mod mistakes;
 
 use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
-use gs2e::image::{png, to_byte};
-use gs2e::scene::{Gaussians, ply, splat};
+use gs2e_image::{png, to_byte};
+use gs2e_scene::{Gaussians, ply, splat};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Cursor;

@@ -4,7 +4,8 @@
 #![expect(clippy::unwrap_used, reason = "a test panics to fail")]
 
 use crate::support::{golden, shared};
-use gs2e::scene::{self, Gaussians};
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
 
 /// Reads a scene of `count` Gaussians of this degree. Nine tenths of them lie within `radius` of
 /// the origin along each axis, and scales and quaternions are those of a trained scene.

@@ -1,7 +1,7 @@
 //! Several sensors that see one rendering.
 
 use crate::support::workspace::{Ended, TINY, Workspace};
-use gs2e::event::h5;
+use gs2e_event::h5;
 use serde_json::Value;
 use std::fs;
 
@@ -92,7 +92,7 @@ fn a_sensor_makes_the_same_events_alone() {
 #[test]
 fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
     let place = Workspace::new();
-    let [k1, k2, ..] = gs2e::sensor::voltmeter::VoltmeterPreset::Dvs346.k();
+    let [k1, k2, ..] = gs2e_sensor::voltmeter::VoltmeterPreset::Dvs346.k();
     let k = format!("k: [{k1}, {k2}, 0, 0, 0, 0], units: {{ time: us, brightness: 255 }}");
     let sensors = format!(
         "sensors:\n  clean: {{ voltmeter: {{ {k} }} }}\n  \

@@ -6,9 +6,9 @@ mod hostile;
 
 use crate::support::steps::recipe;
 use crate::support::workspace::{Workspace, same_tree};
-use gs2e::store::description::describe_value;
-use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
-use gs2e::store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
+use gs2e_store::description::describe_value;
+use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
+use gs2e_store::{Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::os::unix::fs::PermissionsExt as _;

@@ -13,7 +13,7 @@ mod reprojection;
 mod transforms;
 mod undistortion;
 
-use gs2e::image::Size;
+use gs2e_image::Size;
 use std::path::PathBuf;
 
 fn size(width: u32, height: u32) -> Size {

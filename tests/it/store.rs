@@ -1,9 +1,9 @@
 //! The store through its public interface: publishing, damage, lost indices, locks.
 
-use gs2e::store::description::describe_value;
-use gs2e::store::gc::GcSweep;
-use gs2e::store::record::{StepProvenance, StepRecord, StoredOutput};
-use gs2e::store::{BlobState, Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
+use gs2e_store::description::describe_value;
+use gs2e_store::gc::GcSweep;
+use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
+use gs2e_store::{BlobState, Digest, Key, Store, StoreAccess, StoreError, StoreOptions};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 

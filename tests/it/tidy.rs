@@ -1,8 +1,8 @@
 //! The house rules, checked on the project's own sources. Checks of rustc and clippy are not
 //! repeated.
 
+mod crates;
 mod families;
-mod imports;
 mod references;
 mod removal;
 mod source;
@@ -35,11 +35,6 @@ impl fmt::Display for Fault {
 fn none(faults: &[Fault]) {
     let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
     assert!(faults.is_empty(), "{} faults:\n{}", faults.len(), lines.join("\n"));
-}
-
-#[test]
-fn imports_go_upward() {
-    none(&imports::imports_go_upward(&crate_sources()));
 }
 
 #[test]
@@ -101,72 +96,75 @@ fn bites(rule: fn(&[Source]) -> Vec<Fault>, path: &str, bad: &str, good: &str) {
 }
 
 #[test]
-fn the_rule_of_imports_bites() {
-    let t = |path, bad, good| bites(imports::imports_go_upward, path, bad, good);
-    t("src/sensor/voltmeter.rs", "use crate::render::View;", "use crate::event::Event;");
-    t("src/store.rs", "use crate::units::Hertz;", "use super::store::Key;");
-    t("src/scene.rs", "fn f(x: crate::cli::Args) {}", "use crate::{image::Size, se3::Se3};");
-    t("src/frames.rs", "use super::sensor::Account;", "use super::render::RenderError;");
-    assert_eq!(
-        imports::imports_go_upward(&[Source::new("src/helper.rs", "")]).len(),
-        1,
-        "no place in the table"
-    );
-}
-
-#[test]
 fn the_rule_of_deletions_bites() {
     let t = |path, bad, good| bites(removal::faults_of_one, path, bad, good);
-    t("src/scene/ply.rs", "std::fs::remove_file(path)?;", "files::open(path)?;");
-    t("src/scene/ply.rs", "files::remove(&path, Removal::File)?;", "set.remove(&path);");
-    t("src/export/tree.rs", "fs::remove_dir_all(&folder)", "files::remove(&folder, Removal::Tree)");
-    t("src/scene/ply.rs", "File::create(path)?", "File::create_new(path)?");
-    t("src/scene/ply.rs", "fs::write(path, text)?", "fs::write_all(path)?");
-    t("src/recipe.rs", "fs::rename(&from, &to)?", "store.rename(&from, &to)?");
+    t("crates/scene/src/ply.rs", "std::fs::remove_file(path)?;", "files::open(path)?;");
+    t("crates/scene/src/ply.rs", "files::remove(&path, Removal::File)?;", "set.remove(&path);");
+    t("crates/export/src/tree.rs", "fs::remove_dir_all(&folder)", "files::remove(&folder, Removal::Tree)");
+    t("crates/scene/src/ply.rs", "File::create(path)?", "File::create_new(path)?");
+    t("crates/scene/src/ply.rs", "fs::write(path, text)?", "fs::write_all(path)?");
+    t("crates/recipe/src/lib.rs", "fs::rename(&from, &to)?", "store.rename(&from, &to)?");
 }
 
 #[test]
 fn the_rule_of_words_bites() {
     let t = |path, bad, good| bites(words::banned_words, path, bad, good);
-    t("src/render/cpu.rs", "println!(\"{x}\");", "writeln!(out, \"println!\")?; // println!");
-    t("src/store.rs", "let t = Instant::now();", "fn f(now: Instant) {}");
-    t("src/run.rs", "let home = std::env::var(\"HOME\");", "let version = env!(\"CARGO_PKG_VERSION\");");
-    t("src/plan.rs", "use std::collections::HashMap;", "use std::collections::BTreeMap;");
-    t("src/se3.rs", "let s = angle.sin();", "let s = libm::sin(angle).sqrt();");
-    t("src/se3.rs", "let q = DQuat::from_axis_angle(a, w);", "let twist = pose.log();");
-    t("src/image.rs", "#[allow(dead_code)]", "#[expect(dead_code, reason = \"…\")]");
-    t("src/image.rs", "unsafe { f() }", "#![forbid(unsafe_code)]");
-    t("src/seed.rs", "let x = f(&mut rand::rng());", "#[cfg(test)]\nmod tests { fn f() { rand::rng() } }");
-    bites(words::stages_hold_no_arithmetic, "src/stage/events.rs", "x as f64", "model.start(size)");
+    t("crates/render/src/cpu.rs", "println!(\"{x}\");", "writeln!(out, \"println!\")?; // println!");
+    t("crates/store/src/lib.rs", "let t = Instant::now();", "fn f(now: Instant) {}");
+    t(
+        "crates/build/src/run.rs",
+        "let home = std::env::var(\"HOME\");",
+        "let version = env!(\"CARGO_PKG_VERSION\");",
+    );
+    t("crates/build/src/plan.rs", "use std::collections::HashMap;", "use std::collections::BTreeMap;");
+    t("crates/num/src/se3.rs", "let s = angle.sin();", "let s = libm::sin(angle).sqrt();");
+    t("crates/num/src/se3.rs", "let q = DQuat::from_axis_angle(a, w);", "let twist = pose.log();");
+    t("crates/image/src/lib.rs", "#[allow(dead_code)]", "#[expect(dead_code, reason = \"…\")]");
+    t("crates/image/src/lib.rs", "unsafe { f() }", "#![forbid(unsafe_code)]");
+    t(
+        "crates/num/src/seed.rs",
+        "let x = f(&mut rand::rng());",
+        "#[cfg(test)]\nmod tests { fn f() { rand::rng() } }",
+    );
+    bites(
+        words::stages_hold_no_arithmetic,
+        "crates/build/src/stage/events.rs",
+        "x as f64",
+        "model.start(size)",
+    );
 }
 
 #[test]
 fn the_rule_of_references_bites() {
     let t = |path, bad, good| bites(references::references_hold, path, bad, good);
     t(
-        "src/image.rs",
+        "crates/image/src/lib.rs",
         "//! See `docs/absent.md`.",
-        "//! See `docs/checks.md`, src/seed.rs:7 and https://a.org/docs/b.md.",
+        "//! See `docs/checks.md`, crates/num/src/seed.rs:7 and https://a.org/docs/b.md.",
     );
-    t("src/image.rs", "// absent.md, section 2", "// README.md and DATASHEET.md; tests/it/{a,b}.rs");
+    t(
+        "crates/image/src/lib.rs",
+        "// absent.md, section 2",
+        "// README.md and DATASHEET.md; tests/it/{a,b}.rs",
+    );
     t("docs/a.md", "[text](checks.md#nowhere)", "[text](../README.md#quick-start), [text](design/README.md)");
     let citation = |heading: &str| format!("//! (docs/design/pipeline.md,\n//! \"{heading}\")");
-    t("src/image.rs", &citation("Nowhere"), &citation("Licences"));
+    t("crates/image/src/lib.rs", &citation("Nowhere"), &citation("Licences"));
 }
 
 #[test]
 fn the_rules_of_form_bite() {
-    bites(heads, "src/image.rs", "use std::fmt;", "//! Images.");
-    assert_eq!(heads(&[Source::new("src/scene/mod.rs", "//! A scene of Gaussians.")]).len(), 1);
+    bites(heads, "crates/image/src/lib.rs", "use std::fmt;", "//! Images.");
+    assert_eq!(heads(&[Source::new("crates/scene/src/mod.rs", "//! A scene of Gaussians.")]).len(), 1);
     let (code, test) = ("fn f() {}\n", "#[cfg(test)]\nmod tests {\n");
     bites(
         |sources| lengths(sources, TOO_LONG),
-        "src/image.rs",
+        "crates/image/src/lib.rs",
         &code.repeat(601),
         &(code.repeat(600) + test + &code.repeat(99)),
     );
     let [colour, harmonics] =
-        ["src/image.rs", "src/scene/sh.rs"].map(|path| move |text| Source::new(path, text));
+        ["crates/image/src/lib.rs", "crates/scene/src/sh.rs"].map(|path| move |text| Source::new(path, text));
     let twice = [colour("28209479e-8f32 + 0.25"), harmonics("[0.282_094_79, 0.28209479]")];
     assert_eq!(constants(&twice).len(), 2);
     let once = [colour("0.25 * 1_000_000.0"), harmonics("[0.25, 1_000_000, 7.654_321, 7.654_321]")];

@@ -14,13 +14,13 @@ mod orbits;
 mod pictures;
 
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::speed::SpeedChoice;
-use gs2e::speed::function::SpeedExpression;
-use gs2e::trajectory::refine::{RefinePath, refine_views};
-use gs2e::trajectory::sample::SummationRule;
-use gs2e::trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
-use gs2e::units::Hertz;
+use gs2e_num::se3::Se3;
+use gs2e_num::units::Hertz;
+use gs2e_trajectory::refine::{RefinePath, refine_views};
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::SpeedChoice;
+use gs2e_trajectory::speed::function::SpeedExpression;
+use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -94,7 +94,7 @@ fn orbit(views: usize, units: f64, degrees: f64, seed: u64) -> Views {
             at += steps.get(i).copied().unwrap_or(0.0);
             let ideal = DVec3::new(2.0 * phi.cos(), 2.0 * phi.sin(), 0.4);
             let mut pose = look_at_origin(ideal + jitter(units));
-            pose.rotation *= gs2e::se3::rotation::exp_vector(jitter(degrees.to_radians()));
+            pose.rotation *= gs2e_num::se3::rotation::exp_vector(jitter(degrees.to_radians()));
             pose
         })
         .collect();

@@ -6,10 +6,9 @@ use std::ffi::OsStr;
 use std::io::Write as _;
 use std::time::Instant;
 
-/// The packages that are tested, checked and documented together. A command that leaves one of them out compiles
-/// the library again: without it, dependencies have fewer features.
-pub(crate) const PACKAGES: [&str; 6] =
-    ["--package", "gs2e", "--package", "xtask", "--package", "gs2e-python"];
+/// The packages that are tested, checked and documented together: all. A command that leaves one of them out may
+/// compile others again, because dependencies have fewer features without it.
+pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
 /// Runs `cargo test` with `args` after it.
 pub(crate) fn run(args: &[String]) -> Outcome {

@@ -5,10 +5,11 @@
 
 use super::{Photos, photos};
 use glam::DMat3;
-use gs2e::image::Size;
-use gs2e::se3::OPENCV_FROM_OPENGL;
-use gs2e::stage::StepNeed;
-use gs2e::training::{self, TrainingSettings};
+use gs2e_build::stage::StepNeed;
+use gs2e_image::Size;
+use gs2e_num::se3::OPENCV_FROM_OPENGL;
+use gs2e_train as training;
+use gs2e_train::TrainingSettings;
 use serde_json::{Value, json};
 use std::fs;
 use std::process::{Command, Stdio};
@@ -58,7 +59,7 @@ fn measure_one(gaussians: u32, photos: &Photos) -> MemoryPoint {
 
 /// The capture in nerfstudio's form.
 fn transforms(photos: &Photos) -> Value {
-    let frame = |view: &gs2e::source::CapturedView| {
+    let frame = |view: &gs2e_source::CapturedView| {
         let pose = view.world_from_camera;
         // A change of the camera's axes multiplies from the right.
         let axes = DMat3::from_quat(pose.rotation) * DMat3::from_diagonal(OPENCV_FROM_OPENGL);

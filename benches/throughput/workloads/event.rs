@@ -2,10 +2,10 @@
 
 use super::amount;
 use crate::measure::{Workload, timed};
-use gs2e::event::h5::{self, ChunkFilter};
-use gs2e::event::{Event, EventLabel, EventSink as _, Polarity, StreamHeader, npz};
-use gs2e::image::Size;
-use gs2e::units::Timestamp;
+use gs2e_event::h5::ChunkFilter;
+use gs2e_event::{Event, EventLabel, EventSink as _, Polarity, StreamHeader, h5, npz};
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::path::Path;
 use std::sync::Arc;
 

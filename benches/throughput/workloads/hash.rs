@@ -3,7 +3,7 @@
 
 use super::amount;
 use crate::measure::{Run, Workload, timed};
-use gs2e::store::Digest;
+use gs2e_store::Digest;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::rc::Rc;

@@ -3,18 +3,20 @@
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::camera::view::{CameraVelocity, CameraView};
-use gs2e::gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
-use gs2e::image::Size;
-use gs2e::render::cpu::{CpuRenderer, InstructionSet, PassKind};
-use gs2e::render::sample::TileSample;
-use gs2e::render::{
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_render::cpu::{CpuRenderer, InstructionSet, PassKind};
+use gs2e_render::sample::TileSample;
+use gs2e_render::{
     ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer as _,
 };
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::scene::{self, Gaussians};
-use gs2e::se3::Se3;
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use std::sync::Arc;
 use std::time::Instant;
 

@@ -2,9 +2,10 @@
 
 use super::{amount, shared};
 use crate::measure::{Workload, timed};
-use gs2e::scene::form::SceneFormat;
-use gs2e::scene::procedural::{self, StillLife};
-use gs2e::scene::{Gaussians, SceneError, ply, spz};
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_scene::form::SceneFormat;
+use gs2e_scene::{Gaussians, SceneError, ply, spz};
 use std::path::Path;
 
 type Reader = fn(&[u8]) -> Result<Gaussians, SceneError>;

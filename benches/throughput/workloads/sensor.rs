@@ -2,14 +2,14 @@
 
 use super::amount;
 use crate::measure::{Workload, timed};
-use gs2e::event::{Event, EventSink};
-use gs2e::frames::DenseFrame;
-use gs2e::image::{Image, Size};
-use gs2e::seed::Seed;
-use gs2e::sensor::noise::RefractoryPeriod;
-use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
-use gs2e::sensor::{SensorModel as _, SensorPixels};
-use gs2e::units::{Hertz, Timestamp};
+use gs2e_event::{Event, EventSink};
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::Seed;
+use gs2e_num::units::{Hertz, Timestamp};
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::noise::RefractoryPeriod;
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::{SensorModel as _, SensorPixels};
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 640, height: 480 };

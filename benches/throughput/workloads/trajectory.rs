@@ -3,18 +3,18 @@
 use super::amount;
 use crate::measure::{Workload, timed};
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::se3::arc_length::ArcLength;
-use gs2e::se3::rotation::canonical_sign;
-use gs2e::speed::SpeedChoice;
-use gs2e::speed::function::SpeedExpression;
-use gs2e::trajectory::curve::{CubicPair, MeasuredCurve, PoseCurve};
-use gs2e::trajectory::metric::MixedMetric;
-use gs2e::trajectory::refine::{RefinePath, refine_views};
-use gs2e::trajectory::sample::{PoseSchedule, SummationRule};
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{NamedPose, PoseTiming};
-use gs2e::units::Hertz;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::arc_length::ArcLength;
+use gs2e_num::se3::rotation::canonical_sign;
+use gs2e_num::units::Hertz;
+use gs2e_trajectory::curve::{CubicPair, MeasuredCurve, PoseCurve};
+use gs2e_trajectory::metric::MixedMetric;
+use gs2e_trajectory::refine::{RefinePath, refine_views};
+use gs2e_trajectory::sample::{PoseSchedule, SummationRule};
+use gs2e_trajectory::speed::SpeedChoice;
+use gs2e_trajectory::speed::function::SpeedExpression;
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{NamedPose, PoseTiming};
 use std::f64::consts::PI;
 
 /// Views of the short capture, as MVImgNet has them.

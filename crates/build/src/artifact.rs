@@ -4,35 +4,35 @@
 //! An artifact is a small set of named files. Small files are read whole. Large ones (events,
 //! pictures) are opened as handles, and consumers stream their bytes.
 
-use crate::camera::Camera;
-use crate::camera::view::CameraVelocity;
-use crate::check::Finding;
-use crate::check::sampling::ResampledIntervals;
-use crate::files;
-use crate::foreign::ExternalReport;
-use crate::frames::anchors::AnchorFrames;
-use crate::image::{Image, npy};
-use crate::render::fidelity::PhotoFidelity;
-use crate::render::{OmissionPolicy, RenderWork};
-use crate::sampling::SamplingChoice;
-use crate::sampling::exposure::ExposureRecord;
-use crate::scene::dynamic::file::{DynamicsRecord, open_files};
-use crate::scene::motion::SceneMotion;
-use crate::scene::{Gaussians, SceneScreening};
-use crate::se3::{Se3, Twist};
-use crate::seed::Seed;
-use crate::sensor::front_end::{self, FrontEnd};
-use crate::sensor::{SensorChoice, SimulationAccount};
-use crate::source::Capture;
-use crate::source::colmap::ColmapModel;
-use crate::speed::SpeedMeaning;
-use crate::store::record::{StoredOutput, content_digest};
-use crate::store::{Digest, Store};
-use crate::trajectory::Trajectory;
-use crate::trajectory::flow::FlowQuantiles;
-use crate::trajectory::report::SpeedReport;
-use crate::trajectory::twist::pose_twists;
-use crate::units::Ratio;
+use gs2e_check::Finding;
+use gs2e_check::sampling::ResampledIntervals;
+use gs2e_files as files;
+use gs2e_image::{Image, npy};
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_num::seed::Seed;
+use gs2e_num::units::Ratio;
+use gs2e_render::{OmissionPolicy, RenderWork};
+use gs2e_sampling::SamplingChoice;
+use gs2e_sampling::exposure::ExposureRecord;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraVelocity;
+use gs2e_scene::dynamic::file::{DynamicsRecord, open_files};
+use gs2e_scene::motion::SceneMotion;
+use gs2e_scene::{Gaussians, SceneScreening};
+use gs2e_sensor::frames::anchors::AnchorFrames;
+use gs2e_sensor::front_end::FrontEnd;
+use gs2e_sensor::{SensorChoice, SimulationAccount, front_end};
+use gs2e_source::Capture;
+use gs2e_source::colmap::ColmapModel;
+use gs2e_source::foreign::ExternalReport;
+use gs2e_store::record::{StoredOutput, content_digest};
+use gs2e_store::{Digest, Store};
+use gs2e_train::fidelity::PhotoFidelity;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::flow::FlowQuantiles;
+use gs2e_trajectory::report::SpeedReport;
+use gs2e_trajectory::speed::SpeedMeaning;
+use gs2e_trajectory::twist::pose_twists;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -207,7 +207,7 @@ impl Artifact for Gaussians {
             let listed: Vec<PathBuf> = listed.collect::<Result<_, _>>()?;
             return open_files(&record, &listed).map_err(|e| failed(e.to_string()));
         }
-        let scene = crate::scene::read_file(path)
+        let scene = gs2e_scene::read_file(path)
             .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })?;
         if files.size(SCENE_PARTS) == 0 {
             return Ok(scene);

@@ -21,7 +21,7 @@ mod shell;
 pub mod slurm;
 pub mod submission;
 
-use crate::programs::EndKind;
+use gs2e_files::programs::EndKind;
 use std::path::PathBuf;
 
 /// Reason why a batch system or a plan cannot be used.

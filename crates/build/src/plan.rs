@@ -13,11 +13,11 @@ pub mod survey;
 pub mod warnings;
 mod wire;
 
-use crate::foreign::versions::VersionQuery;
-use crate::recipe::Recipe;
-use crate::render::OmissionPolicy;
-use crate::render::backend::Backend;
 use crate::stage::{AnyStep, Stage, StepId, StepTarget, WiredStage};
+use gs2e_recipe::Recipe;
+use gs2e_render::OmissionPolicy;
+use gs2e_render::backend::Backend;
+use gs2e_source::foreign::versions::VersionQuery;
 
 /// Choices that a plan takes from outside: what renders each scene, the work to leave out, and the
 /// versions of other programs.

@@ -47,8 +47,9 @@ pub use context::{StageContext, StepProgress};
 pub use target::{StageInputs, StepTarget};
 
 use crate::artifact::{Artifact, ArtifactFiles};
-use crate::camera::{self, Camera, CameraChoice};
-use crate::source::Capture;
+use gs2e_scene::camera;
+use gs2e_scene::camera::{Camera, CameraChoice};
+use gs2e_source::Capture;
 use pass::PassRole;
 use shot::ShotParameters;
 use std::path::PathBuf;

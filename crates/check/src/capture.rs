@@ -7,7 +7,7 @@
 //!   their mean is `s sqrt(pi/2)`, and a mean of 2 px has `exp(-4^2 / (2 s^2)) = exp(-pi)`, 4.3 %,
 //!   beyond that filter. Above 2 px, the filter determines the error.
 //! - `gap`: the longest step between neighbouring views, at most 8 median steps ([`GAP`]).
-//! - `outlier`: the largest detour ([`crate::trajectory::walk`]), at most 3 median steps. A walk
+//! - `outlier`: the largest detour ([`gs2e_trajectory::walk`]), at most 3 median steps. A walk
 //!   has no detour above 1 except where it turns back. Views that fill a ball of radius R have none
 //!   above 2 in any order: a detour is at most one distance between two views, so at most 2 R, and
 //!   the median of such distances is about R.
@@ -15,7 +15,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, SceneSubject, limits};
-use crate::trajectory::knots::GAP;
+use gs2e_trajectory::knots::GAP;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -158,13 +158,13 @@ fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::{CapturePhotos, Verdict, judge_scene};
-    use crate::render::fidelity::PhotoFidelity;
-    use crate::se3::Se3;
-    use crate::source::colmap::ReprojectionStats;
-    use crate::trajectory::NamedPose;
-    use crate::trajectory::walk::CaptureEvenness;
+    use crate::{CapturePhotos, Verdict, judge_scene};
     use glam::{DQuat, DVec3};
+    use gs2e_num::se3::Se3;
+    use gs2e_source::colmap::ReprojectionStats;
+    use gs2e_train::fidelity::PhotoFidelity;
+    use gs2e_trajectory::NamedPose;
+    use gs2e_trajectory::walk::CaptureEvenness;
 
     /// Verdict, value and sentence of a statement about a walk of 30 evenly spaced views, after
     /// `plant`.

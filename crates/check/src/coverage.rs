@@ -7,7 +7,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::image::Image;
+use gs2e_image::Image;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -91,7 +91,7 @@ impl ValidationPass for CoveragePass {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     #[test]
     fn the_emptiest_view_is_found_with_its_stamp() {

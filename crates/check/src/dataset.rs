@@ -29,16 +29,16 @@ pub mod stream;
 pub mod text;
 pub mod views;
 
-use crate::check::motion::warp::FlowAt;
-use crate::check::tally::{StreamObserver, TallyReference};
-use crate::check::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
-use crate::event::survey::EventSurvey;
-use crate::event::{Event, EventFileError, EventSource};
-use crate::image::Size;
-use crate::se3::Se3;
-use crate::trajectory::Trajectory;
-use crate::units::{Hertz, Ratio, Timestamp};
+use crate::motion::warp::FlowAt;
+use crate::tally::{StreamObserver, TallyReference};
+use crate::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
 pub use alignment::AlignmentCurve;
+use gs2e_event::survey::EventSurvey;
+use gs2e_event::{Event, EventFileError, EventSource};
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_num::units::{Hertz, Ratio, Timestamp};
+use gs2e_trajectory::Trajectory;
 pub use samples::DatasetFrames;
 
 use alignment::Alignment;

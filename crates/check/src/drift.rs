@@ -2,14 +2,14 @@
 
 mod floor_rates;
 
-use crate::image::srgb;
-use crate::sensor::SensorChoice;
-use crate::sensor::esim::{EsimModel, IntensityScale};
-use crate::sensor::front_end::{ChannelDecode, FrontEnd};
-use crate::sensor::statistics::RenewalProcess;
-use crate::sensor::v2e::{V2eModel, lin_log};
-use crate::sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 use floor_rates::FloorRates;
+use gs2e_image::srgb;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::esim::{EsimModel, IntensityScale};
+use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
+use gs2e_sensor::statistics::RenewalProcess;
+use gs2e_sensor::v2e::{V2eModel, lin_log};
+use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -523,8 +523,8 @@ mod tests {
 
     #[test]
     fn sensors_whose_noise_moves_the_level_balance_nothing() {
-        use crate::sensor::noise::RefractoryPeriod;
-        use crate::sensor::v2e::{V2eModel, V2ePreset};
+        use gs2e_sensor::noise::RefractoryPeriod;
+        use gs2e_sensor::v2e::{V2eModel, V2ePreset};
         let voltmeter = VoltmeterModel::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
         let official = VoltmeterModel { law: SamplerKind::Official, ..voltmeter.clone() };
         let dead = EsimModel {
@@ -548,7 +548,7 @@ mod tests {
 
     #[test]
     fn drawn_pixels_exceed_their_bound_as_often_as_stated() {
-        use crate::check::planted::SplitMixDraws;
+        use crate::planted::SplitMixDraws;
         let law = DriftLaw { spread: 0.157, ..preset() };
         let mut draws = SplitMixDraws(8);
         for n in [1, 5, 20] {
@@ -570,7 +570,7 @@ mod tests {
 
     #[test]
     fn times_of_events_need_a_law_of_the_logarithm() {
-        use crate::sensor::voltmeter::VoltmeterPreset;
+        use gs2e_sensor::voltmeter::VoltmeterPreset;
         let t = |sensor: SensorChoice, crossings: bool, levels: bool, frames: bool| {
             let law = DriftLaw::for_crossings(&sensor);
             assert_eq!(law.is_ok(), crossings, "{sensor:?}");
@@ -586,12 +586,7 @@ mod tests {
         t(VoltmeterModel { between: BetweenFrames::Catmull, ..paper }.into(), false, false, true);
         t(SensorChoice::Esim(EsimModel::default()), true, true, true);
         t(SensorChoice::Esim(EsimModel { allow_cap: true, ..EsimModel::default() }), false, false, false);
-        t(
-            crate::sensor::v2e::V2eModel::from(crate::sensor::v2e::V2ePreset::Clean).into(),
-            false,
-            false,
-            false,
-        );
+        t(gs2e_sensor::v2e::V2eModel::from(gs2e_sensor::v2e::V2ePreset::Clean).into(), false, false, false);
     }
 
     #[test]
@@ -621,7 +616,7 @@ mod tests {
 
     #[test]
     fn a_v2e_pixel_leaks_one_threshold_per_event() {
-        use crate::sensor::v2e::{LeakNoise, V2ePreset};
+        use gs2e_sensor::v2e::{LeakNoise, V2ePreset};
         let leak = LeakNoise { rate: 4.0, jitter: 0.0, cov: 0.0 };
         let v2e = V2eModel { leak, ..V2eModel::from(V2ePreset::Clean) };
         let law = DriftLaw::for_sensor(&SensorChoice::V2e(v2e));

@@ -10,7 +10,7 @@
 use super::drift::DriftLaw;
 use super::subject::{Judgement, LimitSide, between_bounds};
 use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
-use crate::sensor::SensorChoice;
+use gs2e_sensor::SensorChoice;
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.

@@ -227,7 +227,7 @@ fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     fn power(value: f64, deviation: f64, [g, s]: [f64; 2], freedom: f64) -> FaultPower {
         let bar = |value, deviation| ErrorBar { value, deviation };

@@ -12,7 +12,7 @@ pub mod objects;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};
-use crate::image::Image;
+use gs2e_image::Image;
 
 /// Largest difference of a flow image, as a share of its median flow.
 const SHARE: f64 = 1e-3;
@@ -119,7 +119,7 @@ fn judge_flows(subject: &TrajectorySubject<'_>, flows: &[FlowDifference]) -> Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     const SIZE: Size = Size { width: 20, height: 10 };
 

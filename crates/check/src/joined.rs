@@ -60,7 +60,7 @@ fn is_worse(files: &Finding, built: &Finding) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::subject::Judgement;
+    use crate::subject::Judgement;
 
     fn finding(check: &str, statement: &str, verdict: Verdict, because: &str) -> Finding {
         let judged =

@@ -55,7 +55,7 @@ check_table!(limits_of);
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CheckWaiver {
-    /// Name of the pass, one of [`NAMES`](crate::check::NAMES).
+    /// Name of the pass, one of [`NAMES`](crate::NAMES).
     #[serde(deserialize_with = "pass_name")]
     pub check: String,
     /// The reason for accepting it; not empty.
@@ -97,7 +97,7 @@ impl<'de> Deserialize<'de> for Limits {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::NAMES;
+    use crate::NAMES;
 
     fn parse(json: &str) -> Result<Limits, String> {
         serde_json::from_str(json).map_err(|e| e.to_string())

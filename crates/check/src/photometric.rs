@@ -20,8 +20,8 @@ pub mod order;
 use super::geometry::{AlignedPairs, Measured};
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};
-use crate::stats::mean_median;
 use align::PairAlignment;
+use gs2e_num::stats::mean_median;
 
 /// Largest motion that may be left, as a share of the motion.
 pub(super) const SHARE: f64 = 0.1;

@@ -19,8 +19,8 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::foreign::colmap::{ColmapRegistration, MIN_PICTURES, PoseAgreement};
-use crate::stats::upper_median;
+use gs2e_num::stats::upper_median;
+use gs2e_source::foreign::colmap::{ColmapRegistration, MIN_PICTURES, PoseAgreement};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 

@@ -16,11 +16,11 @@ mod noise;
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::se3::rotation::{relative_angle, same_hemisphere};
-use crate::stats::mean_median;
-use crate::trajectory::CourseKind;
-use crate::trajectory::curve::CurveKind;
-use crate::units::Ratio;
+use gs2e_num::se3::rotation::{relative_angle, same_hemisphere};
+use gs2e_num::stats::mean_median;
+use gs2e_num::units::Ratio;
+use gs2e_trajectory::CourseKind;
+use gs2e_trajectory::curve::CurveKind;
 use noise::{PathNoise, PathPoint, path_noise};
 use serde::{Deserialize, Serialize};
 
@@ -195,8 +195,8 @@ impl RelativeSteps {
         // A share of 0 cannot divide a step.
         let asked = |j: usize| shares.get(j).copied().filter(|share| *share > 0.0).unwrap_or(1.0);
         let pairs = || (0..).zip(subject.trajectory.world_from_camera.windows(2));
-        let linear = |w: &[crate::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
-        let angular = |w: &[crate::se3::Se3]| alpha * relative_angle(w[0].rotation, w[1].rotation);
+        let linear = |w: &[gs2e_num::se3::Se3]| beta * (w[1].translation - w[0].translation).length();
+        let angular = |w: &[gs2e_num::se3::Se3]| alpha * relative_angle(w[0].rotation, w[1].rotation);
         Self {
             linear: pairs().map(|(j, w)| linear(w) / asked(j)).collect(),
             angular: pairs().map(|(j, w)| angular(w) / asked(j)).collect(),

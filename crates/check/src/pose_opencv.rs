@@ -15,8 +15,8 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
-use crate::stats::upper_median;
+use gs2e_num::stats::upper_median;
+use gs2e_source::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.

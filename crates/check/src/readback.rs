@@ -4,7 +4,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};
-use crate::foreign;
+use gs2e_source::foreign;
 use serde::{Deserialize, Serialize};
 
 /// No limits: the key alone requests the pass.

@@ -9,7 +9,7 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, SceneSubject, Verdict, limits};
-use crate::render::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
+use gs2e_train::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -118,8 +118,8 @@ fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::judge_scene;
-    use crate::render::fidelity::{ComparedView, NotCompared, PhotoFidelity};
+    use crate::judge_scene;
+    use gs2e_train::fidelity::{ComparedView, NotCompared, PhotoFidelity};
 
     /// The finding of a statement on views with this PSNR.
     fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {

@@ -2,9 +2,9 @@
 
 use super::subject::Judgement;
 use super::{Finding, Limits};
-use crate::render::fidelity::PhotoFidelity;
-use crate::source::colmap::ReprojectionStats;
-use crate::trajectory::walk::CaptureEvenness;
+use gs2e_source::colmap::ReprojectionStats;
+use gs2e_train::fidelity::PhotoFidelity;
+use gs2e_trajectory::walk::CaptureEvenness;
 
 /// One scene. Values that could not be measured carry the reason.
 #[derive(Debug, Clone)]

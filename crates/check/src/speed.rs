@@ -10,8 +10,8 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
-use crate::trajectory::CourseKind;
-use crate::trajectory::report::{ChordFollow, FollowError, SpeedReport};
+use gs2e_trajectory::CourseKind;
+use gs2e_trajectory::report::{ChordFollow, FollowError, SpeedReport};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.

@@ -3,8 +3,8 @@
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass};
-use crate::speed::SpeedMeaning;
-use crate::trajectory::sample::stamps_us;
+use gs2e_trajectory::sample::stamps_us;
+use gs2e_trajectory::speed::SpeedMeaning;
 
 /// The pass.
 #[derive(Debug, Clone, Copy)]

@@ -12,12 +12,12 @@ use super::flash::blocks::FrameBlocks;
 use super::geometry::{GeometryMeasures, Measured};
 use super::sampling::ResampledIntervals;
 use super::{DetectableFault, Finding, Limits, StreamTally};
-use crate::foreign::ExternalReport;
-use crate::sensor::{SensorChoice, SimulationAccount};
-use crate::trajectory::Trajectory;
-use crate::trajectory::flow::FlowQuantiles;
-use crate::trajectory::report::SpeedReport;
-use crate::units::Hertz;
+use gs2e_num::units::Hertz;
+use gs2e_sensor::{SensorChoice, SimulationAccount};
+use gs2e_source::foreign::ExternalReport;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::flow::FlowQuantiles;
+use gs2e_trajectory::report::SpeedReport;
 
 /// The reason why a release tree may not allow a comparison with frames.
 pub(super) const NOT_SEEN: &str =
@@ -159,7 +159,7 @@ impl Finding {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::Verdict;
+    use crate::Verdict;
 
     #[test]
     fn a_value_is_held_against_the_bound_it_violates_or_the_nearer() {

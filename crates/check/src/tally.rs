@@ -17,11 +17,11 @@ use super::event_frame::fit::{DriftBalance, FrameComparison};
 use super::event_times::grid::{GridCounter, StampGrid};
 use super::motion::warp::{self, FlowAt, WarpSharpness, WarpWindows};
 use super::noise_floor::still::{StillPixelCounts, StillPixelWatch};
-use crate::event::{Event, Polarity};
-use crate::frames::anchors::AnchorFrames;
-use crate::image::Size;
-use crate::units::Hertz;
 use crowding::CrowdingCounter;
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
+use gs2e_num::units::Hertz;
+use gs2e_sensor::frames::anchors::AnchorFrames;
 use labels::LabelWatch;
 
 /// Bins of the phase of event times within the frame interval.
@@ -355,8 +355,8 @@ impl StreamTally {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     fn event(t_us: i64, x: u16, y: u16, polarity: Polarity) -> Event {
         Event { t: Timestamp::from_micros(t_us), x, y, polarity, label: EventLabel::Signal }

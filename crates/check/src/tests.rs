@@ -2,9 +2,9 @@
 
 use super::planted::{PlantedWorld, WorldSettings};
 use super::*;
-use crate::event::{Event, Polarity};
-use crate::units::Timestamp;
 use glam::DVec3;
+use gs2e_event::{Event, Polarity};
+use gs2e_num::units::Timestamp;
 
 #[test]
 fn every_pass_has_a_name_of_the_list_and_says_something() {
@@ -132,7 +132,7 @@ fn the_shown_threshold_is_that_of_the_sensor() {
 
 #[test]
 fn voltages_may_start_anywhere() {
-    let initial = crate::sensor::voltmeter::InitialVoltage::Stationary;
+    let initial = gs2e_sensor::voltmeter::InitialVoltage::Stationary;
     let mut world = PlantedWorld::new(WorldSettings { initial, dawn: 0.5, ..WorldSettings::default() });
     world.flow = None;
     assert_eq!(world.faults(), [""; 0], "{:#?}", world.findings());
@@ -293,8 +293,8 @@ fn a_flash_of_all_pixels_is_found_at_its_time() {
 
 #[test]
 fn events_in_the_dead_time_are_found() {
-    use crate::sensor::SensorChoice;
-    use crate::sensor::esim::EsimModel;
+    use gs2e_sensor::SensorChoice;
+    use gs2e_sensor::esim::EsimModel;
     let mut world = PlantedWorld::default_world();
     let mut last = std::collections::BTreeMap::new();
     let mut gap_us = i64::MAX;
@@ -322,15 +322,15 @@ fn hot_and_dead_pixels_are_found() {
         x: 40,
         y: 30,
         polarity: Polarity::On,
-        label: crate::event::EventLabel::Signal,
+        label: gs2e_event::EventLabel::Signal,
     };
     world.events.extend((0..1000).map(hot));
     world.events.sort_by_cached_key(Event::file_order);
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
-    world.sensor.hot_pixels = crate::sensor::noise::HotPixelNoise {
+    world.sensor.hot_pixels = gs2e_sensor::noise::HotPixelNoise {
         share: 1e-3,
         rate: 1e4,
-        ..crate::sensor::noise::HotPixelNoise::default()
+        ..gs2e_sensor::noise::HotPixelNoise::default()
     };
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
     world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
@@ -395,7 +395,7 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
                 x: draws.at(96),
                 y: draws.at(72),
                 polarity: Polarity::On,
-                label: crate::event::EventLabel::Signal,
+                label: gs2e_event::EventLabel::Signal,
             })
             .collect();
         world.events.sort_by_cached_key(Event::file_order);

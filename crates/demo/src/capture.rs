@@ -3,11 +3,11 @@
 use super::StillLife;
 use super::draw::SceneDraws;
 use super::object::{table_point, turn_sine};
-use crate::camera::Camera;
-use crate::image::Size;
-use crate::se3::Se3;
-use crate::source::{Capture, CapturedView, LensModel};
 use glam::{DMat3, DQuat, DVec3};
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_source::{Capture, CapturedView, LensModel};
 
 /// The photos' size and focal length, px: a horizontal field of view of 52.2 degrees.
 const SIZE: Size = Size { width: 640, height: 360 };

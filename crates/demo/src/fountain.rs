@@ -5,10 +5,10 @@
 
 use super::draw::SceneDraws;
 use super::{light, to_single};
-use crate::scene::collector::{Gaussian, GaussianCollector};
-use crate::scene::dynamic::{SceneSpan, SceneTime, SplatTrack};
-use crate::scene::sh;
 use glam::DVec3;
+use gs2e_scene::collector::{Gaussian, GaussianCollector};
+use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatTrack};
+use gs2e_scene::sh;
 use serde::{Deserialize, Serialize};
 
 /// Acceleration of a falling drop, scene units/s^2. Down is +y.
@@ -81,7 +81,7 @@ fn add_drop(unit_s: f64, draws: &mut SceneDraws, collector: &mut GaussianCollect
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::{StillLife, still_life};
+    use crate::{StillLife, still_life};
 
     /// The nozzle, the velocity there, and free fall decide where a drop is.
     #[test]

@@ -18,19 +18,18 @@ mod room;
 mod shape;
 mod texture;
 
-use super::Gaussians;
-use super::collector::{Gaussian, GaussianCollector};
-use super::dynamic::{SplatCourse, SplatTrack};
-use super::sh;
-use crate::source::Capture;
 use draw::SceneDraws;
 pub use fountain::{Fountain, GRAVITY};
 use glam::DVec3;
+use gs2e_scene::collector::{Gaussian, GaussianCollector};
+use gs2e_scene::dynamic::{SplatCourse, SplatTrack};
+use gs2e_scene::{Gaussians, sh};
+use gs2e_source::Capture;
 use light::LitPoint;
 use object::{ObjectPart, SurfaceFinish, TableArrangement};
 use serde::{Deserialize, Serialize};
 use shape::{PartShape, SurfelSpot};
-pub(crate) use texture::{STEP, finalise_bits};
+pub use texture::{STEP, finalise_bits};
 
 /// Parameters of the still life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -183,9 +182,9 @@ fn to_single(v: DVec3) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::se3::Se3;
-    use crate::source::LensModel;
+    use gs2e_num::se3::Se3;
+    use gs2e_scene::camera::Camera;
+    use gs2e_source::LensModel;
 
     fn life(gaussians: u32) -> StillLife {
         StillLife { gaussians, ..StillLife::default() }
@@ -214,7 +213,7 @@ mod tests {
             assert_eq!(scene.len(), count as usize);
             assert_eq!(
                 scene.screening,
-                crate::scene::SceneScreening { read: u64::from(count), ..Default::default() }
+                gs2e_scene::SceneScreening { read: u64::from(count), ..Default::default() }
             );
         }
     }
@@ -223,7 +222,7 @@ mod tests {
     #[test]
     fn the_scene_and_its_capture_are_frozen() {
         let mut bytes = Vec::new();
-        crate::scene::ply::write_ply(&still_life(&life(2_000)), &mut bytes).unwrap();
+        gs2e_scene::ply::write_ply(&still_life(&life(2_000)), &mut bytes).unwrap();
         let wanted = "6fdbcd12826d8be36a7ddf3e2a51ae425d196451e12617d2e21bce4453e42365";
         assert_eq!(blake3::hash(&bytes).to_hex().as_str(), wanted);
         let mut poses = blake3::Hasher::new();
@@ -289,11 +288,7 @@ mod tests {
         assert!(total / 149.0 < 0.85, "{} px a pose", total / 149.0);
     }
 
-    fn flow_quantile(
-        scene: &Gaussians,
-        a: &crate::source::CapturedView,
-        b: &crate::source::CapturedView,
-    ) -> f64 {
+    fn flow_quantile(scene: &Gaussians, a: &gs2e_source::CapturedView, b: &gs2e_source::CapturedView) -> f64 {
         let (pose_a, pose_b) = (a.world_from_camera.inverse(), b.world_from_camera.inverse());
         let mut flow: Vec<f64> = scene
             .positions

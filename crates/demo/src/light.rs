@@ -1,9 +1,9 @@
 //! Light on the still life: a lamp, a sky, shadows of spheres, and gloss as harmonics.
 
 use super::texture::smooth_step;
-use crate::image::srgb;
-use crate::scene::sh;
 use glam::DVec3;
+use gs2e_image::srgb;
+use gs2e_scene::sh;
 
 /// An occluder of light: a sphere that belongs to the object with this name.
 #[derive(Debug, Clone, Copy)]

@@ -2,8 +2,8 @@
 
 use super::light::SphereOccluder;
 use super::shape::{PartShape, Path, Sheet, SurfelCover, SurfelSpot};
-use crate::image::srgb;
 use glam::DVec3;
+use gs2e_image::srgb;
 use std::fmt;
 
 /// Appearance of a surfel before lighting.

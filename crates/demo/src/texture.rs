@@ -5,10 +5,10 @@ use super::draw::unit_interval;
 use glam::DVec3;
 
 /// Increment of SplitMix64 (Steele, Lea and Flood 2014).
-pub(crate) const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+pub const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The finaliser of SplitMix64.
-pub(crate) fn finalise_bits(mut z: u64) -> u64 {
+pub fn finalise_bits(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)

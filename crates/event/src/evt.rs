@@ -8,7 +8,7 @@
 mod evt2;
 mod evt3;
 mod header;
-pub(crate) mod packet;
+pub mod packet;
 mod reader;
 mod writer;
 

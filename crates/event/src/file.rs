@@ -3,8 +3,8 @@
 use super::evt::{self, EvtVersion};
 use super::text::{self, ColumnSeparator, TextTimeUnit};
 use super::{Event, EventFileError, EventSink, EventSource, StreamHeader, aedat4, h5, mcap, npz};
-use crate::image::Size;
-use crate::units::Timestamp;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::path::Path;
 
 /// The formats.
@@ -214,7 +214,7 @@ fn too_far(us: i64) -> EventFileError {
 }
 
 /// The event shifted in time; `None` if 64 bits cannot hold its time.
-pub(crate) fn shift_event(event: Event, by_us: i64) -> Option<Event> {
+pub fn shift_event(event: Event, by_us: i64) -> Option<Event> {
     let ns = by_us.checked_mul(1000)?.checked_add(event.t.0)?;
     Some(Event { t: Timestamp(ns), ..event })
 }

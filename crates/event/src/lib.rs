@@ -12,8 +12,8 @@ pub mod sorted;
 pub mod survey;
 pub mod text;
 
-use crate::image::Size;
-use crate::units::Timestamp;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 
 /// Direction of a brightness change.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

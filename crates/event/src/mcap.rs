@@ -18,30 +18,43 @@ mod topics;
 pub use reader::Reader;
 
 /// The first and the last bytes of a file.
-pub(crate) const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
+pub const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 
 /// Kinds of records.
-pub(crate) mod opcode {
-    pub(crate) const HEADER: u8 = 0x01;
-    pub(crate) const FOOTER: u8 = 0x02;
-    pub(crate) const SCHEMA: u8 = 0x03;
-    pub(crate) const CHANNEL: u8 = 0x04;
-    pub(crate) const MESSAGE: u8 = 0x05;
-    pub(crate) const CHUNK: u8 = 0x06;
-    pub(crate) const MESSAGE_INDEX: u8 = 0x07;
-    pub(crate) const CHUNK_INDEX: u8 = 0x08;
-    pub(crate) const STATISTICS: u8 = 0x0b;
-    pub(crate) const METADATA: u8 = 0x0c;
-    pub(crate) const METADATA_INDEX: u8 = 0x0d;
-    pub(crate) const SUMMARY_OFFSET: u8 = 0x0e;
-    pub(crate) const DATA_END: u8 = 0x0f;
+pub mod opcode {
+    /// Format, program and version.
+    pub const HEADER: u8 = 0x01;
+    /// Place of the summary.
+    pub const FOOTER: u8 = 0x02;
+    /// Type of messages.
+    pub const SCHEMA: u8 = 0x03;
+    /// Topic.
+    pub const CHANNEL: u8 = 0x04;
+    /// Message.
+    pub const MESSAGE: u8 = 0x05;
+    /// Compressed records.
+    pub const CHUNK: u8 = 0x06;
+    /// Places of the messages of a chunk.
+    pub const MESSAGE_INDEX: u8 = 0x07;
+    /// Place and times of a chunk.
+    pub const CHUNK_INDEX: u8 = 0x08;
+    /// Counts.
+    pub const STATISTICS: u8 = 0x0b;
+    /// Named values.
+    pub const METADATA: u8 = 0x0c;
+    /// Place of named values.
+    pub const METADATA_INDEX: u8 = 0x0d;
+    /// Place of a group of the summary.
+    pub const SUMMARY_OFFSET: u8 = 0x0e;
+    /// End of the data.
+    pub const DATA_END: u8 = 0x0f;
 }
 
 /// Type of the messages of events.
-pub(crate) const EVENT_PACKET: &str = "event_camera_msgs/msg/EventPacket";
+pub const EVENT_PACKET: &str = "event_camera_msgs/msg/EventPacket";
 
 /// Encoding of messages that this program reads and writes.
-pub(crate) const CDR: &str = "cdr";
+pub const CDR: &str = "cdr";
 
 /// The bytes before a message in CDR: version 1, little-endian, no options.
-pub(crate) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];

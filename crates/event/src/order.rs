@@ -2,7 +2,7 @@
 //! range of times, on the sensor.
 
 use super::{Event, EventFileError, Polarity};
-use crate::image::Size;
+use gs2e_image::Size;
 
 /// The state of a stream that is being written.
 #[derive(Debug)]
@@ -77,8 +77,8 @@ impl StreamOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use crate::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     #[test]
     fn a_stream_is_sorted_on_the_sensor_and_in_time() {

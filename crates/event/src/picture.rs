@@ -8,7 +8,7 @@ pub mod surface;
 mod text;
 
 use super::{Event, EventSink};
-use crate::image::{Image, Size};
+use gs2e_image::{Image, Size};
 use std::collections::TryReserveError;
 use std::ops::Range;
 
@@ -132,8 +132,8 @@ fn copy_into(whole: &mut Image<[u8; 3]>, picture: &Image<[u8; 3]>, [left, top]: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use crate::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     #[test]
     fn colours_show_the_balance_within_the_window() {

@@ -133,8 +133,8 @@ fn micros(event: &Event) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use crate::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     /// Gives chunk by chunk.
     struct Chunks(Vec<Vec<Event>>);

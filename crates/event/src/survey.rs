@@ -1,7 +1,7 @@
 //! Counts of an event stream, taken in one pass.
 
 use super::{Event, EventFileError, EventLabel, EventSource, Polarity};
-use crate::units::Timestamp;
+use gs2e_num::units::Timestamp;
 
 /// Counts of a stream.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

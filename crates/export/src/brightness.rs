@@ -5,9 +5,9 @@
 //! grey. The median over greys is written to the consumer's config; the 5th and the 95th percentile
 //! say how far it is from true.
 
-use crate::image::srgb;
-use crate::sensor::front_end::ChannelDecode;
-use crate::sensor::{SensorChoice, SensorModel, WHITE};
+use gs2e_image::srgb;
+use gs2e_sensor::front_end::ChannelDecode;
+use gs2e_sensor::{SensorChoice, SensorModel, WHITE};
 use serde::Serialize;
 
 /// A formula of a consumer, of a display-encoded grey `g` from 0 to 1.
@@ -115,7 +115,7 @@ pub(super) fn log_offset(sensor: &SensorChoice) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::read_recipe_text;
+    use gs2e_recipe::read_recipe_text;
     use std::path::Path;
 
     fn sensor(text: &str) -> SensorChoice {

@@ -53,7 +53,7 @@ pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::EXPORT_FORMATS;
+    use gs2e_recipe::EXPORT_FORMATS;
 
     #[test]
     fn a_release_may_include_every_format() {

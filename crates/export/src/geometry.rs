@@ -1,9 +1,9 @@
 //! The extent of a scene: points that the trajectory sees, and a box around them.
 
 use super::{ExportError, ExportPlan, UnmetNeed};
-use crate::image::Size;
-use crate::source::colmap::ColmapPoint;
 use glam::DVec3;
+use gs2e_image::Size;
+use gs2e_source::colmap::ColmapPoint;
 
 /// Number of frames whose depth is lifted.
 const FRAMES: usize = 8;

@@ -5,16 +5,16 @@ use super::{
     ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, Exposure, LossKind,
     SubjectChoice, TestViews, format_named, write_export,
 };
-use crate::artifact::EventStream;
-use crate::camera::{Camera, choose_camera};
-use crate::image::Size;
-use crate::recipe::{HELD_OUT_EVERY, IncludedExport, Recipe};
-use crate::release::include::{
+use glam::{DQuat, DVec3};
+use gs2e_build::artifact::EventStream;
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_recipe::{HELD_OUT_EVERY, IncludedExport, Recipe};
+use gs2e_release::include::{
     ComposedScene, ExportOrder, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name,
 };
-use crate::se3::Se3;
-use crate::trajectory::Trajectory;
-use glam::{DQuat, DVec3};
+use gs2e_scene::camera::{Camera, choose_camera};
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;

@@ -1,7 +1,8 @@
 //! NumPy arrays of unknown length, and archives of them. The length is written last.
 
 use super::ExportError;
-use crate::files::{self, Removal};
+use gs2e_files as files;
+use gs2e_files::Removal;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};

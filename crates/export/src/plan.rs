@@ -1,9 +1,9 @@
 //! What is decided before anything is written: the interval, the frames, and the held-out views.
 
 use super::{ExportError, ExportLoss, ExportSubject, Exposure};
-use crate::event::Event;
-use crate::se3::Se3;
-use crate::sensor::SensorChoice;
+use gs2e_event::Event;
+use gs2e_num::se3::Se3;
+use gs2e_sensor::SensorChoice;
 use serde_json::{Value, json};
 
 /// One second: tools of ROS refuse or hide times of 0.

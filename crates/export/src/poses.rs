@@ -1,12 +1,12 @@
 //! Poses at any time, and their forms in files.
 
 use super::ExportPlan;
-use crate::camera::Camera;
-use crate::se3::rotation::slerp;
-use crate::se3::{OPENCV_FROM_OPENGL, Se3};
-use crate::trajectory::Trajectory;
-use crate::trajectory::text::significant_digits;
 use glam::DVec3;
+use gs2e_num::se3::rotation::slerp;
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
+use gs2e_scene::camera::Camera;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::text::significant_digits;
 
 /// The pose at `t_us` from the start of the interval: a straight line between centres, and a slerp
 /// between rotations. Times outside of the interval have the pose of its end.

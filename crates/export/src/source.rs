@@ -1,7 +1,8 @@
 //! The files of a release that an export reads: in a folder, or composed and not yet written.
 
-use crate::files::{self, LinkRule};
-use crate::release::include::{ComposedFile, ComposedScene};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_release::include::{ComposedFile, ComposedScene};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -2,19 +2,18 @@
 
 use super::ExportError;
 use super::source::SubjectFiles;
-use crate::artifact::EventStream;
-use crate::camera::Camera;
-use crate::event::file::{self, EventFormat, OpenEventFile, ReadHints};
-use crate::event::{Event, StreamHeader};
-use crate::files;
-use crate::image::light::MeanScale;
-use crate::image::{Image, Size, npy, png};
-use crate::imu;
-use crate::release::include::ComposedScene;
-use crate::release::{SceneRecord, diff, recipe_of_scene};
-use crate::sensor::SensorChoice;
-use crate::trajectory::Trajectory;
 use glam::DVec3;
+use gs2e_build::artifact::EventStream;
+use gs2e_event::file::{EventFormat, OpenEventFile, ReadHints};
+use gs2e_event::{Event, StreamHeader, file};
+use gs2e_files as files;
+use gs2e_image::light::MeanScale;
+use gs2e_image::{Image, Size, npy, png};
+use gs2e_release::include::ComposedScene;
+use gs2e_release::{SceneRecord, diff, recipe_of_scene};
+use gs2e_scene::camera::Camera;
+use gs2e_sensor::SensorChoice;
+use gs2e_trajectory::{Trajectory, imu};
 use serde_json::{Value, json};
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -303,7 +302,7 @@ impl ExportSubject {
         let name = format!("depth/{pose:06}.npy");
         let file = self.files.open(&format!("{}/{name}", self.folder));
         let file = file.map_err(|e| ExportError::unreadable(&self.path(&name), e))?;
-        crate::dataset::depth::read_depth(&file, self.camera.size, None)
+        gs2e_check::dataset::depth::read_depth(&file, self.camera.size, None)
             .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 

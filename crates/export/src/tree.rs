@@ -1,8 +1,9 @@
 //! The folder of an export: hidden next to its place until it is complete.
 
 use super::{ExportError, ExportProgress};
-use crate::files::rename::parent_folder;
-use crate::files::{self, LinkRule, MAX_TEXT, Removal};
+use gs2e_files as files;
+use gs2e_files::rename::parent_folder;
+use gs2e_files::{LinkRule, MAX_TEXT, Removal};
 use rustix::fs::{CWD, Mode, OFlags, RenameFlags};
 use rustix::io::Errno;
 use std::ffi::{OsStr, OsString};

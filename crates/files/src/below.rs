@@ -16,7 +16,7 @@ use rustix::io::Errno;
 
 /// An open folder.
 #[derive(Debug)]
-pub(crate) struct FolderBelow(OwnedFd);
+pub struct FolderBelow(OwnedFd);
 
 /// Maximum number of names that are tried for a temporary file. Others can take names, too.
 const ATTEMPTS: u32 = 1000;
@@ -26,7 +26,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// It cannot be opened.
-    pub(crate) fn open(root: &Path) -> io::Result<Self> {
+    pub fn open(root: &Path) -> io::Result<Self> {
         Ok(Self(rustix::fs::open(root, flags(), Mode::empty())?))
     }
 
@@ -34,7 +34,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// `InvalidInput` for a link or a file; any error of the file system.
-    pub(crate) fn enter(&self, name: &str) -> io::Result<Self> {
+    pub fn enter(&self, name: &str) -> io::Result<Self> {
         match rustix::fs::openat(&self.0, name, flags() | OFlags::NOFOLLOW, Mode::empty()) {
             Ok(folder) => Ok(Self(folder)),
             // Links have either error, by system.
@@ -50,7 +50,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// As [`Self::enter`].
-    pub(crate) fn enter_or_create(&self, name: &str) -> io::Result<Self> {
+    pub fn enter_or_create(&self, name: &str) -> io::Result<Self> {
         match rustix::fs::mkdirat(&self.0, name, Mode::from_raw_mode(0o777)) {
             Ok(()) | Err(Errno::EXIST) => self.enter(name),
             Err(e) => Err(e.into()),
@@ -61,7 +61,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// It cannot be listed.
-    pub(crate) fn names(&self) -> io::Result<Vec<OsString>> {
+    pub fn names(&self) -> io::Result<Vec<OsString>> {
         let entries = Dir::read_from(&self.0)?;
         let name = |entry: rustix::io::Result<rustix::fs::DirEntry>| {
             Ok(OsString::from_vec(entry?.file_name().to_bytes().to_vec()))
@@ -82,7 +82,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// As [`super::read_below`].
-    pub(crate) fn read(&self, name: &str, limit: u64) -> io::Result<Vec<u8>> {
+    pub fn read(&self, name: &str, limit: u64) -> io::Result<Vec<u8>> {
         super::read_open(self.file(name)?, limit)
     }
 
@@ -91,7 +91,7 @@ impl FolderBelow {
     ///
     /// # Errors
     /// The file cannot be written, or the name belongs to a folder. No file is left then.
-    pub(crate) fn write(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
+    pub fn write(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
         let (part, mut file) = self.create_part()?;
         let mut write = || {
             file.write_all(bytes)?;

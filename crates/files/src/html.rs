@@ -15,11 +15,11 @@ type Attributes<'a> = &'a [(&'static str, &'a str)];
 
 /// A piece of a page under construction.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
-pub(crate) struct HtmlFragment(String);
+pub struct HtmlFragment(String);
 
 impl HtmlFragment {
     /// A whole page.
-    pub(crate) fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
+    pub fn whole_page(inside: impl FnOnce(&mut Self)) -> String {
         let mut page = Self("<!DOCTYPE html>\n".to_owned());
         page.within("html", &[("lang", "en")], inside);
         page.0.push('\n');
@@ -27,12 +27,7 @@ impl HtmlFragment {
     }
 
     /// An element and its content.
-    pub(crate) fn within(
-        &mut self,
-        tag: &'static str,
-        attributes: Attributes<'_>,
-        inside: impl FnOnce(&mut Self),
-    ) {
+    pub fn within(&mut self, tag: &'static str, attributes: Attributes<'_>, inside: impl FnOnce(&mut Self)) {
         self.open(tag, attributes, ">");
         inside(self);
         self.0.push_str("</");
@@ -44,17 +39,17 @@ impl HtmlFragment {
     }
 
     /// An element with nothing but text in it.
-    pub(crate) fn leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+    pub fn leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
         self.within(tag, attributes, |html| html.text(words));
     }
 
     /// An element that has no content: `img`, `meta`, and the shapes of a picture.
-    pub(crate) fn empty(&mut self, tag: &'static str, attributes: Attributes<'_>) {
+    pub fn empty(&mut self, tag: &'static str, attributes: Attributes<'_>) {
         self.open(tag, attributes, "/>");
     }
 
     /// Text.
-    pub(crate) fn text(&mut self, words: &str) {
+    pub fn text(&mut self, words: &str) {
         escape_text(words, &mut self.0);
     }
 
@@ -73,12 +68,12 @@ impl HtmlFragment {
     }
 
     /// An element with nothing but prose in it.
-    pub(crate) fn prose_leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
+    pub fn prose_leaf(&mut self, tag: &'static str, attributes: Attributes<'_>, words: &str) {
         self.within(tag, attributes, |html| html.prose(words));
     }
 
     /// A table, in a box of its own that scrolls where the table is wider than the screen.
-    pub(crate) fn table(&mut self, class: &'static str, inside: impl FnOnce(&mut Self)) {
+    pub fn table(&mut self, class: &'static str, inside: impl FnOnce(&mut Self)) {
         self.within("div", &[("class", "scroll")], |html| html.within("table", &[("class", class)], inside));
     }
 
@@ -89,7 +84,7 @@ impl HtmlFragment {
     }
 
     /// Appends another piece.
-    pub(crate) fn append(&mut self, piece: &Self) {
+    pub fn append(&mut self, piece: &Self) {
         self.0.push_str(&piece.0);
     }
 
@@ -110,7 +105,7 @@ impl HtmlFragment {
 
 /// Writes the head of a page: its title, the style sheet, and a policy that forbids the browser
 /// everything else.
-pub(crate) fn write_page_head(html: &mut HtmlFragment, title: &str) {
+pub fn write_page_head(html: &mut HtmlFragment, title: &str) {
     html.empty("meta", &[("charset", "utf-8")]);
     // Before everything that it governs: a policy in a page holds for what follows it.
     html.empty("meta", &[("http-equiv", "Content-Security-Policy"), ("content", &content_policy())]);
@@ -132,7 +127,7 @@ fn content_policy() -> String {
 }
 
 /// Base 64 with padding (RFC 4648, section 4).
-pub(crate) fn encode_base64(bytes: &[u8]) -> String {
+pub fn encode_base64(bytes: &[u8]) -> String {
     Base64::encode_to_string(bytes).expect("the text fits into memory")
 }
 
@@ -171,7 +166,7 @@ fn escape_text(words: &str, out: &mut String) {
 
 /// A path below the page's folder as an address. Every byte that could mean anything there is
 /// percent-encoded.
-pub(crate) fn link_address(path: &str) -> String {
+pub fn link_address(path: &str) -> String {
     path.bytes().fold(String::with_capacity(path.len()), |mut out, byte| {
         match byte {
             // Without the colon, since `javascript:x` would be an address of its own.

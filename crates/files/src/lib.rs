@@ -5,9 +5,14 @@
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
 
-pub(crate) mod below;
+pub mod below;
+pub mod budget;
+pub mod escape;
+pub mod html;
+pub mod natural;
+pub mod programs;
 mod removal;
-pub(crate) mod rename;
+pub mod rename;
 pub mod stat;
 mod walk;
 

@@ -4,7 +4,7 @@
 //! a link meanwhile therefore leads nowhere.
 
 use super::{folder_below, invalid, type_at};
-use crate::files::rename::parent_folder;
+use crate::rename::parent_folder;
 use rustix::fs::{AtFlags, Dir, FileType, Mode, OFlags, unlinkat};
 use std::ffi::OsStr;
 use std::io;

@@ -29,7 +29,7 @@ pub fn write_by_rename<E: From<io::Error>>(
 const MAX_LINKS: usize = 40;
 
 /// The target of a path with all links followed, even if nothing is there yet.
-pub(crate) fn link_target(path: &Path) -> PathBuf {
+pub fn link_target(path: &Path) -> PathBuf {
     let mut place = path.to_owned();
     for _ in 0..MAX_LINKS {
         let Ok(to) = fs::read_link(&place) else { break };
@@ -42,13 +42,14 @@ pub(crate) fn link_target(path: &Path) -> PathBuf {
 
 /// The folder of a file, as a path that the system accepts. The parent of a bare name is the empty
 /// path, which the system does not accept.
-pub(crate) fn parent_folder(path: &Path) -> &Path {
+pub fn parent_folder(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// A file that is being written under a temporary name. It is removed when it is dropped
 /// unfinished.
-pub(crate) struct PartialFile {
+#[derive(Debug)]
+pub struct PartialFile {
     temporary: PathBuf,
     path: PathBuf,
 }
@@ -67,10 +68,11 @@ impl PartialFile {
         Ok(Self { temporary, path })
     }
 
-    pub(crate) fn write_part(
-        path: &Path,
-        fill: &dyn Fn(&mut dyn Write) -> io::Result<()>,
-    ) -> io::Result<Self> {
+    /// Writes the content of a part, and syncs it.
+    ///
+    /// # Errors
+    /// The path leads to something that must not be replaced, or the part cannot be written.
+    pub fn write_part(path: &Path, fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<Self> {
         let part = Self::new(path)?;
         let mut out = BufWriter::new(File::create_new(&part.temporary)?);
         fill(&mut out)?;
@@ -79,11 +81,15 @@ impl PartialFile {
     }
 
     /// The final path, with links followed.
-    pub(crate) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
-    pub(crate) fn finish(self) -> io::Result<()> {
+    /// Puts the part in place of the file.
+    ///
+    /// # Errors
+    /// What is there now must not be replaced, or the rename fails.
+    pub fn finish(self) -> io::Result<()> {
         // Another file may have been created there while this one was written.
         if let Some(mode) = super::replaceable(&self.path)? {
             fs::set_permissions(&self.temporary, fs::Permissions::from_mode(mode))?;

@@ -65,7 +65,7 @@ impl StatSighting {
     }
 
     /// Fields of a file that this program has just written or linked.
-    pub(crate) fn settled_file(stat: FileStat) -> Self {
+    pub fn settled_file(stat: FileStat) -> Self {
         Self { stat, observed_ns: SETTLED }
     }
 

@@ -1,10 +1,9 @@
 //! Walks through folders, limited to one file system, a maximum depth and a maximum number of
 //! entries.
 
-use std::fs;
-use std::io;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use walkdir::{DirEntry, WalkDir};
 
@@ -114,7 +113,7 @@ impl WalkBounds {
     }
 
     /// Checks a folder against the bounds. Files need no check here: they are opened by functions
-    /// of [`crate::files`].
+    /// of [`crate`].
     fn hold(&self, entry: &DirEntry) -> io::Result<()> {
         // The user named the root, so it may be a link.
         if !entry.file_type().is_dir() || entry.depth() == 0 {

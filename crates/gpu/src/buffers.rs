@@ -5,7 +5,7 @@ use super::passes::BindingLayouts;
 use super::scene::{MAX_GROUPS, ScenePart};
 use super::shader::{BLOCK, DIGIT_BITS, DISPATCHES, GROUP, TOTALS};
 use super::{TileRegion, frame};
-use crate::render::GpuError;
+use gs2e_render::GpuError;
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, Buffer, BufferBinding,
     BufferDescriptor, BufferSize, BufferUsages,

@@ -3,7 +3,7 @@
 use super::features::{FeatureSet, GpuFeature};
 use super::pool::PoolPlace;
 use super::shader::{GROUP, LEAST_SUBGROUP};
-use crate::render::{GpuError, RenderStyle};
+use gs2e_render::{GpuError, RenderStyle};
 use std::pin::pin;
 use std::str::FromStr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -395,7 +395,7 @@ fn may_have_hardware() -> bool {
     // Render nodes of kernel drivers, the device nodes of NVIDIA, and the node of Linux under
     // Windows.
     let nodes = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg"];
-    nodes.iter().any(|node| crate::files::is_there(std::path::Path::new(node)))
+    nodes.iter().any(|node| gs2e_files::is_there(std::path::Path::new(node)))
 }
 
 /// All GPUs, the most capable kind first. A GPU that several interfaces offer comes first with the

@@ -3,11 +3,11 @@
 #![expect(clippy::cast_possible_truncation, reason = "a value is cut into two of 32 bits")]
 
 use super::TileRegion;
-use crate::camera::view::CameraView;
-use crate::image::luminance;
-use crate::render::RenderStyle;
-use crate::render::cpu::eye::slope_bounds;
 use glam::DVec3;
+use gs2e_image::luminance;
+use gs2e_render::RenderStyle;
+use gs2e_render::cpu::eye::slope_bounds;
+use gs2e_scene::camera::view::CameraView;
 
 /// Size of `Frame`, bytes: fifteen rows of four words and nine words, rounded up to whole rows.
 pub(super) const BYTES: u64 = 18 * 16;

@@ -14,7 +14,7 @@
 //! order: two runs on one device give the same bits. They are not those of the CPU, for the reasons
 //! that images are not.
 //!
-//! [`GradientRenderer`]: crate::render::cpu::backward::GradientRenderer
+//! [`GradientRenderer`]: gs2e_render::cpu::backward::GradientRenderer
 
 mod buffers;
 
@@ -24,13 +24,13 @@ use super::passes::ShaderCompiler;
 use super::readback::Copy;
 use super::shader::{Dispatch, GRADIENT_ROWS, ImageLayout, ShaderKind, ShaderVariant};
 use super::{GpuRenderer, PendingView, TileRegion, TracedRegion, scene};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::render::cpu::backward::{GaussianGradient, ViewGradients, refuse_without_gradients};
-use crate::render::differentiable::DifferentiableRenderer;
-use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
-use crate::scene::Gaussians;
 use buffers::GradientBuffers;
+use gs2e_image::{Image, Size};
+use gs2e_render::cpu::backward::{GaussianGradient, ViewGradients, refuse_without_gradients};
+use gs2e_render::differentiable::DifferentiableRenderer;
+use gs2e_render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::ops::Range;
 use wgpu::{CommandEncoder, CommandEncoderDescriptor, ComputePassDescriptor, ComputePipeline};
 

@@ -32,16 +32,16 @@ pub use gradients::GpuGradientRenderer;
 pub use pool::GpuPool;
 pub use work::{FrameWork, StageWork};
 
-use crate::camera::flow::flow_rates;
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::render::backend::Backend;
-use crate::render::shared::TILE;
-use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer};
-use crate::scene::Gaussians;
 use buffers::{BufferCapacity, FrameBuffers, most_pairs, most_splats};
 use clock::DeviceClock;
 use glam::DVec3;
+use gs2e_image::{Image, Size};
+use gs2e_render::backend::Backend;
+use gs2e_render::shared::TILE;
+use gs2e_render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::flow::flow_rates;
+use gs2e_scene::camera::view::CameraView;
 use passes::{BindingLayouts, FramePipelines, RegionPasses};
 use readback::{Copy, Ring};
 use scene::ScenePart;
@@ -123,7 +123,7 @@ impl GpuRenderer {
         style: RenderStyle,
         traced: Option<Vec<TracedRegion>>,
     ) -> Result<Self, RenderError> {
-        crate::render::check_style(&style)?;
+        gs2e_render::check_style(&style)?;
         if !Backend::gpu_supports_order(style.order) {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
@@ -185,7 +185,7 @@ impl GpuRenderer {
 
     /// Submits a view.
     fn begin(&mut self, view: &CameraView, want: ChannelSet) -> Result<PendingView, RenderError> {
-        crate::render::check_view(view)?;
+        gs2e_render::check_view(view)?;
         let mut shots = Vec::new();
         if let Some(traced) = &mut self.traced {
             traced.clear();

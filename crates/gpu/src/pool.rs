@@ -6,10 +6,10 @@
 use super::device::{DeviceChoice, GpuDevice};
 use super::features::FeatureSet;
 use super::{GpuGradientRenderer, GpuRenderer};
-use crate::render::backend::{Backend, GpuBackend};
-use crate::render::differentiable::DifferentiableRenderer;
-use crate::render::{GpuError, RenderError, RenderStyle, Renderer};
-use crate::scene::Gaussians;
+use gs2e_render::backend::{Backend, GpuBackend};
+use gs2e_render::differentiable::DifferentiableRenderer;
+use gs2e_render::{GpuError, RenderError, RenderStyle, Renderer};
+use gs2e_scene::Gaussians;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// GPUs of one numerical class. Clones share the load.

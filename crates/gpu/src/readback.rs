@@ -4,8 +4,8 @@ use super::clock::{self, DeviceClock};
 use super::device::GpuDevice;
 use super::shader::{ImageLayout, TOTALS, Total, UNDEFINED};
 use super::{TileRegion, buffers::FrameBuffers};
-use crate::image::{Image, Size};
-use crate::render::{ChannelSet, GpuError, RenderWork, RenderedImages};
+use gs2e_image::{Image, Size};
+use gs2e_render::{ChannelSet, GpuError, RenderWork, RenderedImages};
 use rayon::prelude::*;
 use std::sync::mpsc;
 use wgpu::{

@@ -4,9 +4,10 @@
 
 use super::device::GpuDevice;
 use super::shader::{GROUP, LOST, SPOILT};
-use crate::render::GpuError;
-use crate::render::cpu::activate::{self, ActivatedGaussian};
-use crate::scene::{Gaussians, sh};
+use gs2e_render::GpuError;
+use gs2e_render::cpu::activate;
+use gs2e_render::cpu::activate::ActivatedGaussian;
+use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 use std::ops::Range;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages};

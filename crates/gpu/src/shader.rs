@@ -1,13 +1,13 @@
 //! The text of the shaders, with constants generated from their Rust definitions.
 
-use crate::image::LUMINANCE_WEIGHTS;
-use crate::render::cpu::activate::MIN_NORM;
-use crate::render::shared::{
+use gs2e_image::LUMINANCE_WEIGHTS;
+use gs2e_render::cpu::activate::MIN_NORM;
+use gs2e_render::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DEPTH_MIN_ALPHA, DILATION, EXTENT_ROOT_FLOOR,
     EXTENT_SIGMAS, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, MAX_ALPHA, NEAR, STOP, TILE, least_alpha,
 };
-use crate::render::{ChannelSet, RenderRules, RenderStyle};
-use crate::scene::sh;
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle};
+use gs2e_scene::sh;
 use std::f64::consts::LOG2_E;
 use std::fmt::{Display, Write as _};
 
@@ -338,7 +338,7 @@ fn float_literal(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::LayerOrder;
+    use gs2e_render::LayerOrder;
     use wgpu::naga;
 
     fn capabilities(variant: &ShaderVariant) -> naga::valid::Capabilities {

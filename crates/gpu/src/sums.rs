@@ -4,7 +4,7 @@ use super::device::{DeviceChoice, GpuDevice};
 use super::features::GpuFeature;
 use super::readback::Copy;
 use super::shader::{GROUP, ImageLayout, ShaderVariant, sums_text};
-use crate::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
 use wgpu::{
     BindGroupDescriptor, BindGroupEntry, BufferDescriptor, BufferUsages, CommandEncoderDescriptor,
     ComputePassDescriptor, ComputePipelineDescriptor, ShaderModuleDescriptor, ShaderSource,

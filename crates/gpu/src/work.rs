@@ -10,7 +10,7 @@ use super::EDGE;
 use super::buffers::DIGITS;
 use super::clock::TimedStage;
 use super::shader::{BLOCK, DIGIT_BITS, GROUP, ImageLayout, splat_rows};
-use crate::scene::sh;
+use gs2e_scene::sh;
 
 /// The work of one stage of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -212,7 +212,7 @@ fn scan(counts: u64) -> StageWork {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::ChannelSet;
+    use gs2e_render::ChannelSet;
 
     /// Counted by hand for one block of each sort.
     #[test]

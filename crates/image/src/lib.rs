@@ -12,7 +12,7 @@ pub mod srgb;
 
 pub use size::{MAX_PIXELS, MAX_SENSOR_PIXELS, MAX_SENSOR_SIDE, Size, TooLarge};
 
-use crate::budget;
+use gs2e_files::budget;
 use std::collections::TryReserveError;
 
 /// An image, rows from the top, row-major: pixel `(x, y)` is `data[y * width + x]`, its centre at

@@ -131,7 +131,7 @@ fn add_eight<S: Simd>(simd: S, sums: &mut [f64], values: &[f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::png;
+    use crate::png;
 
     const SIZE: Size = Size { width: 7, height: 3 };
 

@@ -132,7 +132,7 @@ fn mean_of_rows(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>, sum: impl Fn(usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use crate::Size;
 
     const SIZE: Size = Size { width: 24, height: 17 };
 

@@ -6,7 +6,8 @@
 //! bytes and 90 ns. Encoding must not cost as much as rendering.
 
 use super::{GreyImage, Image, LUMINANCE_WEIGHTS, MAX_PIXELS, Size, to_byte};
-use crate::budget::{self, ByteBudget, MAX_DEFLATE_RATIO};
+use gs2e_files::budget;
+use gs2e_files::budget::{ByteBudget, MAX_DEFLATE_RATIO};
 use png::{BitDepth, ColorType, DecodingError, DeflateCompression, Filter, Reader, Transformations};
 use std::collections::TryReserveError;
 use std::io::{self, BufRead, Cursor, Seek, SeekFrom, Write};
@@ -193,7 +194,7 @@ fn wide_sample(pair: [u8; 2]) -> f64 {
 
 impl GreySamples {
     fn luminance(&self) -> Image<f32> {
-        let weights = GreyWeights::new();
+        let weights = GreyWeights::default();
         let weigh = |rgb: [f64; 3]| weights.weigh(rgb);
         let pixels = match (&self.samples, self.coloured) {
             (StoredSamples::Bytes(bytes), true) => {
@@ -268,14 +269,20 @@ pub fn read_wide(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Ima
 const GREY_OR_RGB: &str = "grey or RGB of 8 or 16 bits";
 
 /// The weights of the channels in a luminance.
-pub(crate) struct GreyWeights([f64; 3]);
+#[derive(Debug, Clone, Copy)]
+pub struct GreyWeights([f64; 3]);
 
-impl GreyWeights {
-    pub(crate) fn new() -> Self {
+impl Default for GreyWeights {
+    /// Those of [`LUMINANCE_WEIGHTS`], as decimals in 64 bits.
+    fn default() -> Self {
         Self(LUMINANCE_WEIGHTS.map(weight_decimal))
     }
+}
 
-    pub(crate) fn weigh(&self, rgb: [f64; 3]) -> f32 {
+impl GreyWeights {
+    /// The luminance of a colour.
+    #[must_use]
+    pub fn weigh(&self, rgb: [f64; 3]) -> f32 {
         to_single(self.0.iter().zip(rgb).map(|(weight, v)| weight * v).sum())
     }
 

@@ -3,16 +3,18 @@
 //! Above 1, both directions continue the power law; below 0, the linear piece. Renderings leave the
 //! range.
 
-use crate::elementary::{exp_eight, ln_eight};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
+use gs2e_num::elementary::{exp_eight, ln_eight};
 
 /// Display value up to which the curve is linear.
-pub(crate) const STRAIGHT: f64 = 0.04045;
+pub const STRAIGHT: f64 = 0.04045;
 /// Linear light up to which the curve is linear.
 const STRAIGHT_LIGHT: f64 = 0.003_130_8;
 const SLOPE: f64 = 12.92;
-pub(crate) const OFFSET: f64 = 0.055;
-pub(crate) const GAMMA: f64 = 2.4;
+/// Offset `a` of the curve `(1 + a) light^(1 / gamma) - a`.
+pub const OFFSET: f64 = 0.055;
+/// Exponent of the curve.
+pub const GAMMA: f64 = 2.4;
 
 /// The display value of linear light.
 #[must_use]
@@ -43,7 +45,7 @@ pub fn decode_slope(v: f64) -> f64 {
 /// [`decode`] for eight finite values: within a few ulp of it, and the same bits with every
 /// instruction set.
 #[inline(always)]
-pub(crate) fn decode_eight<S: Simd>(v: f64x8<S>) -> f64x8<S> {
+pub fn decode_eight<S: Simd>(v: f64x8<S>) -> f64x8<S> {
     let straight = v.simd_le(STRAIGHT);
     // Values on the linear piece are replaced, because they may have no logarithm.
     let base = (v.max(STRAIGHT) + OFFSET) / (1.0 + OFFSET);

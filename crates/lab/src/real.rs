@@ -11,13 +11,13 @@
 pub mod picture;
 pub mod profile;
 
-use crate::event::{EventFileError, EventSink as _, EventSource};
-use crate::frames::{DenseFrame, FrameSequence};
-use crate::seed::Seed;
-use crate::sensor::esim::EsimModel;
-use crate::sensor::v2e::{V2eModel, V2ePreset};
-use crate::sensor::voltmeter::VoltmeterPreset;
-use crate::sensor::{
+use gs2e_event::{EventFileError, EventSink as _, EventSource};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::esim::EsimModel;
+use gs2e_sensor::frames::{DenseFrame, FrameSequence};
+use gs2e_sensor::v2e::{V2eModel, V2ePreset};
+use gs2e_sensor::voltmeter::VoltmeterPreset;
+use gs2e_sensor::{
     SensorChannel, SensorChoice, SensorSettings, SimulateError, SimulationAccount, simulate_all,
 };
 use profile::StreamProfile;
@@ -170,9 +170,9 @@ fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
-    use crate::image::Size;
-    use crate::sensor::simulate_one;
+    use gs2e_image::Size;
+    use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+    use gs2e_sensor::simulate_one;
 
     const SIZE: Size = Size { width: 24, height: 16 };
     const COUNT: usize = 120;

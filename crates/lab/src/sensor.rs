@@ -5,12 +5,12 @@ pub mod contrast;
 pub mod noise_curve;
 pub mod picture;
 
-use crate::event::Event;
-use crate::frames::DenseFrame;
-use crate::image::{Image, Size};
-use crate::seed::Seed;
-use crate::sensor::{SensorChannel, SensorChoice, SensorError};
-use crate::units::Timestamp;
+use gs2e_event::Event;
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::Seed;
+use gs2e_num::units::Timestamp;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::{SensorChannel, SensorChoice, SensorError};
 use serde::Serialize;
 
 pub use contrast::{ContrastRow, measure_contrast};

@@ -13,13 +13,13 @@
 //!   `k1 ln(L + k2)`;
 //! - otherwise **other**: late or early after a jump, or under a difference that grew slowly.
 
-use crate::event::picture::WindowCounts;
-use crate::event::{Event, EventSink};
-use crate::frames::{DenseFrame, FrameSequence};
-use crate::image::{Image, Size};
-use crate::seed::Seed;
-use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
-use crate::sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError, SimulationAccount};
+use gs2e_event::picture::WindowCounts;
+use gs2e_event::{Event, EventSink};
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::frames::{DenseFrame, FrameSequence};
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError, SimulationAccount};
 use serde::Serialize;
 use std::ops::ControlFlow;
 
@@ -358,7 +358,7 @@ impl EventMatching<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
+    use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
 
     const SIZE: Size = Size { width: 4, height: 1 };
     const FRAME_US: i64 = 400;

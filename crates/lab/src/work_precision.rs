@@ -25,12 +25,12 @@ pub mod report;
 mod voltage;
 pub mod window;
 
-use crate::image::{Image, Size};
-use crate::sampling::jitter::IntervalNoise;
-use crate::sampling::law::ErrorLaw;
-use crate::sensor::voltmeter::BetweenFrames;
 use errors::StreamErrors;
 use grid::StepRule;
+use gs2e_image::{Image, Size};
+use gs2e_sampling::jitter::IntervalNoise;
+use gs2e_sampling::law::ErrorLaw;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use pass::PassResult;
 use pick::{ErrorMeasure, MethodComparison};
 use serde::Serialize;

@@ -33,7 +33,7 @@ const MANTISSA: u64 = (1 << 52) - 1;
 
 /// Natural logarithms of positive finite numbers.
 #[inline(always)]
-pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+pub fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
     // A subnormal has no leading bit. Scaled by 2^54 it is normal, and the shift takes the 54 off
@@ -60,7 +60,7 @@ pub(crate) fn ln_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
 }
 
 /// Replaces positive finite numbers by their natural logarithms.
-pub(crate) fn ln_each(values: &mut [f64]) {
+pub fn ln_each(values: &mut [f64]) {
     #[inline(always)]
     fn eights<S: Simd>(simd: S, values: &mut [f64]) {
         for start in (0..values.len()).step_by(8) {
@@ -83,7 +83,7 @@ const ATANH: [f64; 7] = [1.0, 1.0 / 3.0, 1.0 / 5.0, 1.0 / 7.0, 1.0 / 9.0, 1.0 / 
 /// other. The error is a few ulp of the result there, and a few ulp of the larger logarithm
 /// elsewhere.
 #[inline(always)]
-pub(crate) fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
+pub fn ln_ratio<S: Simd>([a, b]: [f64x8<S>; 2]) -> f64x8<S> {
     let q = (b - a) / (b + a);
     let z = q * q;
     let w = z * z;
@@ -114,7 +114,7 @@ const MAX_EXPONENT: f64 = 708.0;
 
 /// Exponentials of numbers clamped to -708..708.
 #[inline(always)]
-pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+pub fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let simd = x.simd;
     let all = |v: f64| f64x8::splat(simd, v);
     let x = x.max(-MAX_EXPONENT).min(MAX_EXPONENT);
@@ -134,19 +134,19 @@ pub(crate) fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
 
 /// Eight numbers of a slice, from `start` on.
 #[inline(always)]
-pub(crate) fn load_eight<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
+pub fn load_eight<S: Simd>(simd: S, from: &[f64], start: usize) -> f64x8<S> {
     f64x8::from_slice(simd, &from[start..start + 8])
 }
 
 /// Stores eight numbers in a slice, from `start` on.
 #[inline(always)]
-pub(crate) fn store_eight<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
+pub fn store_eight<S: Simd>(value: f64x8<S>, to: &mut [f64], start: usize) {
     value.store_slice(&mut to[start..start + 8]);
 }
 
 /// Indices of the set bits, lowest first.
 #[inline(always)]
-pub(crate) fn set_lanes(mut bits: u64) -> impl Iterator<Item = usize> {
+pub fn set_lanes(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = bits.trailing_zeros() as usize;
         // `wrapping_sub`, because the iterator is also asked when no bit is left.
@@ -157,7 +157,7 @@ pub(crate) fn set_lanes(mut bits: u64) -> impl Iterator<Item = usize> {
 
 /// [`fearless_simd::mask64x8`] as bits, the first lane lowest.
 #[inline(always)]
-pub(crate) fn mask_bits<S: Simd>(mask: fearless_simd::mask64x8<S>) -> u64 {
+pub fn mask_bits<S: Simd>(mask: fearless_simd::mask64x8<S>) -> u64 {
     mask.to_bitmask()
 }
 

@@ -1,13 +1,11 @@
 //! Randomness as a pure function of purpose and place: no generator in the program has a hidden
 //! position.
 
-pub(crate) mod eight;
+pub mod eight;
 pub mod ks;
 pub mod normal;
 pub mod philox;
 pub mod range;
-#[cfg(test)]
-pub(crate) mod rival;
 
 use serde::{Deserialize, Serialize};
 

@@ -10,12 +10,12 @@ pub(super) use reconstruct::time_value;
 
 use super::field::Field;
 use super::{LicenceChoice, OutputKind, Recipe, ReconstructMethod, schema};
-use crate::camera::CameraChoice;
-use crate::licence::UpstreamGrant;
-use crate::render::AntialiasMode;
-use crate::sensor::voltmeter::VoltmeterPreset;
-use crate::sensor::{SensorChoice, SensorSet};
-use crate::units::Ratio;
+use gs2e_num::units::Ratio;
+use gs2e_render::AntialiasMode;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_sensor::voltmeter::VoltmeterPreset;
+use gs2e_sensor::{SensorChoice, SensorSet};
+use gs2e_source::licence::UpstreamGrant;
 use serde_json::{Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,

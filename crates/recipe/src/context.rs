@@ -18,7 +18,7 @@ use super::fault::{RecipeFault, RecipeFaults};
 use super::find::{self, RELEASE, SOURCES};
 use super::load::RecipeParts;
 use super::resolve::Resolver;
-use crate::files::is_there;
+use gs2e_files::is_there;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::path::PathBuf;

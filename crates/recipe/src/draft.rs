@@ -4,9 +4,9 @@
 use super::find::DEFAULTS;
 use super::load::RecipeParts;
 use super::{RecipeFaults, names, preset};
-use crate::escape::{is_hidden, quoted};
-use crate::files::is_there;
-use crate::source::DiskCapture;
+use gs2e_files::escape::{is_hidden, quoted};
+use gs2e_files::is_there;
+use gs2e_source::DiskCapture;
 use std::fmt::Write as _;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Faults of a recipe with their places: the four-part message of the command line.
 
 use super::text::{SourceText, TextSpan};
-use crate::escape;
+use gs2e_files::escape;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::Path;

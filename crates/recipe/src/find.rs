@@ -10,7 +10,7 @@ use super::Recipe;
 use super::clash::find_clashes;
 use super::fault::{RecipeFault, RecipeFaults};
 use super::load::{DefaultsLibrary, RecipeParts};
-use crate::escape;
+use gs2e_files::escape;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

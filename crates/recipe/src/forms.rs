@@ -3,7 +3,7 @@
 use super::field::Field;
 use super::problem::{FieldProblem, quote_text};
 use super::resolve::Resolver;
-use crate::escape::is_hidden;
+use gs2e_files::escape::is_hidden;
 
 /// A text format.
 #[derive(Debug, Clone, Copy)]

@@ -11,10 +11,10 @@ use super::fault::{RecipeFault, RecipeFaults};
 use super::find::find_all;
 use super::load::{DefaultsLibrary, RecipeParts};
 use super::{TrajectoryRecipe, keys};
-use crate::camera::CameraChoice;
-use crate::render::RenderChoice;
-use crate::trajectory::sample::SummationRule;
-use crate::units::Hertz;
+use gs2e_num::units::Hertz;
+use gs2e_render::RenderChoice;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_trajectory::sample::SummationRule;
 use std::path::{Path, PathBuf};
 
 /// The trajectories of a file, with the other settings that affect them.
@@ -90,8 +90,8 @@ fn trajectories_of(parts: RecipeParts) -> Result<TrajectoryFragment, Vec<RecipeF
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::read_all;
-    use crate::sensor::SensorChoice;
+    use crate::read_all;
+    use gs2e_sensor::SensorChoice;
 
     /// Reads a fragment from a file with this text.
     fn fragment(text: &str) -> Result<TrajectoryFragment, String> {
@@ -176,10 +176,7 @@ mod tests {
     fn a_sensor_is_read_alone_or_out_of_a_recipe() {
         let alone = "voltmeter: { preset: dvs240, threshold: { on: 0.5 } }\n";
         let Ok(SensorChoice::Voltmeter(found)) = sensor(alone) else { panic!("it is one") };
-        assert_eq!(
-            (found.k, found.threshold_on),
-            (crate::sensor::voltmeter::VoltmeterPreset::Dvs240.k(), 0.5)
-        );
+        assert_eq!((found.k, found.threshold_on), (gs2e_sensor::voltmeter::VoltmeterPreset::Dvs240.k(), 0.5));
         let whole = format!("scene: 5\ntrajectories: gone\nsensor: {{ {} }}\n", alone.trim());
         assert_eq!(sensor(&whole), sensor(alone));
     }

@@ -45,30 +45,30 @@ pub use rig::{MountedPath, RigCamera, StereoPartner};
 pub use source::SceneSource;
 pub use upstream::UpstreamOrigin;
 
-use crate::camera::CameraChoice;
-use crate::check::Limits;
-use crate::files::stat::StatSighting;
-use crate::imu::ImuModel;
-use crate::licence::UpstreamGrant;
-use crate::lights::SceneLights;
-use crate::reconstruct::TrainerCommand;
-use crate::render::RenderChoice;
-use crate::sampling::ErrorTolerance;
-use crate::sampling::exposure::ShutterSettings;
-use crate::scene::dynamic::SceneTime;
-use crate::scene::objects::ObjectSettings;
-use crate::sensor::SensorSet;
-use crate::speed::SpeedChoice;
-use crate::training::TrainingSettings;
-use crate::trajectory::path::CameraPath;
-use crate::trajectory::sample::SummationRule;
-use crate::units::Hertz;
+use gs2e_check::Limits;
+use gs2e_files::stat::StatSighting;
+use gs2e_num::units::Hertz;
+use gs2e_render::RenderChoice;
+use gs2e_render::lights::SceneLights;
+use gs2e_sampling::ErrorTolerance;
+use gs2e_sampling::exposure::ShutterSettings;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_scene::dynamic::SceneTime;
+use gs2e_scene::objects::ObjectSettings;
+use gs2e_sensor::SensorSet;
+use gs2e_source::licence::UpstreamGrant;
+use gs2e_source::reconstruct::TrainerCommand;
+use gs2e_train::TrainingSettings;
+use gs2e_trajectory::imu::ImuModel;
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::SpeedChoice;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
 /// The JSON Schema (draft 2020-12) of a recipe, with the words of `docs/recipe.md`.
-pub const JSON_SCHEMA: &str = include_str!("recipe/recipe.schema.json");
+pub const JSON_SCHEMA: &str = include_str!("recipe.schema.json");
 
 /// A scene and everything that is made of it.
 #[derive(Debug, Clone, PartialEq)]

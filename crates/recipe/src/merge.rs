@@ -84,8 +84,8 @@ fn join_path(path: &str, key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::text::SourceText;
-    use crate::recipe::tree;
+    use crate::text::SourceText;
+    use crate::tree;
 
     fn parse(yaml: &str) -> TreeNode {
         let text = SourceText { path: "test.yaml".into(), body: yaml.into() };

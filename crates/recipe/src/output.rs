@@ -6,7 +6,7 @@ use super::canonical::ratio_value;
 use super::field::Field;
 use super::schema::{EverySection, RecipeSchema, SharpSection};
 use super::text::TextSpan;
-use crate::imu::{ImuModel, ImuPreset};
+use gs2e_trajectory::imu::{ImuModel, ImuPreset};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

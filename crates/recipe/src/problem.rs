@@ -4,7 +4,7 @@ use super::fault::RecipeFault;
 use super::nearest::nearest_word;
 use super::text::{TextSpan, Texts};
 use super::tree::TreeNode;
-use crate::escape::is_hidden;
+use gs2e_files::escape::is_hidden;
 use serde::de;
 use std::fmt;
 

@@ -22,10 +22,10 @@ use super::{
     OutputKind, Recipe, RecipeMeta, ReconstructMethod, SceneScale, SceneSource, TrajectoryRecipe, names,
     schema,
 };
-use crate::camera::CameraChoice;
-use crate::check::Limits;
-use crate::render::{RenderChoice, RenderRules};
-use crate::speed::SpeedChoice;
+use gs2e_check::Limits;
+use gs2e_render::{RenderChoice, RenderRules};
+use gs2e_scene::camera::CameraChoice;
+use gs2e_trajectory::speed::SpeedChoice;
 use reconstruct::ReconstructContext;
 use rig::RigContext;
 use std::collections::BTreeSet;

@@ -4,10 +4,10 @@
 //! name `<trajectory>/<camera>`.
 
 use super::{OutputKind, Recipe, TrajectoryRecipe};
-use crate::camera::CameraChoice;
-use crate::se3::Se3;
-use crate::sensor::{SensorChoice, SensorSet};
-use crate::trajectory::mount::CameraMount;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_sensor::{SensorChoice, SensorSet};
+use gs2e_trajectory::mount::CameraMount;
 use std::collections::BTreeSet;
 
 /// A camera of a rig.

@@ -42,16 +42,16 @@ pub(super) use trajectory::{
 };
 
 use super::field::{Field, NumberLiteral, UnsupportedField};
-use crate::camera::{NamedSize, PrincipalPoint};
-use crate::check::Limits;
-use crate::image::light::MeanScale;
-use crate::imu::ImuPreset;
-use crate::lights::Waveform;
-use crate::recipe::{OutputKind, SceneScale};
-use crate::render::{LayerOrder, RenderRules};
-use crate::sampling::exposure::SubframeRule;
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::trajectory::sample::SummationRule;
+use crate::{OutputKind, SceneScale};
+use gs2e_check::Limits;
+use gs2e_image::light::MeanScale;
+use gs2e_render::lights::Waveform;
+use gs2e_render::{LayerOrder, RenderRules};
+use gs2e_sampling::exposure::SubframeRule;
+use gs2e_scene::camera::{NamedSize, PrincipalPoint};
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_trajectory::imu::ImuPreset;
+use gs2e_trajectory::sample::SummationRule;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 

@@ -3,11 +3,11 @@
 use super::UpstreamOrigin;
 use super::canonical::time_value;
 use super::schema::SourceSection;
-use crate::licence::ledger;
-use crate::scene::procedural::{Fountain, StillLife};
-use crate::source::DiskCapture;
-use crate::source::kind::SourceKind;
-use crate::source::solving::PoseSolving;
+use gs2e_demo::{Fountain, StillLife};
+use gs2e_source::DiskCapture;
+use gs2e_source::kind::SourceKind;
+use gs2e_source::licence::ledger;
+use gs2e_source::solving::PoseSolving;
 use serde_json::{Map, Value, json};
 
 /// The source of poses. Paths are resolved against the recipe's folder.

@@ -1,6 +1,6 @@
 //! The recipe's statements about the dataset that a capture comes from.
 
-use crate::source::DiskCapture;
+use gs2e_source::DiskCapture;
 
 /// Origin of a capture; unknown fields are `None`. It enters no key.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

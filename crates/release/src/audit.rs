@@ -34,7 +34,7 @@ use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
 use super::published::PublishedScene;
 use super::scene::SceneRecord;
 use super::signature::{self, PublisherKey, ReleaseSignature};
-use crate::recipe::TakedownList;
+use gs2e_recipe::TakedownList;
 use parts::PartsFound;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,26 +1,25 @@
 //! Products of a build, gathered from the store for a release.
 
 use super::left_out::{self, OmissionRow};
-use super::products;
-use super::published;
-use crate::artifact::{
+use super::{products, published};
+use gs2e_build::artifact::{
     Artifact, ArtifactError, ArtifactFiles, BlurredFrames, EventStream, EventStreams, SimulationRecord,
     TRAINING_FILE, TrajectoryProduct, VerdictsRecord,
 };
-use crate::camera::{self, Camera, CameraChoice};
-use crate::check::Finding;
-use crate::licence::ComposedTerms;
-use crate::plan::Plan;
-use crate::plan::assess::{StepProduct, describe_step};
-use crate::recipe::{Recipe, SourceTerms};
-use crate::render::fidelity::PhotoFidelity;
-use crate::run::RunSummary;
-use crate::scene::{Gaussians, SceneScreening};
-use crate::source::Capture;
-use crate::store::description::DescribedValue;
-use crate::store::record::StoredOutput;
-use crate::store::{Key, Store};
-use crate::training::TrainingRecord;
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::{StepProduct, describe_step};
+use gs2e_build::run::RunSummary;
+use gs2e_check::Finding;
+use gs2e_recipe::{Recipe, SourceTerms};
+use gs2e_scene::camera::{Camera, CameraChoice};
+use gs2e_scene::{Gaussians, SceneScreening, camera};
+use gs2e_source::Capture;
+use gs2e_source::licence::ComposedTerms;
+use gs2e_store::description::DescribedValue;
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Key, Store};
+use gs2e_train::TrainingRecord;
+use gs2e_train::fidelity::PhotoFidelity;
 use std::path::PathBuf;
 
 /// A scene whose steps are all made.

@@ -8,10 +8,10 @@
 //! `R_rectX` maps points of camera X to those of its rectified version.
 
 use super::scene::{SceneRecord, TrajectoryPart};
-use crate::camera::Camera;
-use crate::camera::stereo::Rectification;
-use crate::image::npy;
-use crate::recipe::{Recipe, RigCamera};
+use gs2e_image::npy;
+use gs2e_recipe::{Recipe, RigCamera};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::stereo::Rectification;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

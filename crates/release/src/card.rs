@@ -12,7 +12,7 @@ use super::facts::{FileCounts, ReleaseFacts};
 use super::markdown::plain_text;
 use super::published::PublishedScene;
 use super::scene::TrajectoryPart;
-use crate::check::Verdict;
+use gs2e_check::Verdict;
 use std::fmt::Write as _;
 
 /// Composes the card.

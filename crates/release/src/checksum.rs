@@ -2,8 +2,8 @@
 //! `sha256sum --strict -c` and `b3sum --check` read. `B3SUMS` lists neither itself nor
 //! `SHA256SUMS`. `SHA256SUMS` lists every file except itself, including `B3SUMS`.
 
-use crate::files;
-use crate::store::Digest;
+use gs2e_files as files;
+use gs2e_store::Digest;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;

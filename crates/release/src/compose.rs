@@ -8,22 +8,21 @@ use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
 use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
 use super::recheck::{FileVerdicts, agreement_of_sound};
-use super::scene::SceneRecord;
-use super::scene::{SplitPart, TrajectoryPart};
+use super::scene::{SceneRecord, SplitPart, TrajectoryPart};
 use super::tree::{FileContent, ReleaseTree};
 use super::{
     ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, file_checks,
     index, layout, loader, manifest, path_picture, products, published, report, reuse, scene, split,
     standing,
 };
-use crate::artifact::TrajectoryProduct;
-use crate::camera::Camera;
-use crate::check::{Finding, join_findings};
-use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::ReleaseInfo;
-use crate::store::record::StoredOutput;
-use crate::store::{Key, Store};
-use crate::trajectory::transforms;
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_check::{Finding, join_findings};
+use gs2e_recipe::ReleaseInfo;
+use gs2e_scene::camera::Camera;
+use gs2e_source::licence::{ComposedTerms, Redistributability};
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Key, Store};
+use gs2e_trajectory::transforms;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -126,7 +125,7 @@ pub(super) fn compose_tree(
 
 /// The combined terms of all scenes.
 pub(super) fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
-    crate::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
+    gs2e_source::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
 }
 
 /// Composes the files at the top of the tree, except for the manifest and the sums.
@@ -140,7 +139,7 @@ pub(super) fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) ->
     top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
     // The loader has terms of its own, which no scene brings.
     for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
-        let text = crate::licence::licence_text(&id, &sorted_holders(scenes));
+        let text = gs2e_source::licence::licence_text(&id, &sorted_holders(scenes));
         top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
     }
     top.add(loader::NAME.into(), FileContent::Bytes(loader::TEXT.into()));

@@ -11,13 +11,12 @@ mod records;
 pub(super) use glob::glob_matches;
 pub(super) use records::{SPLITS, data_type};
 
-use super::checksum;
-use super::index;
 use super::products::{self, FileSet, products};
 use super::provenance::Provenance;
 use super::scene::SceneRecord;
-use crate::recipe::{ReleaseInfo, SplitPlan};
-use crate::source::kind::SourceKind;
+use super::{checksum, index};
+use gs2e_recipe::{ReleaseInfo, SplitPlan};
+use gs2e_source::kind::SourceKind;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
@@ -111,7 +110,7 @@ fn record_sets(splits: Option<&SplitPlan>) -> Vec<Value> {
 /// Address of a licence in the SPDX list, as Croissant recommends. Other expressions are returned
 /// unchanged.
 pub(super) fn licence_address(expression: &str) -> String {
-    if crate::licence::is_listed(expression) {
+    if gs2e_source::licence::is_listed(expression) {
         format!("https://spdx.org/licenses/{expression}.html")
     } else {
         expression.to_owned()

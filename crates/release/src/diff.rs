@@ -10,8 +10,8 @@ pub use values::ValueChange;
 
 use super::manifest::{self, KeyIngredients, ManifestFile, ManifestScene, ManifestStep, ReleaseManifest};
 use super::scene::SceneRecord;
-use crate::files;
-use crate::store::Digest;
+use gs2e_files as files;
+use gs2e_store::Digest;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;

@@ -9,9 +9,9 @@ use super::held_back::HeldBackScene;
 use super::markdown::plain_text;
 use super::provenance::Provenance;
 use super::published::PublishedScene;
-use crate::check::Verdict;
-use crate::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
-use crate::recipe::{ReconstructMethod, ReleaseInfo};
+use gs2e_check::Verdict;
+use gs2e_recipe::{ReconstructMethod, ReleaseInfo};
+use gs2e_source::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 

@@ -7,10 +7,11 @@ use super::made_once::{MadeOf, digest_of_files};
 use super::recheck::{FileVerdicts, RecheckError, judge_unwritten};
 use super::tree::ReleaseTree;
 use super::{ReleaseError, TOOL, failed};
-use crate::artifact::write_json;
-use crate::files::{self, LinkRule};
-use crate::store::description::describe_value;
-use crate::store::{Key, Store};
+use gs2e_build::artifact::write_json;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_store::description::describe_value;
+use gs2e_store::{Key, Store};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Name of the stage in the records.

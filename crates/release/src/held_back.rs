@@ -3,7 +3,7 @@
 use super::ReleaseError;
 use super::built::{BuiltScene, GatherError};
 use super::compose::JudgedScene;
-use crate::check::{Finding, Verdict};
+use gs2e_check::{Finding, Verdict};
 use serde::{Deserialize, Serialize};
 
 /// A scene that is not in the release, because a check failed or a step was not built.
@@ -115,7 +115,7 @@ pub(super) fn failure_line(failed: &[Finding]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::FindingSubject;
+    use gs2e_check::FindingSubject;
 
     #[test]
     fn a_failure_names_checks_and_scenes_once() {

@@ -6,10 +6,10 @@
 pub(super) mod table;
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
-use crate::check::{Finding, Verdict};
-use crate::stats::mean_median;
-use crate::trajectory::report::SpeedReport;
-use crate::units::Hertz;
+use gs2e_check::{Finding, Verdict};
+use gs2e_num::stats::mean_median;
+use gs2e_num::units::Hertz;
+use gs2e_trajectory::report::SpeedReport;
 use serde_json::Value as Json;
 use std::collections::BTreeMap;
 use table::{CellValue, ColumnKind};

@@ -3,9 +3,9 @@
 
 use super::products::{self, FOLDERS};
 use super::{checksum, croissant, datasheet, index, loader, manifest, report, reuse, signature};
-use crate::artifact::EventStream;
-use crate::check;
-use crate::store::record::StoredOutput;
+use gs2e_build::artifact::EventStream;
+use gs2e_check as check;
+use gs2e_store::record::StoredOutput;
 use std::collections::BTreeMap;
 
 /// Name of the card.
@@ -19,7 +19,7 @@ pub(super) const SCENE: &str = "scene.json";
 pub(super) const CHECKS: &str = "checks.json";
 /// Photos, renderings and differences of held-out views, in a scene's folder; an output of the step
 /// `fidelity`.
-pub(super) const HELD_OUT: &str = crate::artifact::HELD_OUT_PICTURE;
+pub(super) const HELD_OUT: &str = gs2e_build::artifact::HELD_OUT_PICTURE;
 /// The step that makes it.
 const COMPARING: &str = "fidelity";
 /// The folder of exports, in a trajectory's folder: one folder per format.

@@ -5,14 +5,14 @@
 //! tests that compare both, they change no bit. The other rows remain: they belong to the law of
 //! the sensor or to the recipe.
 
-use crate::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
-use crate::recipe::OutputKind;
-use crate::render::RenderWork;
-use crate::render::backend::Backend;
-use crate::scene::sh;
-use crate::sensor::QuietCells;
-use crate::stage::Stage as _;
-use crate::stage::events::EventsStage;
+use gs2e_build::artifact::{ArtifactError, ArtifactFiles, EventStream, SimulationRecord};
+use gs2e_build::stage::Stage as _;
+use gs2e_build::stage::events::EventsStage;
+use gs2e_recipe::OutputKind;
+use gs2e_render::RenderWork;
+use gs2e_render::backend::Backend;
+use gs2e_scene::sh;
+use gs2e_sensor::QuietCells;
 use serde::{Deserialize, Serialize};
 
 /// One kind of omitted work.
@@ -145,12 +145,12 @@ fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<Qu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stage::blur::BlurStage;
-    use crate::stage::disparity::DisparityStage;
-    use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
-    use crate::stage::imu::ImuStage;
-    use crate::stage::segmentation::SegmentationStage;
-    use crate::stage::sharp::SharpStage;
+    use gs2e_build::stage::blur::BlurStage;
+    use gs2e_build::stage::disparity::DisparityStage;
+    use gs2e_build::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
+    use gs2e_build::stage::imu::ImuStage;
+    use gs2e_build::stage::segmentation::SegmentationStage;
+    use gs2e_build::stage::sharp::SharpStage;
 
     #[test]
     fn the_stage_of_an_output_has_its_name() {

@@ -56,11 +56,12 @@ pub use scene::SceneRecord;
 pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
-use crate::check::Finding;
-use crate::plan::Plan;
-use crate::recipe::{self, RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
-use crate::run::RunSummary;
-use crate::store::{Key, Store, StoreError};
+use gs2e_build::plan::Plan;
+use gs2e_build::run::RunSummary;
+use gs2e_check::Finding;
+use gs2e_recipe as recipe;
+use gs2e_recipe::{RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
+use gs2e_store::{Key, Store, StoreError};
 use held_back::SortedScenes;
 use include::ReleaseExports;
 use std::collections::BTreeSet;

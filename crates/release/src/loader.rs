@@ -13,7 +13,7 @@ pub(super) const LICENCE: &str = "MIT OR Apache-2.0";
 
 /// The ids of its terms. Their texts are shipped with it.
 pub(super) fn licence_ids() -> impl Iterator<Item = String> {
-    let expression = crate::licence::LicenceExpression::parse(LICENCE).expect("it is an expression");
+    let expression = gs2e_source::licence::LicenceExpression::parse(LICENCE).expect("it is an expression");
     expression.ids().into_iter()
 }
 

@@ -3,9 +3,9 @@
 use super::manifest::KeyIngredients;
 use super::tree::ReleaseTree;
 use super::{ReleaseError, TOOL, checksum};
-use crate::store::description::DescribedValue;
-use crate::store::record::{StepProvenance, StepRecord, StoredOutput};
-use crate::store::{BlobState, Digest, Key, Store};
+use gs2e_store::description::DescribedValue;
+use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
+use gs2e_store::{BlobState, Digest, Key, Store};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -4,12 +4,12 @@
 use super::built::{BuiltScene, BuiltStep};
 use super::held_back::HeldBackScene;
 use super::left_out::OmissionRow;
-use crate::check::{Finding, Verdict};
-use crate::recipe::{IncludedExport, ReleaseInfo, SplitPlan};
-use crate::render::RenderWork;
-use crate::store::description::DescribedValue;
-use crate::store::record::StoredOutput;
-use crate::store::{Digest, Key};
+use gs2e_check::{Finding, Verdict};
+use gs2e_recipe::{IncludedExport, ReleaseInfo, SplitPlan};
+use gs2e_render::RenderWork;
+use gs2e_store::description::DescribedValue;
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Digest, Key};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! Texts of users in Markdown.
 
-use crate::escape;
+use gs2e_files::escape;
 
 /// Text of a user on one line of Markdown. Nothing in it acts as markup or is hidden, wherever it
 /// is put.

@@ -1,9 +1,9 @@
 //! `trajectory.png`: the path from above and from the side, for users without an SVG viewer. The
 //! scale and the speed over time are in `trajectory.svg`.
 
-use crate::artifact::TrajectoryProduct;
-use crate::image::{Image, Size, png};
-use crate::trajectory::picture::sketch;
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_image::{Image, Size, png};
+use gs2e_trajectory::picture::sketch;
 
 /// Name of the file.
 pub(super) const NAME: &str = "trajectory.png";

@@ -11,10 +11,10 @@ pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, T
 
 use super::published::StoredPlaces;
 use super::report::{ReportTrajectory, ShownPicture};
-use crate::artifact::OBJECT_PLACES;
-use crate::imu;
-use crate::recipe::OutputKind;
-use crate::sampling::exposure;
+use gs2e_build::artifact::OBJECT_PLACES;
+use gs2e_recipe::OutputKind;
+use gs2e_sampling::exposure;
+use gs2e_trajectory::imu;
 
 /// A product of a trajectory.
 #[derive(Debug)]

@@ -2,8 +2,8 @@
 //! names a sensor, a picture or a source that the release does not have.
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart};
-use crate::sensor::SensorChoice;
-use crate::source::kind::SourceKind;
+use gs2e_sensor::SensorChoice;
+use gs2e_source::kind::SourceKind;
 use serde_json::Value;
 use std::collections::BTreeSet;
 

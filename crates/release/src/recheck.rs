@@ -5,7 +5,7 @@
 //! flow or depth give the image motion; the sensors and the limits are those of the recipe in
 //! `scene.json`. Passes that need other data (the account of the simulation, the fitted curve of
 //! the path) report that. In addition, files that say the same thing are compared with each other:
-//! [`crate::check::records`].
+//! [`gs2e_check::records`].
 
 mod agreement;
 mod anchors;
@@ -19,11 +19,10 @@ mod walk;
 
 use super::scene::TrajectoryPart;
 use super::tree::ReleaseTree;
-use super::{ReleaseManifest, SceneRecord};
-use super::{layout, published};
-use crate::camera::stereo::Rectification;
-use crate::check::{Finding, join_findings, records};
-use crate::recipe::{Recipe, RecipeFaults};
+use super::{ReleaseManifest, SceneRecord, layout, published};
+use gs2e_check::{Finding, join_findings, records};
+use gs2e_recipe::{Recipe, RecipeFaults};
+use gs2e_scene::camera::stereo::Rectification;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

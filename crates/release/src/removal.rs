@@ -1,6 +1,7 @@
 //! Removal of files that this program wrote, and of nothing else.
 
-use crate::files::{self, Removal};
+use gs2e_files as files;
+use gs2e_files::Removal;
 use std::collections::BTreeSet;
 use std::fs::{self, Metadata};
 use std::io;

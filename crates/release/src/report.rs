@@ -30,11 +30,11 @@ pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;
 use super::published::StoredPlaces;
-use crate::check::Finding;
-use crate::html::{HtmlFragment, write_page_head};
-use crate::licence::ComposedTerms;
-use crate::recipe::ReleaseInfo;
 use detail::DetailLevel;
+use gs2e_check::Finding;
+use gs2e_files::html::{HtmlFragment, write_page_head};
+use gs2e_recipe::ReleaseInfo;
+use gs2e_source::licence::ComposedTerms;
 use rayon::prelude::*;
 use section::{SceneEntry, SceneSection};
 

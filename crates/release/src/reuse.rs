@@ -4,7 +4,7 @@
 
 use super::loader;
 use super::scene::SceneRecord;
-use crate::escape::quoted;
+use gs2e_files::escape::quoted;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 

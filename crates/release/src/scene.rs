@@ -18,14 +18,14 @@ use attributes::scene_attributes;
 
 pub(super) use licence::{LicencePart, LicensedTool, OWNER};
 
-use crate::camera::Camera;
-use crate::camera::lens::Distortion;
-use crate::image::Size;
-use crate::recipe::MountedPath;
-use crate::render::fidelity::PsnrFigures;
-use crate::sensor::latency::LatencyAccount;
-use crate::sensor::readout::ReadoutAccount;
-use crate::training::TrainingRecord;
+use gs2e_image::Size;
+use gs2e_recipe::MountedPath;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::lens::Distortion;
+use gs2e_sensor::latency::LatencyAccount;
+use gs2e_sensor::readout::ReadoutAccount;
+use gs2e_train::TrainingRecord;
+use gs2e_train::fidelity::PsnrFigures;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

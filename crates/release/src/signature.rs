@@ -5,8 +5,9 @@
 //! in no list. Signing draws random numbers: two signatures of one release differ, and both verify.
 
 use super::checksum;
-use crate::files::{self, LinkRule, MAX_DOCUMENT};
 use ct_codecs::{Base64, Decoder as _};
+use gs2e_files as files;
+use gs2e_files::{LinkRule, MAX_DOCUMENT};
 use minisign::{PublicKey, PublicKeyBox, SecretKey, SecretKeyBox, SignatureBox};
 use std::fs;
 use std::io::{self, Cursor, Write as _};

@@ -3,7 +3,7 @@
 
 use super::checksum;
 use super::scene::{SceneRecord, SplitPart};
-use crate::recipe::{SplitPlan, SplitUnit};
+use gs2e_recipe::{SplitPlan, SplitUnit};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 

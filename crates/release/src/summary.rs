@@ -4,7 +4,7 @@ use super::checksum;
 use super::diff::{DiffError, read_manifest, read_scene};
 use super::manifest::{ManifestFile, NAME};
 use super::scene::TrajectoryPart;
-use crate::files;
+use gs2e_files as files;
 use serde::Serialize;
 use std::path::Path;
 

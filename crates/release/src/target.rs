@@ -4,14 +4,14 @@ use super::removal::is_there;
 use super::standing::StandingTree;
 use super::work::{WorkFolder, clear_leftovers};
 use super::{ReleaseError, failed};
-use crate::files::{self, Removal};
-use crate::store::{LockClaim, StoreError, StoreLock};
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_store::{LockClaim, StoreError, StoreLock};
 use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags};
 use std::ffi::OsString;
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
+use std::{fs, io};
 
 /// A file or folder that no release may replace.
 #[derive(Debug, Clone)]

@@ -23,7 +23,8 @@ use swap::{SwapNote, exchange, listing, move_to_free, parse_listing, sync_folder
 use super::removal::{is_there, remove_if_empty, remove_ours};
 use super::standing::StandingTree;
 use super::{ReleaseError, failed};
-use crate::files::{self, LinkRule, MAX_DOCUMENT, Removal};
+use gs2e_files as files;
+use gs2e_files::{LinkRule, MAX_DOCUMENT, Removal};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, Metadata, Permissions};
@@ -264,7 +265,7 @@ fn is_work_name(name: &OsStr, target: &Path) -> bool {
 mod tests {
     use super::swap::identity;
     use super::*;
-    use crate::store::Digest;
+    use gs2e_store::Digest;
 
     fn never() -> AtomicBool {
         AtomicBool::new(false)

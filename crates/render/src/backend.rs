@@ -5,8 +5,8 @@ use super::differentiable::DifferentiableRenderer;
 use super::lens::LensRenderer;
 use super::reference::{self, ReferenceRenderer};
 use super::{GpuError, LayerOrder, RenderError, RenderStyle, Renderer};
-use crate::image::Size;
-use crate::scene::Gaussians;
+use gs2e_image::Size;
+use gs2e_scene::Gaussians;
 use std::sync::Arc;
 
 /// Open GPUs of one numerical class, as the code that plans and runs steps knows them.

@@ -9,11 +9,11 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 
-use crate::camera::Camera;
-use crate::se3::Se3;
-use crate::se3::rotation::log_vector;
-use crate::trajectory::flow::FlowQuantiles;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::log_vector;
+use gs2e_scene::camera::Camera;
+use gs2e_trajectory::flow::FlowQuantiles;
 
 /// Quantiles, over the steps between neighbouring poses, of the largest possible motion of a point
 /// straight ahead at `distance` (scene units). They are in px of `camera` along x, to first order
@@ -34,11 +34,11 @@ pub fn centre_px(poses: &[Se3], camera: &Camera, distance: f64) -> Option<FlowQu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::flow::flow_displacement;
-    use crate::camera::view::CameraView;
-    use crate::image::{Image, Size};
-    use crate::se3::rotation::exp_vector;
     use glam::DQuat;
+    use gs2e_image::{Image, Size};
+    use gs2e_num::se3::rotation::exp_vector;
+    use gs2e_scene::camera::flow::flow_displacement;
+    use gs2e_scene::camera::view::CameraView;
 
     const CAMERA: Camera =
         Camera { size: Size { width: 41, height: 31 }, fx: 50.0, fy: 50.0, cx: 20.5, cy: 15.5, lens: None };

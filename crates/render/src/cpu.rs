@@ -6,13 +6,13 @@
 //! on a transcendental function of the platform, and the order of every sum is fixed. The bytes are
 //! therefore the same on every machine and with any number of threads.
 
-pub(crate) mod activate;
+pub mod activate;
 pub mod backward;
 mod bin;
 mod cull;
 mod exp2;
 mod extent;
-pub(crate) mod eye;
+pub mod eye;
 mod level;
 mod project;
 mod raster;
@@ -29,17 +29,17 @@ use super::{
     ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
     parts,
 };
-use crate::camera::Camera;
-use crate::camera::flow::{flow_of_parts, with_drift};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::scene::dynamic::SceneMoment;
-use crate::scene::{Gaussians, sh};
-use crate::se3::Se3;
 use activate::{GaussianBlock, PROMISES};
 use bin::{OrderedSplats, TileGrid, TileLists};
 use cull::CullCounts;
 use eye::ViewTransform;
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::dynamic::SceneMoment;
+use gs2e_scene::{Gaussians, sh};
 use project::{ProjectedChunk, ProjectionInput};
 use raster::RasterInput;
 use rayon::prelude::*;

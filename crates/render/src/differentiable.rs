@@ -2,9 +2,9 @@
 
 use super::cpu::backward::{GradientRenderer, ViewGradients};
 use super::{RenderError, RenderWork};
-use crate::camera::view::CameraView;
-use crate::image::Image;
-use crate::scene::Gaussians;
+use gs2e_image::Image;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 
 /// A scene on a back end with gradients.
 pub trait DifferentiableRenderer: std::fmt::Debug {

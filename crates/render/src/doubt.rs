@@ -2,7 +2,7 @@
 //! approximation of the projection is doubtful.
 
 use super::RenderedImages;
-use crate::image::Image;
+use gs2e_image::Image;
 
 /// Sums of blended weight over images.
 #[derive(Debug, Clone, Copy, Default)]

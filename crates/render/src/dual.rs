@@ -7,7 +7,7 @@
 //! Everything is inlined into loops over many Gaussians, which are compiled for each instruction
 //! set.
 
-use crate::scene::sh::Scalar;
+use gs2e_scene::sh::Scalar;
 use std::cmp::Ordering;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -1,12 +1,12 @@
 //! Measures optical flow by small renderings.
 
 use super::{ChannelSet, RenderError, RenderedImages, Renderer};
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::image::Size;
-use crate::se3::{Se3, Twist};
-use crate::stats::nearest_ranks;
-use crate::trajectory::flow::FlowMeter;
+use gs2e_image::Size;
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_num::stats::nearest_ranks;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_trajectory::flow::FlowMeter;
 
 /// Measures the flow of a moving camera on small images.
 pub struct PixelFlowMeter {

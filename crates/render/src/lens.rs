@@ -14,12 +14,12 @@
 use super::sample::TileSample;
 use super::shared::MAX_EDGE;
 use super::{ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
-use crate::camera::Camera;
-use crate::camera::lens::{Distortion, WIDEST};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::se3::Se3;
 use glam::{DMat2, DVec2, DVec3};
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::lens::{Distortion, WIDEST};
+use gs2e_scene::camera::view::CameraView;
 use rayon::prelude::*;
 use std::fmt;
 use std::sync::Arc;
@@ -372,7 +372,7 @@ impl Renderer for LensRenderer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::lens::tests::LENSES;
+    use gs2e_testing::LENSES;
 
     const CAMERA: Camera =
         Camera { size: Size { width: 64, height: 48 }, fx: 40.0, fy: 42.0, cx: 31.0, cy: 25.0, lens: None };

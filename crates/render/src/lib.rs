@@ -6,10 +6,10 @@ pub mod cpu;
 pub mod differentiable;
 pub mod doubt;
 mod dual;
-pub mod fidelity;
 pub mod flow;
 mod gpu_error;
 pub mod lens;
+pub mod lights;
 pub mod near;
 pub mod parts;
 pub mod points;
@@ -19,10 +19,10 @@ pub mod shared;
 
 pub use gpu_error::GpuError;
 
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::image::Image;
-use crate::se3::Se3;
+use gs2e_image::Image;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 use sample::TileSample;
 use serde::{Deserialize, Serialize};
 use shared::MAX_EDGE;
@@ -406,7 +406,7 @@ pub trait Renderer {
 }
 
 /// Checks that the style can be rendered.
-pub(crate) fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
+pub fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
     }
@@ -420,7 +420,7 @@ pub(crate) fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
 }
 
 /// Checks that the view can be rendered.
-pub(crate) fn check_view(view: &CameraView) -> Result<(), RenderError> {
+pub fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));
     if let Some(lens) = camera.lens {

@@ -13,12 +13,12 @@ mod footprint;
 
 use super::RenderRules;
 use super::shared::{GSPLAT_NEAR, NEAR};
-use crate::camera::Camera;
-use crate::scene::Gaussians;
-use crate::se3::Se3;
-use crate::se3::rotation::relative_angle;
 use footprint::NearEye;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 
 /// Smallest opacity in the picture at which a Gaussian is hidden: about four greys of a white one.

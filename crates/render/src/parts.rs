@@ -12,14 +12,14 @@
 
 use super::shared::{GSPLAT_NEAR, NEAR};
 use super::{RenderError, RenderRules};
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::scene::Gaussians;
-use crate::scene::motion::{MovingPart, PartMotion};
-use crate::se3::Se3;
-use crate::se3::rotation::renormalised;
-use crate::trajectory::Trajectory;
 use glam::{DVec2, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::renormalised;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::motion::{MovingPart, PartMotion};
+use gs2e_trajectory::Trajectory;
 use rayon::prelude::*;
 
 /// The view as it looks from what is still, and then from the axes of each part.
@@ -103,8 +103,8 @@ fn reaches_near(centre: DVec3, radius: f64, near: f64, [low, high]: [DVec2; 2]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::lens::Distortion;
-    use crate::image::Size;
+    use gs2e_image::Size;
+    use gs2e_scene::camera::lens::Distortion;
 
     /// At 0.2 units, a camera of 90 degrees sees 0.4 units in width.
     #[test]

@@ -6,11 +6,11 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "speeds are rounded to 32 bits; cells are few")]
 
-use crate::camera::Camera;
-use crate::se3::{Se3, Twist};
-use crate::stats::nearest_ranks;
-use crate::trajectory::flow::FlowMeter;
 use glam::{DVec2, DVec3};
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_num::stats::nearest_ranks;
+use gs2e_scene::camera::Camera;
+use gs2e_trajectory::flow::FlowMeter;
 use std::collections::BTreeMap;
 
 /// Number of cells along each side of the picture.
@@ -65,8 +65,8 @@ impl FlowMeter for PointFlowMeter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
     use glam::DQuat;
+    use gs2e_image::Size;
 
     /// A plane at depth 4, seen at 50 px of focal length.
     fn meter() -> PointFlowMeter {

@@ -7,7 +7,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 
 #[cfg(test)]
-pub(in crate::render) mod adjoint;
+pub(crate) mod adjoint;
 mod parameters;
 mod project;
 
@@ -17,11 +17,11 @@ use super::{
     ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
     parts,
 };
-use crate::camera::flow::{flow_of_parts, with_drift};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::scene::Gaussians;
 use glam::DVec3;
+use gs2e_image::{Image, Size};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::CameraView;
 pub use parameters::GaussianRates;
 use parameters::MovingGaussian;
 use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};

@@ -1,7 +1,7 @@
 //! A sample of an image's tiles, for measurements that do not need whole frames.
 
 use super::shared::TILE;
-use crate::image::Size;
+use gs2e_image::Size;
 
 /// Some tiles of an image, spread over all of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -112,7 +112,7 @@ impl TileSample {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{DrawSpace, Seed, SeedCell};
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
 
     fn spread(size: Size, seed: u64) -> TileSample {
         let mut draws = Seed(seed).draws(SeedCell { x: 0, y: 0, level: 0, index: 0 }, DrawSpace::Choice);

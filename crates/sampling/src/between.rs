@@ -1,7 +1,7 @@
 //! Brightness between frames, `V = ln(L + k2)` of one pixel at one moment: the sensor's
 //! interpolation, written for single moments.
 
-use crate::sensor::voltmeter::BetweenFrames;
+use gs2e_sensor::voltmeter::BetweenFrames;
 
 /// The values of a pixel at a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]

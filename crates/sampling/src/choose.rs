@@ -5,10 +5,10 @@ use super::flow::{PathFlow, SHORTEST_US};
 use super::law::ErrorLaw;
 use super::measure::{MeasuredIntervals, PathViewer, SampledInterval, SensorScale, measure_intervals};
 use super::{BetweenCandidate, ErrorTolerance, SamplingChoice};
-use crate::image::Size;
-use crate::render::sample::TileSample;
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
-use crate::sensor::voltmeter::BetweenFrames;
+use gs2e_image::Size;
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_render::sample::TileSample;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use std::ops::AddAssign;
 use std::sync::Arc;
 
@@ -367,7 +367,7 @@ mod tests {
     use super::super::PilotMethod;
     use super::super::measure::planted::{K2, Planted};
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     const SIZE: Size = Size { width: 16, height: 8 };
     const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];

@@ -8,7 +8,7 @@ mod exposer;
 
 pub use exposer::{DenseView, ExposeError, ExposedFrame, ExposureCourse, FrameExposer};
 
-use crate::image::light::MeanScale;
+use gs2e_image::light::MeanScale;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of blurred frames.

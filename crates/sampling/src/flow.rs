@@ -4,14 +4,14 @@
 //! its start. Depth is rendered at some places. The flow between them follows from the depth and
 //! from the camera's motion at each moment, so a burst of motion between two places is noticed.
 
-use crate::camera::Camera;
-use crate::camera::flow::{flow_of_parts, with_drift};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::lights::SceneLights;
-use crate::render::{ChannelSet, RenderError, RenderedImages, Renderer};
-use crate::stats::nearest_ranks;
-use crate::trajectory::sampled::SampledPath;
+use gs2e_image::{Image, Size};
+use gs2e_num::stats::nearest_ranks;
+use gs2e_render::lights::SceneLights;
+use gs2e_render::{ChannelSet, RenderError, RenderedImages, Renderer};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_trajectory::sampled::SampledPath;
 use rayon::prelude::*;
 
 /// Bounds on the number of parts of a path, each with one flow. Within them it is the number of

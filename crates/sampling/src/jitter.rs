@@ -1,9 +1,9 @@
 //! Time jitter of events from the sensor's own noise: errors of brightness below it have no visible
 //! effect.
 
-use crate::image::Image;
-use crate::sensor::SimulationAccount;
-use crate::sensor::voltmeter::VoltmeterModel;
+use gs2e_image::Image;
+use gs2e_sensor::SimulationAccount;
+use gs2e_sensor::voltmeter::VoltmeterModel;
 use serde::Serialize;
 
 /// The noise of a pixel between two events.
@@ -65,8 +65,8 @@ pub fn lost_in_noise(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
-    use crate::sensor::voltmeter::VoltmeterPreset;
+    use gs2e_image::Size;
+    use gs2e_sensor::voltmeter::VoltmeterPreset;
 
     #[test]
     fn jitter_is_the_noise_over_the_time_between_events() {

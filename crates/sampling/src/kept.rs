@@ -7,13 +7,14 @@
 mod codec;
 mod file;
 
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::files::{self, Removal};
-use crate::render::sample::TileSample;
-use crate::render::{ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
-use crate::se3::Se3;
 use file::{EntryFile, EntryPlace, EntryWriter, KeptChannel, KeptView};
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_num::se3::Se3;
+use gs2e_render::sample::TileSample;
+use gs2e_render::{ChannelSet, OmissionPolicy, RenderError, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::PathBuf;

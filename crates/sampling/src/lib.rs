@@ -15,12 +15,14 @@ pub mod choose;
 pub mod exposure;
 pub mod flow;
 pub mod jitter;
+pub mod kept;
 pub mod law;
 pub mod measure;
+pub mod rendered;
 pub mod rolling;
 pub mod scout;
 
-use crate::sensor::voltmeter::BetweenFrames;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use law::ErrorLaw;
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -1,9 +1,9 @@
 //! Difference between interpolated and rendered brightness between two frames, in thresholds.
 
 use super::between::{BetweenKnot, interpolated_value};
-use crate::frames::DenseFrame;
-use crate::render::sample::TileSample;
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use gs2e_render::sample::TileSample;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -205,8 +205,8 @@ fn mean_square(
 #[cfg(test)]
 pub(super) mod planted {
     use super::*;
-    use crate::image::{Image, Size};
-    use crate::units::Timestamp;
+    use gs2e_image::{Image, Size};
+    use gs2e_num::units::Timestamp;
     use std::convert::Infallible;
 
     pub(crate) const K2: f64 = 20.0;
@@ -261,7 +261,7 @@ pub(super) mod planted {
 mod tests {
     use super::planted::{K2, Planted};
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];
     const SIZE: Size = Size { width: 3, height: 2 };

@@ -8,15 +8,15 @@ pub use reading::{PoseReader, ReadFrames, RenderedPose};
 pub use saving::TimeSaved;
 pub use shares::{ReaderSeconds, share_rest};
 
-use super::{DenseFrame, FrameError, FrameSequence};
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::image::{Image, Size};
-use crate::lights::SceneLights;
-use crate::render::sample::TileSample;
-use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
-use crate::trajectory::Trajectory;
-use crate::units::Timestamp;
+use gs2e_image::{Image, Size};
+use gs2e_num::units::Timestamp;
+use gs2e_render::lights::SceneLights;
+use gs2e_render::sample::TileSample;
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_sensor::frames::{DenseFrame, FrameError, FrameSequence};
+use gs2e_trajectory::Trajectory;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -263,10 +263,10 @@ impl FrameSequence for RenderedFrames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Image;
-    use crate::render::RenderError;
-    use crate::se3::Se3;
     use glam::{DQuat, DVec3};
+    use gs2e_image::Image;
+    use gs2e_num::se3::Se3;
+    use gs2e_render::RenderError;
 
     const SIZE: Size = Size { width: 3, height: 2 };
 

@@ -10,14 +10,14 @@
 //! most [`MISS_PX`] from the time of the band to that of a row.
 
 use super::exposure::{DenseView, ExposeError, ExposureCourse};
-use crate::camera::flow::{flow_of_parts, with_drift};
-use crate::camera::view::CameraView;
-use crate::image::Image;
-use crate::lights::SceneLights;
-use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
-use crate::se3::Se3;
-use crate::se3::rotation_spline::SplineDiverged;
-use crate::trajectory::sampled::SampledPath;
+use gs2e_image::Image;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation_spline::SplineDiverged;
+use gs2e_render::lights::SceneLights;
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_trajectory::sampled::SampledPath;
 use std::ops::Range;
 
 /// Largest motion of the image from the time of a band to that of one of its rows, px, by the fastest flow at the pose.
@@ -171,10 +171,10 @@ impl RowRoller {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::image::Size;
-    use crate::render::RenderError;
     use glam::{DQuat, DVec3};
+    use gs2e_image::Size;
+    use gs2e_render::RenderError;
+    use gs2e_scene::camera::Camera;
 
     const CAMERA: Camera =
         Camera { size: Size { width: 4, height: 11 }, fx: 10.0, fy: 10.0, cx: 2.0, cy: 5.5, lens: None };

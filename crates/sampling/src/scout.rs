@@ -1,13 +1,13 @@
 //! Frames at any moment of a path, for the pilot only.
 
 use super::measure::{PathViewer, SampledShot};
-use crate::camera::Camera;
-use crate::frames::rendered::RenderedFrames;
-use crate::frames::{DenseFrame, FrameError, FrameSequence as _};
-use crate::lights::SceneLights;
-use crate::render::Renderer;
-use crate::sensor::front_end::FrontEnd;
-use crate::trajectory::sampled::SampledPath;
+use crate::rendered::RenderedFrames;
+use gs2e_render::Renderer;
+use gs2e_render::lights::SceneLights;
+use gs2e_scene::camera::Camera;
+use gs2e_sensor::frames::{DenseFrame, FrameError, FrameSequence as _};
+use gs2e_sensor::front_end::FrontEnd;
+use gs2e_trajectory::sampled::SampledPath;
 
 /// The renderer and its state.
 pub struct ScoutRenderer<'a> {

@@ -8,8 +8,8 @@ pub mod lens;
 pub mod stereo;
 pub mod view;
 
-use crate::image::Size;
 use glam::{DVec2, DVec3};
+use gs2e_image::Size;
 use lens::{Distortion, WIDEST};
 use serde::{Deserialize, Serialize};
 

@@ -1,18 +1,22 @@
 //! Collects Gaussians from a file: those that are not finite are dropped and counted.
 
 use super::{Gaussians, SceneError, SceneScreening, sh};
-use crate::budget::try_with_room;
 use glam::DVec3;
+use gs2e_files::budget::try_with_room;
 
 /// One Gaussian, its fields as in [`Gaussians`].
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Gaussian<'a> {
-    pub(super) position: [f32; 3],
-    pub(super) log_scale: [f32; 3],
-    pub(super) rotation: [f32; 4],
-    pub(super) opacity_logit: f32,
+pub struct Gaussian<'a> {
+    /// Centre.
+    pub position: [f32; 3],
+    /// Logarithms of the standard deviations.
+    pub log_scale: [f32; 3],
+    /// Quaternion `w x y z`, of any length.
+    pub rotation: [f32; 4],
+    /// Logit of the opacity.
+    pub opacity_logit: f32,
     /// One entry per function of the collector's degree.
-    pub(super) sh: &'a [[f32; 3]],
+    pub sh: &'a [[f32; 3]],
 }
 
 impl Gaussian<'_> {
@@ -28,14 +32,14 @@ impl Gaussian<'_> {
 
 /// Gaussians that are being read.
 #[derive(Debug)]
-pub(super) struct GaussianCollector {
+pub struct GaussianCollector {
     scene: Gaussians,
 }
 
 impl GaussianCollector {
     /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the
     /// file's size. There is an error if there is no memory for them.
-    pub(super) fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
+    pub fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
         let scene = Gaussians {
             origin: DVec3::ZERO,
             positions: try_with_room(capacity)?,
@@ -52,7 +56,7 @@ impl GaussianCollector {
     }
 
     /// Takes the next Gaussian of the file. Returns true if it is kept.
-    pub(super) fn push(&mut self, gaussian: &Gaussian) -> bool {
+    pub fn push(&mut self, gaussian: &Gaussian) -> bool {
         debug_assert_eq!(gaussian.sh.len(), self.scene.sh_len());
         let scene = &mut self.scene;
         scene.screening.read += 1;
@@ -73,7 +77,7 @@ impl GaussianCollector {
     }
 
     /// The scene, unless no Gaussian remains.
-    pub(super) fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
+    pub fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
         let SceneScreening { read, non_finite, .. } = self.scene.screening;
         if self.scene.is_empty() {
             return Err(SceneError::Empty { read, non_finite });

@@ -2,7 +2,7 @@
 
 use super::dynamic::splatv;
 use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, sog, splat, spz};
-use crate::files;
+use gs2e_files as files;
 use std::io::{self, Read as _};
 use std::path::Path;
 

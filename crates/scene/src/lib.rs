@@ -4,7 +4,8 @@
 //! coefficients), so that reading and writing lose nothing. The renderer applies the activations.
 //! Axes are those of the scene's `.ply` form.
 
-mod collector;
+pub mod camera;
+pub mod collector;
 mod cursor;
 pub mod dynamic;
 pub mod form;
@@ -12,7 +13,6 @@ pub mod motion;
 pub mod objects;
 mod opacity;
 pub mod ply;
-pub mod procedural;
 mod rotation;
 pub mod sh;
 pub mod sog;
@@ -20,8 +20,8 @@ pub mod splat;
 pub mod spz;
 pub mod survey;
 
-use crate::files;
 use glam::DVec3;
+use gs2e_files as files;
 use motion::SceneMotion;
 use std::collections::TryReserveError;
 use std::io;

@@ -8,11 +8,11 @@
 
 use super::Gaussians;
 use super::dynamic::SplatDynamics;
-use crate::se3::Se3;
-use crate::se3::rotation::exp_vector;
-use crate::se3::rotation_spline::{RotationSpline, SplineDiverged};
-use crate::se3::spline::{CubicSpline, CurvePlace};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::se3::rotation_spline::{RotationSpline, SplineDiverged};
+use gs2e_num::se3::spline::{CubicSpline, CurvePlace};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 

@@ -2,10 +2,10 @@
 
 use super::motion::{MAX_PARTS, PartError, PartPath, PartRecord, SceneMotion};
 use super::{Gaussians, SceneError, read_file};
-use crate::files;
-use crate::se3::Se3;
-use crate::se3::rotation::exp_vector;
 use glam::{DQuat, DVec3};
+use gs2e_files as files;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
 use serde::Serialize;
 use std::io::BufRead as _;
 use std::path::{Path, PathBuf};
@@ -292,10 +292,24 @@ impl Gaussians {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::procedural::{StillLife, still_life};
+    use crate::collector::{Gaussian, GaussianCollector};
 
+    /// 400 Gaussians of SH degree 2 in a cube of side 3 about the origin.
     fn scene() -> Gaussians {
-        still_life(&StillLife { gaussians: 400, ..StillLife::default() })
+        let mut gaussians = GaussianCollector::new(2, 400).unwrap();
+        for i in 0..400_u16 {
+            let value = |k: u16| ((f32::from(i) + 0.37 * f32::from(k)) * 0.618_034).fract() - 0.5;
+            gaussians.push(&Gaussian {
+                // The points of Roberts' R3 sequence fill the cube evenly.
+                position: [0.819_172_5, 0.671_043_6, 0.549_700_5]
+                    .map(|a| 3.0 * ((f32::from(i) * a).fract() - 0.5)),
+                log_scale: [3, 4, 5].map(|k| value(k) - 4.0),
+                rotation: [6, 7, 8, 9].map(value),
+                opacity_logit: value(10),
+                sh: &[11, 12, 13].map(value).map(|v| [v; 3]).repeat(3),
+            });
+        }
+        gaussians.finish(DVec3::ZERO, None).unwrap()
     }
 
     fn object(name: &str, from: ObjectSource) -> ObjectSettings {
@@ -348,7 +362,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("cup.ply");
         let cup = scene().with_degree(0);
-        crate::scene::ply::write_ply(&cup, std::fs::File::create(&file).unwrap()).unwrap();
+        crate::ply::write_ply(&cup, std::fs::File::create(&file).unwrap()).unwrap();
         let from = ObjectSource::Scene {
             at: DVec3::new(0.0, 0.0, 5.0),
             turn: DVec3::new(0.0, 90.0, 0.0),

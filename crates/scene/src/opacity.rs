@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn the_nearest_opacity_is_taken() {
         let t = |opacity: f64, byte: u8| {
-            let logit = <f32 as crate::scene::sh::Scalar>::nearest((opacity / (1.0 - opacity)).ln());
+            let logit = <f32 as crate::sh::Scalar>::nearest((opacity / (1.0 - opacity)).ln());
             assert_eq!(byte_of_logit(logit), byte, "{opacity}");
         };
         t(0.5, 128); // 127.5, up

@@ -120,8 +120,8 @@ fn opacities(scene: &Gaussians) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
-    use crate::scene::SceneScreening;
+    use crate::SceneScreening;
+    use gs2e_image::Size;
 
     fn scene(points: &[([f32; 3], f32)]) -> Gaussians {
         let n = points.len();

@@ -2,9 +2,9 @@
 //! kept, the others are counted and dropped.
 
 use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::event::{Event, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::image::Size;
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_image::Size;
 
 /// Pixels that each pass on at most `cap` events between two frames.
 pub(super) struct CappedPixels {
@@ -108,8 +108,8 @@ impl EventSink for KeptEvents<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     #[test]
     fn the_first_of_each_pixel_and_interval_are_kept() {

@@ -6,7 +6,7 @@ use super::readout::ReadoutBus;
 use super::screening::{ScreenError, SensorScreening};
 use super::voltmeter::{self, BetweenFrames};
 use super::{SensorFacts, SensorModel, SensorSettings, esim, v2e};
-use crate::units::Hertz;
+use gs2e_num::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// A sensor, as chosen by a recipe.

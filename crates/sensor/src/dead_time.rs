@@ -7,9 +7,9 @@
 
 use super::noise::RefractoryPeriod;
 use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::event::{Event, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::image::Size;
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_image::Size;
 
 /// Pixels behind a dead time.
 pub(super) struct WithDeadTime {
@@ -104,8 +104,8 @@ impl EventSink for ApartSink<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     #[test]
     fn events_of_a_pixel_are_a_period_apart() {

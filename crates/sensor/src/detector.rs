@@ -6,8 +6,8 @@ use super::label;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{PixelSite, ReferenceRule, RefractoryPeriod};
 use super::pairs::PairWriter;
-use crate::event::{EventLabel, Polarity};
-use crate::seed::DrawSpace;
+use gs2e_event::{EventLabel, Polarity};
+use gs2e_num::seed::DrawSpace;
 use std::ops::ControlFlow;
 
 /// State of one pixel.

@@ -37,11 +37,11 @@ use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
 use super::readout::{ReadoutBus, read_out};
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
-use crate::elementary;
-use crate::event::EventLabel;
-use crate::image::Size;
-use crate::seed::{DrawSpace, Seed};
-use crate::units::Hertz;
+use gs2e_event::EventLabel;
+use gs2e_image::Size;
+use gs2e_num::elementary;
+use gs2e_num::seed::{DrawSpace, Seed};
+use gs2e_num::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 

@@ -1,10 +1,10 @@
 //! The file for the events of one simulation, with what it states about them.
 
 use super::SensorChoice;
-use crate::event::file::{self, EventFile, EventFormat};
-use crate::event::h5::{ChunkFilter, H5Options};
-use crate::event::{EventFileError, LawStamp, StreamHeader};
-use crate::image::Size;
+use gs2e_event::file::{EventFile, EventFormat};
+use gs2e_event::h5::{ChunkFilter, H5Options};
+use gs2e_event::{EventFileError, LawStamp, StreamHeader, file};
+use gs2e_image::Size;
 use std::path::Path;
 
 /// The stream that a file is for.

@@ -3,15 +3,13 @@
 pub mod anchors;
 pub mod array;
 pub mod folder;
-pub mod kept;
 pub mod motion;
 pub mod npy;
-pub mod rendered;
 pub mod stamps;
 pub mod video;
 
-use crate::image::{Image, Size};
-use crate::units::Timestamp;
+use gs2e_image::{Image, Size};
+use gs2e_num::units::Timestamp;
 
 /// One frame.
 #[derive(Debug, Clone)]

@@ -16,8 +16,8 @@
 
 use super::{SensorModel, WHITE, is_default};
 use crate::frames::{DenseFrame, FrameError, FrameSequence};
-use crate::image::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
+use gs2e_image::{Image, Size, srgb};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -148,7 +148,7 @@ impl LuminanceWeights {
 }
 
 /// The sum of weights with nine digits, for messages.
-pub(crate) fn told_sum(weights: &[f64; 3]) -> f64 {
+pub fn told_sum(weights: &[f64; 3]) -> f64 {
     libm::round(weights.iter().sum::<f64>() * 1e9) / 1e9
 }
 
@@ -420,7 +420,7 @@ impl FrameSequence for FrontEndFrames<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Timestamp;
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 5, height: 4 };
 

@@ -2,7 +2,7 @@
 
 use super::SensorError;
 use crate::frames::DenseFrame;
-use crate::image::Size;
+use gs2e_image::Size;
 
 /// Latest stamp, 2.3 years. Beyond it, the number of a clock cell would overflow the counter of the
 /// draws.

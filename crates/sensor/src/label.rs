@@ -14,7 +14,7 @@
 //! For `esim` and `v2e`, it is the input of the detector without leak; for `v2e` that is the output
 //! of the filter. Thresholds are the pixel's own.
 
-use crate::event::EventLabel;
+use gs2e_event::EventLabel;
 
 /// `Signal` if brightness moved by at least half of `threshold` since the level was last set.
 pub(super) fn label_of(gone: f64, threshold: f64) -> EventLabel {

@@ -20,9 +20,9 @@ use super::noise::PixelSite;
 use super::own_events::OwnEventArray;
 use super::screening::{ScreenError, at_least_zero};
 use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::event::{Event, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::seed::DrawSpace;
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_num::seed::DrawSpace;
 use light::RecentLight;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -47,7 +47,7 @@ pub struct PixelLatency {
 /// Light at which `tau_us` is stated, lux.
 const STATED_LUX: f64 = 1000.0;
 /// Largest delay of a recipe that states none, as in the program.
-pub(crate) const MAX_US: f64 = 1e4;
+pub const MAX_US: f64 = 1e4;
 
 impl PixelLatency {
     /// Returns true if no event is late.
@@ -284,7 +284,7 @@ impl LateEvents {
         (past.t_ns, past.count) = (late, count.wrapping_add(1));
         self.counts.made += 1;
         let delay_ns = late - event.t.0;
-        let event = Event { t: crate::units::Timestamp(late), ..event };
+        let event = Event { t: gs2e_num::units::Timestamp(late), ..event };
         self.waiting.push(Reverse(LateEvent { event, delay_ns }));
     }
 

@@ -10,6 +10,7 @@ mod dead_time;
 mod detector;
 pub mod esim;
 mod event_file;
+pub mod frames;
 pub mod front_end;
 mod input;
 mod label;
@@ -35,17 +36,17 @@ pub use parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
 pub use set::SensorSet;
 pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
-use crate::event::EventSink;
 use crate::frames::DenseFrame;
-use crate::image::Size;
-use crate::seed::Seed;
 use front_end::FrontEnd;
+use gs2e_event::EventSink;
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
 use latency::LatencyAccount;
 use readout::ReadoutAccount;
 use serde::{Deserialize, Serialize};
 
 /// White on the grey scale of luminance.
-pub(crate) const WHITE: f64 = 255.0;
+pub const WHITE: f64 = 255.0;
 
 /// The law of a sensor.
 pub trait SensorModel: SensorParameters {

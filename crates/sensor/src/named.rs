@@ -29,8 +29,8 @@ impl SensorChoice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::SensorParameters as _;
-    use crate::sensor::esim::IntensityScale;
+    use crate::SensorParameters as _;
+    use crate::esim::IntensityScale;
 
     #[test]
     fn every_name_leads_to_a_sensor_of_its_own() {

@@ -13,7 +13,7 @@ pub use hot_pixels::HotPixelNoise;
 pub use mismatch::{RedrawRule, ThresholdMismatch};
 pub use refractory::{ReferenceRule, RefractoryPeriod};
 
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 
 /// A pixel's position on the sensor, and the seed of the sensor's noise.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,7 @@ pub(super) struct PixelSite {
 }
 
 impl PixelSite {
-    /// The coordinates as one number, as [`crate::seed::eight::SeedCells`] takes them.
+    /// The coordinates as one number, as [`gs2e_num::seed::eight::SeedCells`] takes them.
     pub(super) fn number(self) -> u64 {
         u64::from(self.y) << 16 | u64::from(self.x)
     }

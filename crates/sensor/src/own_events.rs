@@ -8,11 +8,11 @@ use super::noise::floor::FloorTable;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, NoiseFloor, PixelSite};
 use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::event::{Event, EventLabel, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::image::Size;
-use crate::seed::{DrawSpace, Seed};
-use crate::units::Timestamp;
+use gs2e_event::{Event, EventLabel, EventSink, Polarity};
+use gs2e_image::Size;
+use gs2e_num::seed::{DrawSpace, Seed};
+use gs2e_num::units::Timestamp;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -362,10 +362,10 @@ impl EventSink for MergedEvents<'_> {
 mod tests {
     use super::*;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
-    use crate::sensor::noise::{FloorPoint, RefractoryPeriod};
-    use crate::sensor::parameters::SensorParameters as _;
-    use crate::sensor::simulate_one;
-    use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+    use crate::noise::{FloorPoint, RefractoryPeriod};
+    use crate::parameters::SensorParameters as _;
+    use crate::simulate_one;
+    use crate::voltmeter::{VoltmeterModel, VoltmeterPreset};
     use std::ops::ControlFlow;
 
     const SIZE: Size = Size { width: 40, height: 30 };

@@ -12,11 +12,11 @@
 use super::noise::PixelSite;
 use super::window::{EventWindow, MAX_WINDOW_NS, PackedEvent};
 use super::{SensorError, SensorPixels, SimulationAccount, input};
-use crate::event::{EventLabel, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::image::Size;
-use crate::seed::eight::SeedCells;
-use crate::seed::{DrawSpace, Seed};
+use gs2e_event::{EventLabel, EventSink, Polarity};
+use gs2e_image::Size;
+use gs2e_num::seed::eight::SeedCells;
+use gs2e_num::seed::{DrawSpace, Seed};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::ControlFlow;

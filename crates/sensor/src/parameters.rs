@@ -8,8 +8,8 @@ use super::readout::ReadoutBus;
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::voltmeter::BetweenFrames;
 use super::{SensorChoice, SimulationAccount};
-use crate::image::Size;
-use crate::units::Hertz;
+use gs2e_image::Size;
+use gs2e_num::units::Hertz;
 use serde_json::Value;
 
 /// Name and publication of a sensor model.

@@ -20,9 +20,9 @@
 mod waiting;
 
 use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::event::{Event, EventSink, Polarity};
 use crate::frames::DenseFrame;
-use crate::image::Size;
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_image::Size;
 use serde::{Deserialize, Serialize};
 use waiting::WaitingEvents;
 
@@ -290,9 +290,9 @@ impl BusState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::seed::{DrawSpace, Seed, SeedCell};
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 64, height: 48 };
 

@@ -2,7 +2,7 @@
 //! greys. Sensors that make no usable stream are refused.
 
 use super::noise::HotPixelNoise;
-use crate::units::Hertz;
+use gs2e_num::units::Hertz;
 use serde::Serialize;
 use std::fmt;
 

@@ -3,9 +3,9 @@
 
 use super::front_end::FrontEnd;
 use super::{SensorError, SensorModel, SensorPixels, SimulationAccount};
-use crate::event::EventSink;
 use crate::frames::{DenseFrame, FrameError, FrameSequence};
-use crate::seed::Seed;
+use gs2e_event::EventSink;
+use gs2e_num::seed::Seed;
 use std::ops::ControlFlow;
 
 /// The reason why a simulation ended early.
@@ -136,9 +136,9 @@ pub fn simulate_one(
 mod tests {
     use super::super::{SensorChoice, esim, front_end, latency, noise, v2e, voltmeter};
     use super::*;
-    use crate::event::Event;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
-    use crate::image::{Image, Size};
+    use gs2e_event::Event;
+    use gs2e_image::{Image, Size};
 
     /// All members of the family, without noise.
     fn quiet() -> Vec<SensorChoice> {

@@ -98,9 +98,9 @@ fn flatten(path: &str, value: &Value, out: &mut BTreeMap<String, Value>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::esim::EsimModel;
-    use crate::sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
-    use crate::sensor::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
+    use crate::esim::EsimModel;
+    use crate::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
+    use crate::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
 
     fn set<const N: usize>(sensors: [(&str, SensorChoice); N]) -> SensorSet {
         SensorSet::Named(sensors.map(|(name, sensor)| (name.to_owned(), sensor)).into())
@@ -163,8 +163,8 @@ mod tests {
         assert!(near(&set([("clean", v2e(quiet)), ("noisy", noisy())])).is_empty());
         assert!(near(&SensorSet::One(noisy())).is_empty());
         let voltmeter = |k: [f64; 6], on: f64| {
-            let model = crate::sensor::voltmeter::VoltmeterModel::new(k);
-            SensorChoice::Voltmeter(crate::sensor::voltmeter::VoltmeterModel { threshold_on: on, ..model })
+            let model = crate::voltmeter::VoltmeterModel::new(k);
+            SensorChoice::Voltmeter(crate::voltmeter::VoltmeterModel { threshold_on: on, ..model })
         };
         let pair = set([
             ("a", voltmeter([5.0, 21.0, 0.0, 0.0, 0.0, 0.0], 0.5)),

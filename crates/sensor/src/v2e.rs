@@ -50,12 +50,12 @@ use super::screening::{
     ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
 };
 use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
-use crate::elementary::{ln_eight, load_eight, store_eight};
-use crate::event::EventLabel;
-use crate::image::Size;
-use crate::seed::{DrawSpace, Seed};
-use crate::units::Hertz;
 use fearless_simd::{Level, Select as _, Simd, SimdBase as _, dispatch};
+use gs2e_event::EventLabel;
+use gs2e_image::Size;
+use gs2e_num::elementary::{ln_eight, load_eight, store_eight};
+use gs2e_num::seed::{DrawSpace, Seed};
+use gs2e_num::units::Hertz;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 use std::ops::ControlFlow;

@@ -39,8 +39,8 @@ pub mod units;
 mod window;
 mod writer;
 
-pub(crate) use bridge::{Barriers, touch_time};
-pub(crate) use leaf::{ClockLeaf, EmitEvents, LeafSpan};
+pub use bridge::{Barriers, touch_time};
+pub use leaf::{ClockLeaf, EmitEvents, LeafSpan};
 pub(super) use parameters::FACTS;
 pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
@@ -54,9 +54,9 @@ use super::own_events::{OwnEventArray, WithOwnEvents};
 use super::pairs::{EventCap, PairPixels};
 use super::readout::{ReadoutBus, read_out};
 use super::{SensorError, SensorModel, SensorPixels, check_extent};
-use crate::event::EventLabel;
-use crate::image::Size;
-use crate::seed::Seed;
+use gs2e_event::EventLabel;
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
 use serde::{Deserialize, Serialize};
 
 /// Parameters in the official unit system: microseconds, grey 0..255, and voltages in thresholds of
@@ -285,7 +285,7 @@ mod tests {
         let wanted = r#"{"k":[1.0,2.0,3.0,4.0,5.0,6.0],"threshold_on":1.0,"threshold_off":1.0,"law":"exact","gain":"log","initial":"zero","between":"linear","max_events_per_pixel_frame":1000}"#;
         assert_eq!(described(&plain), wanted);
         assert_eq!(serde_json::from_str::<VoltmeterModel>(wanted).unwrap(), plain);
-        let account = serde_json::to_string(&crate::sensor::SimulationAccount::default()).unwrap();
+        let account = serde_json::to_string(&crate::SimulationAccount::default()).unwrap();
         assert!(!account.contains("capped"), "{account}");
         let imperfect = VoltmeterModel { threshold_spread: 0.1, allow_cap: true, labels: true, ..plain };
         assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1,"labels":true}"#));

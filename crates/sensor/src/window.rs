@@ -3,8 +3,8 @@
 //! Windows may end inside a microsecond, and files are also sorted within a microsecond. Events in
 //! the last, incomplete microsecond of a window therefore wait for the next window.
 
-use crate::event::{Event, EventLabel, EventSink, Polarity};
-use crate::units::Timestamp;
+use gs2e_event::{Event, EventLabel, EventSink, Polarity};
+use gs2e_num::units::Timestamp;
 
 /// An event as one number that sorts in file order and then by nanoseconds: microseconds since the
 /// window's first (highest bits), row (16 bits), column (16 bits), then a number below [`REST`]

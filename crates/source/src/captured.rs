@@ -150,7 +150,7 @@ impl DiskCapture {
                 capture.unused.push(UnusedPhoto::from_view(view, UnusedReason::NotPicked));
             }
         }
-        capture.unused.sort_by(|a, b| super::natural::compare_names(&a.name, &b.name));
+        capture.unused.sort_by(|a, b| gs2e_files::natural::compare_names(&a.name, &b.name));
         Ok(capture)
     }
 }

@@ -1,8 +1,9 @@
 //! Views that a reader found, made into a capture.
 
-use super::{Capture, CapturedView, LensModel, SourceError, SourcePlace, natural};
-use crate::camera::Camera;
-use crate::image::MAX_PIXELS;
+use super::{Capture, CapturedView, LensModel, SourceError, SourcePlace};
+use gs2e_files::natural;
+use gs2e_image::MAX_PIXELS;
+use gs2e_scene::camera::Camera;
 use std::path::Path;
 
 /// A view before it is collected, with its place in the source.

@@ -19,10 +19,10 @@ pub use reprojection::ReprojectionStats;
 use super::layout::CaptureLayout;
 use super::photo::{self, PhotoScrutiny};
 use super::{Capture, DiskCapture, SourceError, SourcePlace, SourceWarning};
-use crate::camera::Camera;
-use crate::files::{FolderWalk, MAX_DEPTH};
-use crate::se3;
 use glam::{DQuat, DVec3};
+use gs2e_files::{FolderWalk, MAX_DEPTH};
+use gs2e_num::se3;
+use gs2e_scene::camera::Camera;
 use model::DEEPEST;
 use std::path::{Path, PathBuf};
 

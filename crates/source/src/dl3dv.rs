@@ -12,10 +12,9 @@
 use super::colmap::{self, ColmapModel, PhotoPlace, PhotoSizing};
 use super::inventory::{ScenePath, list_subfolders};
 use super::layout::CaptureLayout;
-use super::nerfstudio;
 use super::photo::{PhotoScrutiny, or_here};
-use super::{Capture, DiskCapture, PoseFile, SourceDataset, SourceError, SourceWarning};
-use crate::files::{MAX_DEPTH, is_there};
+use super::{Capture, DiskCapture, PoseFile, SourceDataset, SourceError, SourceWarning, nerfstudio};
+use gs2e_files::{MAX_DEPTH, is_there};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

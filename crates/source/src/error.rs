@@ -1,6 +1,6 @@
 //! The reasons why a source cannot be read, with the place.
 
-use crate::files::WalkError;
+use gs2e_files::WalkError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 

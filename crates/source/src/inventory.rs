@@ -7,7 +7,8 @@ pub(super) use rules::ScenePath;
 pub use rules::{AcceptanceRules, RejectionReason};
 
 use super::kind::CaptureKind;
-use super::{SourceError, SourceWarning, natural, photo};
+use super::{SourceError, SourceWarning, photo};
+use gs2e_files::natural;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use walkdir::WalkDir;

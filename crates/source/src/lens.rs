@@ -13,7 +13,7 @@
 //! `sensor/models.h`.)
 
 use super::LensModel;
-use crate::camera::Camera;
+use gs2e_scene::camera::Camera;
 
 /// Displacement in pixels below which distortion is ignored.
 pub const NEGLIGIBLE_PX: f64 = 0.1;
@@ -73,7 +73,7 @@ impl LensModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     const CAMERA: Camera = Camera {
         size: Size { width: 640, height: 480 },

@@ -17,7 +17,7 @@ pub use expression::LicenceExpression;
 pub use ledger::{LedgerAsset, LicenceObligation};
 pub use text::{is_listed, licence_text};
 
-use crate::source::kind::SourceKind;
+use crate::kind::SourceKind;
 use serde::{Deserialize, Serialize};
 
 /// The terms of a scene, or of several together.

@@ -9,7 +9,7 @@ use super::inventory::{RejectionReason, ScenePath, list_subfolders};
 use super::layout::CaptureLayout;
 use super::photo::PhotoScrutiny;
 use super::{Capture, DiskCapture, SourceDataset, SourceError, SourceWarning};
-use crate::files::{MAX_DEPTH, is_there};
+use gs2e_files::{MAX_DEPTH, is_there};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -13,11 +13,12 @@ use super::{
     Capture, CapturedView, DiskCapture, FoundView, LensModel, SourceError, SourceWarning, collect_views,
     model, screen_camera,
 };
-use crate::camera::Camera;
-use crate::files::is_there;
-use crate::image::Size;
-use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
+use gs2e_files::is_there;
+use gs2e_image::Size;
+use gs2e_num::se3;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

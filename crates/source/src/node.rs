@@ -1,8 +1,8 @@
 //! Values of a JSON document with their place in it.
 
 use super::{SourceError, SourcePlace};
-use crate::budget::check_json;
-use crate::files;
+use gs2e_files as files;
+use gs2e_files::budget::check_json;
 use serde_json::Value;
 use std::path::Path;
 

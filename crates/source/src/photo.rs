@@ -1,10 +1,11 @@
 //! Photos of a source, found by name and never outside the source's folder. Only their hash and
 //! size are used.
 
-use super::{SourceError, SourceWarning, UnusedPhoto, UnusedReason, natural};
-use crate::camera::Camera;
-use crate::files::{self, FolderWalk};
-use crate::image::Size;
+use super::{SourceError, SourceWarning, UnusedPhoto, UnusedReason};
+use gs2e_files as files;
+use gs2e_files::{FolderWalk, natural};
+use gs2e_image::Size;
+use gs2e_scene::camera::Camera;
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{BufReader, Read};

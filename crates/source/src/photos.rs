@@ -6,7 +6,7 @@ use super::inventory::{self, ScenePath};
 use super::layout::CaptureLayout;
 use super::photo::{self, PhotoScrutiny};
 use super::{Capture, DiskCapture, SourceError, SourceWarning};
-use crate::files::MAX_DEPTH;
+use gs2e_files::MAX_DEPTH;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

@@ -4,8 +4,8 @@
 use super::exif::camera_marks;
 use super::photo::{PhotoScrutiny, read_photo};
 use super::{SourceError, SourcePlace};
-use crate::files;
-use crate::image::Size;
+use gs2e_files as files;
+use gs2e_image::Size;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::io::Read as _;

@@ -8,8 +8,8 @@
 
 use super::LensModel;
 use super::lens::NEGLIGIBLE_PX;
-use crate::camera::Camera;
-use crate::image::{Image, Size};
+use gs2e_image::{Image, Size};
+use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 use std::borrow::Cow;
 

@@ -7,10 +7,11 @@
 use super::kind::CaptureKind;
 use super::node::{JsonNode, load_document};
 use super::{Capture, CapturedView, LensModel, SourceError, SourceWarning, model, nerfstudio, screen_camera};
-use crate::camera::Camera;
-use crate::image::Size;
-use crate::se3::{self, Se3};
 use glam::{DMat3, DVec3};
+use gs2e_image::Size;
+use gs2e_num::se3;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 use std::path::Path;
 
 /// Reads the views at `path`: a camera JSON with one view, a `transforms.json`, or a folder with a

@@ -1,6 +1,6 @@
 //! Remarks about a capture that do not stop its use.
 
-use crate::image::Size;
+use gs2e_image::Size;
 use std::path::PathBuf;
 
 /// A property of a source that the user should know and that does not stop a build.
@@ -50,7 +50,7 @@ pub enum SourceWarning {
     Projected {
         /// The view.
         image: String,
-        /// The deviation, see [`crate::se3::ScreenedRotation`].
+        /// The deviation, see [`gs2e_num::se3::ScreenedRotation`].
         deviation: f64,
     },
     /// Some photos of registered views are missing.

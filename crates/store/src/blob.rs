@@ -3,7 +3,7 @@
 use super::disk::{StoreDisk, disk_error};
 use super::record::StoredOutput;
 use super::{Digest, StoreError, TRASH};
-use crate::files::is_no_file;
+use gs2e_files::is_no_file;
 use std::ffi::OsStr;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};

@@ -4,8 +4,8 @@
 use super::blob::is_fresh_name;
 use super::fs::{FolderEntry, Fs};
 use super::{Digest, StoreError};
-use crate::files::rename::parent_folder;
-use crate::files::stat::FileStat;
+use gs2e_files::rename::parent_folder;
+use gs2e_files::stat::FileStat;
 use rustix::io::Errno;
 use std::io;
 use std::path::{Path, PathBuf};

@@ -5,8 +5,9 @@
 //! write into their workspace directly, and the store sees those files when it publishes them.
 
 use super::Digest;
-use crate::files::stat::FileStat;
-use crate::files::{self, Removal};
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_files::stat::FileStat;
 use rustix::fs::{AtFlags, CWD, Timespec, Timestamps, UTIME_NOW};
 use std::fmt;
 use std::fs::{self, File};

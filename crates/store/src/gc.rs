@@ -8,7 +8,7 @@ use super::blob::{fresh_name, is_fresh_name};
 use super::disk::disk_error;
 use super::state::{StateTable, is_database_aside};
 use super::{Digest, Key, LOG, LOGS, RESUME, Store, StoreError, TRASH};
-use crate::files::stat::FileStat;
+use gs2e_files::stat::FileStat;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::io::ErrorKind;

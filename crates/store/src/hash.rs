@@ -7,9 +7,10 @@
 
 use super::Digest;
 use super::disk::is_absent;
-use crate::files::{self, LinkRule};
 use blake3::Hasher;
 use blake3::hazmat::{self, ChainingValue, HasherExt, Mode};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write as _};
 use std::os::unix::fs::FileExt;

@@ -5,7 +5,7 @@ use super::blob::is_fresh_name;
 use super::disk::{disk_error, is_absent};
 use super::gc::GcSweep;
 use super::{Digest, Store, StoreError, TMP};
-use crate::files::stat::FileStat;
+use gs2e_files::stat::FileStat;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::StoreAccess;
+    use crate::StoreAccess;
 
     fn put(store: &Store, name: &[u8], bytes: usize, limit: u64) -> Digest {
         let (name, fresh) = (Digest::of_bytes(name), store.fresh_frames());

@@ -43,10 +43,10 @@ pub use error::StoreError;
 pub use digest::{Digest, Key};
 pub use root::ReleaseRoot;
 
-use crate::files::is_no_file;
-use crate::files::stat::StatSighting;
 use blob::BlobFolders;
 pub use cache::EvictedFiles;
+use gs2e_files::is_no_file;
+use gs2e_files::stat::StatSighting;
 pub use kept::KeptFiles;
 pub use lock::{LockClaim, StoreLock};
 pub use publish::StepWorkspace;
@@ -311,7 +311,7 @@ impl Store {
     /// It exists but cannot be removed.
     pub fn forget_resume(&self, key: &Key) -> Result<(), StoreError> {
         let folder = self.resume_of(key);
-        if crate::files::is_there(&folder) { self.disk.remove(&folder) } else { Ok(()) }
+        if gs2e_files::is_there(&folder) { self.disk.remove(&folder) } else { Ok(()) }
     }
 
     /// The digest of a file, in the store or outside. The file is read only if its stat fields have

@@ -5,7 +5,8 @@
 
 use super::Store;
 use super::record::StoredOutput;
-use crate::files::{self, Removal};
+use gs2e_files as files;
+use gs2e_files::Removal;
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, ErrorKind};

@@ -3,7 +3,8 @@
 //! that is not locked is overwritten.
 
 use super::{StoreError, disk};
-use crate::files::{self, LinkRule, Removal};
+use gs2e_files as files;
+use gs2e_files::{LinkRule, Removal};
 use rustix::fs::{Mode, OFlags};
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Seek, Write};

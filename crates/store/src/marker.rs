@@ -7,7 +7,8 @@
 use super::disk::{StoreDisk, disk_error, is_absent};
 use super::lock::{LOCK, is_lock};
 use super::{FORMAT, StoreError};
-use crate::files::{self, LinkRule, MAX_TEXT};
+use gs2e_files as files;
+use gs2e_files::{LinkRule, MAX_TEXT};
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;

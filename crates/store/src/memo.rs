@@ -9,7 +9,7 @@ use super::disk::{StoreDisk, disk_error, is_absent};
 use super::stat_cache::StatEntry;
 use super::state::StateTable;
 use super::{Digest, Store, StoreError};
-use crate::files::stat::{FileStat, StatSighting};
+use gs2e_files::stat::{FileStat, StatSighting};
 use rayon::prelude::*;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};

@@ -213,7 +213,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut record = sample();
         std::fs::create_dir(folder.path().join(TMP)).unwrap();
-        let disk = StoreDisk::new(folder.path(), std::sync::Arc::new(crate::store::fs::SystemFs), false);
+        let disk = StoreDisk::new(folder.path(), std::sync::Arc::new(crate::fs::SystemFs), false);
         record.write(folder.path(), &disk).unwrap();
         let read = || StepRecord::read(folder.path(), &disk, &record.key).unwrap();
         assert_eq!(read(), Some(record.clone()));

@@ -1,7 +1,7 @@
 //! Digests of files by their stat fields.
 
 use super::Digest;
-use crate::files::stat::StatSighting;
+use gs2e_files::stat::StatSighting;
 use serde::{Deserialize, Serialize};
 
 /// The cached digest of a file.

@@ -17,7 +17,7 @@ use tables::{
 use super::disk::StoreDisk;
 use super::record::StepRecord;
 use super::{StoreError, TRASH};
-use crate::files::is_there;
+use gs2e_files::is_there;
 use rusqlite::{Connection, OpenFlags, params};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -68,8 +68,8 @@ fn first_offset(before: &Path, now: &Path) -> io::Result<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Key;
-    use crate::store::record::{StepProvenance, StoredOutput};
+    use crate::Key;
+    use crate::record::{StepProvenance, StoredOutput};
 
     #[test]
     fn the_first_difference_is_told_by_file_and_byte() {

@@ -6,9 +6,9 @@
 //! otherwise start with means that are corrected as if they were old.
 
 use super::schedule::LearningRates;
-use crate::render::cpu::backward::{GaussianGradient, ViewGradients};
-use crate::scene::{Gaussians, sh};
 use fearless_simd::{Level, dispatch};
+use gs2e_render::cpu::backward::{GaussianGradient, ViewGradients};
+use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 
 /// Decay of the means of the gradient and of its square.

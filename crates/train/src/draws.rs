@@ -1,7 +1,7 @@
 //! Draws of a training: pure functions of the seed and the place where they are used, so a resumed
 //! training draws what an uninterrupted one draws.
 
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 
 /// Purposes, as columns of the cells.
 const ORDER: u16 = 0;

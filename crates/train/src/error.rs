@@ -1,7 +1,7 @@
 //! The reasons why a training fails.
 
-use crate::render::RenderError;
-use crate::source::SourceError;
+use gs2e_render::RenderError;
+use gs2e_source::SourceError;
 use std::path::PathBuf;
 
 /// The reason why a training failed. The texts complete the phrase "failed to ".

@@ -9,12 +9,12 @@
 
 pub mod sheet;
 
-use super::{ChannelSet, RenderError, RenderedImages, Renderer};
-use crate::camera::view::CameraView;
-use crate::image::Image;
-use crate::image::likeness::{mean_square, psnr_db, ssim};
-use crate::source;
-use crate::source::undistort::{covered_pixels, undistort_photo};
+use gs2e_image::Image;
+use gs2e_image::likeness::{mean_square, psnr_db, ssim};
+use gs2e_render::{ChannelSet, RenderError, RenderedImages, Renderer};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source as source;
+use gs2e_source::undistort::{covered_pixels, undistort_photo};
 use serde::{Deserialize, Serialize};
 
 /// Maximum number of compared views.
@@ -239,12 +239,12 @@ pub fn compare_view(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::image::Size;
-    use crate::render::RenderWork;
-    use crate::se3::Se3;
-    use crate::source::LensModel;
     use glam::{DQuat, DVec3};
+    use gs2e_image::Size;
+    use gs2e_num::se3::Se3;
+    use gs2e_render::RenderWork;
+    use gs2e_scene::camera::Camera;
+    use gs2e_source::LensModel;
 
     /// A renderer of one colour, for any view.
     struct Wall([f32; 3]);

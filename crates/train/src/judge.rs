@@ -5,8 +5,8 @@ use super::loss::TrainingPhoto;
 use super::photos::TrainingView;
 use super::record::HeldOutView;
 use super::renderer::TrainingRenderer;
-use crate::image::Image;
-use crate::image::likeness::{mean_square, psnr_db, ssim};
+use gs2e_image::Image;
+use gs2e_image::likeness::{mean_square, psnr_db, ssim};
 
 /// Mean PSNR of views, dB; `None` without views.
 pub(super) fn mean_psnr(

@@ -17,6 +17,7 @@ mod adam;
 mod checkpoint;
 mod draws;
 mod error;
+pub mod fidelity;
 mod judge;
 pub mod loss;
 mod memory;
@@ -40,18 +41,18 @@ pub use record::{CoursePoint, HeldOutView, TrainingEnd, TrainingRecord};
 pub use settings::{TrainingGoal, TrainingSettings};
 pub use watch::{CheckpointFile, TrainingNews, TrainingReport, TrainingWatch};
 
-use crate::reconstruct::model_points;
-use crate::render::backend::Backend;
-use crate::render::cpu::backward::{MAX_GAUSSIANS, ViewGradients};
-use crate::render::shared::least_alpha;
-use crate::render::{RenderError, RenderRules};
-use crate::scene::Gaussians;
-use crate::seed::Seed;
-use crate::source::Capture;
-use crate::source::colmap::ColmapPoint;
 use adam::{AdamMeans, BiasTable};
 use draws::TrainingDraws;
 use glam::DVec3;
+use gs2e_num::seed::Seed;
+use gs2e_render::backend::Backend;
+use gs2e_render::cpu::backward::{MAX_GAUSSIANS, ViewGradients};
+use gs2e_render::shared::least_alpha;
+use gs2e_render::{RenderError, RenderRules};
+use gs2e_scene::Gaussians;
+use gs2e_source::Capture;
+use gs2e_source::colmap::ColmapPoint;
+use gs2e_source::reconstruct::model_points;
 use loss::ImageLoss;
 use photos::TrainingViews;
 use renderer::TrainingRenderer;
@@ -290,7 +291,7 @@ impl<'a> SceneTrainer<'a> {
 
     /// The scene without the Gaussians that no view would show, and its record.
     fn finish(mut self, ended: TrainingEnd) -> Result<TrainedGaussians, TrainingError> {
-        self.renderer.set_degree(crate::scene::sh::MAX_DEGREE);
+        self.renderer.set_degree(gs2e_scene::sh::MAX_DEGREE);
         let record = TrainingRecord {
             iterations: self.iteration,
             ended,

@@ -6,7 +6,7 @@
 //!
 //! over pixels and channels, as in B. Kerbl, G. Kopanas, T. Leimkühler and G. Drettakis, "3D
 //! Gaussian Splatting for Real-Time Radiance Field Rendering", ACM Transactions on Graphics 42
-//! (2023), equation 7. SSIM is that of [`crate::image::likeness`]: 11x11 pixels, a Gaussian of 1.5
+//! (2023), equation 7. SSIM is that of [`gs2e_image::likeness`]: 11x11 pixels, a Gaussian of 1.5
 //! px, black outside the border.
 //!
 //! With `E` the weighted mean over the window, `m = E[a]`, `n = E[b]`, `A1 = 2 m n + C1`,
@@ -28,8 +28,8 @@
 
 mod window;
 
-use crate::image::{Image, Size};
 use fearless_simd::{Level, dispatch};
+use gs2e_image::{Image, Size};
 use rayon::prelude::*;
 use window::{CHANNELS, PaddedRow, REACH, RowRing, window_weights};
 
@@ -302,8 +302,8 @@ fn lane_sum(n: usize, value: impl Fn(usize) -> f32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::likeness::ssim;
-    use crate::image::png;
+    use gs2e_image::likeness::ssim;
+    use gs2e_image::png;
 
     /// Pictures with edges and gentle slopes, larger than a band.
     #[expect(clippy::cast_possible_truncation, reason = "pictures hold 32 bits")]

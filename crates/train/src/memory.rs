@@ -2,8 +2,8 @@
 
 use super::photos::trained_size;
 use super::settings::TrainingSettings;
-use crate::image::Size;
-use crate::source::{CapturedView, LensModel};
+use gs2e_image::Size;
+use gs2e_source::{CapturedView, LensModel};
 
 /// Number of photos that are read at a time: each takes memory at its own size.
 pub(super) const READ_AT_ONCE: usize = 2;

@@ -95,7 +95,7 @@ impl<'a> PointTree<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{DrawSpace, Seed, SeedCell};
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
 
     /// Every pair, sorted.
     #[test]

@@ -14,8 +14,8 @@
 
 use super::adam::AdamMeans;
 use super::draws::TrainingDraws;
-use crate::scene::Gaussians;
 use glam::{DQuat, DVec3};
+use gs2e_scene::Gaussians;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Opacity up to which a Gaussian is dead.
@@ -118,8 +118,8 @@ fn split(scene: &mut Gaussians, parent: usize, place: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::SceneScreening;
-    use crate::seed::Seed;
+    use gs2e_num::seed::Seed;
+    use gs2e_scene::SceneScreening;
 
     fn scene(count: usize) -> Gaussians {
         Gaussians {

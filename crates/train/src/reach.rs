@@ -9,8 +9,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "parameters are stored in 32 bits")]
 
-use crate::scene::Gaussians;
 use glam::DVec3;
+use gs2e_scene::Gaussians;
 use rayon::prelude::*;
 
 /// Largest standard deviation, in distances to the nearest camera. At the camera, the opacity of the Gaussian
@@ -37,7 +37,7 @@ pub(super) fn limit_sizes(scene: &mut Gaussians, centres: &[DVec3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::SceneScreening;
+    use gs2e_scene::SceneScreening;
 
     #[test]
     fn only_gaussians_that_reach_a_camera_shrink() {

@@ -1,12 +1,12 @@
 //! The renderer of a training, with changes that return something.
 
-use crate::camera::view::CameraView;
-use crate::image::Image;
-use crate::render::backend::Backend;
-use crate::render::cpu::backward::ViewGradients;
-use crate::render::differentiable::DifferentiableRenderer;
-use crate::render::{RenderError, RenderStyle, RenderWork};
-use crate::scene::Gaussians;
+use gs2e_image::Image;
+use gs2e_render::backend::Backend;
+use gs2e_render::cpu::backward::ViewGradients;
+use gs2e_render::differentiable::DifferentiableRenderer;
+use gs2e_render::{RenderError, RenderStyle, RenderWork};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 
 /// Why a change has a result.
 const MADE: &str = "a renderer makes each change once";

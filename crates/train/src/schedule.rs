@@ -5,7 +5,7 @@
 //! `arguments/__init__.py`) for 30,000 iterations, and larger for fewer: `docs/training.md` has the
 //! trials.
 
-use crate::scene::sh;
+use gs2e_scene::sh;
 
 /// Number of levels of the photos: full, half and quarter size.
 pub(super) const LEVELS: usize = 3;

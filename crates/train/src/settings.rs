@@ -1,6 +1,6 @@
 //! Parameters of a training.
 
-use crate::render::{LayerOrder, RenderChoice, RenderRules, RenderStyle};
+use gs2e_render::{LayerOrder, RenderChoice, RenderRules, RenderStyle};
 use serde::Serialize;
 
 /// Parameters of a training. All of them may change the result, so all are part of a step's key.

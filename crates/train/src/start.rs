@@ -8,10 +8,10 @@ use super::draws::TrainingDraws;
 use super::nearest::neighbour_distances;
 use super::photos::TrainingView;
 use super::sweep::PlaneSweep;
-use crate::render::shared::NEAR;
-use crate::scene::{Gaussians, SceneScreening, sh};
-use crate::source::colmap::ColmapPoint;
 use glam::DVec3;
+use gs2e_render::shared::NEAR;
+use gs2e_scene::{Gaussians, SceneScreening, sh};
+use gs2e_source::colmap::ColmapPoint;
 use rayon::prelude::*;
 
 /// Least and largest number of points that are drawn, and the Gaussians of the budget per point in

@@ -8,10 +8,10 @@
 //! sweep of the best other view finds the same point.
 
 use super::photos::TrainingView;
-use crate::camera::Camera;
-use crate::image::Image;
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_image::Image;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 
 /// Longest side of the photos that are compared, px.
 const LONGEST_SIDE: u32 = 320;
@@ -284,10 +284,10 @@ mod tests {
     use super::super::photos::TrainingViews;
     use super::super::start::starting_scene;
     use super::*;
-    use crate::image::{Size, png};
-    use crate::seed::Seed;
-    use crate::source::colmap::ColmapPoint;
-    use crate::source::{Capture, CapturedView, LensModel};
+    use gs2e_image::{Size, png};
+    use gs2e_num::seed::Seed;
+    use gs2e_source::colmap::ColmapPoint;
+    use gs2e_source::{Capture, CapturedView, LensModel};
     use std::fs::File;
     use std::path::PathBuf;
 

@@ -1,11 +1,11 @@
 //! Tests of the loop of a training.
 
 use super::*;
-use crate::camera::Camera;
-use crate::image::{Image, Size, png};
-use crate::se3::Se3;
-use crate::source::{CapturedView, LensModel};
 use glam::{DQuat, DVec3};
+use gs2e_image::{Image, Size, png};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_source::{CapturedView, LensModel};
 use std::cell::Cell;
 
 /// A folder with five photos of coloured stripes, taken from a row of cameras.

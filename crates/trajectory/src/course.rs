@@ -4,10 +4,10 @@ use super::curve::{CurveKind, MAX_DEGREE, MeasuredCurve, PoseCurve};
 use super::knots::{CaptureGap, KnotSequence, MergedViews};
 use super::metric::MixedMetric;
 use super::{TrajectoryError, TrajectoryWarning};
-use crate::se3::Se3;
-use crate::se3::arc_length::ArcLength;
-use crate::se3::rotation::canonical_sign;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::arc_length::ArcLength;
+use gs2e_num::se3::rotation::canonical_sign;
 use serde::{Deserialize, Serialize};
 
 /// Shortest step between knots, in mean steps. The splines hold its inverse square, which must stay

@@ -18,10 +18,10 @@ pub use slerp_lerp::SlerpLerp;
 
 use super::TrajectoryWarning;
 use super::metric::MixedMetric;
-use crate::se3::arc_length::CurveSpeed;
-use crate::se3::rotation_spline::SplineDiverged;
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
+use gs2e_num::se3::arc_length::CurveSpeed;
+use gs2e_num::se3::rotation_spline::SplineDiverged;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -1,9 +1,9 @@
 //! Errors and warnings of trajectories.
 
 use super::travel::MAX_POSES;
-use crate::se3::RotationError;
-use crate::se3::rotation::MeanError;
-use crate::se3::rotation_spline::SplineDiverged;
+use gs2e_num::se3::RotationError;
+use gs2e_num::se3::rotation::MeanError;
+use gs2e_num::se3::rotation_spline::SplineDiverged;
 
 /// The reason why there is no trajectory.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -7,11 +7,11 @@
 
 use super::TrajectoryError;
 use super::curve::{MeasuredCurve, PoseCurve};
-use crate::se3::arc_length::{ArcLength, CurveSpeed};
-use crate::se3::spline::{CubicSpline, CurvePlace};
-use crate::se3::{Se3, Twist};
-use crate::stats::nearest_ranks;
 use glam::DVec3;
+use gs2e_num::se3::arc_length::{ArcLength, CurveSpeed};
+use gs2e_num::se3::spline::{CubicSpline, CurvePlace};
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_num::stats::nearest_ranks;
 use serde::{Deserialize, Serialize};
 
 /// Number of places at which the flow is measured.

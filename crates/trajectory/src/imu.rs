@@ -15,11 +15,11 @@ mod preset;
 
 pub use preset::ImuPreset;
 
-use crate::se3::Se3;
-use crate::seed::{DrawSpace, Seed, SeedCell};
-use crate::trajectory::sampled::SampledPath;
-use crate::units::Hertz;
+use crate::sampled::SampledPath;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
+use gs2e_num::units::Hertz;
 use serde::Serialize;
 
 /// Standard gravity, m/s^2 (ISO 80000-3).

@@ -7,8 +7,8 @@ use super::metric::MixedMetric;
 use super::refine::{TranslationScale, screen_views};
 use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
-use crate::se3::{Se3, look_at};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::{Se3, look_at};
 use serde::Serialize;
 
 /// Parameters of a path through given poses.

@@ -5,11 +5,11 @@ use super::metric::MixedMetric;
 use super::refine::GapRule;
 use super::smooth::{mean_centre, mean_rotation};
 use super::{NamedPose, TrajectoryError, TrajectoryWarning};
-use crate::se3::Se3;
-use crate::se3::rotation::same_hemisphere;
-use crate::se3::rotation_spline::turn_between;
-use crate::se3::sum::NeumaierSum;
-use crate::stats::mean_median;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::same_hemisphere;
+use gs2e_num::se3::rotation_spline::turn_between;
+use gs2e_num::se3::sum::NeumaierSum;
+use gs2e_num::stats::mean_median;
 use serde::{Deserialize, Serialize};
 
 /// Neighbours closer than this share of the median step become one knot, because equal knots make

@@ -15,6 +15,7 @@ mod course;
 pub mod curve;
 mod error;
 pub mod flow;
+pub mod imu;
 pub mod keyframes;
 pub mod knots;
 pub mod metric;
@@ -29,6 +30,7 @@ pub mod report;
 pub mod sample;
 pub mod sampled;
 pub mod smooth;
+pub mod speed;
 pub mod text;
 pub mod transforms;
 pub mod travel;
@@ -39,7 +41,7 @@ pub use course::CourseKind;
 pub use error::{TrajectoryError, TrajectoryWarning};
 pub use travel::{MAX_POSES, MAX_RATE_HZ, MIN_RATE_HZ, MadeTrajectory, PoseTiming};
 
-use crate::se3::Se3;
+use gs2e_num::se3::Se3;
 
 /// A dense camera path.
 #[derive(Debug, Clone, PartialEq)]

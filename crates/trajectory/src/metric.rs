@@ -5,11 +5,11 @@
 //! is arbitrary.
 
 use super::{NamedPose, TrajectoryError, refine::TranslationScale};
-use crate::se3::Se3;
-use crate::se3::rotation::relative_angle;
-use crate::se3::sum::NeumaierSum;
-use crate::stats::mean_median;
 use glam::{DMat3, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_num::se3::sum::NeumaierSum;
+use gs2e_num::stats::mean_median;
 
 /// Weight of rotation, per radian.
 pub const ALPHA: f64 = 1.0;

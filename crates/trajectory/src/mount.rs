@@ -7,8 +7,8 @@ use super::Trajectory;
 use super::course::CourseKind;
 use super::flow::FlowMeter;
 use super::report::SpeedReport;
-use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::{Se3, Twist};
 use serde::Serialize;
 
 /// Place of a camera on a body.
@@ -101,8 +101,8 @@ impl FlowMeter for MountedMeter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::exp_vector;
-    use crate::trajectory::twist::pose_twists;
+    use crate::twist::pose_twists;
+    use gs2e_num::se3::rotation::exp_vector;
 
     fn mount() -> CameraMount {
         CameraMount { position: DVec3::new(0.3, -0.2, 0.1), rotation: exp_vector(DVec3::new(0.2, -0.7, 0.4)) }

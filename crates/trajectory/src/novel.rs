@@ -11,8 +11,8 @@ use super::metric::MixedMetric;
 use super::refine::{TranslationScale, screen_views};
 use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
-use crate::se3::Se3;
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
 use serde::Serialize;
 
 /// Degrees of a Bezier curve, from which one is drawn.

@@ -2,7 +2,7 @@
 //!
 //! With a capture, defaults come from it: the point nearest all optical axes, the mean of the
 //! cameras' up directions, and the centre of the first view. Without a capture, they come from a
-//! survey of the scene ([`crate::scene::survey`]).
+//! survey of the scene ([`gs2e_scene::survey`]).
 
 use super::course::{CourseGeometry, CourseKind, PoseCourse};
 use super::curve::CirclePath;
@@ -12,8 +12,8 @@ use super::path::SceneFraming;
 use super::refine::screen_views;
 use super::travel::{PoseCount, TravelPlan};
 use super::{NamedPose, TrajectoryError};
-use crate::se3::{Se3, look_at};
 use glam::DVec3;
+use gs2e_num::se3::{Se3, look_at};
 use serde::Serialize;
 
 /// Parameters of an orbit.

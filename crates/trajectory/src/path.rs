@@ -9,9 +9,9 @@ use super::orbit::OrbitPath;
 use super::refine::RefinePath;
 use super::travel::{PoseCount, TravelPlan};
 use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
-use crate::camera::Camera;
-use crate::scene::survey::SceneSurvey;
-use crate::units::Hertz;
+use gs2e_num::units::Hertz;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::survey::SceneSurvey;
 use serde::Serialize;
 
 /// A path, by its kind.

@@ -6,8 +6,8 @@ mod chart;
 mod path;
 mod sketch;
 
-pub(crate) use path::scale_rgb;
-pub(crate) use sketch::{PathSketch, sketch};
+pub use path::scale_rgb;
+pub use sketch::{PathSketch, sketch};
 
 use super::Trajectory;
 use super::report::SpeedReport;
@@ -22,11 +22,15 @@ const MARGIN: f64 = 24.0;
 
 /// A rectangle of the picture, px.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct PicturePanel {
-    pub(crate) left: f64,
-    pub(crate) top: f64,
-    pub(crate) width: f64,
-    pub(crate) height: f64,
+pub struct PicturePanel {
+    /// Left edge.
+    pub left: f64,
+    /// Upper edge.
+    pub top: f64,
+    /// Width.
+    pub width: f64,
+    /// Height.
+    pub height: f64,
 }
 
 /// The picture as SVG.
@@ -46,11 +50,13 @@ pub fn trajectory_svg(trajectory: &Trajectory, report: &SpeedReport) -> String {
 }
 
 /// SVG text under construction. Writing to a string cannot fail.
-pub(crate) struct SvgText(String);
+#[derive(Debug)]
+pub struct SvgText(String);
 
 impl SvgText {
     /// A white picture of this size, px.
-    pub(crate) fn new([width, height]: [f64; 2]) -> Self {
+    #[must_use]
+    pub fn new([width, height]: [f64; 2]) -> Self {
         let mut svg = Self(String::new());
         svg.line(&format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
@@ -60,17 +66,21 @@ impl SvgText {
         svg
     }
 
-    pub(crate) fn finish(mut self) -> String {
+    /// The whole text.
+    #[must_use]
+    pub fn finish(mut self) -> String {
         self.line("</svg>");
         self.0
     }
 
-    pub(crate) fn line(&mut self, text: &str) {
+    /// Adds an element on a line of its own.
+    pub fn line(&mut self, text: &str) {
         self.0.push_str(text);
         self.0.push('\n');
     }
 
-    pub(crate) fn frame(&mut self, panel: PicturePanel) {
+    /// Draws the edge of a panel.
+    pub fn frame(&mut self, panel: PicturePanel) {
         let PicturePanel { left, top, width, height } = panel;
         self.line(&format!(
             "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" stroke=\"#cccccc\"/>"
@@ -78,7 +88,7 @@ impl SvgText {
     }
 
     /// Text that starts (`anchor` "start"), is centred ("middle") or ends ("end") at a point.
-    pub(crate) fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
+    pub fn text(&mut self, [x, y]: [f64; 2], anchor: &str, colour: &str, words: &str) {
         // A quotation mark is harmless here: the words are never in an attribute.
         let words = words.replace('&', "&amp;").replace('<', "&lt;");
         self.line(&format!(
@@ -87,7 +97,7 @@ impl SvgText {
     }
 
     /// A line through points. Points that are not finite are skipped.
-    pub(crate) fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
+    pub fn polyline(&mut self, points: impl IntoIterator<Item = [f64; 2]>, colour: &str, width: f64) {
         let mut d = String::new();
         for [x, y] in points.into_iter().filter(|p| p[0].is_finite() && p[1].is_finite()) {
             let _ = write!(d, "{}{x:.2} {y:.2}", if d.is_empty() { "M" } else { "L" });
@@ -99,7 +109,7 @@ impl SvgText {
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is at most `limit > 0`.
-pub(crate) fn round_down(limit: f64) -> f64 {
+pub fn round_down(limit: f64) -> f64 {
     let mut power = 1.0f64;
     // By division, because a rounded logarithm may be off by one at a power of ten. The second
     // condition ends the loop for a limit below the smallest normal number.
@@ -113,7 +123,7 @@ pub(crate) fn round_down(limit: f64) -> f64 {
 }
 
 /// A number with about four digits.
-pub(crate) fn short_number(number: f64) -> String {
+pub fn short_number(number: f64) -> String {
     let fixed = match number.abs() {
         n if n != 0.0 && !(1e-3..1e6).contains(&n) => return format!("{number:.2e}"),
         n if n >= 1000.0 => return format!("{number:.0}"),

@@ -9,10 +9,10 @@ use super::order::{arrange_views, by_name};
 use super::smooth::smooth_views;
 use super::travel::{PoseCount, TravelPlan};
 use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
-use crate::se3::rotation::same_hemisphere;
-use crate::se3::{ScreenedRotation, Se3, rotation_from_quaternion};
-use crate::units::Ratio;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation::same_hemisphere;
+use gs2e_num::se3::{ScreenedRotation, Se3, rotation_from_quaternion};
+use gs2e_num::units::Ratio;
 use serde::{Deserialize, Serialize};
 
 /// Largest coordinate, units. Its square, and sums of these squares, stay finite.

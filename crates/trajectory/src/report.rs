@@ -7,12 +7,12 @@ use super::knots::{CaptureGap, MergedViews};
 use super::metric::{ALPHA, BETA, MixedMetric};
 use super::sample::{PoseSchedule, SummationRule, step_seconds};
 use super::travel::{PoseTiming, TravelPlan};
-use crate::se3::rotation::relative_angle;
-use crate::se3::spline::CurvePlace;
-use crate::se3::sum::NeumaierSum;
-use crate::se3::{Se3, Twist};
 use crate::speed::SpeedMeaning;
-use crate::units::Hertz;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::sum::NeumaierSum;
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_num::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Share of the path below which a step is left out of ratios. The positions of its ends are sums

@@ -3,9 +3,9 @@
 use super::TrajectoryError;
 use super::curve::PoseCurve;
 use super::metric::running_sums;
-use crate::se3::spline::CurvePlace;
 use crate::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
-use crate::units::Hertz;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::units::Hertz;
 use serde::{Deserialize, Serialize};
 
 /// Summation of a speed law over a path.

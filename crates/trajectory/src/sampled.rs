@@ -1,12 +1,12 @@
 //! A trajectory as continuous motion, so that every sampling of it follows the same path.
 
-use crate::camera::view::CameraVelocity;
-use crate::se3::rotation_spline::SplineDiverged;
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
-use crate::trajectory::curve::{CubicPair, PoseCurve as _};
-use crate::trajectory::{Trajectory, twist};
+use crate::curve::{CubicPair, PoseCurve as _};
+use crate::{Trajectory, twist};
 use glam::DVec3;
+use gs2e_num::se3::rotation_spline::SplineDiverged;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_scene::camera::view::CameraVelocity;
 
 /// The C2 spline over time through the poses of a trajectory.
 #[derive(Debug, Clone)]
@@ -108,7 +108,7 @@ impl SampledPath {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::exp_vector;
+    use gs2e_num::se3::rotation::exp_vector;
 
     /// A cubic path with a constant turn about one axis: the spline reproduces it.
     #[test]

@@ -7,9 +7,9 @@
 
 use super::refine::{EndRule, RefinePath, RotationMean};
 use super::{NamedPose, TrajectoryError};
-use crate::se3::Se3;
-use crate::se3::rotation::{karcher_mean, slerp};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{karcher_mean, slerp};
 
 /// The views with smoothed poses.
 ///

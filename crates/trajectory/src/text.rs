@@ -10,8 +10,8 @@ pub use parse::read_stamps;
 use parse::{numbered_lines, parse_pose, push_stamp};
 
 use super::Trajectory;
-use crate::se3::rotation::canonical_sign;
 use glam::DQuat;
+use gs2e_num::se3::rotation::canonical_sign;
 use std::io::{self, BufRead, Write};
 
 /// Names of the fields of a line of poses, for errors.
@@ -141,8 +141,8 @@ fn trim_zeros(decimal: &str) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::Se3;
     use glam::{DQuat, DVec3};
+    use gs2e_num::se3::Se3;
     use proptest::prelude::*;
 
     #[test]

@@ -2,9 +2,9 @@
 //! axes.
 
 use super::Trajectory;
-use crate::camera::Camera;
-use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use glam::DMat4;
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
+use gs2e_scene::camera::Camera;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 

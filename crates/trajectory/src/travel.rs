@@ -6,10 +6,10 @@ use super::flow::{FlowLength, FlowMeter};
 use super::report::{FlowReport, ReportInputs, SpeedReport};
 use super::sample::{PoseSchedule, SummationRule, places_by_chord};
 use super::{Trajectory, TrajectoryError, TrajectoryWarning};
-use crate::se3::Se3;
-use crate::se3::rotation::relative_angle;
 use crate::speed::SpeedChoice;
-use crate::units::{Hertz, Ratio};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_num::units::{Hertz, Ratio};
 use serde::Serialize;
 
 /// Maximum number of poses: 2.3 hours at 2400 Hz.

@@ -8,9 +8,9 @@
 //! at the knots of a cubic spline, the error is at most `h^2/6` of the jump of the third
 //! derivative.
 
-use crate::se3::rotation::log_vector;
-use crate::se3::{Se3, Twist};
 use glam::DVec3;
+use gs2e_num::se3::rotation::log_vector;
+use gs2e_num::se3::{Se3, Twist};
 
 /// Maximum number of poses that a derivative is taken from.
 const NEAR: usize = 5;
@@ -65,7 +65,7 @@ fn derivative_weight(times: &[f64], at: usize, i: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::rotation::exp_vector;
+    use gs2e_num::se3::rotation::exp_vector;
 
     /// A path that is quartic in time, turning about a fixed axis by a quartic angle.
     fn quartic(t: f64) -> (Se3, Twist) {

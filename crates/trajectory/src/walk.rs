@@ -18,8 +18,8 @@ use super::metric::{MixedMetric, common_focus};
 use super::order::by_name;
 use super::refine::{TranslationScale, screen_views};
 use super::{NamedPose, TrajectoryError};
-use crate::stats::mean_median;
 use glam::DVec3;
+use gs2e_num::stats::mean_median;
 
 /// Steps and detours, divided by the median step.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,8 +82,8 @@ impl CaptureEvenness {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::se3::Se3;
     use glam::DQuat;
+    use gs2e_num::se3::Se3;
 
     /// Views that look along z, so that the scale of the metric is the largest distance between two
     /// of them.

@@ -3,8 +3,8 @@
 use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::ExitKind;
-use crate::run::RunSummary;
-use crate::store::EvictedFiles;
+use gs2e_build::run::RunSummary;
+use gs2e_store::EvictedFiles;
 
 fn last_line(summary: &RunSummary, seconds: f64) -> String {
     let RunSummary { made, twice, adopted, kept, failures, unreached, interrupted, .. } = summary;

@@ -6,10 +6,10 @@ use crate::cli::environment::Environment;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::VerbError;
 use crate::cli::{CommonArgs, clock};
-use crate::files::stat::FileStat;
-use crate::run::backends::RendererChoice;
-use crate::store::space::DiskSpace;
-use crate::store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
+use gs2e_build::run::backends::RendererChoice;
+use gs2e_files::stat::FileStat;
+use gs2e_store::space::DiskSpace;
+use gs2e_store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::path::{Path, PathBuf};
 
 /// Names this program, its options that may change a key, and the shared store: a scene that was settled

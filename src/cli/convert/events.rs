@@ -1,19 +1,19 @@
 //! Events in another file format.
 
 use crate::cli::console::{Console, path};
-use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::output;
 use crate::cli::problem::{ExitKind, VerbError};
-use crate::event::evt::EvtVersion;
-use crate::event::file::{self, EventFile, EventFormat, OpenEventFile, ReadHints};
-use crate::event::sorted::SortedEvents;
-use crate::event::text::TextTimeUnit;
-use crate::event::{Event, EventFileError, EventSource as _, h5};
-use crate::files::{self, write_by_rename};
-use crate::image::Size;
-use crate::units::format_amount;
+use crate::cli::{input, output};
 use clap::ValueEnum;
+use gs2e_event::evt::EvtVersion;
+use gs2e_event::file::{EventFile, EventFormat, OpenEventFile, ReadHints};
+use gs2e_event::sorted::SortedEvents;
+use gs2e_event::text::TextTimeUnit;
+use gs2e_event::{Event, EventFileError, EventSource as _, file, h5};
+use gs2e_files as files;
+use gs2e_files::write_by_rename;
+use gs2e_image::Size;
+use gs2e_num::units::format_amount;
 use serde_json::json;
 use std::io;
 use std::path::{Path, PathBuf};

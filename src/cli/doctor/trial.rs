@@ -1,11 +1,11 @@
 //! A short rendering of the embedded scene.
 
-use crate::camera::view::CameraView;
-use crate::image::{Image, likeness};
-use crate::render::backend::Backend;
-use crate::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages};
-use crate::scene::Gaussians;
-use crate::scene::procedural::{StillLife, still_capture, still_life};
+use gs2e_demo::{StillLife, still_capture, still_life};
+use gs2e_image::{Image, likeness};
+use gs2e_render::backend::Backend;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -35,8 +35,7 @@ pub(super) struct TrialPicture {
 impl TrialScene {
     pub(super) fn new() -> Self {
         let life = StillLife::default();
-        let view =
-            |view: crate::source::CapturedView| CameraView::at_rest(view.camera, view.world_from_camera);
+        let view = |view: gs2e_source::CapturedView| CameraView::at_rest(view.camera, view.world_from_camera);
         let views = still_capture(&life).views.into_iter().map(view).collect();
         Self { scene: Arc::new(still_life(&life)), views }
     }

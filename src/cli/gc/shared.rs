@@ -3,8 +3,8 @@
 use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
-use crate::files::is_there;
-use crate::store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
+use gs2e_files::is_there;
+use gs2e_store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};

@@ -1,15 +1,15 @@
 //! Properties of a capture.
 
 use super::{PathFacts, short};
-use crate::camera::Camera;
 use crate::cli::console::Console;
 use crate::cli::input;
 use crate::cli::problem::VerbError;
-use crate::source::kind::CaptureKind;
-use crate::source::{Capture, LensModel, SourceWarning};
-use crate::trajectory::NamedPose;
-use crate::trajectory::knots::GAP;
-use crate::trajectory::walk::CaptureEvenness;
+use gs2e_scene::camera::Camera;
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::{Capture, LensModel, SourceWarning};
+use gs2e_trajectory::NamedPose;
+use gs2e_trajectory::knots::GAP;
+use gs2e_trajectory::walk::CaptureEvenness;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;

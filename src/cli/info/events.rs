@@ -2,9 +2,9 @@
 
 use super::PathFacts;
 use crate::cli::problem::VerbError;
-use crate::event::file::OpenEventFile;
-use crate::event::survey::EventSurvey;
-use crate::units::{Timestamp, format_amount};
+use gs2e_event::file::OpenEventFile;
+use gs2e_event::survey::EventSurvey;
+use gs2e_num::units::{Timestamp, format_amount};
 use serde_json::json;
 use std::path::Path;
 

@@ -1,19 +1,20 @@
 //! Properties of a scene, and a first recipe for it.
 
 use super::{PathFacts, short, unreadable};
-use crate::camera::Camera;
 use crate::cli::console::path;
 use crate::cli::input;
 use crate::cli::problem::VerbError;
-use crate::escape;
-use crate::image::Size;
-use crate::scene::dynamic::file::{read_dynamic, usual_time};
-use crate::scene::dynamic::{SceneSpan, SceneTime, SplatDynamics};
-use crate::scene::form::{SceneFileForm, file_form};
-use crate::scene::survey::{SceneOrbit, SceneSurvey, UpRule};
-use crate::scene::{self, Gaussians};
-use crate::units::brief;
 use glam::DVec3;
+use gs2e_files::escape;
+use gs2e_image::Size;
+use gs2e_num::units::brief;
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::dynamic::file::{read_dynamic, usual_time};
+use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatDynamics};
+use gs2e_scene::form::{SceneFileForm, file_form};
+use gs2e_scene::survey::{SceneOrbit, SceneSurvey, UpRule};
 use serde_json::json;
 use std::path::Path;
 

@@ -2,10 +2,10 @@
 
 use super::PathFacts;
 use crate::cli::problem::VerbError;
-use crate::release::summary::ReleaseSummary;
-use crate::store::gc::GcSweep;
-use crate::store::{FORMAT, Store, StoreAccess};
-use crate::units::format_amount;
+use gs2e_num::units::format_amount;
+use gs2e_release::summary::ReleaseSummary;
+use gs2e_store::gc::GcSweep;
+use gs2e_store::{FORMAT, Store, StoreAccess};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! Names of recipe files: one per scene, visible to every walk over recipes, and equal in every
 //! run.
 
-use crate::files;
-use crate::recipe::draft;
+use gs2e_files as files;
+use gs2e_recipe::draft;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

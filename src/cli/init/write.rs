@@ -1,9 +1,9 @@
 //! Files that `init` writes: each is written whole or not at all.
 
 use super::super::problem::VerbError;
-use crate::escape;
-use crate::files::{self, Removal, is_there, write_by_rename};
-use crate::recipe::draft;
+use gs2e_files as files;
+use gs2e_files::{Removal, escape, is_there, write_by_rename};
+use gs2e_recipe::draft;
 use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{self, Write as _};

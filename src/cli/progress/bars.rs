@@ -1,10 +1,10 @@
 //! The bars on a terminal: one for the whole run with its remaining time, and one row per running
 //! step.
 
-use crate::escape;
-use crate::plan::Plan;
-use crate::run::estimate::RunEstimate;
-use crate::stage::StepId;
+use gs2e_build::plan::Plan;
+use gs2e_build::run::estimate::RunEstimate;
+use gs2e_build::stage::StepId;
+use gs2e_files::escape;
 use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use std::collections::BTreeMap;
 use std::fmt::Write;

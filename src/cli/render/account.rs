@@ -1,9 +1,9 @@
 //! The report on a rendering: the Gaussians drawn and left out, the work, and the time.
 
 use crate::cli::console::Console;
-use crate::image::Size;
-use crate::render::RenderWork;
-use crate::scene::SceneScreening;
+use gs2e_image::Size;
+use gs2e_render::RenderWork;
+use gs2e_scene::SceneScreening;
 use serde_json::{Value, json};
 use std::time::Duration;
 

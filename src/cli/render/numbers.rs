@@ -1,7 +1,7 @@
 //! Options with several numbers: `1,2,3`.
 
-use crate::camera::view::CameraVelocity;
 use glam::DVec3;
+use gs2e_scene::camera::view::CameraVelocity;
 
 /// A colour, each channel 0..1.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,9 +1,9 @@
 //! The channels of `gs2e render`, and the file formats of each.
 
 use crate::cli::problem::VerbError;
-use crate::image::{Image, npy, png, to_byte};
-use crate::render::{ChannelSet, RenderedImages};
 use clap::ValueEnum;
+use gs2e_image::{Image, npy, png, to_byte};
+use gs2e_render::{ChannelSet, RenderedImages};
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -6,9 +6,9 @@ use super::sequence::StampedFrames;
 use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable_file;
 use crate::cli::problem::VerbError;
-use crate::sensor::screening::SensorScreening;
-use crate::sensor::{SensorChoice, SimulationAccount};
-use crate::units::format_amount;
+use gs2e_num::units::format_amount;
+use gs2e_sensor::screening::SensorScreening;
+use gs2e_sensor::{SensorChoice, SimulationAccount};
 use serde_json::{Value, json};
 
 /// The report on a simulation.

@@ -2,11 +2,11 @@
 
 use super::SimulateArgs;
 use crate::cli::problem::VerbError;
-use crate::files::is_there;
-use crate::recipe::draw_sensor;
-use crate::sensor::SensorChoice;
-use crate::sensor::front_end::{GreyRange, LuminanceWeights};
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
+use gs2e_files::is_there;
+use gs2e_recipe::draw_sensor;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::front_end::{GreyRange, LuminanceWeights};
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;

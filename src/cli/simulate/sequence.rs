@@ -3,15 +3,15 @@
 use crate::cli::input;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
-use crate::files::is_there;
-use crate::frames::FrameSequence;
-use crate::frames::array::FullScale;
-use crate::frames::folder::{FolderError, FolderFrames, FolderListing, INFO};
-use crate::frames::npy::{self, FrameStack, NpyError, NpyFrames, RatedFrames, SampleKind};
-use crate::frames::stamps::relative_stamps;
-use crate::frames::video::{VideoError, VideoFrames};
-use crate::programs::ProgramFinder;
-use crate::units::{Hertz, Ratio, format_amount};
+use gs2e_files::is_there;
+use gs2e_files::programs::ProgramFinder;
+use gs2e_num::units::{Hertz, Ratio, format_amount};
+use gs2e_sensor::frames::array::FullScale;
+use gs2e_sensor::frames::folder::{FolderError, FolderFrames, FolderListing, INFO};
+use gs2e_sensor::frames::npy::{FrameStack, NpyError, NpyFrames, RatedFrames, SampleKind};
+use gs2e_sensor::frames::stamps::relative_stamps;
+use gs2e_sensor::frames::video::{VideoError, VideoFrames};
+use gs2e_sensor::frames::{FrameSequence, npy};
 use std::io;
 use std::path::Path;
 
@@ -44,7 +44,7 @@ pub(in crate::cli) fn full_scale(text: &str) -> Result<FullScale, String> {
 
 /// Reads a frame rate that whole microseconds can resolve.
 pub(in crate::cli) fn parse_rate(text: &str) -> Result<Hertz, String> {
-    let ratio: Ratio = text.parse().map_err(|e: crate::units::RatioError| e.to_string())?;
+    let ratio: Ratio = text.parse().map_err(|e: gs2e_num::units::RatioError| e.to_string())?;
     if ratio.to_f64() > 1e6 || ratio.to_f64() < 1e-6 {
         return Err(format!("`{text}` is not between 1e-6 and 1e6 frames per second"));
     }

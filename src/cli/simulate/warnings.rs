@@ -1,8 +1,8 @@
 //! Warnings about frames between which events cannot be known.
 
 use super::sequence::StampedFrames;
-use crate::frames::motion::FrameMotion;
-use crate::programs::quoted;
+use gs2e_files::programs::quoted;
+use gs2e_sensor::frames::motion::FrameMotion;
 use std::path::Path;
 
 /// Motion between two frames from which on events are inexact, px.

@@ -2,7 +2,7 @@
 
 use super::{CaseVerdict, StressRow, summary_line};
 use crate::cli::machine;
-use crate::study::stress::StressArea;
+use gs2e_lab::stress::StressArea;
 use std::io::{self, Write};
 
 /// Writes the page.

@@ -1,8 +1,8 @@
 //! Readings of this process for the cost of rendering: time of all cores, elapsed time, peak memory.
 
-use crate::files;
-use crate::study::work_precision::TimeSpent;
-use crate::study::work_precision::cost::ProcessMeter;
+use gs2e_files as files;
+use gs2e_lab::work_precision::TimeSpent;
+use gs2e_lab::work_precision::cost::ProcessMeter;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 use std::fs;
 use std::path::Path;

@@ -7,17 +7,17 @@ use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
 use crate::cli::{CommonArgs, input, on_interrupt};
-use crate::event::file::{EventFormat, OpenEventFile};
-use crate::event::sorted::SortedEvents;
-use crate::frames::array::FullScale;
-use crate::recipe::read_sensor;
-use crate::seed::Seed;
-use crate::study::real::picture::intervals_svg;
-use crate::study::real::profile::StreamProfile;
-use crate::study::real::{
+use gs2e_event::file::{EventFormat, OpenEventFile};
+use gs2e_event::sorted::SortedEvents;
+use gs2e_lab::real::picture::intervals_svg;
+use gs2e_lab::real::profile::StreamProfile;
+use gs2e_lab::real::{
     ComparedSensor, RealStudy, StudiedSensor, all_presets, compare_sensors, profile_recording,
 };
-use crate::units::Hertz;
+use gs2e_num::seed::Seed;
+use gs2e_num::units::Hertz;
+use gs2e_recipe::read_sensor;
+use gs2e_sensor::frames::array::FullScale;
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -5,12 +5,11 @@ use crate::cli::console::Console;
 use crate::cli::output::{self, OutputFile};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::simulate::sensor_from;
-use crate::sensor::SensorChoice;
-use crate::sensor::voltmeter::VoltmeterPreset;
-use crate::study::sensor::noise_curve::NoiseTrial;
-use crate::study::sensor::{
-    ContrastRow, NoiseRow, SensorStudy, measure_contrast, measure_noise, picture::study_svg,
-};
+use gs2e_lab::sensor::noise_curve::NoiseTrial;
+use gs2e_lab::sensor::picture::study_svg;
+use gs2e_lab::sensor::{ContrastRow, NoiseRow, SensorStudy, measure_contrast, measure_noise};
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::voltmeter::VoltmeterPreset;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};

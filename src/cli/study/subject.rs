@@ -1,18 +1,19 @@
 //! The subject of a study: a recipe's scene and one of its trajectories, from the store.
 
-use crate::artifact::{Artifact, ArtifactFiles, TrajectoryProduct};
-use crate::camera::{self, Camera};
 use crate::cli::CommonArgs;
 use crate::cli::build::store_options;
 use crate::cli::problem::VerbError;
-use crate::plan::Plan;
-use crate::plan::assess::{StepAssessment, assess_plan};
-use crate::recipe::{self, Recipe};
-use crate::scene::Gaussians;
-use crate::sensor::SensorSet;
-use crate::sensor::voltmeter::VoltmeterModel;
-use crate::source::Capture;
-use crate::store::{Store, StoreAccess};
+use gs2e_build::artifact::{Artifact, ArtifactFiles, TrajectoryProduct};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::{StepAssessment, assess_plan};
+use gs2e_recipe as recipe;
+use gs2e_recipe::Recipe;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::{Gaussians, camera};
+use gs2e_sensor::SensorSet;
+use gs2e_sensor::voltmeter::VoltmeterModel;
+use gs2e_source::Capture;
+use gs2e_store::{Store, StoreAccess};
 use std::path::Path;
 use std::sync::Arc;
 

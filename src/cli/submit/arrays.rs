@@ -3,11 +3,11 @@
 use super::{ClusterScenes, CommonArgs, SubmitArgs, VerbError};
 use crate::cli::cluster::recipe_digest;
 use crate::cli::{BackendArg, environment};
-use crate::cluster::scene_state::SceneState;
-use crate::cluster::script::BatchScript;
-use crate::cluster::submission::{PlannedTask, Submission, SubmittedScene, TaskNeed};
-use crate::plan::shard::SceneShard;
-use crate::recipe::{Recipe, RecipeFile};
+use gs2e_build::cluster::scene_state::SceneState;
+use gs2e_build::cluster::script::BatchScript;
+use gs2e_build::cluster::submission::{PlannedTask, Submission, SubmittedScene, TaskNeed};
+use gs2e_build::plan::shard::SceneShard;
+use gs2e_recipe::{Recipe, RecipeFile};
 use std::collections::BTreeMap;
 
 /// An array job that is ready to be submitted.

@@ -2,8 +2,8 @@
 
 use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cluster::queue::LiveTask;
-use crate::cluster::slurm::Slurm;
+use gs2e_build::cluster::queue::LiveTask;
+use gs2e_build::cluster::slurm::Slurm;
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;

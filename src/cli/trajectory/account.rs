@@ -1,12 +1,12 @@
 //! The report on a trajectory: its requested and achieved speed, and the motion in the picture.
 
-use crate::camera::Camera;
 use crate::cli::console::{Console, path};
-use crate::render::centre::centre_px;
-use crate::source::kind::CaptureKind;
-use crate::trajectory::MadeTrajectory;
-use crate::trajectory::flow::FlowQuantiles;
-use crate::trajectory::report::{FollowError, SpeedReport};
+use gs2e_render::centre::centre_px;
+use gs2e_scene::camera::Camera;
+use gs2e_source::kind::CaptureKind;
+use gs2e_trajectory::MadeTrajectory;
+use gs2e_trajectory::flow::FlowQuantiles;
+use gs2e_trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! File operations that are carried out and recorded.
 
-use gs2e::files::stat::FileStat;
-use gs2e::store::Digest;
-use gs2e::store::fs::{FolderEntry, Fs, SystemFs};
+use gs2e_files::stat::FileStat;
+use gs2e_store::Digest;
+use gs2e_store::fs::{FolderEntry, Fs, SystemFs};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;

@@ -2,12 +2,12 @@
 //! change.
 
 use super::{NONE, Workspace, built, made, recipe, stands_as_if_clean, steps};
-use gs2e::plan::Plan;
-use gs2e::plan::assess::{StepAction, assess_plan};
-use gs2e::recipe::read_all;
-use gs2e::render::backend::Backend;
-use gs2e::store::fs::{Fs, SystemFs};
-use gs2e::store::{Store, StoreAccess, StoreOptions};
+use gs2e_build::plan::Plan;
+use gs2e_build::plan::assess::{StepAction, assess_plan};
+use gs2e_recipe::read_all;
+use gs2e_render::backend::Backend;
+use gs2e_store::fs::{Fs, SystemFs};
+use gs2e_store::{Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::os::unix::fs::{FileExt, PermissionsExt};

@@ -4,10 +4,10 @@
 use super::planted_tree::{BASE, PlantedTree, SIZE};
 use crate::support::absent::runs_slow_tests;
 use glam::DVec3;
-use gs2e::event::{Event, Polarity};
-use gs2e::se3::Se3;
-use gs2e::trajectory::Trajectory;
-use gs2e::units::Timestamp;
+use gs2e_event::{Event, Polarity};
+use gs2e_num::se3::Se3;
+use gs2e_num::units::Timestamp;
+use gs2e_trajectory::Trajectory;
 use std::fs;
 
 /// A kind of fault: its name, its plant, and the checks of which one must find it.

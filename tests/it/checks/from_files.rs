@@ -3,8 +3,8 @@
 
 use super::planted_tree::{BASE, PlantedTree, SIZE};
 use crate::release::small::{edit, gs2e};
-use gs2e::event::{Event, EventLabel, Polarity};
-use gs2e::units::Timestamp;
+use gs2e_event::{Event, EventLabel, Polarity};
+use gs2e_num::units::Timestamp;
 use std::fs;
 
 /// A fixed sequence of numbers (splitmix64).

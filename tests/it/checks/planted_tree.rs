@@ -1,8 +1,7 @@
 //! A release of a small scene, and faults that are planted in copies of its files.
 
 use crate::release::small::{gs2e, reseal, said};
-use gs2e::event::h5;
-use gs2e::event::{Event, EventSink as _, EventSource as _};
+use gs2e_event::{Event, EventSink as _, EventSource as _, h5};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

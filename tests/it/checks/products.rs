@@ -2,9 +2,9 @@
 //! and the stream of a sensor with hot pixels. Each is found by a check that measures.
 
 use super::planted_tree::{PlantedRelease, PlantedTree};
-use gs2e::event::{Event, EventLabel, Polarity};
-use gs2e::image::{Image, Size, png};
-use gs2e::units::Timestamp;
+use gs2e_event::{Event, EventLabel, Polarity};
+use gs2e_image::{Image, Size, png};
+use gs2e_num::units::Timestamp;
 use std::fs;
 use std::io::Cursor;
 use std::sync::OnceLock;

@@ -65,7 +65,7 @@ fn a_task_refuses_a_shard_that_was_altered_and_runs_no_command_of_it() {
     // The other tasks have their own files.
     assert_eq!(fake.run_task(101, 2), 0);
     // Nor does an altered plan help, although its digests are those of the altered files.
-    let digest = gs2e::store::Digest::of_bytes(&fs::read(&shard).unwrap()).to_string();
+    let digest = gs2e_store::Digest::of_bytes(&fs::read(&shard).unwrap()).to_string();
     let mut altered: Value = serde_json::from_slice(&fs::read(plan.join("plan.json")).unwrap()).unwrap();
     altered["shards"][0] = json!(digest);
     fs::write(plan.join("plan.json"), altered.to_string()).unwrap();

@@ -6,8 +6,8 @@
 
 use crate::support::absent::runs_slow_tests;
 use crate::support::workspace::Workspace;
-use gs2e::plan::shard::SceneShard;
-use gs2e::recipe::{Recipe, read_recipe_text};
+use gs2e_build::plan::shard::SceneShard;
+use gs2e_recipe::{Recipe, read_recipe_text};
 use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::Path;

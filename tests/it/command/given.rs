@@ -6,10 +6,10 @@ use crate::support::given::transforms;
 use crate::support::shared::path as shared;
 use crate::support::workspace::Workspace;
 use glam::DVec3;
-use gs2e::image::{Image, Size, png};
-use gs2e::source::colmap::{self, ColmapModel, ColmapPoint};
-use gs2e::source::undistort::undistort_photo;
-use gs2e::source::{Capture, LensModel};
+use gs2e_image::{Image, Size, png};
+use gs2e_source::colmap::{ColmapModel, ColmapPoint};
+use gs2e_source::undistort::undistort_photo;
+use gs2e_source::{Capture, LensModel, colmap};
 use std::fs;
 
 /// A program that keeps a copy of its input in its own folder.

@@ -1,7 +1,8 @@
 //! The recipes of `docs/trainers.md` are valid.
 
 use crate::support::workspace::Workspace;
-use gs2e::recipe::{self, ReconstructMethod};
+use gs2e_recipe as recipe;
+use gs2e_recipe::ReconstructMethod;
 use std::fs;
 use std::path::Path;
 

@@ -32,7 +32,7 @@ pub(super) struct Crate {
 }
 
 /// Folder of the schema.
-const SCHEMA: &str = "src/recipe/schema";
+const SCHEMA: &str = "crates/recipe/src/schema";
 
 impl Crate {
     pub(super) fn read() -> Self {
@@ -41,7 +41,7 @@ impl Crate {
             let types = parse(&text, &path);
             (path, (text, types))
         };
-        Self { files: sources_below("src").into_iter().map(file).collect() }
+        Self { files: sources_below("crates").into_iter().map(file).collect() }
     }
 
     /// The type of the whole recipe.
@@ -65,7 +65,7 @@ impl Crate {
     }
 
     fn imported(&self, name: &str, file: &str) -> Option<&Declared> {
-        let module = imports(&self.files[file].0).remove(name)?;
+        let module = imports(&self.files[file].0, file).remove(name)?;
         let inside = |path: &str| path == format!("{module}.rs") || path.starts_with(&format!("{module}/"));
         let found: Vec<&Declared> = self
             .files
@@ -78,20 +78,28 @@ impl Crate {
     }
 }
 
-/// Imported names, each with its module as a path: `src/sensor/noise` for
-/// `use crate::sensor::noise::Redraw;`.
-fn imports(text: &str) -> BTreeMap<String, String> {
+/// Names that a file imports from the workspace, each with its module as a path:
+/// `crates/sensor/src/noise` for `use gs2e_sensor::noise::Redraw;`.
+fn imports(text: &str, file: &str) -> BTreeMap<String, String> {
+    let own = file.split("/src/").next().unwrap_or_default();
     let mut found = BTreeMap::new();
-    for import in text.split("\nuse crate::").skip(1).filter_map(|rest| rest.split_once(';')) {
+    for import in text.split("\nuse ").skip(1).filter_map(|rest| rest.split_once(';')) {
         let flat: String = import.0.split_whitespace().collect();
+        let Some((first, flat)) = flat.split_once("::") else { continue };
+        let folder = match first.strip_prefix("gs2e_") {
+            Some(name) => format!("crates/{name}/src"),
+            None if first == "crate" => format!("{own}/src"),
+            None => continue,
+        };
         let (module, names) = match flat.split_once("::{") {
             Some((module, names)) => (module.to_owned(), names.trim_end_matches('}').to_owned()),
             None => match flat.rsplit_once("::") {
                 Some((module, name)) => (module.to_owned(), name.to_owned()),
-                None => continue,
+                None => (String::new(), flat.trim_matches(['{', '}']).to_owned()),
             },
         };
-        let path = format!("src/{}", module.replace("::", "/"));
+        let path = format!("{folder}/{}", module.replace("::", "/"));
+        let path = path.trim_end_matches('/').to_owned();
         found.extend(names.split(',').map(|name| (name.to_owned(), path.clone())));
     }
     found
@@ -170,11 +178,11 @@ fn kebab(name: &str) -> String {
 
 #[test]
 fn declarations_are_read() {
-    let text = "use crate::recipe::{B, C};\nuse crate::sensor::noise::F;\n\n/// A thing\n/// of two lines.\n#[serde(rename_all = \
+    let text = "use crate::{B, C};\nuse gs2e_sensor::noise::F;\n\n/// A thing\n/// of two lines.\n#[serde(rename_all = \
                 \"kebab-case\")]\npub(super) enum Thing {\n    /// First.\n    SlerpLerp,\n    V2e(Field<Box<X>>),\n}\n\n\
                 pub struct Limits {}\n\n#[serde(default)]\npub struct Y {\n    /// Required.\n    \
                 #[serde(default)]\n    pub width: Field<u64>,\n}\n";
-    let types = parse(text, "src/recipe.rs");
+    let types = parse(text, "crates/recipe/src/lib.rs");
     let thing = &types["Thing"];
     assert_eq!((thing.doc.as_str(), thing.is_enum, types.len()), ("A thing of two lines.", true, 3));
     let names: Vec<(&str, &str, &str)> =
@@ -184,7 +192,7 @@ fn declarations_are_read() {
         (types["Y"].members[0].ty.as_str(), types["Y"].members[0].name.as_str()),
         ("Field<u64>", "width")
     );
-    let imports = imports(&format!("\n{text}"));
-    assert_eq!(imports["C"], "src/recipe");
-    assert_eq!(imports["F"], "src/sensor/noise");
+    let imports = imports(&format!("\n{text}"), "crates/recipe/src/lib.rs");
+    assert_eq!(imports["C"], "crates/recipe/src");
+    assert_eq!(imports["F"], "crates/sensor/src/noise");
 }

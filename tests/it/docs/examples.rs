@@ -4,7 +4,7 @@ use super::markdown::{Page, commands};
 use super::{pages, probe};
 use crate::support::repository::text_of;
 use crate::support::workspace::Workspace;
-use gs2e::recipe;
+use gs2e_recipe as recipe;
 use serde_json::{Value, json};
 
 /// Keys of `release.yaml` that no recipe has.

@@ -1,4 +1,4 @@
-//! `src/recipe/recipe.schema.json`: the recipe as a JSON Schema, for editors and other programs.
+//! `crates/recipe/src/recipe.schema.json`: the recipe as a JSON Schema, for editors and other programs.
 //!
 //! Names, types and words are those of `docs/recipe.md`. Ranges and forms of single values are read
 //! off the loader, relations between keys are a table.
@@ -11,7 +11,7 @@ use super::recipe_page::{Reference, Words};
 use serde_json::{Map, Value, json};
 
 /// Folder of the declarations of sensors, whose numbers may be laws.
-const SENSORS: &str = "src/recipe/schema/sensor";
+const SENSORS: &str = "crates/recipe/src/schema/sensor";
 
 /// The schema as the file holds it.
 pub(super) fn text(krate: &Crate) -> String {

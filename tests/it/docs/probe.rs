@@ -1,8 +1,9 @@
 //! A recipe with one key under test, and the loader's answer to it.
 
 use crate::support::workspace::Workspace;
-use gs2e::recipe::{self, Recipe, RecipeMeta};
-use gs2e::scene::objects::ObjectSource;
+use gs2e_recipe as recipe;
+use gs2e_recipe::{Recipe, RecipeMeta};
+use gs2e_scene::objects::ObjectSource;
 use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace

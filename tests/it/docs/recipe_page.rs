@@ -224,10 +224,10 @@ impl<'c> Reference<'c> {
 
     /// Keys of limits, with the file that declares each.
     pub(super) fn limits(&self) -> Vec<(String, &'c Member, String)> {
-        let rows = self.krate.text("src/check/table.rs").lines();
+        let rows = self.krate.text("crates/check/src/table.rs").lines();
         let passes = rows.filter_map(|row| row.split_once("(limits ")?.1.split(')').next());
         let keys = passes.flat_map(|pass| {
-            let file = format!("src/check/{pass}.rs");
+            let file = format!("crates/check/src/{pass}.rs");
             let declared = self.krate.named("Limits", &file).expect("every pass has limits");
             declared
                 .members

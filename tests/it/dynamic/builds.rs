@@ -113,9 +113,9 @@ fn recipes_read_files_with_tracks_and_sequences() {
     place.ok("build");
     // The stored scene is itself a file with tracks; its harmonics are read as such only from the store.
     let stored = &steps(&place, "recipes")["tiny/reconstruct"].outputs["scene.ply"];
-    let (scene, tracks) = gs2e::scene::ply::read_tracks(
+    let (scene, tracks) = gs2e_scene::ply::read_tracks(
         &std::fs::read(stored).unwrap(),
-        gs2e::scene::ply::TrackColours::Harmonics,
+        gs2e_scene::ply::TrackColours::Harmonics,
     )
     .unwrap();
     assert_eq!((scene.len(), tracks.len()), (6400, 6400));
@@ -124,7 +124,7 @@ fn recipes_read_files_with_tracks_and_sequences() {
         let mut frame = scene.clone();
         frame.positions.iter_mut().for_each(|p| p[1] += 0.02 * f32::from(k));
         let mut bytes = Vec::new();
-        gs2e::scene::ply::write_ply(&frame, &mut bytes).unwrap();
+        gs2e_scene::ply::write_ply(&frame, &mut bytes).unwrap();
         place.write(&format!("recipes/frames/{k}.ply"), bytes);
     }
     value["source"] = json!("none");

@@ -4,9 +4,9 @@
 use super::single;
 use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
-use gs2e::scene::dynamic::file::read_dynamic;
-use gs2e::scene::dynamic::{SceneSpan, SceneTime};
-use gs2e::scene::{Gaussians, ply, sh};
+use gs2e_scene::dynamic::file::read_dynamic;
+use gs2e_scene::dynamic::{SceneSpan, SceneTime};
+use gs2e_scene::{Gaussians, ply, sh};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -2,10 +2,10 @@
 //! them (docs/design/oracles.md, "clip counts").
 
 use super::{frames, run};
-use gs2e::frames::array::ArrayFrames;
-use gs2e::image::Size;
-use gs2e::sensor::SimulationAccount;
-use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e_image::Size;
+use gs2e_sensor::SimulationAccount;
+use gs2e_sensor::frames::array::ArrayFrames;
+use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
 use std::f64::consts::TAU;
 
 /// A clip's size, number of frames, and grey by column, row and frame.

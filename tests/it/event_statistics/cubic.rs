@@ -2,13 +2,13 @@
 //! convergence, and its delay.
 
 use super::{by_pixel, frames, run};
-use gs2e::event::{Event, Polarity};
-use gs2e::frames::FrameSequence as _;
-use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
-use gs2e::image::Size;
-use gs2e::seed::Seed;
-use gs2e::sensor::SensorModel as _;
-use gs2e::sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_sensor::SensorModel as _;
+use gs2e_sensor::frames::FrameSequence as _;
+use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
 
 const SIZE: Size = Size { width: 8, height: 3 };
 const K2: f64 = 16.0;

@@ -2,16 +2,16 @@
 //! (the oracles rate invariance, noiseless crossings, same bytes and time shift).
 
 use super::{by_pixel, frames, run};
-use gs2e::event::{Event, Polarity};
-use gs2e::frames::FrameSequence;
-use gs2e::frames::array::{ArrayFrames, ArraySamples, FullScale};
-use gs2e::image::{Image, Size};
-use gs2e::seed::Seed;
-use gs2e::sensor::esim::EsimModel;
-use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
-use gs2e::sensor::v2e::{self, LeakNoise, V2eModel};
-use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
-use gs2e::sensor::{SensorChoice, SensorModel};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::esim::EsimModel;
+use gs2e_sensor::frames::FrameSequence;
+use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+use gs2e_sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
+use gs2e_sensor::v2e::{LeakNoise, V2eModel};
+use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::{SensorChoice, SensorModel, v2e};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 

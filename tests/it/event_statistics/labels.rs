@@ -2,14 +2,14 @@
 
 use super::identity::{models, moving};
 use super::{frames, run};
-use gs2e::event::{Event, EventLabel, Polarity};
-use gs2e::frames::array::ArrayFrames;
-use gs2e::image::Size;
-use gs2e::sensor::esim::EsimModel;
-use gs2e::sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
-use gs2e::sensor::v2e::{self, LeakNoise, V2eModel};
-use gs2e::sensor::voltmeter::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
-use gs2e::sensor::{SensorChoice, SensorModel};
+use gs2e_event::{Event, EventLabel, Polarity};
+use gs2e_image::Size;
+use gs2e_sensor::esim::EsimModel;
+use gs2e_sensor::frames::array::ArrayFrames;
+use gs2e_sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e_sensor::v2e::{LeakNoise, V2eModel};
+use gs2e_sensor::voltmeter::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
+use gs2e_sensor::{SensorChoice, SensorModel, v2e};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 

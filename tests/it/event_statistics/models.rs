@@ -2,11 +2,11 @@
 //! and the low-pass filter.
 
 use super::{by_pixel, frames, ks, run};
-use gs2e::event::{Event, Polarity};
-use gs2e::image::Size;
-use gs2e::sensor::esim::{EsimModel, IntensityScale};
-use gs2e::sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
-use gs2e::sensor::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
+use gs2e_sensor::esim::{EsimModel, IntensityScale};
+use gs2e_sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use gs2e_sensor::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
 use std::f64::consts::TAU;
 
 const SIZE: Size = Size { width: 40, height: 25 };
@@ -368,8 +368,8 @@ fn the_cap_fails_by_name_or_keeps_the_first() {
         ..EsimModel::default()
     };
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
-    let seed = gs2e::seed::Seed(1);
-    let failed = gs2e::sensor::simulate_one(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
+    let seed = gs2e_num::seed::Seed(1);
+    let failed = gs2e_sensor::simulate_one(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
     let wanted = "pixel (0, 0) fires more than 100 events between frames 0 and 1 (luminance 0 to 255 of 255)";
     assert_eq!(failed.unwrap_err().to_string(), wanted);
     let (kept, account) = run(&EsimModel { allow_cap: true, ..esim.clone() }, &clip, 1);

@@ -1,7 +1,7 @@
 //! Blurred pictures of the plane: the mean in linear light of three sharp frames.
 
 use super::plane::{POSES, Plane, stamp_us};
-use gs2e::image::{Image, png, srgb};
+use gs2e_image::{Image, png, srgb};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::BufReader;

@@ -4,9 +4,9 @@ use super::Exported;
 use super::arrays::read_npy;
 use super::plane::{self, LATTICE, ODD, POSES, Plane, SIZE, THRESHOLD};
 use glam::{DVec2, DVec3};
-use gs2e::event::{EventSource as _, Polarity, h5};
-use gs2e::image::{Image, png};
-use gs2e::source::colmap::ColmapModel;
+use gs2e_event::{EventSource as _, Polarity, h5};
+use gs2e_image::{Image, png};
+use gs2e_source::colmap::ColmapModel;
 use std::fs::File;
 use std::io::BufReader;
 

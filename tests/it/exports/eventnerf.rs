@@ -119,7 +119,7 @@ fn windows_of_e_3dgs_end_at_the_times_in_their_names() {
     eprintln!("e-3dgs: {rms:.3} RMS, {largest:.2} at most");
     assert!(rms < MOST[0] && largest < MOST[1], "{rms} {largest}");
     let file = std::fs::File::open(exported.path("train/intrinsics/color_mask_undistorted.png")).unwrap();
-    let mask = gs2e::image::png::read_rgb(std::io::BufReader::new(file)).unwrap();
+    let mask = gs2e_image::png::read_rgb(std::io::BufReader::new(file)).unwrap();
     assert!(mask.size() == SIZE && mask.pixels().iter().all(|rgb| *rgb == [255; 3]));
 }
 

@@ -4,7 +4,7 @@
 
 use super::{Exported, plane, samples};
 use crate::support::absent::absent;
-use gs2e::event::Polarity;
+use gs2e_event::Polarity;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -4,8 +4,8 @@ use super::arrays::{read_npy, rows};
 use super::plane::{self, FOCAL, POSES, Plane, SIZE};
 use super::{Exported, refusals, samples};
 use glam::DVec3;
-use gs2e::event::Polarity;
-use gs2e::image::{jpeg, png};
+use gs2e_event::Polarity;
+use gs2e_image::{jpeg, png};
 use std::io::BufReader;
 
 #[test]

@@ -11,9 +11,9 @@ use super::plane::{self, FOCAL, POSES, SIZE, THRESHOLD};
 use super::steps::{Path, Seen, residual};
 use super::{Exported, export};
 use glam::{DQuat, DVec3};
-use gs2e::event::file::{self, EventFormat, ReadHints};
-use gs2e::event::{Event, Polarity};
-use gs2e::image::png;
+use gs2e_event::file::{EventFormat, ReadHints};
+use gs2e_event::{Event, Polarity, file};
+use gs2e_image::png;
 use recording::{Fields, McapFile, Message};
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ const EPOCH_NS: i64 = 1_000_000_000;
 
 /// All events of a file, in its order.
 fn all_events(path: &std::path::Path) -> Vec<Event> {
-    let format = EventFormat::for_path(path, gs2e::event::evt::EvtVersion::Evt2).unwrap();
+    let format = EventFormat::for_path(path, gs2e_event::evt::EvtVersion::Evt2).unwrap();
     let mut opened = file::open(path, format, ReadHints::default()).unwrap();
     let (mut all, mut chunk) = (Vec::new(), Vec::new());
     while opened.source.next_chunk(&mut chunk).unwrap() {

@@ -4,8 +4,8 @@ use super::arrays::{read_npy, rows};
 use super::plane::{self, POSES, Plane, SIZE};
 use super::{Exported, export, samples};
 use crate::release::small;
-use gs2e::event::{Event, Polarity};
-use gs2e::image::{luminance, png};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{luminance, png};
 use rust_hdf5::{H5File, types::HBool};
 use std::io::{BufReader, Read as _};
 

@@ -1,8 +1,7 @@
 //! The layouts for networks: every event is in one window, and both layouts hold the same.
 
 use super::{Exported, arrays, plane};
-use gs2e::event::h5;
-use gs2e::event::{Event, EventSource as _, Polarity};
+use gs2e_event::{Event, EventSource as _, Polarity, h5};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::{Field, Row};
 use serde_json::Value;

@@ -7,15 +7,15 @@
 use super::export;
 use crate::release::small::{gs2e, said};
 use glam::DVec2;
-use gs2e::camera::Camera;
-use gs2e::camera::view::CameraView;
-use gs2e::image::likeness::{mean_square, psnr_db};
-use gs2e::image::{Image, luminance, png};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
-use gs2e::scene;
-use gs2e::se3::Se3;
-use gs2e::source::colmap::ColmapModel;
+use gs2e_image::likeness::{mean_square, psnr_db};
+use gs2e_image::{Image, luminance, png};
+use gs2e_num::se3::Se3;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+use gs2e_scene as scene;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source::colmap::ColmapModel;
 use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::Path;
@@ -51,7 +51,7 @@ fn held_out(export: &Path) -> Vec<(String, Camera, Se3)> {
     let model = ColmapModel::find_model(&export.join("sparse/0")).unwrap();
     let cameras = model.cameras().unwrap();
     let images = model.images().unwrap();
-    let view = |image: &gs2e::source::colmap::ColmapImage| {
+    let view = |image: &gs2e_source::colmap::ColmapImage| {
         let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
         (image.name.clone(), cameras[&image.camera_id].camera, camera_from_world.inverse())
     };

@@ -1,9 +1,9 @@
 //! Forgeries of the data itself: events, pictures and arrays that stay valid in their formats.
 
 use super::super::audit::BASE;
-use gs2e::event::h5::{self, ChunkFilter, H5Options};
-use gs2e::event::{Event, EventSink as _, EventSource as _};
-use gs2e::image::{Image, Size, npy, png};
+use gs2e_event::h5::{ChunkFilter, H5Options};
+use gs2e_event::{Event, EventSink as _, EventSource as _, h5};
+use gs2e_image::{Image, Size, npy, png};
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;
@@ -44,7 +44,7 @@ pub(super) fn delay_one(events: &mut [Event]) {
         .windows(2)
         .position(|pair| us(&pair[1]) > us(&pair[0]) + 1 && (us(&pair[0]) + 1) / 1000 == us(&pair[0]) / 1000);
     let event = &mut events[later.unwrap()];
-    event.t = gs2e::units::Timestamp::from_micros(event.t.floor_micros() + 1);
+    event.t = gs2e_num::units::Timestamp::from_micros(event.t.floor_micros() + 1);
 }
 
 pub(super) fn drop_one(events: &mut Vec<Event>) {

@@ -2,9 +2,9 @@
 //! of its file.
 
 use super::rich::{FileForgery, change, found_in_rounds, judged, released};
-use gs2e::event::h5::{Reader, Writer};
-use gs2e::event::{EventLabel, EventSink as _, EventSource as _, StreamHeader};
-use gs2e::image::npy;
+use gs2e_event::h5::{Reader, Writer};
+use gs2e_event::{EventLabel, EventSink as _, EventSource as _, StreamHeader};
+use gs2e_image::npy;
 use std::fs;
 use std::io::Cursor;
 use std::path::Path;

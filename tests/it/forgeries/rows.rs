@@ -4,8 +4,8 @@ use super::super::audit::{BASE, SCENE};
 use super::Found::{self, Audit, Never, Rebuild};
 use super::{Forgery, data};
 use crate::release::forger::edit;
-use gs2e::event::h5::H5Options;
-use gs2e::image::Size;
+use gs2e_event::h5::H5Options;
+use gs2e_image::Size;
 use serde_json::{Value, json};
 use std::fs;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
@@ -246,7 +246,7 @@ fn statements() -> Vec<Forgery> {
             whole: false,
             ..row("the manifest on one line", Audit("not-composed"), |f| {
                 let path = f.join("manifest.json");
-                let value: gs2e::release::ReleaseManifest =
+                let value: gs2e_release::ReleaseManifest =
                     serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
                 fs::write(path, serde_json::to_vec(&value).unwrap()).unwrap();
             })

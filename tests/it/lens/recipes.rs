@@ -3,10 +3,10 @@
 use super::{CAMERA, RADIAL, differences, radial, ray_of, seen};
 use crate::support::workspace::Workspace;
 use glam::DVec3;
-use gs2e::image::{npy, png};
-use gs2e::source::LensModel;
-use gs2e::source::undistort::undistort_photo;
-use gs2e::trajectory::Trajectory;
+use gs2e_image::{npy, png};
+use gs2e_source::LensModel;
+use gs2e_source::undistort::undistort_photo;
+use gs2e_trajectory::Trajectory;
 use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{BufReader, Cursor};

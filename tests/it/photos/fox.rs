@@ -6,12 +6,12 @@ use super::{colmap_is_there, programs};
 use crate::support::absent::runs_slow_tests;
 use crate::support::shared;
 use crate::support::workspace::Workspace;
-use gs2e::foreign::align::{CameraPair, pose_distances};
-use gs2e::foreign::photos::solve_photos;
-use gs2e::reconstruct::ProgramWorkspace;
-use gs2e::se3::Se3;
-use gs2e::source::colmap::ColmapModel;
-use gs2e::source::solving::PoseSolving;
+use gs2e_num::se3::Se3;
+use gs2e_source::colmap::ColmapModel;
+use gs2e_source::foreign::align::{CameraPair, pose_distances};
+use gs2e_source::foreign::photos::solve_photos;
+use gs2e_source::reconstruct::ProgramWorkspace;
+use gs2e_source::solving::PoseSolving;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -55,10 +55,10 @@ fn photos_of(folder: &Path) -> Vec<(String, PathBuf)> {
 /// square distance from their mean.
 fn differences(found: &Path, given: &Path) -> [Vec<f64>; 2] {
     let [found, given] = [found, given].map(|path| ColmapModel::find_model(path).unwrap().images().unwrap());
-    let pose = |image: &gs2e::source::colmap::ColmapImage| {
+    let pose = |image: &gs2e_source::colmap::ColmapImage| {
         Se3 { rotation: image.rotation.rotation, translation: image.translation }.inverse()
     };
-    let pair = |stated: &gs2e::source::colmap::ColmapImage| {
+    let pair = |stated: &gs2e_source::colmap::ColmapImage| {
         let found = found.iter().find(|image| image.name == stated.name)?;
         Some(CameraPair { stated: pose(stated), found: pose(found) })
     };

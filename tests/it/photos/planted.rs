@@ -3,8 +3,8 @@
 
 use crate::support::workspace::Workspace;
 use glam::{DMat3, DQuat, DVec3};
-use gs2e::image::{Image, Size, png};
-use gs2e::se3::Se3;
+use gs2e_image::{Image, Size, png};
+use gs2e_num::se3::Se3;
 use std::path::PathBuf;
 
 /// Focal length of the cameras, px.
@@ -60,7 +60,7 @@ impl Corner {
             let [x, y] = [x as f64 + 0.5 - 160.0, y as f64 + 0.5 - 120.0];
             let ray = pose.rotation * DVec3::new(x, y, FOCAL_PX);
             let [r, g, b] = self.colour(pose.translation, ray);
-            [r, g, b].map(gs2e::image::to_byte)
+            [r, g, b].map(gs2e_image::to_byte)
         };
         Image::from_vec(size, (0..size.pixels()).map(pixel).collect())
     }

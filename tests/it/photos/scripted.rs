@@ -4,11 +4,11 @@
 use super::planted;
 use crate::support::workspace::{Ended, Workspace};
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::image::Size;
-use gs2e::se3::Se3;
-use gs2e::source::colmap::ColmapPoint;
-use gs2e::source::colmap::write::{WrittenImage, write_model};
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_source::colmap::ColmapPoint;
+use gs2e_source::colmap::write::{WrittenImage, write_model};
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt as _;
 

@@ -4,10 +4,10 @@ use super::planted::Corner;
 use crate::programs::programs;
 use crate::support::absent::absent;
 use crate::support::workspace::Workspace;
-use gs2e::foreign::versions;
-use gs2e::foreign::video::{FrameError, TakenFrames, take_frames};
-use gs2e::reconstruct::ProgramWorkspace;
-use gs2e::source::solving::FramePicking;
+use gs2e_source::foreign::versions;
+use gs2e_source::foreign::video::{FrameError, TakenFrames, take_frames};
+use gs2e_source::reconstruct::ProgramWorkspace;
+use gs2e_source::solving::FramePicking;
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
@@ -27,7 +27,7 @@ fn film(place: &Workspace, frames: usize) -> Vec<Vec<[u8; 3]>> {
         let from = if k == 8 { place.path("grey.png") } else { photos[k % photos.len()].1.clone() };
         let bytes = fs::read(from).unwrap();
         place.write(&format!("film/{k}.png"), &bytes);
-        pixels.push(gs2e::image::png::read_rgb(std::io::Cursor::new(bytes)).unwrap().into_pixels());
+        pixels.push(gs2e_image::png::read_rgb(std::io::Cursor::new(bytes)).unwrap().into_pixels());
     }
     let encoded = Command::new("ffmpeg")
         .args([
@@ -80,7 +80,7 @@ fn every_nth_frame_is_taken_and_blurred_ones_are_dropped() {
         assert_eq!(taken.kept, wanted.len());
         for k in wanted {
             let bytes = fs::read(place.path(&format!("frames/{k:06}.png"))).unwrap();
-            let frame = gs2e::image::png::read_rgb(std::io::Cursor::new(bytes)).unwrap();
+            let frame = gs2e_image::png::read_rgb(std::io::Cursor::new(bytes)).unwrap();
             assert!(frame.pixels() == pixels[*k], "frame {k}");
         }
     };
@@ -172,7 +172,10 @@ fn a_stopped_video_ends() {
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| false, programs: &programs };
     let taken = take_frames(&place.path("film.mkv"), FramePicking::default(), (&folder, 3), workspace);
-    assert!(matches!(taken, Err(FrameError::Program(gs2e::foreign::ForeignError::Stopped))), "{taken:?}");
+    assert!(
+        matches!(taken, Err(FrameError::Program(gs2e_source::foreign::ForeignError::Stopped))),
+        "{taken:?}"
+    );
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The files that are read, their order, and their defaults.
 
-use gs2e::recipe::{OutputKind, Recipe, read_all, read_release, read_sources};
+use gs2e_recipe::{OutputKind, Recipe, read_all, read_release, read_sources};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -148,7 +148,7 @@ fn files_of_comments_have_no_effect() {
     let root = folder(&files);
     let paths = [root.path().to_owned()];
     assert_eq!(seeds(&read(root.path(), &[""])), [("a", 0)]);
-    assert_eq!(read_release(&paths).unwrap(), gs2e::recipe::ReleaseInfo::default());
+    assert_eq!(read_release(&paths).unwrap(), gs2e_recipe::ReleaseInfo::default());
     assert!(read_sources(&paths).unwrap().is_empty());
 }
 

@@ -1,26 +1,26 @@
 //! One meaning has many spellings, and numbers have exactly their written value.
 
 use super::{read, recipe, said, snapshot, sound};
-use gs2e::recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
-use gs2e::render::RenderRules;
-use gs2e::sensor::esim::{EsimModel, IntensityScale};
-use gs2e::sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
-use gs2e::sensor::latency::PixelLatency;
-use gs2e::sensor::noise::{
+use gs2e_num::units::Ratio;
+use gs2e_recipe::{OutputKind, ReconstructMethod, SceneSource, UpstreamOrigin};
+use gs2e_render::RenderRules;
+use gs2e_sensor::esim::{EsimModel, IntensityScale};
+use gs2e_sensor::front_end::{ChannelDecode, FrontEnd, GreyRange, LuminanceWeights};
+use gs2e_sensor::latency::PixelLatency;
+use gs2e_sensor::noise::{
     FloorPoint, HotPixelNoise, NoiseFloor, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch,
 };
-use gs2e::sensor::readout::{ArbiterOrder, ReadoutBus};
-use gs2e::sensor::v2e::{self, FilterSteps, LeakNoise, V2eModel};
-use gs2e::sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
-use gs2e::sensor::{SensorChoice, SensorSet};
-use gs2e::source::DiskCapture;
-use gs2e::source::kind::CaptureKind;
-use gs2e::trajectory::path::CameraPath;
-use gs2e::trajectory::refine::{RefinePath, TranslationScale};
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::units::Ratio;
+use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
+use gs2e_sensor::v2e::{FilterSteps, LeakNoise, V2eModel};
+use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::{SensorChoice, SensorSet, v2e};
+use gs2e_source::DiskCapture;
+use gs2e_source::kind::CaptureKind;
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::refine::{RefinePath, TranslationScale};
+use gs2e_trajectory::travel::PoseCount;
 
-fn voltmeter(recipe: gs2e::recipe::Recipe) -> VoltmeterModel {
+fn voltmeter(recipe: gs2e_recipe::Recipe) -> VoltmeterModel {
     match recipe.sensors {
         SensorSet::One(SensorChoice::Voltmeter(voltmeter)) => voltmeter,
         other => panic!("{other:?}"),
@@ -28,7 +28,7 @@ fn voltmeter(recipe: gs2e::recipe::Recipe) -> VoltmeterModel {
 }
 
 /// The path of the first trajectory.
-fn refined(recipe: &gs2e::recipe::Recipe) -> &RefinePath {
+fn refined(recipe: &gs2e_recipe::Recipe) -> &RefinePath {
     match &recipe.trajectories[0].path {
         CameraPath::Refine(refine) => refine,
         other => panic!("{other:?}"),
@@ -164,7 +164,7 @@ fn paths_start_at_the_file_that_names_them() {
     );
     write("sub/a.yaml", "version: 1\nscene: a\nsource: { colmap: { path: ../capture } }\n");
     write("sub/b.yaml", "version: 1\nscene: b\nsource: { nerfstudio: { path: /abs/transforms.json } }\n");
-    let recipes = gs2e::recipe::read_all(&[root.path().to_owned()]).unwrap();
+    let recipes = gs2e_recipe::read_all(&[root.path().to_owned()]).unwrap();
     let whole =
         |kind, path| SceneSource::Captured(DiskCapture::all_views(kind, path), UpstreamOrigin::default());
     assert_eq!(recipes[0].source, whole(CaptureKind::Colmap, root.path().join("sub/../capture")));
@@ -417,7 +417,7 @@ fn a_preset_stands_above_the_defaults_of_the_folder() {
         "r/b.yaml",
         "version: 1\nscene: b\nsource: { procedural: {} }\ntrajectories: [{ name: base, refine: {} }]\n",
     );
-    let recipes = gs2e::recipe::read_all(&[place.path("r")]).unwrap();
+    let recipes = gs2e_recipe::read_all(&[place.path("r")]).unwrap();
     let merged = |i: usize| &recipes[i].meta.merged;
     assert_eq!(merged(0)["sampling"]["tolerance"], serde_json::Value::Null);
     assert_eq!(

@@ -1,7 +1,7 @@
 //! A recipe of any bytes is either read or refused with a place, and never causes a panic.
 
 use crate::support::absent::is_thorough;
-use gs2e::recipe::{RecipeFaults, read_all};
+use gs2e_recipe::{RecipeFaults, read_all};
 use proptest::prelude::{Just, Strategy, any, prop, prop_oneof};
 use proptest::test_runner::{Config, TestRunner};
 use std::ops::Range;

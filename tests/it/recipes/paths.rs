@@ -2,22 +2,22 @@
 
 use super::{recipe, said};
 use glam::{DQuat, DVec3};
-use gs2e::camera::{Camera, CameraChoice, PrincipalPoint};
-use gs2e::image::Size;
-use gs2e::recipe::{Recipe, SceneSource, TrajectoryRecipe, find_edits};
-use gs2e::seed::{Seed, StreamPurpose};
-use gs2e::speed::function::SpeedExpression;
-use gs2e::speed::list::SpeedLevels;
-use gs2e::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
-use gs2e::trajectory::curve::CurveKind;
-use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
-use gs2e::trajectory::novel::{GroupCurve, NovelGroup};
-use gs2e::trajectory::orbit::OrbitPath;
-use gs2e::trajectory::path::CameraPath;
-use gs2e::trajectory::refine::{RefinePath, TranslationScale};
-use gs2e::trajectory::sample::SummationRule;
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::units::Ratio;
+use gs2e_image::Size;
+use gs2e_num::seed::{Seed, StreamPurpose};
+use gs2e_num::units::Ratio;
+use gs2e_recipe::{Recipe, SceneSource, TrajectoryRecipe, find_edits};
+use gs2e_scene::camera::{Camera, CameraChoice, PrincipalPoint};
+use gs2e_trajectory::curve::CurveKind;
+use gs2e_trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use gs2e_trajectory::novel::{GroupCurve, NovelGroup};
+use gs2e_trajectory::orbit::OrbitPath;
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::refine::{RefinePath, TranslationScale};
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::function::SpeedExpression;
+use gs2e_trajectory::speed::list::SpeedLevels;
+use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
+use gs2e_trajectory::travel::PoseCount;
 
 /// A procedural recipe with these trajectories, a list in flow style. Checks that its merged form
 /// means the same.

@@ -1,9 +1,9 @@
 //! A careful forger: rewrites every digest in a release after a change, so that only the files'
 //! contents show it.
 
-use gs2e::release::{ManifestFile, ManifestScene, ReleaseManifest, SceneRecord};
-use gs2e::store::Digest;
-use gs2e::store::record::{StoredOutput, content_digest};
+use gs2e_release::{ManifestFile, ManifestScene, ReleaseManifest, SceneRecord};
+use gs2e_store::Digest;
+use gs2e_store::record::{StoredOutput, content_digest};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -34,8 +34,8 @@ pub(crate) fn edit(folder: &Path, path: &str, change: impl FnOnce(&mut Value)) {
     let written = match path.rsplit('/').next().unwrap() {
         "manifest.json" => write_as::<ReleaseManifest>(&place, &value),
         "scene.json" => write_as::<SceneRecord>(&place, &value),
-        "checks.json" => write_as::<Vec<gs2e::check::Finding>>(&place, &value),
-        "speed.json" => write_as::<gs2e::trajectory::report::SpeedReport>(&place, &value),
+        "checks.json" => write_as::<Vec<gs2e_check::Finding>>(&place, &value),
+        "speed.json" => write_as::<gs2e_trajectory::report::SpeedReport>(&place, &value),
         _ => false,
     };
     if !written {

@@ -49,10 +49,10 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
 fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let holder = gs2e::store::StoreLock::take_temporary(
+    let holder = gs2e_store::StoreLock::take_temporary(
         &path,
         &path,
-        (&gs2e::store::LockClaim { command: "gs2e release".into(), ..Default::default() }, false),
+        (&gs2e_store::LockClaim { command: "gs2e release".into(), ..Default::default() }, false),
         &false.into(),
         &mut |_| {},
     );
@@ -85,9 +85,9 @@ fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, Str
 fn an_interrupt_while_waiting_ends_it() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let claim = (&gs2e::store::LockClaim::default(), false);
+    let claim = (&gs2e_store::LockClaim::default(), false);
     let _holder =
-        gs2e::store::StoreLock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
+        gs2e_store::StoreLock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));

@@ -3,9 +3,9 @@
 use super::{ALL_RULES, by_gpu, images, moving, style};
 use crate::support::gaussians::{OFFICIAL, blob_crowd, blob_scene, view_ahead};
 use crate::support::gpu;
-use gs2e::gpu::{GpuFeature, GpuRenderer, TimedStage};
-use gs2e::render::cpu::CpuRenderer;
-use gs2e::render::{ChannelSet, RenderedImages, Renderer as _};
+use gs2e_gpu::{GpuFeature, GpuRenderer, TimedStage};
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, RenderedImages, Renderer as _};
 use std::sync::Arc;
 
 /// Enough for several blocks of each sort, and several groups of each scan.

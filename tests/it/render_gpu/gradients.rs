@@ -12,14 +12,14 @@ use crate::support::absent::is_thorough;
 use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, view_ahead};
 use crate::support::gpu;
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::camera::view::CameraView;
-use gs2e::gpu::{GpuDevice, GpuGradientRenderer};
-use gs2e::image::Size;
-use gs2e::render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
-use gs2e::render::{LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
-use gs2e::scene::{Gaussians, SceneScreening};
-use gs2e::se3::Se3;
+use gs2e_gpu::{GpuDevice, GpuGradientRenderer};
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
+use gs2e_render::{LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::{Gaussians, SceneScreening};
 use std::array::from_fn;
 
 fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {

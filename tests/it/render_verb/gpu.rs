@@ -3,7 +3,7 @@
 use super::{RIGHT, npy, workspace};
 use crate::support::gpu;
 use crate::support::workspace::{Ended, Workspace};
-use gs2e::event::{EventSource as _, h5};
+use gs2e_event::{EventSource as _, h5};
 use serde_json::Value;
 use std::fs;
 

@@ -2,7 +2,7 @@
 
 use super::{SCENES, count, files_below, place, releases_equal, start, states};
 use crate::support::workspace::Workspace;
-use gs2e::store::{Store, StoreAccess};
+use gs2e_store::{Store, StoreAccess};
 use std::path::Path;
 
 /// Below this size files stay.

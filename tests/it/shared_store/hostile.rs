@@ -2,8 +2,8 @@
 
 use super::{count, files_below, place, start, states};
 use crate::support::workspace::Workspace;
-use gs2e::store::Digest;
-use gs2e::store::record::StepRecord;
+use gs2e_store::Digest;
+use gs2e_store::record::StepRecord;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use serde_json::{Value, json};
 use std::fs;

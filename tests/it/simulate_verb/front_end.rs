@@ -2,13 +2,13 @@
 
 use super::{COUNT, RIGHT, SHAPE, SIZE, STAMPS_US, as_lines, greys, lines, npy, workspace};
 use crate::support::workspace::Workspace;
-use gs2e::event::Event;
-use gs2e::frames::DenseFrame;
-use gs2e::frames::array::{ArrayFrames, ArraySamples};
-use gs2e::image::{Image, png};
-use gs2e::seed::Seed;
-use gs2e::sensor::simulate_one;
-use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_event::Event;
+use gs2e_image::{Image, png};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+use gs2e_sensor::simulate_one;
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::fs::{self, File};
 use std::ops::ControlFlow;

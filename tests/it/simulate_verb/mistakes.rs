@@ -2,9 +2,9 @@
 
 use super::{COUNT, RIGHT, SHAPE, STAMPS_US, as_lines, by_library, greys, lines, npy, workspace};
 use crate::support::workspace::{Workspace, tree};
-use gs2e::event::Event;
-use gs2e::image::{Image, Size, png};
-use gs2e::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_event::Event;
+use gs2e_image::{Image, Size, png};
+use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, File};

@@ -2,7 +2,7 @@
 
 use super::shared;
 use crate::support::absent::absent;
-use gs2e::source::colmap;
+use gs2e_source::colmap;
 use std::path::Path;
 use std::process::Command;
 

@@ -3,10 +3,10 @@
 
 use super::planted::{Camera, Image, Planted};
 use crate::support::gaussians::{ColourBlob, OFFICIAL, blob_crowd, blob_scene, render};
-use gs2e::camera::view::CameraView;
-use gs2e::render::RenderedImages;
-use gs2e::scene::Gaussians;
-use gs2e::source::{Capture, colmap, nerfstudio};
+use gs2e_render::RenderedImages;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_source::{Capture, colmap, nerfstudio};
 use serde_json::{Value, json};
 
 /// A camera with an off-centre principal point, turned by 10 degrees about y, 4 units back.

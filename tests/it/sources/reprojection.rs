@@ -3,7 +3,7 @@
 
 use super::planted::{Camera, Image, Planted};
 use super::shared;
-use gs2e::source::colmap::{ColmapModel, ReprojectionStats};
+use gs2e_source::colmap::{ColmapModel, ReprojectionStats};
 use std::path::Path;
 
 /// Images at x = 0, 0.1, 0.2, … that look along z through `camera`.

@@ -3,8 +3,8 @@
 use super::planted::model;
 use super::{shared, size};
 use glam::{DQuat, DVec3};
-use gs2e::camera::Camera;
-use gs2e::source::{Capture, CapturedView, LensModel, SourceError, colmap, nerfstudio};
+use gs2e_scene::camera::Camera;
+use gs2e_source::{Capture, CapturedView, LensModel, SourceError, colmap, nerfstudio};
 use serde_json::{Value, json};
 
 #[test]

@@ -6,9 +6,9 @@
 
 use super::shared;
 use crate::support::absent::absent;
-use gs2e::image::{Image, jpeg, png};
-use gs2e::source::undistort::undistort_photo;
-use gs2e::source::{CapturedView, colmap};
+use gs2e_image::{Image, jpeg, png};
+use gs2e_source::undistort::undistort_photo;
+use gs2e_source::{CapturedView, colmap};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
 use std::path::Path;

@@ -1,14 +1,14 @@
 //! Plausible formulas in common use: each misses its row.
 
 use glam::{DQuat, DVec3};
-use gs2e::event::Polarity;
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::exp_vector;
-use gs2e::seed::CellDraws;
-use gs2e::study::stress::splat::scenes::{self, NeedleGaussian};
-use gs2e::study::stress::splat::{FloatPrecision, judge_needles};
-use gs2e::study::stress::{CaseResult, clock, sensor, splat, trajectory};
-use gs2e::trajectory::curve::CurveKind;
+use gs2e_event::Polarity;
+use gs2e_lab::stress::splat::scenes::NeedleGaussian;
+use gs2e_lab::stress::splat::{FloatPrecision, judge_needles, scenes};
+use gs2e_lab::stress::{CaseResult, clock, sensor, splat, trajectory};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::seed::CellDraws;
+use gs2e_trajectory::curve::CurveKind;
 
 fn misses(found: &CaseResult, what: &str) {
     println!("{what}: {:e} of {:e}, {}", found.worst.error, found.worst.limit, found.at);
@@ -119,8 +119,8 @@ fn slerps() {
 #[test]
 fn every_row_that_bites_is_one_of_the_table() {
     let stage =
-        splat::SplatBench { backends: vec![("cpu", Ok(gs2e::render::backend::Backend::Cpu))], scene: None };
-    let all = gs2e::study::stress::StressArea::ALL.map(|area| gs2e::study::stress::area_cases(area, &stage));
+        splat::SplatBench { backends: vec![("cpu", Ok(gs2e_render::backend::Backend::Cpu))], scene: None };
+    let all = gs2e_lab::stress::StressArea::ALL.map(|area| gs2e_lab::stress::area_cases(area, &stage));
     let names: Vec<&str> = all.iter().flatten().map(|case| case.name).collect();
     for name in [
         "polarity",

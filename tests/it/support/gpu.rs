@@ -1,7 +1,7 @@
 //! The GPU that tests render on: any GPU, also one in software.
 
 use super::absent::absent;
-use gs2e::gpu::{DeviceChoice, FeatureSet, GpuDevice, GpuFeature};
+use gs2e_gpu::{DeviceChoice, FeatureSet, GpuDevice, GpuFeature};
 
 /// A GPU. Without one, the test is reported as not run and this is `None`; with `REQUIRE_GPU=1`
 /// that is a failure.

@@ -1,7 +1,7 @@
 //! The scenes of the golden renders.
 
 use glam::DVec3;
-use gs2e::scene::{Gaussians, SceneScreening};
+use gs2e_scene::{Gaussians, SceneScreening};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! A plan as the program prints it, and the smallest complete recipe.
 
 use super::workspace::Workspace;
-use gs2e::store::Digest;
+use gs2e_store::Digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -8,9 +8,9 @@
 //! their own, and are listed here.
 
 use super::source::{Source, crate_sources};
-use gs2e::recipe::OutputKind;
-use gs2e::sensor::SensorChoice;
-use gs2e::source::kind::CaptureKind;
+use gs2e_recipe::OutputKind;
+use gs2e_sensor::SensorChoice;
+use gs2e_source::kind::CaptureKind;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Files that a new member of a family has to touch, apart from its own and its `mod` line.
@@ -39,32 +39,40 @@ fn families() -> [Family; 3] {
             name: "sensors",
             enums: &["SensorChoice", "SensorSection"],
             members: SensorChoice::FAMILY.map(|facts| facts.name).to_vec(),
-            own: &["src/sensor/{}.rs", "src/recipe/schema/sensor/{}.rs"],
-            quoted_in: &["src"],
+            own: &["crates/sensor/src/{}.rs", "crates/recipe/src/schema/sensor/{}.rs"],
+            quoted_in: &["crates", "src"],
             needed: &[
-                ("src/sensor/choice.rs", "the variant, and the one match over the family"),
-                ("src/recipe/schema/sensor.rs", "its keys in a recipe"),
-                ("src/recipe/resolve/sensor.rs", "defaults and ranges of the keys"),
+                ("crates/sensor/src/choice.rs", "the variant, and the one match over the family"),
+                ("crates/recipe/src/schema/sensor.rs", "its keys in a recipe"),
+                ("crates/recipe/src/resolve/sensor.rs", "defaults and ranges of the keys"),
                 // The fourth. A law of drift is part of the check, which knows the sensor; the sensor
                 // does not know checks. It goes when the law becomes an answer of the model.
-                ("src/check/drift.rs", "the drift that the check expects"),
+                ("crates/check/src/drift.rs", "the drift that the check expects"),
             ],
-            special: &[("src/sensor/named.rs", "presets of models, and one model that needs no preset")],
+            special: &[("crates/sensor/src/named.rs", "presets, and one model that needs none")],
         },
         Family {
             name: "captures",
             enums: &["CaptureKind", "SourceSection"],
             members: CaptureKind::ALL.map(CaptureKind::name).to_vec(),
-            own: &["src/source/{}.rs"],
-            quoted_in: &["src/recipe", "src/source", "src/licence.rs", "src/release", "src/plan"],
+            own: &["crates/source/src/{}.rs"],
+            quoted_in: &[
+                "crates/recipe/src",
+                "crates/source/src",
+                "crates/source/src/licence.rs",
+                "crates/release/src",
+                "crates/build/src/plan",
+            ],
             needed: &[
-                ("src/source/kind.rs", "the variant, and the one match over the family"),
-                ("src/recipe/schema/source.rs", "its key in a recipe"),
+                ("crates/source/src/kind.rs", "the variant, and the one match over the family"),
+                ("crates/recipe/src/schema/source.rs", "its key in a recipe"),
             ],
             special: &[
-                ("src/source/dl3dv.rs", "folders of the dataset have the names of two kinds"),
-                ("src/recipe/context/include.rs", "`colmap` is also a format of exports"),
-                ("src/release", "`model` is also the model of a sensor"),
+                ("crates/source/src/dl3dv.rs", "folders of the dataset have the names of two kinds"),
+                ("crates/recipe/src/context/include.rs", "`colmap` is also a format of exports"),
+                ("crates/release/src", "`model` is also the model of a sensor"),
+                ("crates/source/src/foreign", "`colmap` is also a program"),
+                ("crates/source/src/licence", "terms of one dataset"),
             ],
         },
         Family {
@@ -73,21 +81,21 @@ fn families() -> [Family; 3] {
             members: OutputKind::ALL.map(OutputKind::name).to_vec(),
             own: &[],
             // `events` and `depth` are quantities elsewhere.
-            quoted_in: &["src/recipe", "src/plan"],
+            quoted_in: &["crates/recipe/src", "crates/build/src/plan"],
             needed: &[
                 // An output with settings has a key in `recipe/schema.rs` too, and `gs2e.py` has a
                 // function that loads it; neither names a variant.
-                ("src/recipe/output.rs", "the variant, its name and its settings"),
-                ("src/plan/wire.rs", "its step"),
-                ("src/release/products/outputs.rs", "its row in the catalogue of a release"),
+                ("crates/recipe/src/output.rs", "the variant, its name and its settings"),
+                ("crates/build/src/plan/wire.rs", "its step"),
+                ("crates/release/src/products/outputs.rs", "its row in the catalogue of a release"),
             ],
             special: &[
-                ("src/recipe/canonical/trajectory.rs", "`flow` is also a form of speed"),
-                ("src/recipe/resolve/lights.rs", "`depth` is also that of a modulation"),
-                ("src/plan/edits.rs", "the steps that more than their own section decides"),
-                ("src/release/recheck", "checks of a release read its pictures"),
+                ("crates/recipe/src/canonical/trajectory.rs", "`flow` is also a form of speed"),
+                ("crates/recipe/src/resolve/lights.rs", "`depth` is also that of a modulation"),
+                ("crates/build/src/plan/edits.rs", "the steps that more than their own section decides"),
+                ("crates/release/src/recheck", "checks of a release read its pictures"),
                 (
-                    "src/release/audit/again/products.rs",
+                    "crates/release/src/audit/again/products.rs",
                     "these follow from the recipe, the poses and the depth",
                 ),
             ],
@@ -171,17 +179,17 @@ fn a_new_member_touches_few_files() {
 fn a_new_check_touches_few_files() {
     let sources = crate_sources();
     let named = |source: &Source, check: &str| {
-        let own = format!("src/check/{check}.rs");
+        let own = format!("crates/check/src/{check}.rs");
         !source.is_in(&[&own]) && (source.code.contains(&format!("mod {check};")) || quotes(source, check))
     };
-    let in_every = |source: &&Source| gs2e::check::NAMES.iter().all(|check| named(source, check));
+    let in_every = |source: &&Source| gs2e_check::NAMES.iter().all(|check| named(source, check));
     let needed: Vec<&str> = sources.iter().filter(in_every).map(|source| source.path.as_str()).collect();
     assert!(!needed.is_empty() && needed.len() <= MOST, "{needed:?}");
 }
 
 #[test]
 fn variants_are_found_in_code_alone() {
-    let code = |text: &str| Source::new("src/sensor.rs", text);
+    let code = |text: &str| Source::new("crates/sensor/src/lib.rs", text);
     let t = |text: &str| names_variant(&code(text).code, "SensorChoice", "Esim");
     assert!(t("let a = SensorChoice::Esim(b);"));
     assert!(t("pub enum SensorChoice {\n    Voltmeter,\n    Esim(EsimModel),\n}"));

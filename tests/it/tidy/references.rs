@@ -5,7 +5,7 @@ use super::source::{Source, root};
 use std::path::Path;
 
 /// Folders whose files are named by their path from the repository's root.
-const FOLDERS: [&str; 6] = ["docs/", "src/", "tests/", "benches/", "xtask/", "manifests/"];
+const FOLDERS: [&str; 7] = ["crates/", "docs/", "src/", "tests/", "benches/", "xtask/", "manifests/"];
 
 /// Kinds of text that are read.
 const KINDS: [&str; 7] = [".rs", ".md", ".wgsl", ".py", ".toml", ".yaml", ".ci/run"];

@@ -12,28 +12,34 @@ type Place = (&'static str, &'static str);
 
 /// The calls that delete. Only one file has them.
 const DELETING: [&str; 4] = ["remove_file(", "remove_dir(", "remove_dir_all(", "unlinkat("];
-const REMOVAL: &str = "src/files/removal.rs";
+const REMOVAL: &str = "crates/files/src/removal.rs";
 
 /// The callers of the function that deletes.
 const CALLERS: &[Place] = &[
     ("src/cli/init/write.rs", "the list of rejected scenes, known by its first line"),
-    ("src/event/h5/writer.rs", "the file that this writer created"),
-    ("src/event/npz/writer.rs", "the files that this writer created"),
-    ("src/export/npy.rs", "a spool of an archive, in the hidden folder of the export"),
-    ("src/export/tree.rs", "a hidden folder whose name cannot be guessed, with the text of an export in it"),
-    ("src/files/below.rs", "a part that this call created"),
-    ("src/files/rename.rs", "a part with a name of this process"),
-    ("src/frames/kept.rs", "a fresh file in a store"),
-    ("src/release/removal.rs", "files of a release, by a list with their bytes or sizes; empty folders"),
-    ("src/release/target.rs", "empty folders that this claim made"),
-    ("src/release/tree.rs", "a file of the tree that this process writes, in a folder of its own"),
-    ("src/release/work.rs", "the two lists of a work folder, and the empty folder"),
-    ("src/run/kept.rs", "a fresh file in a store"),
-    ("src/stage/context.rs", "the folder that this step made in its workspace"),
-    ("src/stage/reconstruct/command.rs", "the folder that this step made in its workspace"),
-    ("src/store/fs.rs", "files of a store, below a folder with its marker"),
-    ("src/store/link_tree.rs", "links into this store"),
-    ("src/store/lock.rs", "the lock that this process holds"),
+    ("crates/event/src/h5/writer.rs", "the file that this writer created"),
+    ("crates/event/src/npz/writer.rs", "the files that this writer created"),
+    ("crates/export/src/npy.rs", "a spool of an archive, in the hidden folder of the export"),
+    (
+        "crates/export/src/tree.rs",
+        "a hidden folder whose name cannot be guessed, with the text of an export in it",
+    ),
+    ("crates/files/src/below.rs", "a part that this call created"),
+    ("crates/files/src/rename.rs", "a part with a name of this process"),
+    ("crates/sampling/src/kept.rs", "a fresh file in a store"),
+    (
+        "crates/release/src/removal.rs",
+        "files of a release, by a list with their bytes or sizes; empty folders",
+    ),
+    ("crates/release/src/target.rs", "empty folders that this claim made"),
+    ("crates/release/src/tree.rs", "a file of the tree that this process writes, in a folder of its own"),
+    ("crates/release/src/work.rs", "the two lists of a work folder, and the empty folder"),
+    ("crates/build/src/run/kept.rs", "a fresh file in a store"),
+    ("crates/build/src/stage/context.rs", "the folder that this step made in its workspace"),
+    ("crates/build/src/stage/reconstruct/command.rs", "the folder that this step made in its workspace"),
+    ("crates/store/src/fs.rs", "files of a store, below a folder with its marker"),
+    ("crates/store/src/link_tree.rs", "links into this store"),
+    ("crates/store/src/lock.rs", "the lock that this process holds"),
 ];
 
 /// The calls that can replace or truncate a file.
@@ -42,25 +48,25 @@ const REPLACING: [&str; 6] =
 
 /// The places that have them. A name that ends with `/` stands for the files of a folder.
 const WRITERS: &[Place] = &[
-    ("src/artifact.rs", "the workspace of a step"),
+    ("crates/build/src/artifact.rs", "the workspace of a step"),
     ("src/cli/study/meter.rs", "a file of the kernel"),
-    ("src/event/aedat4/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
-    ("src/event/evt/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
-    ("src/event/npz/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
-    ("src/event/text/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
-    ("src/export/tree.rs", "the move of a hidden folder to a free place"),
-    ("src/files/rename.rs", "the one rename"),
-    ("src/foreign/", "a folder that this process made for another program"),
-    ("src/reconstruct/command.rs", "the log of a step, in the store"),
-    ("src/reconstruct/layout.rs", "a folder that this step made for another program"),
-    ("src/release/signature.rs", "the signature, in the work folder of the release"),
-    ("src/release/tree.rs", "the work folder of the release"),
-    ("src/release/work/swap.rs", "the swap of a release with a folder that this program wrote"),
-    ("src/source/colmap/", "a folder that this step made"),
-    ("src/stage/", "the workspace of a step"),
-    ("src/store/fs.rs", "files of a store, below a folder with its marker"),
-    ("src/store/lock.rs", "the lock that this process holds"),
-    ("src/store/shared/bucket.rs", "a fresh file in a store"),
+    ("crates/event/src/aedat4/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("crates/event/src/evt/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("crates/event/src/npz/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("crates/event/src/text/writer.rs", "a part of `write_by_rename`, or the workspace of a step"),
+    ("crates/export/src/tree.rs", "the move of a hidden folder to a free place"),
+    ("crates/files/src/rename.rs", "the one rename"),
+    ("crates/source/src/foreign/", "a folder that this process made for another program"),
+    ("crates/source/src/reconstruct/command.rs", "the log of a step, in the store"),
+    ("crates/source/src/reconstruct/layout.rs", "a folder that this step made for another program"),
+    ("crates/release/src/signature.rs", "the signature, in the work folder of the release"),
+    ("crates/release/src/tree.rs", "the work folder of the release"),
+    ("crates/release/src/work/swap.rs", "the swap of a release with a folder that this program wrote"),
+    ("crates/source/src/colmap/", "a folder that this step made"),
+    ("crates/build/src/stage/", "the workspace of a step"),
+    ("crates/store/src/fs.rs", "files of a store, below a folder with its marker"),
+    ("crates/store/src/lock.rs", "the lock that this process holds"),
+    ("crates/store/src/shared/bucket.rs", "a fresh file in a store"),
 ];
 
 /// Deletions outside of the one function, its unlisted callers, unlisted replacements, and list entries

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 /// One file of the repository.
+#[derive(Clone)]
 pub(super) struct Source {
     /// Path from the repository's root, `/`-separated.
     pub(super) path: String,
@@ -20,16 +21,15 @@ impl Source {
         Self { path: path.to_owned(), text: text.to_owned(), code }
     }
 
-    /// The path of this module from the crate's root: `["scene", "ply"]` for `src/scene/ply.rs`;
-    /// empty for `lib.rs` and `main.rs`.
-    pub(super) fn modules(&self) -> Vec<&str> {
-        let path = self.path.trim_start_matches("src/").trim_end_matches(".rs");
-        if matches!(path, "lib" | "main") { Vec::new() } else { path.split('/').collect() }
+    /// The folder of the modules that this one declares: `crates/scene/src` for the crate's root,
+    /// `crates/scene/src/ply` for `crates/scene/src/ply.rs`.
+    fn folder(&self) -> &str {
+        folder_of(&self.path)
     }
 
     /// Files of the modules that this one declares as `#[cfg(test)] mod name;`.
     fn test_modules(&self) -> Vec<String> {
-        let folder = self.modules().iter().fold("src".to_owned(), |path, module| path + "/" + module);
+        let folder = self.folder();
         let marked = without_literals(&self.text);
         let items = marked.split(TEST_MARK).skip(1).map(|rest| &rest[..item_length(rest)]);
         let names = items.filter_map(|item| item.split_once("mod ")?.1.strip_suffix(';'));
@@ -37,11 +37,11 @@ impl Source {
     }
 
     /// Returns true if the source is one of these files or in the folder of one: `src/cli.rs`
-    /// includes `src/cli/*`.
+    /// includes `src/cli/*`, and `crates/store/src/lib.rs` the whole crate.
     pub(super) fn is_in(&self, files: &[&str]) -> bool {
         files.iter().any(|file| {
-            let folder = file.trim_end_matches(".rs");
-            self.path == *file || self.path.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
+            let in_folder = self.path.strip_prefix(folder_of(file)).is_some_and(|rest| rest.starts_with('/'));
+            self.path == *file || in_folder
         })
     }
 
@@ -56,10 +56,18 @@ pub(super) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The crate's own files, sorted by path, without those that are only compiled for tests.
+/// The folder of the modules below a file.
+fn folder_of(file: &str) -> &str {
+    let file = file.trim_end_matches(".rs");
+    ["/lib", "/main"].iter().find_map(|root| file.strip_suffix(root)).unwrap_or(file)
+}
+
+/// The files of the program and of its crates, sorted by path, without those that are only
+/// compiled for tests.
 pub(super) fn crate_sources() -> Vec<Source> {
-    let mut sources = read_below("src");
-    sources.retain(|source| source.path.ends_with(".rs"));
+    let mut sources = [read_below("crates"), read_below("src")].concat();
+    let is_product = |path: &str| path.ends_with(".rs") && !path.starts_with("crates/testing/");
+    sources.retain(|source| is_product(&source.path));
     let for_tests: Vec<String> = sources.iter().flat_map(Source::test_modules).collect();
     let for_tests: Vec<&str> = for_tests.iter().map(String::as_str).collect();
     sources.retain(|source| !source.is_in(&for_tests));
@@ -225,6 +233,6 @@ fn after() {}
 #[test]
 fn files_of_test_modules_are_known() {
     let text = "#[cfg(test)]\nmod planted;\n#[cfg(test)]\nmod tests { mod not_a_file; }\nmod code;";
-    assert_eq!(Source::new("src/check.rs", text).test_modules(), ["src/check/planted.rs"]);
+    assert_eq!(Source::new("crates/check/src/lib.rs", text).test_modules(), ["crates/check/src/planted.rs"]);
     assert_eq!(Source::new("src/lib.rs", text).test_modules(), ["src/planted.rs"]);
 }

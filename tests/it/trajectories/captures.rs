@@ -2,10 +2,10 @@
 
 use super::{LAW, Views, refined};
 use glam::{DMat3, DVec3};
-use gs2e::se3::{OPENCV_FROM_OPENGL, Se3, rotation_from_matrix};
-use gs2e::trajectory::knots::CaptureGap;
-use gs2e::trajectory::refine::RefinePath;
-use gs2e::trajectory::travel::PoseCount;
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3, rotation_from_matrix};
+use gs2e_trajectory::knots::CaptureGap;
+use gs2e_trajectory::refine::RefinePath;
+use gs2e_trajectory::travel::PoseCount;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -4,13 +4,13 @@
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, named, orbit, refined, still, try_refined};
 use glam::DVec3;
-use gs2e::se3::rotation::{exp_vector, log_vector, relative_angle, slerp};
-use gs2e::se3::spline::CurvePlace;
-use gs2e::se3::{Se3, Twist};
-use gs2e::trajectory::curve::{CirclePath, CurveKind, MAX_DEGREE, PoseCurve};
-use gs2e::trajectory::refine::{EndRule, RefinePath};
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{TrajectoryError, TrajectoryWarning};
+use gs2e_num::se3::rotation::{exp_vector, log_vector, relative_angle, slerp};
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_trajectory::curve::{CirclePath, CurveKind, MAX_DEGREE, PoseCurve};
+use gs2e_trajectory::refine::{EndRule, RefinePath};
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 

@@ -2,13 +2,13 @@
 
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing, try_refined};
 use glam::{DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::{exp_vector, relative_angle, slerp};
-use gs2e::trajectory::refine::{
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{exp_vector, relative_angle, slerp};
+use gs2e_trajectory::refine::{
     EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder, refine_views,
 };
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{MAX_POSES, NamedPose, PoseTiming, Trajectory, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{MAX_POSES, NamedPose, PoseTiming, Trajectory, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -241,9 +241,9 @@ fn steps_of_any_size_in_one_path_are_followed() {
 
 /// Returns true if every number of a report is finite: JSON has no other numbers, and writes NaN as
 /// null.
-pub(super) fn is_finite(report: &gs2e::trajectory::report::SpeedReport) -> bool {
+pub(super) fn is_finite(report: &gs2e_trajectory::report::SpeedReport) -> bool {
     let text = serde_json::to_string(report).unwrap();
-    serde_json::from_str::<gs2e::trajectory::report::SpeedReport>(&text).is_ok_and(|read| &read == report)
+    serde_json::from_str::<gs2e_trajectory::report::SpeedReport>(&text).is_ok_and(|read| &read == report)
 }
 
 pub(super) fn sound(trajectory: &Trajectory) -> bool {
@@ -266,7 +266,7 @@ pub(super) fn wild_pose() -> impl Strategy<Value = Se3> {
 fn parameters() -> impl Strategy<Value = RefinePath> {
     let count = prop_oneof![
         (1..60u64).prop_map(PoseCount::Frames),
-        (1..40u64, 1..9u64).prop_map(|(a, b)| PoseCount::Factor(gs2e::units::Ratio::new(a, b).unwrap())),
+        (1..40u64, 1..9u64).prop_map(|(a, b)| PoseCount::Factor(gs2e_num::units::Ratio::new(a, b).unwrap())),
     ];
     let scale = prop_oneof![
         Just(TranslationScale::Scene),

@@ -2,14 +2,14 @@
 
 use super::{LAW, Views, hertz, law, named, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::{exp_vector, relative_angle};
-use gs2e::se3::spline::CurvePlace;
-use gs2e::trajectory::curve::{CubicPair, PoseCurve};
-use gs2e::trajectory::refine::{EndRule, RefinePath, RotationMean, refine_views};
-use gs2e::trajectory::report::FollowError;
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{NamedPose, PoseTiming};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{exp_vector, relative_angle};
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_trajectory::curve::{CubicPair, PoseCurve};
+use gs2e_trajectory::refine::{EndRule, RefinePath, RotationMean, refine_views};
+use gs2e_trajectory::report::FollowError;
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{NamedPose, PoseTiming};
 
 fn mixed(a: &Se3, b: &Se3, scale: f64) -> f64 {
     relative_angle(a.rotation, b.rotation) + (a.translation - b.translation).length() / scale

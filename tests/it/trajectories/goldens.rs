@@ -3,13 +3,13 @@
 
 use super::{LAW, named, refined};
 use glam::{DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::se3::arc_length::ArcLength;
-use gs2e::se3::rotation::relative_angle;
-use gs2e::se3::rotation_spline::RotationSpline;
-use gs2e::se3::spline::{CubicSegment, CubicSpline, CurvePlace};
-use gs2e::trajectory::curve::{CurveKind, PoseCurve};
-use gs2e::trajectory::refine::RefinePath;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::arc_length::ArcLength;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_num::se3::rotation_spline::RotationSpline;
+use gs2e_num::se3::spline::{CubicSegment, CubicSpline, CurvePlace};
+use gs2e_trajectory::curve::{CurveKind, PoseCurve};
+use gs2e_trajectory::refine::RefinePath;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -95,7 +95,7 @@ fn body_rates_are_differences_of_rotations() {
         let at = |x: f64| CurvePlace { segment, x };
         let x = 0.37 * h;
         let turn = spline.rotation(at(x - step)).conjugate() * spline.rotation(at(x + step));
-        let rate = gs2e::se3::rotation::log_vector(turn) / (2.0 * step);
+        let rate = gs2e_num::se3::rotation::log_vector(turn) / (2.0 * step);
         // The error of the central difference is a sixth of the squared step times a third
         // derivative of order 100, plus roundings of 1e-16 over the step.
         assert!((rate - spline.rate(at(x))).length() < 1e-8 * rate.length().max(1.0), "{segment}");

@@ -2,10 +2,10 @@
 
 use super::{LAW, Views, named, orbit, refined, still, try_refined};
 use glam::DVec3;
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::relative_angle;
-use gs2e::trajectory::TrajectoryError;
-use gs2e::trajectory::refine::{RefinePath, TranslationScale, ViewOrder};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_trajectory::TrajectoryError;
+use gs2e_trajectory::refine::{RefinePath, TranslationScale, ViewOrder};
 
 fn changed(views: &Views, change: impl Fn(usize, Se3) -> Se3) -> Views {
     views.iter().enumerate().map(|(i, (name, pose))| (name.clone(), change(i, *pose))).collect()
@@ -87,7 +87,10 @@ fn the_scene_distance_is_that_of_the_point_looked_at() {
     assert!((distance(&views, &RefinePath::default()) - 4.0).abs() < 1e-12);
     // Axes that meet behind the cameras: the largest distance too.
     let outward = changed(&orbit(30, 0.0, 0.0, 9), |_, p| {
-        still(p.rotation * gs2e::se3::rotation::exp_vector(DVec3::Y * std::f64::consts::PI), p.translation)
+        still(
+            p.rotation * gs2e_num::se3::rotation::exp_vector(DVec3::Y * std::f64::consts::PI),
+            p.translation,
+        )
     });
     assert!((distance(&outward, &RefinePath::default()) - 4.0).abs() < 1e-12);
     let fixed = RefinePath { scale: TranslationScale::Fixed(2.5), ..RefinePath::default() };

@@ -3,17 +3,17 @@
 use super::{LAW, hertz, law, named, orbit, refined, still, timing};
 use crate::support::absent::is_thorough;
 use glam::{DQuat, DVec3};
-use gs2e::se3::{Se3, Twist};
-use gs2e::speed::function::SpeedExpression;
-use gs2e::speed::list::SpeedLevels;
-use gs2e::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
-use gs2e::trajectory::flow::FlowMeter;
-use gs2e::trajectory::path::{CameraPath, PathInputs};
-use gs2e::trajectory::refine::{RefinePath, refine_views};
-use gs2e::trajectory::report::SpeedReport;
-use gs2e::trajectory::sample::{PoseSchedule, SummationRule};
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_trajectory::flow::FlowMeter;
+use gs2e_trajectory::path::{CameraPath, PathInputs};
+use gs2e_trajectory::refine::{RefinePath, refine_views};
+use gs2e_trajectory::report::SpeedReport;
+use gs2e_trajectory::sample::{PoseSchedule, SummationRule};
+use gs2e_trajectory::speed::function::SpeedExpression;
+use gs2e_trajectory::speed::list::SpeedLevels;
+use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 fn list(multipliers: &[f64], blend: f64, meaning: SpeedMeaning) -> SpeedChoice {

@@ -3,15 +3,15 @@
 use super::edges::{is_finite, sound, wild_pose};
 use super::{LAW, law, orbit, refined, still, timing};
 use glam::{DQuat, DVec3};
-use gs2e::se3::Se3;
-use gs2e::se3::rotation::{exp_vector, relative_angle};
-use gs2e::seed::Seed;
-use gs2e::trajectory::curve::CurveKind;
-use gs2e::trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};
-use gs2e::trajectory::path::{CameraPath, PathInputs};
-use gs2e::trajectory::refine::RefinePath;
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{CourseKind, MadeTrajectory, TrajectoryError, TrajectoryWarning};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{exp_vector, relative_angle};
+use gs2e_num::seed::Seed;
+use gs2e_trajectory::curve::CurveKind;
+use gs2e_trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};
+use gs2e_trajectory::path::{CameraPath, PathInputs};
+use gs2e_trajectory::refine::RefinePath;
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{CourseKind, MadeTrajectory, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 /// The paper's numbers: 3 groups of 5 key poses, 150 poses each.
@@ -152,7 +152,7 @@ fn two_key_poses_make_a_line_and_a_slerp_for_every_curve() {
         let share = 49.0 / 149.0;
         let line = poses[0].translation.lerp(poses[149].translation, share);
         assert!((poses[49].translation - line).length() < 1e-12);
-        let turned = gs2e::se3::rotation::slerp(poses[0].rotation, poses[149].rotation, share);
+        let turned = gs2e_num::se3::rotation::slerp(poses[0].rotation, poses[149].rotation, share);
         assert!(relative_angle(poses[49].rotation, turned) < 1e-12);
     }
 }

@@ -2,15 +2,15 @@
 
 use super::{Views, law, named, orbit, timing};
 use glam::{DQuat, DVec3};
-use gs2e::se3::rotation::{exp_vector, relative_angle};
-use gs2e::se3::{Se3, look_at};
-use gs2e::trajectory::curve::CurveKind;
-use gs2e::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
-use gs2e::trajectory::orbit::OrbitPath;
-use gs2e::trajectory::path::{CameraPath, PathInputs};
-use gs2e::trajectory::refine::TranslationScale;
-use gs2e::trajectory::travel::PoseCount;
-use gs2e::trajectory::{CourseKind, MadeTrajectory, NamedPose, TrajectoryError, TrajectoryWarning};
+use gs2e_num::se3::rotation::{exp_vector, relative_angle};
+use gs2e_num::se3::{Se3, look_at};
+use gs2e_trajectory::curve::CurveKind;
+use gs2e_trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use gs2e_trajectory::orbit::OrbitPath;
+use gs2e_trajectory::path::{CameraPath, PathInputs};
+use gs2e_trajectory::refine::TranslationScale;
+use gs2e_trajectory::travel::PoseCount;
+use gs2e_trajectory::{CourseKind, MadeTrajectory, NamedPose, TrajectoryError, TrajectoryWarning};
 use std::f64::consts::PI;
 
 const FRAMES: PoseCount = PoseCount::Frames(91);

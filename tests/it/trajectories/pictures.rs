@@ -3,10 +3,10 @@
 
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};
-use gs2e::trajectory::MadeTrajectory;
-use gs2e::trajectory::picture::trajectory_svg;
-use gs2e::trajectory::refine::RefinePath;
-use gs2e::trajectory::travel::PoseCount;
+use gs2e_trajectory::MadeTrajectory;
+use gs2e_trajectory::picture::trajectory_svg;
+use gs2e_trajectory::refine::RefinePath;
+use gs2e_trajectory::travel::PoseCount;
 
 fn picture(refined: &MadeTrajectory) -> String {
     trajectory_svg(&refined.trajectory, &refined.report)
@@ -29,9 +29,10 @@ fn a_picture_shows_frusta_path_and_speeds() {
 #[test]
 fn every_path_has_a_picture_without_nan() {
     let line = |size: f64| named((0..5).map(|k| still(DQuat::IDENTITY, DVec3::X * (size * f64::from(k)))));
-    let turn = named(
-        (0..5).map(|k| still(gs2e::se3::rotation::exp_vector(DVec3::Y * (0.1 * f64::from(k))), DVec3::ZERO)),
-    );
+    let turn =
+        named((0..5).map(|k| {
+            still(gs2e_num::se3::rotation::exp_vector(DVec3::Y * (0.1 * f64::from(k))), DVec3::ZERO)
+        }));
     for views in [line(0.0), orbit(9, 0.0, 0.0, 1), line(1e90), line(1e-9), turn] {
         for count in [1, 2, 5000] {
             let params = RefinePath { count: PoseCount::Frames(count), ..RefinePath::default() };

@@ -4,8 +4,8 @@ use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, step_alone};
 use crate::plan::past::{PastCosts, past_costs};
 use crate::stage::StepId;
-use crate::store::Store;
-use crate::store::record::{RecordSummary, StoredOutput};
+use gs2e_store::Store;
+use gs2e_store::record::{RecordSummary, StoredOutput};
 use std::collections::BTreeMap;
 
 /// The number of steps of a scene, and of those that are finished.

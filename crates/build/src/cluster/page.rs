@@ -3,8 +3,8 @@
 use super::finished::SceneProgress;
 use super::report::MadeStep;
 use super::scene_state::{SceneFailure, SceneState, StateCounts};
-use crate::html::{HtmlFragment, write_page_head};
-use crate::units::format_amount;
+use gs2e_files::html::{HtmlFragment, write_page_head};
+use gs2e_num::units::format_amount;
 use std::collections::BTreeMap;
 
 /// Number of the slowest steps that are shown.

@@ -6,10 +6,10 @@
 use super::ClusterError;
 use super::queue::TaskId;
 use super::submission::{RESULTS, Submission, io_error};
-use crate::files;
-use crate::files::below::FolderBelow;
-use crate::programs;
-use crate::store::{Key, PLANS};
+use gs2e_files as files;
+use gs2e_files::below::FolderBelow;
+use gs2e_files::programs;
+use gs2e_store::{Key, PLANS};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
@@ -191,7 +191,7 @@ fn read_steps(text: &str) -> ReportedSteps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::Digest;
+    use gs2e_store::Digest;
 
     #[test]
     fn lines_are_read_up_to_a_cut() {

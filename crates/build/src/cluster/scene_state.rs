@@ -6,7 +6,7 @@ use super::queue::{LiveTask, TaskEnd, TaskId};
 use super::report::{MadeStep, ReportedSteps, TaskReport};
 use super::slurm::Slurm;
 use super::submission::{FoundPlans, Submission};
-use crate::store::{Digest, Key};
+use gs2e_store::{Digest, Key};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;

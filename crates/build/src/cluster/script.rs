@@ -157,8 +157,8 @@ impl BatchScript<'_> {
 mod tests {
     use super::*;
     use crate::cluster::submission::{SubmittedScene, TaskNeed};
-    use crate::recipe::RecipeFile;
-    use crate::store::Digest;
+    use gs2e_recipe::RecipeFile;
+    use gs2e_store::Digest;
     use std::process::Command;
 
     fn script(options: &BatchOptions, folder: &str) -> String {

@@ -1,6 +1,6 @@
 //! Words of a shell script that stand for exactly their bytes, and that a person can read.
 
-use crate::escape::is_hidden;
+use gs2e_files::escape::is_hidden;
 use std::fmt::Write as _;
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;

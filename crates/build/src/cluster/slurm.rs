@@ -5,7 +5,7 @@
 
 use super::ClusterError;
 use super::queue::{LiveTask, TaskEnd, TaskId};
-use crate::programs::{EndKind, ProgramCall, ProgramEnd, ProgramFinder};
+use gs2e_files::programs::{EndKind, ProgramCall, ProgramEnd, ProgramFinder};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::ErrorKind;

@@ -5,10 +5,11 @@
 //! followed.
 
 use super::ClusterError;
-use crate::files::below::FolderBelow;
-use crate::files::{self, MAX_DOCUMENT};
-use crate::recipe::RecipeFile;
-use crate::store::{Digest, PLANS};
+use gs2e_files as files;
+use gs2e_files::MAX_DOCUMENT;
+use gs2e_files::below::FolderBelow;
+use gs2e_recipe::RecipeFile;
+use gs2e_store::{Digest, PLANS};
 use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::io;

@@ -4,10 +4,10 @@
 //! the program and of the folders of its packages. Commands that run nothing take the answer from
 //! there. If a program or one of those folders has moved since, they report that a step may run.
 
-use crate::files::stat::StatSighting;
-use crate::foreign::versions::VersionQuery;
-use crate::programs::ProgramFinder;
-use crate::store::{Digest, Store};
+use gs2e_files::programs::ProgramFinder;
+use gs2e_files::stat::StatSighting;
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_store::{Digest, Store};
 use std::path::PathBuf;
 
 /// Raised when a program is asked in another way.

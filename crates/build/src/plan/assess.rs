@@ -9,13 +9,13 @@ pub use change::{DescriptionChange, changed_lines};
 pub use verdict::{PlanError, StepAction, StepAssessment, StepReason};
 
 use super::{Plan, PlannedStep};
-use crate::files::stat::StatSighting;
 use crate::stage::capture::CaptureStage;
 use crate::stage::reconstruct::ReconstructStage;
 use crate::stage::{Stage, StageError, StepId};
-use crate::store::description::DescribedValue;
-use crate::store::record::{StoredOutput, content_digest};
-use crate::store::{BlobState, Digest, Key, Store, StoreError};
+use gs2e_files::stat::StatSighting;
+use gs2e_store::description::DescribedValue;
+use gs2e_store::record::{StoredOutput, content_digest};
+use gs2e_store::{BlobState, Digest, Key, Store, StoreError};
 use std::path::PathBuf;
 
 /// The files outside the store that a step reads, at one moment.
@@ -132,7 +132,7 @@ fn step_behind(
 }
 
 /// A step with its known inputs.
-pub(crate) fn describe_step(
+pub fn describe_step(
     step: &PlannedStep,
     sources: &SourceFiles,
     outputs_of: &dyn Fn(StepId) -> Option<Vec<StoredOutput>>,
@@ -213,7 +213,7 @@ fn find_difference(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::description::ExplanationLine;
+    use gs2e_store::description::ExplanationLine;
 
     fn lines(text: &str) -> Vec<ExplanationLine> {
         let split = text.split(';').filter_map(|line| line.trim().split_once('='));

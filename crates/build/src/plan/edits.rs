@@ -1,7 +1,7 @@
 //! Edits of a recipe that concern a step, by the sections that its parameters come from.
 
-use crate::recipe::{Recipe, RecipeEdit, find_edits};
-use crate::store::Store;
+use gs2e_recipe::{Recipe, RecipeEdit, find_edits};
+use gs2e_store::Store;
 use serde_json::Value;
 
 /// Sections of a recipe for each step; a step that is not listed has the section of its name. Pictures also

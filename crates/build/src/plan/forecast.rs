@@ -9,10 +9,10 @@ mod lengths;
 
 use super::assess::StepAssessment;
 use super::{Plan, PlannedStep};
-use crate::recipe::OutputKind;
-use crate::sensor::SensorChoice;
-use crate::store::Store;
-use crate::store::record::StoredOutput;
+use gs2e_recipe::OutputKind;
+use gs2e_sensor::SensorChoice;
+use gs2e_store::Store;
+use gs2e_store::record::StoredOutput;
 use lengths::{SceneLengths, TrajectoryLength};
 use serde::Serialize;
 

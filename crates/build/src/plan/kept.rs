@@ -3,7 +3,7 @@
 use super::Plan;
 use super::assess::StepAssessment;
 use crate::artifact::ArtifactFiles;
-use crate::store::{Digest, Store};
+use gs2e_store::{Digest, Store};
 
 /// The name of the frames of each step; `None` for a step that keeps none, or whose inputs are not made yet.
 #[must_use]

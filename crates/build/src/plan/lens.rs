@@ -1,9 +1,9 @@
 //! Lenses that do not fit the camera of their source.
 
 use super::Plan;
-use crate::camera::{Camera, CameraChoice};
-use crate::recipe::{Recipe, SceneSource};
-use crate::scene::procedural;
+use gs2e_demo as procedural;
+use gs2e_recipe::{Recipe, SceneSource};
+use gs2e_scene::camera::{Camera, CameraChoice};
 
 /// A lens of a recipe that folds within the picture, or leaves the field of a pinhole.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,17 +1,16 @@
 //! Resources used by earlier steps: the basis of all estimates of time, disk and memory.
 
 use super::{Plan, PlannedStep};
-use crate::recipe::Recipe;
-use crate::stage::Stage as _;
-use crate::stage::StepId;
 use crate::stage::blur::BlurStage;
 use crate::stage::events::EventsStage;
 use crate::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
 use crate::stage::pass::SharedPass;
 use crate::stage::sharp::SharpStage;
 use crate::stage::trajectory::TrajectoryStage;
-use crate::store::record::RecordSummary;
-use crate::store::{Store, StoreError};
+use crate::stage::{Stage as _, StepId};
+use gs2e_recipe::Recipe;
+use gs2e_store::record::RecordSummary;
+use gs2e_store::{Store, StoreError};
 use std::collections::BTreeMap;
 
 /// Resources used by a step, or expected from earlier steps of its stage.

@@ -4,7 +4,7 @@
 //! others: not whether they run, on which machine, or how far they are. Costs are therefore expected from
 //! the recipes alone. Earlier durations are known to one store only.
 
-use crate::recipe::{Recipe, ReconstructMethod};
+use gs2e_recipe::{Recipe, ReconstructMethod};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::str::FromStr;
@@ -78,7 +78,7 @@ fn expected_cost(recipe: &Recipe) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::read_recipe_text;
+    use gs2e_recipe::read_recipe_text;
     use std::path::Path;
 
     fn scene(name: &str, width: u32) -> Recipe {

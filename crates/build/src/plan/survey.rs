@@ -6,10 +6,11 @@
 
 use super::assess::StepProduct;
 use super::{Plan, RendererPolicy};
-use crate::recipe::{self, Recipe, RecipeFaults, RecipeFile, TakenDown};
 use crate::stage::StepId;
-use crate::store::record::StoredOutput;
-use crate::store::{Digest, Key, Store, StoreError};
+use gs2e_recipe as recipe;
+use gs2e_recipe::{Recipe, RecipeFaults, RecipeFile, TakenDown};
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Digest, Key, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -197,7 +198,7 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
 #[derive(Default)]
 struct SceneState {
     steps: Vec<SettledStep>,
-    seen: Vec<(PathBuf, crate::files::stat::StatSighting)>,
+    seen: Vec<(PathBuf, gs2e_files::stat::StatSighting)>,
 }
 
 impl SceneState {

@@ -1,12 +1,13 @@
 //! Recipes that can be built and hardly mean what they say: warnings, each with a remedy.
 
 use super::forecast::PlanForecast;
-use crate::files;
-use crate::recipe::{Recipe, ReconstructMethod};
-use crate::scene::survey::SceneSurvey;
-use crate::scene::{self, form};
-use crate::trajectory::path::CameraPath;
-use crate::units::format_amount;
+use gs2e_files as files;
+use gs2e_num::units::format_amount;
+use gs2e_recipe::{Recipe, ReconstructMethod};
+use gs2e_scene as scene;
+use gs2e_scene::form;
+use gs2e_scene::survey::SceneSurvey;
+use gs2e_trajectory::path::CameraPath;
 
 /// Bytes of a release above which the size is a warning.
 const LARGE: f64 = 10e9;

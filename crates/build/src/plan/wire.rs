@@ -3,15 +3,6 @@
 
 use super::{RendererPolicy, SceneWiring};
 use crate::artifact::{DisparityPictures, EventStreams, ImuRecording, PictureSet, TrajectoryProduct};
-use crate::foreign::versions::VersionQuery;
-use crate::recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
-use crate::render::OmissionPolicy;
-use crate::render::backend::Backend;
-use crate::render::fidelity::HeldOutViews;
-use crate::scene::Gaussians;
-use crate::seed::{Seed, StreamPurpose};
-use crate::source::Capture;
-use crate::speed::SpeedChoice;
 use crate::stage::StepTarget;
 use crate::stage::blur::BlurStage;
 use crate::stage::capture::{CaptureStage, SolvingInputs};
@@ -32,6 +23,15 @@ use crate::stage::segmentation::SegmentationStage;
 use crate::stage::sharp::SharpStage;
 use crate::stage::shot::ShotParameters;
 use crate::stage::trajectory::{TrajectoryStage, ViewingSetup};
+use gs2e_num::seed::{Seed, StreamPurpose};
+use gs2e_recipe::{OutputKind, Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
+use gs2e_render::OmissionPolicy;
+use gs2e_render::backend::Backend;
+use gs2e_scene::Gaussians;
+use gs2e_source::Capture;
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_train::fidelity::HeldOutViews;
+use gs2e_trajectory::speed::SpeedChoice;
 use std::collections::BTreeMap;
 
 /// Adds the steps of one scene.

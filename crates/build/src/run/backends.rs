@@ -11,10 +11,10 @@ pub use auto::{AutoRenderers, InformedRenderers, OpenedGpus};
 
 use super::RunSummary;
 use crate::plan::Plan;
-use crate::programs::ProgramFinder;
-use crate::render::backend::Backend;
-use crate::render::{GpuError, OmissionPolicy};
-use crate::store::Store;
+use gs2e_files::programs::ProgramFinder;
+use gs2e_render::backend::Backend;
+use gs2e_render::{GpuError, OmissionPolicy};
+use gs2e_store::Store;
 
 /// The back ends of a command, and the work that they leave out.
 #[derive(Debug)]

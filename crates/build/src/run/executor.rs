@@ -11,7 +11,7 @@ use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
 use crate::stage::{StageError, StepId, checks, scene_checks};
-use crate::store::{BlobState, Key, Store, StoreError};
+use gs2e_store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -6,7 +6,7 @@ use crate::plan::Plan;
 use crate::plan::assess::SourceFiles;
 use crate::stage::pass::{SharedPass, shared_need};
 use crate::stage::{AnyStep, StepId, StepNeed};
-use crate::store::Key;
+use gs2e_store::Key;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
 use std::thread;

@@ -1,10 +1,11 @@
 //! Frames that a step keeps for later ones, and shows again instead of rendering.
 
 use super::job::StaleStep;
-use crate::files::{self, Removal};
-use crate::frames::kept::{KeptFrames, KeptSummary};
 use crate::stage::AnyStep;
-use crate::store::{Digest, Store, StoreError};
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_sampling::kept::{KeptFrames, KeptSummary};
+use gs2e_store::{Digest, Store, StoreError};
 use std::path::PathBuf;
 use std::sync::Arc;
 

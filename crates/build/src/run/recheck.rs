@@ -6,7 +6,7 @@
 //! of the shared store knows beforehand, so a wrong record cannot avoid it.
 
 use crate::stage::AnyStep;
-use crate::store::{Digest, Key};
+use gs2e_store::{Digest, Key};
 
 /// Share of the steps of other machines that are made again where the user names no share. `docs/cluster.md`
 /// has its cost, and its chance to find wrong records.

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::artifact::{Artifact, ArtifactError, ArtifactFiles};
-use crate::recipe;
 use crate::stage::{SourceFile, Stage, StageContext, StepTarget};
-use crate::store::StoreAccess;
+use gs2e_recipe as recipe;
+use gs2e_store::StoreAccess;
 use std::panic::catch_unwind;
 use std::path::{Path, PathBuf};
 

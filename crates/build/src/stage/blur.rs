@@ -5,16 +5,17 @@ use super::shot::{ShotParameters, exposure_failure, record_work};
 use super::size::PNG_BYTES;
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_json};
-use crate::camera::Camera;
-use crate::frames::rendered::RenderedPose;
-use crate::image::png;
-use crate::lights::SceneLights;
-use crate::render::{ChannelSet, Renderer};
-use crate::sampling::exposure::{
-    self, DenseView, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
+use gs2e_image::png;
+use gs2e_render::lights::SceneLights;
+use gs2e_render::{ChannelSet, Renderer};
+use gs2e_sampling::exposure;
+use gs2e_sampling::exposure::{
+    DenseView, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
 };
-use crate::scene::Gaussians;
-use crate::source::Capture;
+use gs2e_sampling::rendered::RenderedPose;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_source::Capture;
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;

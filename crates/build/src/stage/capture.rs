@@ -2,11 +2,12 @@
 
 use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{PictureSet, SolvedModel, write_json};
-use crate::files::is_there;
-use crate::scene::procedural::{self, StillLife};
-use crate::source::colmap::ColmapModel;
-use crate::source::photos::own_name;
-use crate::source::{Capture, DiskCapture};
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_files::is_there;
+use gs2e_source::colmap::ColmapModel;
+use gs2e_source::photos::own_name;
+use gs2e_source::{Capture, DiskCapture};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

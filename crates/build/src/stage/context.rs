@@ -1,11 +1,12 @@
 //! The surroundings of a running stage: its folder, its programs, its warnings, and the flag that stops it.
 
 use super::StageError;
-use crate::files::{self, Removal};
-use crate::frames::kept::KeptFrames;
-use crate::frames::rendered::TimeSaved;
-use crate::programs::ProgramFinder;
-use crate::reconstruct::ProgramWorkspace;
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_files::programs::ProgramFinder;
+use gs2e_sampling::kept::KeptFrames;
+use gs2e_sampling::rendered::TimeSaved;
+use gs2e_source::reconstruct::ProgramWorkspace;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

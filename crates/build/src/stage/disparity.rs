@@ -4,15 +4,15 @@ use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, DisparityPictures, TrajectoryProduct};
-use crate::camera::stereo::Rectification;
-use crate::camera::{self, Camera, CameraChoice};
-use crate::image::npy;
-use crate::render::ChannelSet;
-use crate::sampling::exposure;
-use crate::scene::Gaussians;
-use crate::se3::Se3;
-use crate::source::Capture;
-use crate::trajectory::mount::CameraMount;
+use gs2e_image::npy;
+use gs2e_num::se3::Se3;
+use gs2e_render::ChannelSet;
+use gs2e_sampling::exposure;
+use gs2e_scene::camera::stereo::Rectification;
+use gs2e_scene::camera::{Camera, CameraChoice};
+use gs2e_scene::{Gaussians, camera};
+use gs2e_source::Capture;
+use gs2e_trajectory::mount::CameraMount;
 use serde::Serialize;
 
 /// Parameters: the first camera, its rendering, the second camera, both places on the body, and the spacing of images.

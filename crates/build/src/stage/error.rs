@@ -1,7 +1,7 @@
 //! Failures of stages.
 
 use crate::artifact::ArtifactError;
-use crate::programs::ProgramFailure;
+use gs2e_files::programs::ProgramFailure;
 use std::path::{Path, PathBuf};
 
 /// The reason why a step failed. The texts complete the phrase "failed to ".

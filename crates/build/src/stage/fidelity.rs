@@ -4,17 +4,17 @@
 use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, HELD_OUT_PICTURE, write_json};
-use crate::files;
-use crate::image::{photo, png};
-use crate::render::RenderChoice;
-use crate::render::backend::Backend;
-use crate::render::fidelity::sheet::{ComparisonSheet, MAX_ROWS};
-use crate::render::fidelity::{
+use gs2e_files as files;
+use gs2e_image::{photo, png};
+use gs2e_render::RenderChoice;
+use gs2e_render::backend::Backend;
+use gs2e_scene::Gaussians;
+use gs2e_source::{Capture, CapturedView};
+use gs2e_train::fidelity::sheet::{ComparisonSheet, MAX_ROWS};
+use gs2e_train::fidelity::{
     ComparedView, HeldOutViews, NotCompared, PhotoFidelity, ViewComparison, compare_view, picked_indices,
     spread_indices,
 };
-use crate::scene::Gaussians;
-use crate::source::{Capture, CapturedView};
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;
@@ -144,7 +144,7 @@ fn photo_of<'a>(view: &CapturedView, photos: &'a [SourceFile]) -> Option<&'a Sou
     })
 }
 
-type Photo = crate::image::Image<[u8; 3]>;
+type Photo = gs2e_image::Image<[u8; 3]>;
 
 /// The photo of a view, or the problem with it.
 fn read_photo(view: &CapturedView, photo: &SourceFile) -> Result<Result<Photo, String>, StageError> {

@@ -4,14 +4,14 @@
 
 use super::{Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
 use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
-use crate::camera::CameraChoice;
-use crate::check::Limits;
-use crate::foreign::versions::VersionQuery;
-use crate::foreign::{
+use gs2e_check::Limits;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_source::Capture;
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_source::foreign::{
     ExternalReport, ForeignAnswer, ForeignError, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
 };
-use crate::reconstruct::ProgramWorkspace;
-use crate::source::Capture;
+use gs2e_source::reconstruct::ProgramWorkspace;
 use serde::Serialize;
 use std::path::Path;
 

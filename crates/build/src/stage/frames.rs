@@ -2,13 +2,13 @@
 
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, known_program};
 use crate::artifact::{ArtifactFiles, PictureSet};
-use crate::files::is_there;
-use crate::foreign::versions::VersionQuery;
-use crate::foreign::video::{FrameError, TakenFrames, take_frames};
-use crate::reconstruct::ProgramWorkspace;
-use crate::source::DiskCapture;
-use crate::source::photos::MIN_PHOTOS;
-use crate::source::solving::FramePicking;
+use gs2e_files::is_there;
+use gs2e_source::DiskCapture;
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_source::foreign::video::{FrameError, TakenFrames, take_frames};
+use gs2e_source::photos::MIN_PHOTOS;
+use gs2e_source::reconstruct::ProgramWorkspace;
+use gs2e_source::solving::FramePicking;
 use serde::Serialize;
 
 /// Parameters: the choice of frames.

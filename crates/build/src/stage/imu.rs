@@ -2,11 +2,11 @@
 
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{ImuRecording, TrajectoryProduct};
-use crate::imu::files::{self, SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
-use crate::imu::{ImuModel, ImuSampler};
-use crate::seed::Seed;
-use crate::source::Capture;
-use crate::trajectory::sampled::SampledPath;
+use gs2e_num::seed::Seed;
+use gs2e_source::Capture;
+use gs2e_trajectory::imu::files::{SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
+use gs2e_trajectory::imu::{ImuModel, ImuSampler, files};
+use gs2e_trajectory::sampled::SampledPath;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};

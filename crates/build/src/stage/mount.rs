@@ -3,7 +3,7 @@
 use super::trajectory::BYTES_A_POSE;
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::TrajectoryProduct;
-use crate::trajectory::mount::CameraMount;
+use gs2e_trajectory::mount::CameraMount;
 use serde::Serialize;
 use std::io;
 

@@ -2,10 +2,10 @@
 
 use super::StageContext;
 use crate::artifact::TrajectoryProduct;
-use crate::camera::Camera;
-use crate::render::RenderChoice;
-use crate::render::near::{NearPath, hide_near};
-use crate::scene::Gaussians;
+use gs2e_render::RenderChoice;
+use gs2e_render::near::{NearPath, hide_near};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
 use std::sync::Arc;
 
 /// Returns the scene, and the number of Gaussians that are hidden. All products of a trajectory hide the same

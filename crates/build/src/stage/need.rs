@@ -1,11 +1,12 @@
 //! Memory and GPU that a step needs.
 
 use crate::artifact::{Artifact, ArtifactFiles};
-use crate::camera::{self, CameraChoice};
-use crate::image::Size;
-use crate::render::backend::Backend;
-use crate::render::lens::rendered_size;
-use crate::source::Capture;
+use gs2e_image::Size;
+use gs2e_render::backend::Backend;
+use gs2e_render::lens::rendered_size;
+use gs2e_scene::camera;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_source::Capture;
 
 /// Resources of a step other than cores.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,10 +2,10 @@
 
 use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{SCENE_PARTS, write_json};
-use crate::scene::Gaussians;
-use crate::scene::motion::PartRecord;
-use crate::scene::objects::{ObjectSettings, add_objects};
-use crate::scene::ply::write_ply;
+use gs2e_scene::Gaussians;
+use gs2e_scene::motion::PartRecord;
+use gs2e_scene::objects::{ObjectSettings, add_objects};
+use gs2e_scene::ply::write_ply;
 use serde::Serialize;
 use std::fs::File;
 

@@ -4,12 +4,12 @@
 use super::capture::CaptureStage;
 use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
 use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
-use crate::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
-use crate::foreign::versions::VersionQuery;
-use crate::reconstruct::ProgramWorkspace;
-use crate::source::DiskCapture;
-use crate::source::photos::own_name;
-use crate::source::solving::PoseSolving;
+use gs2e_source::DiskCapture;
+use gs2e_source::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_source::photos::own_name;
+use gs2e_source::reconstruct::ProgramWorkspace;
+use gs2e_source::solving::PoseSolving;
 use serde::Serialize;
 use std::path::PathBuf;
 

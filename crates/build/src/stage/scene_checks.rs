@@ -6,12 +6,12 @@
 use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
 use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
 use crate::artifact::{VerdictsRecord, write_json};
-use crate::check::{CapturePhotos, Limits, SceneSubject, judge_scene};
-use crate::render::fidelity::PhotoFidelity;
-use crate::source::colmap::{ColmapModel, ReprojectionStats};
-use crate::source::{Capture, UnusedReason};
-use crate::trajectory::NamedPose;
-use crate::trajectory::walk::CaptureEvenness;
+use gs2e_check::{CapturePhotos, Limits, SceneSubject, judge_scene};
+use gs2e_source::colmap::{ColmapModel, ReprojectionStats};
+use gs2e_source::{Capture, UnusedReason};
+use gs2e_train::fidelity::PhotoFidelity;
+use gs2e_trajectory::NamedPose;
+use gs2e_trajectory::walk::CaptureEvenness;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -88,7 +88,7 @@ fn count_photos(capture: &Capture, model: Option<&ColmapModel>) -> Result<Captur
 }
 
 fn capture_walk(capture: &Capture) -> Result<CaptureEvenness, String> {
-    let pose = |view: &crate::source::CapturedView| view.world_from_camera;
+    let pose = |view: &gs2e_source::CapturedView| view.world_from_camera;
     let views = capture.views.iter().map(|v| NamedPose { name: &v.name, world_from_camera: pose(v) });
     let walk = CaptureEvenness::measure_views(&views.collect::<Vec<_>>()).map_err(|e| e.to_string())?;
     walk.ok_or_else(|| "all views have the same pose".to_owned())

@@ -5,15 +5,16 @@ use super::shot::{FileTaker, PoseFileForm, ShotParameters, exposure_failure};
 use super::size::PNG_BYTES;
 use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
-use crate::camera::Camera;
-use crate::frames::rendered::RenderedPose;
-use crate::image::{Image, png};
-use crate::lights::SceneLights;
-use crate::render::{ChannelSet, RenderedImages, Renderer};
-use crate::sampling::exposure::{self, DenseView, ExposureCourse};
-use crate::sampling::rolling::RowRoller;
-use crate::scene::Gaussians;
-use crate::source::Capture;
+use gs2e_image::{Image, png};
+use gs2e_render::lights::SceneLights;
+use gs2e_render::{ChannelSet, RenderedImages, Renderer};
+use gs2e_sampling::exposure;
+use gs2e_sampling::exposure::{DenseView, ExposureCourse};
+use gs2e_sampling::rendered::RenderedPose;
+use gs2e_sampling::rolling::RowRoller;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_source::Capture;
 use serde::Serialize;
 
 /// Parameters: camera, rendering, and the poses with a frame.

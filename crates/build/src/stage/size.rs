@@ -1,7 +1,7 @@
 //! Expected sizes of products, from parameters alone: no step of their kind need have run before.
 
-use crate::camera::CameraChoice;
-use crate::image::Size;
+use gs2e_image::Size;
+use gs2e_scene::camera::CameraChoice;
 
 /// Length of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ impl PathLength {
         (self.poses / f64::from(every)).ceil()
     }
 
-    /// Number of exposures of `frames` poses: see [`crate::sampling::exposure::exposure_centres`].
+    /// Number of exposures of `frames` poses: see [`gs2e_sampling::exposure::exposure_centres`].
     pub(super) fn exposures(self, frames: u32) -> f64 {
         let beyond = f64::from(frames / 2 + 1);
         ((self.poses - 2.0 * beyond).max(0.0) / f64::from(frames)).ceil()

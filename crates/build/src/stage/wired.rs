@@ -6,8 +6,8 @@ use super::pass::PassRole;
 use super::target::StageInputs;
 use super::{ExpectedSize, PathLength, SourceFile, Stage, StepId, StepNeed};
 use crate::artifact::ArtifactFiles;
-use crate::store::description::{DescribedValue, describe_value};
-use crate::store::{Digest, Key};
+use gs2e_store::description::{DescribedValue, describe_value};
+use gs2e_store::{Digest, Key};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! Correlation of the events with the change of the frames, in place, at neighbouring pixels, and
 //! with the sensor mirrored or turned.
 
-use crate::image::Size;
+use gs2e_image::Size;
 use rayon::prelude::*;
 
 /// Largest shift that is tried, px.
@@ -114,7 +114,7 @@ impl PlaceSums {
 
 /// Collects the changes and events of the pixels at some instants.
 #[derive(Debug)]
-pub(in crate::check) struct PlaceWatch {
+pub(crate) struct PlaceWatch {
     size: Size,
     threshold: f64,
     placements: Vec<Placement>,
@@ -127,7 +127,7 @@ pub(in crate::check) struct PlaceWatch {
 }
 
 impl PlaceWatch {
-    pub(in crate::check) fn new(size: Size, thresholds: [f64; 2]) -> Self {
+    pub(crate) fn new(size: Size, thresholds: [f64; 2]) -> Self {
         let placements = Placement::all();
         Self {
             size,
@@ -142,7 +142,7 @@ impl PlaceWatch {
 
     /// Takes a pixel: its drift, if it is known, and its drift by its events.
     #[expect(clippy::cast_possible_truncation, reason = "cut to small numbers")]
-    pub(in crate::check) fn see(&mut self, pixel: usize, change: Option<f64>, shown: f64) {
+    pub(crate) fn see(&mut self, pixel: usize, change: Option<f64>, shown: f64) {
         let cut = |v: f64| (v / self.threshold).clamp(-CUT, CUT) as f32;
         self.found.changed += u64::from(change.is_some_and(|change| change.abs() >= self.threshold));
         self.changes[pixel] = change.map_or(f32::NAN, cut);
@@ -151,7 +151,7 @@ impl PlaceWatch {
 
     /// Correlates the pixels of this instant.
     #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a pixel of the sensor")]
-    pub(in crate::check) fn settle(&mut self) {
+    pub(crate) fn settle(&mut self) {
         let [width, height] = [self.size.width, self.size.height].map(i64::from);
         let (changes, shown) = (&self.changes, &self.shown);
         // Each placement passes over all pixels, and has its own sums: the number of threads does not change
@@ -170,7 +170,7 @@ impl PlaceWatch {
         });
     }
 
-    pub(in crate::check) fn finish(self) -> PlaceSums {
+    pub(crate) fn finish(self) -> PlaceSums {
         // Without a compared instant there is no correlation.
         if self.moments[0].n == 0.0 {
             return PlaceSums::default();

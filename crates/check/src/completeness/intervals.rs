@@ -1,8 +1,8 @@
 //! The change that events show between neighbouring anchors, and in parts of the sensor.
 
-use crate::check::drift::DriftLaw;
-use crate::frames::anchors::AnchorFrames;
-use crate::image::Size;
+use crate::drift::DriftLaw;
+use gs2e_image::Size;
+use gs2e_sensor::frames::anchors::AnchorFrames;
 
 /// Smallest change of a compared pixel, in thresholds. Much smaller ones may leave no event.
 const LEAST: f64 = 1.25;
@@ -58,7 +58,7 @@ impl TileSums {
 
 /// Follows the drift and the events of all pixels from anchor to anchor.
 #[derive(Debug)]
-pub(in crate::check) struct IntervalWatch {
+pub(crate) struct IntervalWatch {
     size: Size,
     law: DriftLaw,
     stamps_us: Vec<i64>,
@@ -73,7 +73,7 @@ pub(in crate::check) struct IntervalWatch {
 }
 
 impl IntervalWatch {
-    pub(in crate::check) fn new(size: Size, law: DriftLaw, anchors: &AnchorFrames) -> Self {
+    pub(crate) fn new(size: Size, law: DriftLaw, anchors: &AnchorFrames) -> Self {
         let stamps_us = anchors.stamps_us.clone();
         // Within half of a span the image moves by about a pixel.
         let halves = anchors.spans.iter().map(|[from, middle, _]| stamps_us[*middle] - stamps_us[*from]);
@@ -88,7 +88,7 @@ impl IntervalWatch {
 
     /// Counts no interval as short in which an image of this speed, px/s, moves too far. Frames may be too
     /// far apart for any short interval.
-    pub(in crate::check) fn moves_at(&mut self, px_s: f64) {
+    pub(crate) fn moves_at(&mut self, px_s: f64) {
         let most_us = 1e6 * SHORT_PX / px_s;
         if (self.short_us as f64) > most_us {
             self.short_us = 0;
@@ -98,7 +98,7 @@ impl IntervalWatch {
     /// Takes a pixel at the next anchor: its drift since the first, if it is known, its events
     /// until now, the error of their difference, and the events of the noise floor that are expected
     /// since the last anchor.
-    pub(in crate::check) fn see(
+    pub(crate) fn see(
         &mut self,
         pixel: usize,
         drift: Option<f64>,
@@ -130,13 +130,13 @@ impl IntervalWatch {
     }
 
     /// Ends the interval at the anchor of this number.
-    pub(in crate::check) fn settle(&mut self, number: usize) {
+    pub(crate) fn settle(&mut self, number: usize) {
         let span_us = [self.stamps_us[number - 1], self.stamps_us[number]];
         let short = span_us[1] - span_us[0] <= self.short_us;
         self.intervals.push(ChangeInterval { span_us, sums: std::mem::take(&mut self.sums), short });
     }
 
-    pub(in crate::check) fn finish(self) -> (Vec<ChangeInterval>, Vec<TileSums>) {
+    pub(crate) fn finish(self) -> (Vec<ChangeInterval>, Vec<TileSums>) {
         (self.intervals, self.tiles)
     }
 
@@ -150,7 +150,7 @@ impl IntervalWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::PlantedWorld;
+    use crate::planted::PlantedWorld;
 
     /// Sums of the two intervals of a pixel with thresholds of 1, by its drift and events until each anchor.
     fn sums(anchors: [(f64, [u32; 2]); 2]) -> [TileSums; 2] {

@@ -11,9 +11,9 @@
 
 use super::samples::{DatasetFrames, SampleDecode};
 use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use crate::check::{Finding, Verdict};
-use crate::event::{EventFileError, Polarity};
-use crate::image::Size;
+use crate::{Finding, Verdict};
+use gs2e_event::{EventFileError, Polarity};
+use gs2e_image::Size;
 
 /// Number of shifts on each side of the middle.
 const SIDE: i64 = 20;

@@ -4,8 +4,8 @@
 //! bounded for any number of frames.
 
 use super::samples::KNOWN;
-use crate::image::{Image, Size};
-use crate::sensor::WHITE;
+use gs2e_image::{Image, Size};
+use gs2e_sensor::WHITE;
 use std::ops::Range;
 
 /// Number of runs.

@@ -1,11 +1,11 @@
 //! Intrinsics of a camera from the files that datasets have: nerfstudio's `transforms.json`, COLMAP's
 //! `cameras.txt`, or a text with `fx fy cx cy`, as one line or as `name: value` lines.
 //!
-//! Pixel centres lie at half-integers, as in [`crate::camera`]. The geometric passes model no lens: a
+//! Pixel centres lie at half-integers, as in [`gs2e_scene::camera`]. The geometric passes model no lens: a
 //! camera with distortion is refused.
 
-use crate::camera::Camera;
-use crate::image::Size;
+use gs2e_image::Size;
+use gs2e_scene::camera::Camera;
 use serde_json::Value;
 
 /// Names of the four numbers, with those of `transforms.json`.

@@ -20,8 +20,8 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::check::{DetectableFault, Finding, Verdict};
-use crate::event::{EventFileError, Polarity};
+use crate::{DetectableFault, Finding, Verdict};
+use gs2e_event::{EventFileError, Polarity};
 
 /// Largest speed difference of the clocks that is searched for.
 const MAX_DRIFT: f64 = 0.04;

@@ -1,8 +1,8 @@
 //! Depth images of a dataset: grey PNGs of 16 bits with a stated scale, or `.npy` and `.npz` with
 //! metres.
 
-use crate::files;
-use crate::image::{Image, Size, npy, png};
+use gs2e_files as files;
+use gs2e_image::{Image, Size, npy, png};
 use std::io::{BufReader, Read as _};
 use std::path::Path;
 use zip::ZipArchive;

@@ -9,8 +9,8 @@
 
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use crate::check::{DetectableFault, Finding, Verdict};
-use crate::event::EventFileError;
+use crate::{DetectableFault, Finding, Verdict};
+use gs2e_event::EventFileError;
 
 /// Number of the longest pauses that are looked at.
 const LONGEST: usize = 32;

@@ -1,6 +1,6 @@
 //! Places of the files of known datasets.
 
-use crate::files::is_there;
+use gs2e_files::is_there;
 use std::path::{Path, PathBuf};
 
 /// A layout of a sequence.

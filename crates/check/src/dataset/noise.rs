@@ -12,8 +12,8 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::clock::EventClock;
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::check::{DetectableFault, Finding, Verdict};
-use crate::event::{EventFileError, Polarity};
+use crate::{DetectableFault, Finding, Verdict};
+use gs2e_event::{EventFileError, Polarity};
 
 /// Distances of the frames that show whether a pixel is steady or still.
 const LADDER: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];

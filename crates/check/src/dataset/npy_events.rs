@@ -1,9 +1,9 @@
 //! Events of E-NeRF: a folder of `.npy` files, each float64 `[N, 4]` with x, y, the time in
 //! nanoseconds, and the polarity, 1 or -1.
 
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity};
-use crate::files;
-use crate::units::Timestamp;
+use gs2e_event::{Event, EventFileError, EventLabel, EventSource, Polarity};
+use gs2e_files as files;
+use gs2e_num::units::Timestamp;
 use npyz::{NpyFile, Order};
 use std::fs;
 use std::io::BufReader;

@@ -23,9 +23,9 @@
 
 use super::samples::{DatasetFrames, LADDER, SampleDecode};
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::check::{Finding, Verdict};
-use crate::event::{EventFileError, Polarity};
+use crate::{Finding, Verdict};
 use glam::{DMat3, DVec3};
+use gs2e_event::{EventFileError, Polarity};
 
 /// Thresholds at the first round.
 const FIRST: [f64; 2] = [0.2; 2];

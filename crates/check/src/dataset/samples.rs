@@ -1,8 +1,8 @@
 //! Frames of a dataset at some pixels: the frames that the estimates need, and no others.
 
 use super::bursts::FrameBursts;
-use crate::image::{Image, Size, srgb};
-use crate::sensor::WHITE;
+use gs2e_image::{Image, Size, srgb};
+use gs2e_sensor::WHITE;
 use std::collections::BTreeMap;
 
 /// Number of spans for the correlation and the thresholds, evenly spread over the frames.

@@ -10,9 +10,9 @@
 //!   bound of the noise, because a slow edge makes some as well.
 
 use super::{EventDataset, finding, measured_finding};
-use crate::check::{DetectableFault, Finding, Verdict};
-use crate::event::Event;
-use crate::image::Size;
+use crate::{DetectableFault, Finding, Verdict};
+use gs2e_event::Event;
+use gs2e_image::Size;
 
 /// Steps of time that stamps may be multiples of, us, the coarsest first.
 const GRIDS: [i64; 5] = [10_000, 1000, 100, 10, 1];
@@ -219,8 +219,8 @@ fn bin_end(bin: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use gs2e_event::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 20, height: 10 };
 

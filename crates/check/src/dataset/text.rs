@@ -3,9 +3,9 @@
 //! A time with a decimal point is in seconds. A whole number is in microseconds, or in nanoseconds
 //! from 1e17 on, which would be the year 5138 in microseconds.
 
-use crate::se3::Se3;
-use crate::trajectory::Trajectory;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_trajectory::Trajectory;
 
 /// Whole numbers from here on are nanoseconds.
 const NANOSECONDS: i64 = 100_000_000_000_000_000;

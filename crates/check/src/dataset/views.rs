@@ -5,19 +5,19 @@
 //! poses are left out.
 
 use super::depth::read_depth;
-use crate::camera::Camera;
-use crate::camera::flow::flow_rates;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::check::geometry::watch::{GeometryWatch, PosedPictures};
-use crate::check::geometry::{GeometryMeasures, PictureMeasures};
-use crate::check::motion::warp::FlowAt;
-use crate::check::photometric::align::smooth_picture;
-use crate::frames::folder::read_luminance;
-use crate::image::Image;
-use crate::se3::Se3;
-use crate::se3::rotation::slerp;
-use crate::trajectory::Trajectory;
-use crate::trajectory::twist::pose_twists;
+use crate::geometry::watch::{GeometryWatch, PosedPictures};
+use crate::geometry::{GeometryMeasures, PictureMeasures};
+use crate::motion::warp::FlowAt;
+use crate::photometric::align::smooth_picture;
+use gs2e_image::Image;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::slerp;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::flow::flow_rates;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_sensor::frames::folder::read_luminance;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::twist::pose_twists;
 use rayon::prelude::*;
 use std::path::PathBuf;
 

@@ -5,10 +5,10 @@
 //! another sign, scale, baseline, pose or unit, and images without values.
 
 use super::NAME;
-use crate::check::flow_projection::rank;
-use crate::check::subject::{Judgement, LimitSide};
-use crate::check::{Finding, TrajectorySubject};
-use crate::image::Image;
+use crate::flow_projection::rank;
+use crate::subject::{Judgement, LimitSide};
+use crate::{Finding, TrajectorySubject};
+use gs2e_image::Image;
 
 /// Largest difference of a disparity, as a share of it.
 const SHARE: f64 = 1e-4;
@@ -70,7 +70,7 @@ pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<Findi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     const SIZE: Size = Size { width: 20, height: 10 };
 

@@ -1,6 +1,6 @@
 //! Rates of a noise floor by luminance, as a table.
 
-use crate::sensor::voltmeter::VoltmeterModel;
+use gs2e_sensor::voltmeter::VoltmeterModel;
 
 /// Rates of a noise floor at greys a factor of two apart.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,14 +7,14 @@ mod floor;
 mod lag;
 mod unequal;
 
-pub(in crate::check) use balance::DriftBalance;
+pub(crate) use balance::DriftBalance;
 pub use balance::FrameComparison;
 pub use edge::EventEdge;
 pub use floor::SpoiltPixels;
 pub use lag::LagSums;
 pub(super) use unequal::MAX_SPREAD;
 
-use crate::check::drift::{DriftLaw, length};
+use crate::drift::{DriftLaw, length};
 use balance::PixelChange;
 use edge::{NearPixel, find_edge, find_unequal_edge};
 use unequal::UnequalLaw;
@@ -29,7 +29,7 @@ const MAX_UNEQUAL_BLUR: f64 = 0.5;
 const MAX_OWN_SPREAD: f64 = 1.5;
 /// Thresholds beyond a possible residual from which on a pixel is stray: single events that the bound misses
 /// are not.
-pub(in crate::check) const STRAY: f64 = 3.0;
+pub(crate) const STRAY: f64 = 3.0;
 /// Standard deviations of a sum or a quantile that are allowed.
 const DEVIATIONS: f64 = 4.0;
 

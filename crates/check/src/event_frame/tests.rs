@@ -1,9 +1,9 @@
 //! Sound and planted streams of unequal pixels with a noise floor.
 
-use crate::check::Verdict;
-use crate::check::planted::{PlantedWorld, SplitMixDraws, WorldSettings};
-use crate::event::{Event, Polarity};
-use crate::sensor::noise::NoiseFloor;
+use crate::Verdict;
+use crate::planted::{PlantedWorld, SplitMixDraws, WorldSettings};
+use gs2e_event::{Event, Polarity};
+use gs2e_sensor::noise::NoiseFloor;
 
 /// Thresholds of a DAVIS346, their spread, and its noise at these rates.
 fn uneven(floor_hz: [f64; 2]) -> WorldSettings {
@@ -50,7 +50,7 @@ fn sound_unequal_pixels_pass_every_statement() {
 /// The statement of the sensor differs from the sensor.
 fn stated(
     world: &PlantedWorld,
-    change: impl FnOnce(&mut crate::sensor::voltmeter::VoltmeterModel),
+    change: impl FnOnce(&mut gs2e_sensor::voltmeter::VoltmeterModel),
 ) -> PlantedWorld {
     let mut sensor = world.sensor.clone();
     change(&mut sensor);

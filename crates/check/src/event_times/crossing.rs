@@ -34,11 +34,11 @@ mod pairs;
 
 pub use frame_drifts::SeenFrame;
 
-use crate::check::ahead::{AHEAD, load_ahead};
-use crate::check::drift::DriftLaw;
-use crate::event::{Event, Polarity};
-use crate::image::Size;
+use crate::ahead::{AHEAD, load_ahead};
+use crate::drift::DriftLaw;
 use frame_drifts::{Crossing, FrameDrifts};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
 use levels::LevelResiduals;
 use line_sums::LineSums;
 use pairs::PairResiduals;

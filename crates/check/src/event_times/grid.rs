@@ -21,7 +21,7 @@ pub struct StampGrid {
 
 /// Counts distinct times, which come in order.
 #[derive(Debug)]
-pub(in crate::check) struct GridCounter {
+pub(crate) struct GridCounter {
     stamps: u64,
     first_us: Option<i64>,
     last_us: i64,
@@ -30,14 +30,14 @@ pub(in crate::check) struct GridCounter {
 }
 
 impl GridCounter {
-    pub(in crate::check) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let remainders = [0, 1].map(|i| vec![0; usize::try_from(MODULI[i]).expect("a small modulus")]);
         Self { stamps: 0, first_us: None, last_us: i64::MIN, common: 0, remainders }
     }
 
     /// Counts the time of an event; repeated times count once.
     #[expect(clippy::cast_possible_truncation, reason = "a remainder of a small modulus")]
-    pub(in crate::check) fn see(&mut self, t_us: i64) {
+    pub(crate) fn see(&mut self, t_us: i64) {
         if t_us == self.last_us && self.stamps > 0 {
             return;
         }
@@ -50,7 +50,7 @@ impl GridCounter {
         }
     }
 
-    pub(in crate::check) fn finish(&self) -> StampGrid {
+    pub(crate) fn finish(&self) -> StampGrid {
         let none = StampGrid { stamps: self.stamps, step_us: 1, share: 1.0 };
         // All times, on a grid of any step.
         if self.stamps > 1 && self.common > 1 {
@@ -83,7 +83,7 @@ fn divisor_of_both(a: u64, b: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     fn grid(times: impl Iterator<Item = i64>) -> StampGrid {
         let mut times: Vec<i64> = times.collect();

@@ -1,6 +1,6 @@
 //! Brightness of the blocks of a frame, and its change.
 
-use crate::image::Image;
+use gs2e_image::Image;
 
 /// Number of blocks across and down.
 const BLOCKS: [usize; 2] = [12, 9];
@@ -50,7 +50,7 @@ impl FrameBlocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     /// A frame of 60x45 px: 100 grey, with other greys where `add` says so.
     fn frame(add: impl Fn(u32, u32) -> f32) -> FrameBlocks {

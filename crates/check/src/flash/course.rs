@@ -4,7 +4,7 @@
 //! a motion that begins, or an edge that enters the picture, stays for more than some steps, and a flash
 //! does not. Where the camera is faster than on that side, the median grows with its speed.
 
-use crate::stats::mean_median;
+use gs2e_num::stats::mean_median;
 
 /// Number of values on one side of a change.
 const SIDE: usize = 16;

@@ -7,12 +7,12 @@
 //! misses it. The limit is one in a hundred.
 
 use super::{NAME, rank};
-use crate::camera::flow::flow_of_parts;
-use crate::camera::view::CameraView;
-use crate::check::geometry::Measured;
-use crate::check::subject::{Judgement, LimitSide};
-use crate::check::{Finding, TrajectorySubject};
-use crate::image::Image;
+use crate::geometry::Measured;
+use crate::subject::{Judgement, LimitSide};
+use crate::{Finding, TrajectorySubject};
+use gs2e_image::Image;
+use gs2e_scene::camera::flow::flow_of_parts;
+use gs2e_scene::camera::view::CameraView;
 
 /// Largest number of wrong pixels, as a share of the pixels of objects.
 const MOST_WRONG: f64 = 0.01;

@@ -1,7 +1,7 @@
 //! Usual mistakes in poses: the readings of them that are tried where pictures and poses disagree.
 
-use crate::se3::{OPENCV_FROM_OPENGL, Se3};
 use glam::{DMat3, DQuat};
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
 
 /// Factors of the translation that are tried, with those of units: metres, millimetres, and the 5,000
 /// steps per metre of the TUM depth images.

@@ -7,15 +7,13 @@
 
 use super::readings::{PoseReading, find_reading};
 use super::{AlignedPairs, Measured, PictureMeasures};
-use crate::camera::Camera;
-use crate::check::photometric::align::{
-    AlignedQuantity, PairAlignment, PosedPicture, align_pair, smooth_picture,
-};
-use crate::check::photometric::order::FrameTriple;
-use crate::check::photometric::{FRAME_SHARE, disagrees};
-use crate::image::Image;
-use crate::se3::Se3;
-use crate::stats::mean_median;
+use crate::photometric::align::{AlignedQuantity, PairAlignment, PosedPicture, align_pair, smooth_picture};
+use crate::photometric::order::FrameTriple;
+use crate::photometric::{FRAME_SHARE, disagrees};
+use gs2e_image::Image;
+use gs2e_num::se3::Se3;
+use gs2e_num::stats::mean_median;
+use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 
 /// Motion of pairs apart, px: enough to be measured well, and small enough for a linear model.

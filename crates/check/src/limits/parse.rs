@@ -1,7 +1,7 @@
 //! Limits as recipes write them.
 
 use super::{EXACT, KEYS, Limits};
-use crate::check::{NAMES, is_waivable};
+use crate::{NAMES, is_waivable};
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -69,14 +69,12 @@ pub(super) fn parse_reason<'de, D: Deserializer<'de>>(deserializer: D) -> Result
 }
 
 /// The reason for not running a pass of another program that the recipe does not request.
-pub(in crate::check) fn not_asked(name: &str) -> String {
+pub(crate) fn not_asked(name: &str) -> String {
     format!("the recipe does not request it; `checks: {{ {name}: {{}} }}` does")
 }
 
 /// A limit: a finite number above zero.
-pub(in crate::check) fn parse_positive<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<f64>, D::Error> {
+pub(crate) fn parse_positive<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if limit.is_finite() && limit > 0.0 {
         Ok(Some(limit))
@@ -86,9 +84,7 @@ pub(in crate::check) fn parse_positive<'de, D: Deserializer<'de>>(
 }
 
 /// A share: a number from 0 to 1.
-pub(in crate::check) fn parse_share<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<f64>, D::Error> {
+pub(crate) fn parse_share<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
     let limit = f64::deserialize(deserializer)?;
     if (0.0..=1.0).contains(&limit) {
         Ok(Some(limit))

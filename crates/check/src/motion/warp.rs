@@ -1,10 +1,10 @@
 //! The events of a short window, in place and moved along the optical flow to the middle of the
 //! window.
 
-use crate::event::{Event, Polarity};
-use crate::image::{Image, Size};
-use crate::stats::nearest_ranks;
-use crate::trajectory::flow::FlowQuantiles;
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{Image, Size};
+use gs2e_num::stats::nearest_ranks;
+use gs2e_trajectory::flow::FlowQuantiles;
 
 /// The image motion at an instant.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +22,7 @@ fn median_of(flow: &FlowAt) -> Option<f32> {
 }
 
 /// Median speed of the image over some instants, px/s; `None` without a known speed.
-pub(in crate::check) fn median_speed(flows: &[FlowAt]) -> Option<f64> {
+pub(crate) fn median_speed(flows: &[FlowAt]) -> Option<f64> {
     let speeds = flows.iter().filter_map(median_of).collect();
     nearest_ranks(speeds, [50]).map(|[speed]| f64::from(speed))
 }
@@ -102,7 +102,7 @@ struct WarpWindow<'a> {
 
 /// The windows of a stream, one after the other.
 #[derive(Debug)]
-pub(in crate::check) struct WarpWindows<'a> {
+pub(crate) struct WarpWindows<'a> {
     size: Size,
     end_us: i64,
     /// Windows to come, the next one last.
@@ -118,7 +118,7 @@ impl<'a> WarpWindows<'a> {
     ///
     /// # Panics
     /// A flow has another size.
-    pub(in crate::check) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
+    pub(crate) fn new(size: Size, end_us: i64, flows: &'a [FlowAt]) -> Self {
         assert!(flows.iter().all(|flow| flow.px_s.size() == size), "flows are of the sensor's size");
         let mut windows = Self {
             size,
@@ -133,7 +133,7 @@ impl<'a> WarpWindows<'a> {
     }
 
     /// Counts an event. Events must come in order of time.
-    pub(in crate::check) fn see(&mut self, event: Event, t_us: i64) {
+    pub(crate) fn see(&mut self, event: Event, t_us: i64) {
         // Several windows may have ended since the last event.
         while self.open.as_ref().is_some_and(|window| t_us > window.span_us[1]) {
             self.close();
@@ -144,7 +144,7 @@ impl<'a> WarpWindows<'a> {
     }
 
     /// The statistics, and the counts of one window in place and moved.
-    pub(in crate::check) fn finish(mut self) -> (Vec<WarpSharpness>, Option<[Vec<u16>; 2]>) {
+    pub(crate) fn finish(mut self) -> (Vec<WarpSharpness>, Option<[Vec<u16>; 2]>) {
         while self.open.is_some() {
             self.close();
         }
@@ -249,9 +249,9 @@ fn count_variance(counts: &[u16]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use crate::planted::SplitMixDraws;
+    use gs2e_event::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 64, height: 8 };
 

@@ -13,9 +13,9 @@
 //! equal. A readout of limited rate loses events of unknown labels, so nothing is stated there.
 
 use super::NAME;
-use crate::check::subject::{Judgement, LimitSide};
-use crate::check::tally::LabelCounts;
-use crate::check::{Finding, TrajectorySubject};
+use crate::subject::{Judgement, LimitSide};
+use crate::tally::LabelCounts;
+use crate::{Finding, TrajectorySubject};
 
 /// Largest share of the events of hot pixels without the label of noise.
 const MISSING: f64 = 0.3;

@@ -1,9 +1,9 @@
 //! Pixels that see no change, and their events.
 
-use crate::check::drift::DriftLaw;
-use crate::check::motion::warp::FlowAt;
-use crate::frames::anchors::AnchorFrames;
-use crate::image::Size;
+use crate::drift::DriftLaw;
+use crate::motion::warp::FlowAt;
+use gs2e_image::Size;
+use gs2e_sensor::frames::anchors::AnchorFrames;
 
 /// Largest drift of a still pixel at all known instants, in thresholds.
 const STILL: f64 = 0.1;
@@ -38,7 +38,7 @@ pub struct StillPixelCounts {
 
 /// Counts the events of still pixels in a stream.
 #[derive(Debug)]
-pub(in crate::check) struct StillPixelWatch {
+pub(crate) struct StillPixelWatch {
     still: Vec<bool>,
     end_us: i64,
     found: StillPixelCounts,
@@ -47,7 +47,7 @@ pub(in crate::check) struct StillPixelWatch {
 
 impl StillPixelWatch {
     /// Finds the still pixels; `None` if neither frames nor flow determine them.
-    pub(in crate::check) fn new(
+    pub(crate) fn new(
         size: Size,
         end_us: i64,
         law: &DriftLaw,
@@ -76,7 +76,7 @@ impl StillPixelWatch {
 
     /// Sees an event. Returns true if its pixel is still.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the bins")]
-    pub(in crate::check) fn see(&mut self, pixel: usize, t_us: i64) -> bool {
+    pub(crate) fn see(&mut self, pixel: usize, t_us: i64) -> bool {
         if !self.still[pixel] {
             return false;
         }
@@ -90,7 +90,7 @@ impl StillPixelWatch {
         true
     }
 
-    pub(in crate::check) fn finish(self) -> StillPixelCounts {
+    pub(crate) fn finish(self) -> StillPixelCounts {
         let rhythm = self.bins.iter().map(|bins| peak_autocorrelation(bins)).fold(0.0, f64::max);
         StillPixelCounts { rhythm, ..self.found }
     }
@@ -184,7 +184,7 @@ fn peak_autocorrelation(bins: &[u32]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     #[test]
     fn what_repeats_itself_is_told_from_chance_and_from_a_slow_start() {

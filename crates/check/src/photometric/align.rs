@@ -15,10 +15,10 @@
 //! Pixels whose depth in `to` differs are occluded and left out. The standard error is that of a
 //! jackknife over parts of the picture.
 
-use crate::camera::Camera;
-use crate::image::{Image, Size};
-use crate::se3::Se3;
 use glam::{DVec2, DVec3};
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 
 /// Maximum number of pixels used per pair; more would only add time.
 const MOST_PIXELS: usize = 20_000;

@@ -4,14 +4,13 @@
 //! frames. Frames in another order break this: where two neighbours are swapped, the middle frame
 //! of a triple lies beyond an outer one. A camera that stands still sees one picture.
 
-use super::super::TrajectorySubject;
 use super::super::geometry::Measured;
 use super::super::subject::{Judgement, LimitSide};
-use super::super::{Finding, Verdict};
+use super::super::{Finding, TrajectorySubject, Verdict};
 use super::NAME;
-use crate::se3::Se3;
-use crate::se3::rotation::relative_angle;
-use crate::stats::mean_median;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::relative_angle;
+use gs2e_num::stats::mean_median;
 
 /// Smallest ratio of the outer difference to the larger inner one. Where the motion exceeds the
 /// structure of the picture, all differences are equal.

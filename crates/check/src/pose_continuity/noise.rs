@@ -181,7 +181,7 @@ fn running_squares(points: &[PathPoint], signs: &[f64], stride: usize) -> Vec<f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     /// Numbers from -1 to 1 whose variance is 1/3.
     fn draw(draws: &mut SplitMixDraws) -> f64 {

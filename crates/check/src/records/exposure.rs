@@ -1,7 +1,7 @@
 //! A blurred frame against the mean of the sharp frames of its exposure.
 
-use crate::image::Image;
-use crate::image::light::MeanScale;
+use gs2e_image::Image;
+use gs2e_image::light::MeanScale;
 
 /// Difference of a blurred frame from the mean of sharp frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -105,8 +105,8 @@ impl ExposureMean {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::light::PictureSum;
-    use crate::image::{Size, png};
+    use gs2e_image::light::PictureSum;
+    use gs2e_image::{Size, png};
 
     const SIZE: Size = Size { width: 16, height: 16 };
 

@@ -1,13 +1,13 @@
 //! Inertial data against the poses and the recipe of a path.
 
 use super::{Finding, NAME, judge_agreement};
-use crate::check::subject::Judgement;
-use crate::imu::ImuModel;
-use crate::imu::consistency::{InertialComparison, compare_inertial};
-use crate::imu::files::{
+use crate::subject::Judgement;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::imu::ImuModel;
+use gs2e_trajectory::imu::consistency::{InertialComparison, compare_inertial};
+use gs2e_trajectory::imu::files::{
     SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD, read_gravity, read_lines, sensor_differences,
 };
-use crate::trajectory::Trajectory;
 
 /// Files of inertial data, in the order [`InertialBytes::NAMES`].
 #[derive(Debug, Clone, Copy)]

@@ -6,10 +6,10 @@
 //! another scale, sign, path or unit of places and velocities.
 
 use super::{Finding, judge_agreement};
-use crate::scene::motion::{PartMotion, PartPath, PartRecord, PlaceLine, SceneMotion};
-use crate::scene::objects::{ObjectSettings, ObjectSource};
-use crate::se3::rotation::{exp_vector, log_vector};
 use glam::{DMat3, DQuat, DVec3};
+use gs2e_num::se3::rotation::{exp_vector, log_vector};
+use gs2e_scene::motion::{PartMotion, PartPath, PartRecord, PlaceLine, SceneMotion};
+use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 
 /// Largest difference, as a share of the sizes that it comes from: far above rounding, and below a visible
 /// motion.
@@ -23,7 +23,8 @@ const RIDGE: f64 = 1e-14;
 pub fn stated_motion(line: &PlaceLine) -> Option<PartMotion> {
     let v: &[f64; 13] = line.values.as_slice().try_into().ok()?;
     let rotation = DQuat::from_xyzw(v[3], v[4], v[5], v[6]);
-    let pose = crate::se3::Se3 { rotation: rotation.normalize(), translation: DVec3::new(v[0], v[1], v[2]) };
+    let pose =
+        gs2e_num::se3::Se3 { rotation: rotation.normalize(), translation: DVec3::new(v[0], v[1], v[2]) };
     let (velocity, angular) = (DVec3::new(v[7], v[8], v[9]), DVec3::new(v[10], v[11], v[12]));
     Some(PartMotion { pose, velocity, angular })
 }

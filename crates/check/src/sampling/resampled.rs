@@ -1,6 +1,6 @@
 //! Some intervals of a stream with its frames and with twice as many, event by event.
 
-use crate::event::{Event, Polarity};
+use gs2e_event::{Event, Polarity};
 use serde::{Deserialize, Serialize};
 
 /// The comparison of some intervals of a stream with twice the frames.
@@ -50,8 +50,8 @@ impl ResampledIntervals {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     fn event(t_us: i64, x: u16, polarity: Polarity) -> Event {
         Event { t: Timestamp::from_micros(t_us), x, y: 0, polarity, label: EventLabel::Signal }

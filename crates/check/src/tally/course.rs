@@ -1,7 +1,7 @@
 //! Events of each polarity by time.
 
-use crate::event::Polarity;
-use crate::units::Hertz;
+use gs2e_event::Polarity;
+use gs2e_num::units::Hertz;
 
 /// Shortest bin, us.
 const BIN_US: i64 = 1000;

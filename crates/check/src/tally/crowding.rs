@@ -1,6 +1,6 @@
 //! Pairs of events of one window that share a cell of the sensor.
 
-use crate::image::Size;
+use gs2e_image::Size;
 
 /// Number of windows of a stream. They are short, so that an edge moves little within one.
 const WINDOWS: i64 = 100;
@@ -90,7 +90,7 @@ impl CrowdingCounter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     const SIZE: Size = Size { width: 100, height: 80 };
 

@@ -1,8 +1,8 @@
 //! Labels of the events, by what is known of their pixels.
 
-use crate::check::drift::DriftLaw;
-use crate::event::EventLabel;
-use crate::frames::anchors::AnchorFrames;
+use crate::drift::DriftLaw;
+use gs2e_event::EventLabel;
+use gs2e_sensor::frames::anchors::AnchorFrames;
 
 /// Numbers of events labelled as noise and as signal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -32,7 +32,7 @@ impl<'a> LabelWatch<'a> {
         let images = anchors.images.len().max(1) as f64;
         let pixels = anchors.images.first().map_or(0, |image| image.pixels().len());
         let mean = |i: usize| {
-            let at = |image: &crate::image::Image<f32>| f64::from(image.pixels()[i].max(0.0));
+            let at = |image: &gs2e_image::Image<f32>| f64::from(image.pixels()[i].max(0.0));
             anchors.images.iter().map(at).sum::<f64>() / images
         };
         let is_hot = |i: usize| hot_hz.get(i).is_some_and(|hz| *hz > 0.0);

@@ -2,7 +2,7 @@
 //! begins with the offset of its list of fields.
 
 use super::{EVENT, EVENTS, HEADER};
-use crate::event::Event;
+use crate::Event;
 
 /// Number of bytes before the events of a packet.
 const BEFORE_EVENTS: usize = 32;

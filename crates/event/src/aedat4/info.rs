@@ -1,6 +1,6 @@
 //! The description of streams in the header, as XML.
 
-use crate::image::Size;
+use gs2e_image::Size;
 use roxmltree::{Document, Node};
 
 /// A stream of events.

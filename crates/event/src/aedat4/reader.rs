@@ -3,10 +3,10 @@
 use super::buffer::BufferTable;
 use super::info::{self, StreamInfo};
 use super::{END_US, EVENT, EVENTS, HEADER, PacketCompression, VERSION};
-use crate::budget;
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
-use crate::files;
-use crate::units::Timestamp;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
+use gs2e_files as files;
+use gs2e_files::budget;
+use gs2e_num::units::Timestamp;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;

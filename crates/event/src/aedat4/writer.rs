@@ -1,9 +1,9 @@
 //! Writing, packet by packet.
 
 use super::{EDGE, END_US, VERSION, buffer, info};
-use crate::event::order::StreamOrder;
-use crate::event::{Event, EventFileError, EventSink};
-use crate::image::Size;
+use crate::order::StreamOrder;
+use crate::{Event, EventFileError, EventSink};
+use gs2e_image::Size;
 use lz4_flex::frame::FrameEncoder;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};

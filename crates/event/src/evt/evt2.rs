@@ -2,7 +2,7 @@
 //! time word has the 28 higher bits of the time.
 
 use super::reader::{DecodedWords, WordDecoder};
-use crate::event::{Event, Polarity};
+use crate::{Event, Polarity};
 
 const TIME_HIGH: u32 = 0x8;
 const TRIGGER: u32 = 0xa;

@@ -4,7 +4,7 @@
 
 use super::END_US;
 use super::reader::{DecodedWords, WordDecoder};
-use crate::event::{Event, Polarity};
+use crate::{Event, Polarity};
 
 const ADDRESS_Y: u16 = 0x0;
 const ADDRESS_X: u16 = 0x2;

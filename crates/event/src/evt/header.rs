@@ -1,8 +1,8 @@
 //! The header lines before the words.
 
 use super::{EDGE, EvtVersion};
-use crate::event::EventFileError;
-use crate::image::Size;
+use crate::EventFileError;
+use gs2e_image::Size;
 use std::io::{BufRead, Read as _, Write};
 
 /// Maximum length of a header, bytes.

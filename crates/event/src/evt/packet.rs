@@ -6,41 +6,42 @@
 
 use super::evt3::{Evt3Decoder, Evt3Encoder, TURN_US};
 use super::reader::{DecodedWords, WordDecoder as _};
-use crate::event::Event;
-use crate::image::Size;
+use crate::Event;
+use gs2e_image::Size;
 
 /// Size of a word, bytes.
 pub(crate) const WORD: usize = Evt3Decoder::BYTES;
 
 /// Time after which the clock is 0 again, us.
-pub(crate) const OVERFLOW_US: i64 = TURN_US;
+pub const OVERFLOW_US: i64 = TURN_US;
 
 /// Encodes events in packets. A packet begins with its whole time and the row of its first event, so a
 /// reader that begins with it misses the overflows before it only.
 #[derive(Debug, Default)]
-pub(crate) struct PacketEncoder {
+pub struct PacketEncoder {
     encoder: Evt3Encoder,
     words: Vec<u8>,
 }
 
 impl PacketEncoder {
     /// Begins a packet at a time. Two packets begin less than half an overflow apart, 8.3 s.
-    pub(crate) fn begin(&mut self, t_us: i64) {
+    pub fn begin(&mut self, t_us: i64) {
         self.encoder.restart(t_us, &mut self.words);
     }
 
     /// Adds an event. Returns `None` if silence takes more words than the format allows.
-    pub(crate) fn put(&mut self, event: &Event) -> Option<()> {
+    pub fn put(&mut self, event: &Event) -> Option<()> {
         self.encoder.put(event, &mut self.words)
     }
 
     /// Number of bytes so far. The last run of pixels is not among them.
-    pub(crate) fn len(&self) -> usize {
+    #[must_use]
+    pub fn byte_count(&self) -> usize {
         self.words.len()
     }
 
     /// The words of the packet.
-    pub(crate) fn finish(&mut self) -> Vec<u8> {
+    pub fn finish(&mut self) -> Vec<u8> {
         self.encoder.flush(&mut self.words);
         std::mem::take(&mut self.words)
     }
@@ -102,8 +103,8 @@ impl PacketDecoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use crate::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 2048, height: 2048 };
 

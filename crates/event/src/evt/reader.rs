@@ -1,10 +1,10 @@
 //! Reading, word by word.
 
 use super::{END_US, EvtVersion, evt2, evt3, header};
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
-use crate::files;
-use crate::image::Size;
-use crate::units::Timestamp;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
+use gs2e_files as files;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::fs::File;
 use std::io::{BufReader, Read as _};
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Writing, chunk by chunk.
 
 use super::{EDGE, END_US, EvtVersion, evt2, evt3, header};
-use crate::event::order::StreamOrder;
-use crate::event::{Event, EventFileError, EventSink};
-use crate::image::Size;
+use crate::order::StreamOrder;
+use crate::{Event, EventFileError, EventSink};
+use gs2e_image::Size;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;

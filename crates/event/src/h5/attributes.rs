@@ -4,8 +4,8 @@
 //! [`super::Writer`], h5py and the C library write them by default. In others, no attribute is
 //! found.
 
-use crate::event::EventFileError;
-use crate::files;
+use crate::EventFileError;
+use gs2e_files as files;
 use rust_hdf5::H5Type;
 use rust_hdf5::format::FormatContext;
 use rust_hdf5::format::messages::attribute::AttributeMessage;

@@ -2,7 +2,7 @@
 
 use super::reader::guard_panics;
 use super::{LABEL, MS_TO_IDX, P, T, T_OFFSET, X, Y};
-use crate::event::EventFileError;
+use crate::EventFileError;
 use rust_hdf5::H5File;
 use std::path::Path;
 

@@ -6,7 +6,7 @@
 //! which begins with `GCOL`, and ends with a checksum, so that other bytes are hardly ever taken
 //! for one.
 
-use crate::event::EventFileError;
+use crate::EventFileError;
 use rust_hdf5::format::FormatContext;
 use rust_hdf5::format::global_heap::GlobalHeapCollection;
 use rust_hdf5::format::messages::virtual_mapping::VirtualMappingList;
@@ -144,7 +144,7 @@ fn refusal(what: &str) -> EventFileError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::h5::Reader;
+    use crate::h5::Reader;
     use rust_hdf5::Selection;
     use std::path::Path;
 

@@ -4,10 +4,10 @@ use super::{
     CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::RootAttributes, index::MsIndex,
     outside,
 };
-use crate::event::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
-use crate::files;
-use crate::image::Size;
-use crate::units::Timestamp;
+use crate::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
+use gs2e_files as files;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use rust_hdf5::{H5Dataset, H5File, H5Type};
 use std::panic::AssertUnwindSafe;
 use std::path::Path;

@@ -3,9 +3,10 @@
 
 use super::filter::ChunkFilter;
 use super::{CHUNK, END_US, H5Options, MS_TO_IDX, T_OFFSET, index::MsIndex};
-use crate::event::order::StreamOrder;
-use crate::event::{Event, EventFileError, EventSink, StreamHeader};
-use crate::files::{self, Removal};
+use crate::order::StreamOrder;
+use crate::{Event, EventFileError, EventSink, StreamHeader};
+use gs2e_files as files;
+use gs2e_files::Removal;
 use rayon::prelude::*;
 use rust_hdf5::{H5Dataset, H5File, H5Group, H5Type, LibverBound};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! A message of events, in CDR: numbers are at multiples of their size after the encapsulation.
 
 use super::ENCAPSULATION;
-use crate::image::Size;
+use gs2e_image::Size;
 use std::ops::Range;
 
 /// Coding of the events of a packet.
@@ -15,7 +15,7 @@ impl PacketEncoding {
     /// Size of a word, bytes.
     pub(super) fn word(self) -> usize {
         match self {
-            Self::Evt3 => crate::event::evt::packet::WORD,
+            Self::Evt3 => crate::evt::packet::WORD,
             Self::Mono => 8,
         }
     }

@@ -4,11 +4,11 @@ use super::message::{EventMessage, PacketEncoding};
 use super::opcode;
 use super::record::{RecordHead, RecordReader, damaged};
 use super::topics::EventTopics;
-use crate::budget::MAX_PER_BYTE;
-use crate::event::evt::packet::PacketDecoder;
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
-use crate::image::Size;
-use crate::units::Timestamp;
+use crate::evt::packet::PacketDecoder;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
+use gs2e_files::budget::MAX_PER_BYTE;
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::path::Path;
 
 /// Maximum size of a message of events, bytes. One in a chunk whose compressed form is large may be larger

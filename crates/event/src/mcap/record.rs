@@ -2,9 +2,9 @@
 //! to no allocation here.
 
 use super::{MAGIC, opcode};
-use crate::budget::MAX_LINE;
-use crate::event::EventFileError;
-use crate::files;
+use crate::EventFileError;
+use gs2e_files as files;
+use gs2e_files::budget::MAX_LINE;
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::os::unix::fs::FileExt as _;

@@ -1,12 +1,12 @@
 //! Reading: all arrays are decompressed in parallel streams.
 
 use super::{ARRAYS, END_US, LABEL, SIZE};
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity};
-use crate::files;
-use crate::image::{Size, npy};
-use crate::units::Timestamp;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use flate2::CrcReader;
 use flate2::read::DeflateDecoder;
+use gs2e_files as files;
+use gs2e_image::{Size, npy};
+use gs2e_num::units::Timestamp;
 use npyz::NpyHeader;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};

@@ -2,10 +2,11 @@
 //! files.
 
 use super::{ARRAYS, END_US, LABEL, SIZE};
-use crate::event::order::StreamOrder;
-use crate::event::{Event, EventFileError, EventSink, StreamHeader};
-use crate::files::rename::parent_folder;
-use crate::files::{self, Removal};
+use crate::order::StreamOrder;
+use crate::{Event, EventFileError, EventSink, StreamHeader};
+use gs2e_files as files;
+use gs2e_files::Removal;
+use gs2e_files::rename::parent_folder;
 use npyz::{DType, WriteOptions, WriterBuilder};
 use std::fs::File;
 use std::io::{BufWriter, Seek, Write};

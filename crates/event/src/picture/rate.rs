@@ -1,9 +1,9 @@
 //! Event rate over time as bars: ON upwards in red, OFF downwards in blue, with one labelled scale.
 
 use super::text;
-use crate::event::{Event, EventSink};
-use crate::image::{Image, Size};
-use crate::units::format_amount;
+use crate::{Event, EventSink};
+use gs2e_image::{Image, Size};
+use gs2e_num::units::format_amount;
 use std::ops::Range;
 
 /// Maximum number of bars. For longer streams, neighbours are merged.
@@ -156,8 +156,8 @@ fn fill_rectangle(image: &mut Image<[u8; 3]>, columns: Range<usize>, rows: Range
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use crate::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> RateBars {
         let mut rate = RateBars::new(window_us);

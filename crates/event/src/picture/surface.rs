@@ -3,8 +3,8 @@
 //! An event of age `a` at the end of the window has `exp(-a/tau)` of the full colour, as in the
 //! surfaces of Lagorce et al. (HOTS, PAMI 2017). Pixels without an event in the window are white.
 
-use crate::event::{Event, EventSink, Polarity};
-use crate::image::{Image, Size};
+use crate::{Event, EventSink, Polarity};
+use gs2e_image::{Image, Size};
 use std::collections::TryReserveError;
 use std::ops::Range;
 
@@ -90,8 +90,8 @@ impl EventSink for TimeSurface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::units::Timestamp;
+    use crate::EventLabel;
+    use gs2e_num::units::Timestamp;
 
     fn seen(window_us: Range<i64>) -> TimeSurface {
         let mut surface = TimeSurface::new(Size { width: 4, height: 1 }, window_us).unwrap();

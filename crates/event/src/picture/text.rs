@@ -1,6 +1,6 @@
 //! Labels in pictures: the letters of numbers and units, 5 columns by 7 rows.
 
-use crate::image::{Image, Size};
+use gs2e_image::{Image, Size};
 
 /// Distance between letters, px.
 const STEP: u32 = 6;

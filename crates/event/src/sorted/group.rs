@@ -1,8 +1,8 @@
 //! Events of one pixel and time, packed into one number that sorts.
 
 use super::CHUNK;
-use crate::event::{Event, EventLabel, Polarity};
-use crate::units::Timestamp;
+use crate::{Event, EventLabel, Polarity};
+use gs2e_num::units::Timestamp;
 
 /// The events of one microsecond, each in 64 bits: row, column, polarity, label, nanoseconds.
 #[derive(Debug, Default)]

@@ -1,11 +1,11 @@
 //! Reading, line by line.
 
 use super::{END_US, NAMES};
-use crate::budget::{MAX_LINE, ShortLines};
-use crate::event::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
-use crate::files;
-use crate::image::Size;
-use crate::units::Timestamp;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
+use gs2e_files as files;
+use gs2e_files::budget::{MAX_LINE, ShortLines};
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! Writing, line by line.
 
 use super::{ColumnSeparator, END_US, NAMES};
-use crate::event::order::StreamOrder;
-use crate::event::{Event, EventFileError, EventSink};
-use crate::image::Size;
+use crate::order::StreamOrder;
+use crate::{Event, EventFileError, EventSink};
+use gs2e_image::Size;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Needs and losses that several layouts share.
 
-use crate::export::brightness::{BrightnessFactor, BrightnessFormula};
-use crate::export::{ExportLoss, ExportPlan, TestViews, UnmetNeed};
+use crate::brightness::{BrightnessFactor, BrightnessFormula};
+use crate::{ExportLoss, ExportPlan, TestViews, UnmetNeed};
 
 /// Difference below which two numbers of pixels count as equal: a millionth of a threshold at any
 /// contrast.

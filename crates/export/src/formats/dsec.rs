@@ -18,13 +18,13 @@
 //! stream, and the attributes `width` and `height` of the root state the same.
 
 use super::camera_needs::{products, unmet_events, unmet_own_views};
-use crate::camera::flow::flow_between;
-use crate::camera::view::CameraView;
-use crate::event::{Event, EventFileError, EventSink as _, StreamHeader, h5};
-use crate::export::hdf5::Hdf5File;
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
-use crate::image::{Image, Size, png};
-use crate::units::Timestamp;
+use crate::hdf5::Hdf5File;
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use gs2e_event::{Event, EventFileError, EventSink as _, StreamHeader, h5};
+use gs2e_image::{Image, Size, png};
+use gs2e_num::units::Timestamp;
+use gs2e_scene::camera::flow::flow_between;
+use gs2e_scene::camera::view::CameraView;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io;

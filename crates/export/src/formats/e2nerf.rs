@@ -20,18 +20,17 @@ use super::camera_needs::{
     centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames,
 };
 use super::event_3dgs;
-use crate::event::Polarity;
-use crate::export::brightness::BrightnessFactor;
-use crate::export::tensor::TensorWriter;
-use crate::export::{
+use crate::brightness::BrightnessFactor;
+use crate::tensor::TensorWriter;
+use crate::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, SceneBox,
     TestViews, UnmetNeed, geometry, poses,
 };
-use crate::image::Size;
-use crate::image::srgb;
-use crate::se3::Se3;
-use crate::sensor::WHITE;
 use glam::DVec3;
+use gs2e_event::Polarity;
+use gs2e_image::{Size, srgb};
+use gs2e_num::se3::Se3;
+use gs2e_sensor::WHITE;
 use serde_json::{Value, json};
 
 /// The layout of E2NeRF.

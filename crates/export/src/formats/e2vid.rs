@@ -8,9 +8,9 @@
 //! Times have six decimals, which are exact.
 
 use super::camera_needs::{products, unmet_events};
-use crate::event::Polarity;
-use crate::export::plan::seconds_text;
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use crate::plan::seconds_text;
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use gs2e_event::Polarity;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs::File;

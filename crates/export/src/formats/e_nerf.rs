@@ -15,13 +15,13 @@ use super::camera_needs::{
     centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
     unmet_poses,
 };
-use crate::event::{Event, Polarity};
-use crate::export::npy::{self, GrowingArray};
-use crate::export::{
+use crate::npy::GrowingArray;
+use crate::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, geometry,
-    poses,
+    npy, poses,
 };
-use crate::trajectory::text::significant_digits;
+use gs2e_event::{Event, Polarity};
+use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 

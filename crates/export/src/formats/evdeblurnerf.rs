@@ -18,16 +18,16 @@
 use super::camera_needs::{
     centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames, unmet_own_views,
 };
-use crate::event::Polarity;
-use crate::export::brightness::BrightnessFactor;
-use crate::export::hdf5::{GrowingColumn, Hdf5File};
-use crate::export::npy::{self, Entry};
-use crate::export::{
+use crate::brightness::BrightnessFactor;
+use crate::hdf5::{GrowingColumn, Hdf5File};
+use crate::npy::Entry;
+use crate::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, TestViews,
-    UnmetNeed, geometry, poses,
+    UnmetNeed, geometry, npy, poses,
 };
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_event::Polarity;
+use gs2e_num::se3::Se3;
 use serde_json::{Value, json};
 
 /// The layout of EvDeblurNeRF.

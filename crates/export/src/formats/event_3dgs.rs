@@ -15,16 +15,16 @@
 //! `colmap` is the model with sharp frames in `images`, for any trainer that reads COLMAP.
 
 use super::camera_needs::{centred_camera, products, unmet_events, unmet_frames, unmet_own_views};
-use crate::event::Polarity;
-use crate::export::brightness::own_brightness;
-use crate::export::{
+use crate::brightness::own_brightness;
+use crate::{
     ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, TestViews, UnmetNeed, geometry,
 };
-use crate::frames::DenseFrame;
-use crate::image::{Image, luminance, png};
-use crate::sensor::{SensorModel, WHITE};
-use crate::source::colmap::write::{WrittenImage, write_model};
-use crate::units::Timestamp;
+use gs2e_event::Polarity;
+use gs2e_image::{Image, luminance, png};
+use gs2e_num::units::Timestamp;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::{SensorModel, WHITE};
+use gs2e_source::colmap::write::{WrittenImage, write_model};
 use serde_json::{Value, json};
 
 /// The layout of Event-3DGS.

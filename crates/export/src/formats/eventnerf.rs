@@ -15,18 +15,18 @@
 use super::camera_needs::{
     centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_poses,
 };
-use crate::event::{Event, Polarity};
-use crate::export::brightness::log_offset;
-use crate::export::npy::{self, Entry, GrowingArray};
-use crate::export::{
+use crate::brightness::log_offset;
+use crate::npy::{Entry, GrowingArray};
+use crate::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, SceneBox, UnmetNeed,
-    geometry, poses,
+    geometry, npy, poses,
 };
-use crate::image::{Image, Size, png};
-use crate::se3::Se3;
-use crate::sensor::SensorChoice;
-use crate::sensor::front_end::ChannelDecode;
 use glam::DVec3;
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{Image, Size, png};
+use gs2e_num::se3::Se3;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::front_end::ChannelDecode;
 use serde_json::{Value, json};
 
 /// The layout of EventNeRF.

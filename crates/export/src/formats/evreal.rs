@@ -15,10 +15,10 @@
 
 use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unmet_own_views};
 use super::marks::{EventMarks, grey_picture};
-use crate::event::Polarity;
-use crate::export::npy::{self, GrowingArray};
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
-use crate::image::Size;
+use crate::npy::GrowingArray;
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy};
+use gs2e_event::Polarity;
+use gs2e_image::Size;
 use serde_json::{Value, json};
 
 /// The layout of EVREAL.

@@ -14,14 +14,14 @@
 use super::camera_needs::{
     mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
 };
-use crate::event::Polarity;
-use crate::export::npy::{self, GrowingArray};
-use crate::export::plan::seconds_text;
-use crate::export::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, poses,
+use crate::npy::GrowingArray;
+use crate::plan::seconds_text;
+use crate::{
+    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy, poses,
 };
-use crate::image::jpeg;
-use crate::trajectory::text::significant_digits;
+use gs2e_event::Polarity;
+use gs2e_image::jpeg;
+use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 

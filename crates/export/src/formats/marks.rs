@@ -1,7 +1,7 @@
 //! Places of pictures in a stream of events, and grey pictures: what reconstruction networks read.
 
-use crate::export::{ExportError, ExportPlan};
-use crate::image::{luminance, to_byte};
+use crate::{ExportError, ExportPlan};
+use gs2e_image::{luminance, to_byte};
 
 /// The number of events before each of some stamps, from a stream that is seen once.
 #[derive(Debug)]

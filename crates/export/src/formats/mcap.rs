@@ -25,7 +25,7 @@ mod schemas;
 mod timeline;
 
 use super::camera_needs::{products, unmet_events, unmet_own_views};
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
 use packets::EventPackets;
 use recording::Recording;
 use serde_json::{Value, json};

@@ -16,10 +16,10 @@
 
 use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unmet_own_views};
 use super::marks::{EventMarks, grey_picture};
-use crate::event::Polarity;
-use crate::export::hdf5::{GrowingColumn, Hdf5File};
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
-use crate::image::Size;
+use crate::hdf5::{GrowingColumn, Hdf5File};
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use gs2e_event::Polarity;
+use gs2e_image::Size;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5Dataset, Hdf5Error};
 use serde_json::{Value, json};

@@ -14,13 +14,13 @@
 //! could hold, so an ideal circuit is written: all time constants are short.
 
 use super::camera_needs::{products, unmet_events, unmet_frames};
-use crate::event::Polarity;
-use crate::export::brightness::{BrightnessFactor, log_offset};
-use crate::export::npy::{self, Entry, GrowingArray};
-use crate::export::{
+use crate::brightness::{BrightnessFactor, log_offset};
+use crate::npy::{Entry, GrowingArray};
+use crate::{
     BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, ExportSubject,
-    UnmetNeed, geometry, poses,
+    UnmetNeed, geometry, npy, poses,
 };
+use gs2e_event::Polarity;
 use serde_json::{Value, json};
 
 /// The layout of Robust e-NeRF.

@@ -11,8 +11,7 @@
 //! samples have members of the same kinds.
 
 use super::windows::{self, EventWindow};
-use crate::export::npy;
-use crate::export::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -1,9 +1,9 @@
 //! Samples for networks: the events between two consecutive sharp frames, and the second frame.
 
 use super::camera_needs::{products, unmet_events, unmet_frames, unmet_own_views};
-use crate::event::{Event, Polarity};
-use crate::export::{ExportError, ExportFolder, ExportLoss, ExportPlan, UnmetNeed, poses};
-use crate::trajectory::text::significant_digits;
+use crate::{ExportError, ExportFolder, ExportLoss, ExportPlan, UnmetNeed, poses};
+use gs2e_event::{Event, Polarity};
+use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
 
 /// Largest number of events of a window: 300 MB.

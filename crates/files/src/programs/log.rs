@@ -1,6 +1,6 @@
 //! Log files of programs: the command first, then all output.
 
-use crate::files;
+use crate as files;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;

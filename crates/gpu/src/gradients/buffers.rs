@@ -5,7 +5,7 @@ use super::super::scene::ScenePart;
 use super::super::shader::{ImageLayout, SUMS};
 use super::super::{GpuRenderer, device::GpuDevice};
 use super::{COLOUR, GRADIENT};
-use crate::render::GpuError;
+use gs2e_render::GpuError;
 use wgpu::{BindGroup, Buffer, BufferDescriptor, BufferUsages};
 
 /// Buffers for the gradients of a frame with certain capacities, with their bind groups.

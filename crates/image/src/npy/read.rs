@@ -1,6 +1,6 @@
 //! Images from `.npy` files.
 
-use crate::image::{Image, Size};
+use crate::{Image, Size};
 use std::io::{self, Read};
 
 /// Reads `count` images that [`write_stack`](super::write_stack) wrote. These files are our own, so

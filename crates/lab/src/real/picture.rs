@@ -2,7 +2,7 @@
 
 use super::RealStudy;
 use super::profile::IntervalProfile;
-use crate::trajectory::picture::{PicturePanel, SvgText};
+use gs2e_trajectory::picture::{PicturePanel, SvgText};
 
 const SIZE: [f64; 2] = [960.0, 480.0];
 const INNER: PicturePanel = PicturePanel { left: 60.0, top: 40.0, width: 640.0, height: 370.0 };

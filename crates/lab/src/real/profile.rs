@@ -1,8 +1,8 @@
 //! The profile of a stream: events per pixel, share of ON events, and the intervals between the
 //! events of a pixel. Memory does not grow with the number of events.
 
-use crate::event::{Event, EventSink, Polarity};
-use crate::image::Size;
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_image::Size;
 use std::ops::RangeInclusive;
 
 /// Bins per doubling of an interval: a distance of distributions is known to the share of one bin.
@@ -228,9 +228,9 @@ impl EventSink for StreamProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::EventLabel;
-    use crate::seed::{DrawSpace, Seed, SeedCell};
-    use crate::units::Timestamp;
+    use gs2e_event::EventLabel;
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
+    use gs2e_num::units::Timestamp;
 
     fn event(us: i64, x: u16, polarity: Polarity) -> Event {
         Event { t: Timestamp(1000 * us), x, y: 0, polarity, label: EventLabel::Signal }

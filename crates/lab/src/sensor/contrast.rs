@@ -7,10 +7,10 @@
 //! the height to which half of the pixels answer.
 
 use super::show;
-use crate::event::Polarity;
-use crate::image::Size;
-use crate::seed::Seed;
-use crate::sensor::{SensorChoice, SensorError};
+use gs2e_event::Polarity;
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_sensor::{SensorChoice, SensorError};
 use serde::Serialize;
 
 /// Greys before the step.
@@ -158,8 +158,8 @@ fn grey_at(brightness: impl Fn(f64) -> f64, wanted: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::v2e::{V2eModel, V2ePreset};
-    use crate::sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+    use gs2e_sensor::v2e::{V2eModel, V2ePreset};
+    use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 
     fn passes(stated: &SensorChoice, shown: &SensorChoice, unit: f64) -> bool {
         let rows = measure_contrast(stated, shown, unit).unwrap();
@@ -179,7 +179,7 @@ mod tests {
             println!("{preset:?}");
             assert!(passes(&sensor, &sensor, 1.0));
         }
-        let esim = crate::sensor::esim::EsimModel::default().into();
+        let esim = gs2e_sensor::esim::EsimModel::default().into();
         assert!(passes(&esim, &esim, 1.0));
         for preset in V2ePreset::ALL {
             let v2e = V2eModel::from(preset).into();

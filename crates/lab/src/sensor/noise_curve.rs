@@ -2,13 +2,13 @@
 //! with the prediction of the sensor and with the published rates that a preset is anchored in.
 
 use super::show;
-use crate::event::Polarity;
-use crate::image::Size;
-use crate::seed::Seed;
-use crate::sensor::voltmeter::presets::NoiseAnchor;
-use crate::sensor::voltmeter::{InitialVoltage, SamplerKind, VoltmeterModel};
-use crate::sensor::{SensorChoice, SensorError, WHITE};
-use crate::stats::mean_median;
+use gs2e_event::Polarity;
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_num::stats::mean_median;
+use gs2e_sensor::voltmeter::presets::NoiseAnchor;
+use gs2e_sensor::voltmeter::{InitialVoltage, SamplerKind, VoltmeterModel};
+use gs2e_sensor::{SensorChoice, SensorError, WHITE};
 use serde::Serialize;
 
 /// Greys for a sensor without published rates.
@@ -189,9 +189,9 @@ fn count_events(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::noise::HotPixelNoise;
-    use crate::sensor::v2e::{V2eModel, V2ePreset};
-    use crate::sensor::voltmeter::VoltmeterPreset;
+    use gs2e_sensor::noise::HotPixelNoise;
+    use gs2e_sensor::v2e::{V2eModel, V2ePreset};
+    use gs2e_sensor::voltmeter::VoltmeterPreset;
 
     const SMALL: NoiseTrial = NoiseTrial { side: 16, tenths: 20 };
 

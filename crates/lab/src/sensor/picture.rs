@@ -3,8 +3,8 @@
 use super::SensorStudy;
 use super::contrast::ContrastRow;
 use super::noise_curve::NoiseRow;
-use crate::sensor::SensorChoice;
-use crate::trajectory::picture::{PicturePanel, SvgText, short_number};
+use gs2e_sensor::SensorChoice;
+use gs2e_trajectory::picture::{PicturePanel, SvgText, short_number};
 
 const SIZE: [f64; 2] = [1040.0, 440.0];
 const STEPS: PicturePanel = PicturePanel { left: 70.0, top: 46.0, width: 410.0, height: 330.0 };

@@ -1,12 +1,12 @@
 //! Short synthetic clips, and the events of a sensor for them.
 
-pub use crate::seed::ks::scaled_distance as ks;
+pub use gs2e_num::seed::ks::scaled_distance as ks;
 
-use crate::event::{Event, Polarity};
-use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
-use crate::image::Size;
-use crate::seed::Seed;
-use crate::sensor::{SensorModel, SimulationAccount, simulate_one};
+use gs2e_event::{Event, Polarity};
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+use gs2e_sensor::{SensorModel, SimulationAccount, simulate_one};
 use std::ops::ControlFlow;
 
 /// Frames with this luminance, 0..255, as a function of column, row and time in us.

@@ -5,11 +5,11 @@ mod sameness;
 
 use super::clips::{Train, by_pixel, make_clip, run_sensor};
 use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
-use crate::event::file::shift_event;
-use crate::event::{Event, EventLabel, Polarity};
-use crate::image::Size;
-use crate::sensor::voltmeter::VoltmeterModel;
-use crate::units::Timestamp;
+use gs2e_event::file::shift_event;
+use gs2e_event::{Event, EventLabel, Polarity};
+use gs2e_image::Size;
+use gs2e_num::units::Timestamp;
+use gs2e_sensor::voltmeter::VoltmeterModel;
 
 /// All cases of time.
 #[must_use]

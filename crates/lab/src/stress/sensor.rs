@@ -8,9 +8,10 @@ pub use passages::{bridge_off, first_off};
 
 use super::answers::{KnownAnswer, find_answers};
 use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
-use crate::sensor::statistics::RenewalProcess;
-use crate::sensor::voltmeter::units::{ConstantUnits, TimeUnit, WhiteBrightness};
-use crate::sensor::voltmeter::{self, VoltmeterModel};
+use gs2e_sensor::statistics::RenewalProcess;
+use gs2e_sensor::voltmeter;
+use gs2e_sensor::voltmeter::VoltmeterModel;
+use gs2e_sensor::voltmeter::units::{ConstantUnits, TimeUnit, WhiteBrightness};
 
 /// All cases of the sensor.
 #[must_use]

@@ -11,11 +11,11 @@ pub mod scenes;
 pub use needles::judge_needles;
 
 use super::{NotRun, Outcome, StressArea, StressCase};
-use crate::camera::view::CameraView;
-use crate::render::backend::Backend;
-use crate::render::reference::ReferenceRenderer;
-use crate::render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
-use crate::scene::Gaussians;
+use gs2e_render::backend::Backend;
+use gs2e_render::reference::ReferenceRenderer;
+use gs2e_render::{ChannelSet, RenderError, RenderStyle, RenderWork, RenderedImages};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
 /// The back ends and scenes for the cases of the renderers.

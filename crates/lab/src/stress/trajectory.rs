@@ -9,16 +9,16 @@ pub use smoothness::{joints_case, rates_case};
 
 use super::answers::{KnownAnswer, find_answers};
 use super::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
-use crate::se3::rotation::{exp_vector, log_vector};
-use crate::se3::{Se3, look_at};
-use crate::speed::function::SpeedExpression;
-use crate::speed::list::SpeedLevels;
-use crate::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
-use crate::trajectory::refine::{RefinePath, refine_views};
-use crate::trajectory::sample::SummationRule;
-use crate::trajectory::{MadeTrajectory, NamedPose, PoseTiming};
-use crate::units::{Hertz, Ratio};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation::{exp_vector, log_vector};
+use gs2e_num::se3::{Se3, look_at};
+use gs2e_num::units::{Hertz, Ratio};
+use gs2e_trajectory::refine::{RefinePath, refine_views};
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::function::SpeedExpression;
+use gs2e_trajectory::speed::list::SpeedLevels;
+use gs2e_trajectory::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
+use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming};
 use std::f64::consts::PI;
 
 /// All cases of paths.

@@ -4,8 +4,8 @@
 use super::grid::StepRule;
 use super::pick::ErrorMeasure;
 use super::{SettingRow, StudyResult};
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::trajectory::picture::{PicturePanel, SvgText};
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_trajectory::picture::{PicturePanel, SvgText};
 use std::ops::RangeInclusive;
 
 const SIZE: [f64; 2] = [960.0, 560.0];

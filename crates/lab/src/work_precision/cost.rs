@@ -2,9 +2,9 @@
 
 use super::lab::LabError;
 use super::{FrameCost, TimeSpent};
-use crate::camera::view::CameraView;
-use crate::image::{Image, luminance};
-use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_image::{Image, luminance};
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::view::CameraView;
 use std::ops::ControlFlow;
 
 /// Readings of this process. They come from outside, because a study reads no clock.

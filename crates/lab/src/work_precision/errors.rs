@@ -5,7 +5,7 @@
 //! skipped if its successor is nearer to the other stream's event, and that event is nearer to this
 //! successor than its own successor is.
 
-use crate::event::{Event, EventSink};
+use gs2e_event::{Event, EventSink};
 use serde::Serialize;
 use std::io;
 
@@ -173,8 +173,8 @@ fn match_events(a: &[u64], b: &[u64], within: i64, mut take: impl FnMut(i64)) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::{EventLabel, Polarity};
-    use crate::units::Timestamp;
+    use gs2e_event::{EventLabel, Polarity};
+    use gs2e_num::units::Timestamp;
 
     fn packed(events: &[(u16, i64, Polarity)]) -> Vec<u64> {
         let mut sink = CompactEvents::new(4);

@@ -8,17 +8,17 @@ use super::{
     OfRules, PicturePrecision, RuleCosts, SettingRow, StudyResult, finest_law as law_of, image_differences,
     judge_pass,
 };
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::frames::rendered::RenderedFrames;
-use crate::render::backend::Backend;
-use crate::render::flow::PixelFlowMeter;
-use crate::render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle};
-use crate::scene::Gaussians;
-use crate::seed::Seed;
-use crate::sensor::SimulateError;
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
-use crate::trajectory::Trajectory;
+use gs2e_num::seed::Seed;
+use gs2e_render::backend::Backend;
+use gs2e_render::flow::PixelFlowMeter;
+use gs2e_render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle};
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_sensor::SimulateError;
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use gs2e_trajectory::Trajectory;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 

@@ -4,12 +4,12 @@ use super::TimeSpent;
 use super::errors::{CompactEvents, active_pixels};
 use super::grid::FrameGrid;
 use super::voltage::{FrameVoltage, IntervalVoltages};
-use crate::frames::{DenseFrame, FrameSequence};
-use crate::image::Size;
-use crate::sampling::jitter::IntervalNoise;
-use crate::seed::Seed;
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
-use crate::sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError};
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_sampling::jitter::IntervalNoise;
+use gs2e_sensor::frames::{DenseFrame, FrameSequence};
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use gs2e_sensor::{SensorError, SensorModel as _, SensorPixels, SimulateError};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -207,10 +207,10 @@ impl<'a> GridSettings<'a> {
 mod tests {
     use super::super::errors::StreamErrors;
     use super::*;
-    use crate::frames::FrameError;
-    use crate::image::Image;
-    use crate::sensor::voltmeter::VoltmeterPreset;
-    use crate::units::Timestamp;
+    use gs2e_image::Image;
+    use gs2e_num::units::Timestamp;
+    use gs2e_sensor::frames::FrameError;
+    use gs2e_sensor::voltmeter::VoltmeterPreset;
 
     const SIZE: Size = Size { width: 8, height: 8 };
     const INTERVALS: usize = 960;

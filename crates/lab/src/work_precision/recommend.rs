@@ -6,7 +6,7 @@
 use super::grid::StepRule;
 use super::report::short_number;
 use super::{SettingRow, StudyResult};
-use crate::sensor::voltmeter::BetweenFrames;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use serde::Serialize;
 
 /// A measured setting, and the reason for it.

@@ -1,10 +1,9 @@
 //! The results of a study as a table for programs, and in words.
 
-use super::brief;
 use super::grid::StepRule;
 use super::pick::{CostPlace, ErrorMeasure, MethodComparison, MethodOffer};
-use super::{SettingRow, StudyResult};
-use crate::image::Size;
+use super::{SettingRow, StudyResult, brief};
+use gs2e_image::Size;
 use std::fmt::Write as _;
 use std::io::{self, Write};
 

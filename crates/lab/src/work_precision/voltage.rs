@@ -1,8 +1,8 @@
 //! Interpolation error of brightness between frames: the error of the signal, before any event.
 
-use crate::frames::DenseFrame;
-use crate::sampling::between::{BetweenKnot, interpolated_value};
-use crate::sensor::voltmeter::BetweenFrames;
+use gs2e_sampling::between::{BetweenKnot, interpolated_value};
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -97,8 +97,8 @@ impl IntervalVoltages {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{Image, Size};
-    use crate::units::Timestamp;
+    use gs2e_image::{Image, Size};
+    use gs2e_num::units::Timestamp;
 
     const K2: f64 = 20.0;
     const ALL: [BetweenFrames; 3] = [BetweenFrames::Linear, BetweenFrames::Catmull, BetweenFrames::Hermite];

@@ -1,9 +1,9 @@
 //! The part of a path that a study looks at, and its finest frames.
 
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::trajectory::sampled::SampledPath;
-use crate::units::{Hertz, Ratio};
+use gs2e_num::units::{Hertz, Ratio};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_trajectory::sampled::SampledPath;
 
 /// A part of a path, and its finest frames.
 #[derive(Debug)]

@@ -121,7 +121,7 @@ pub fn karcher_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanErro
 ///
 /// # Errors
 /// 50 rounds do not bring the step below 1e-12 rad.
-pub(crate) fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
+pub fn settled_mean(rotations: &[DQuat], start: DQuat) -> Result<DQuat, MeanError> {
     let mut mean = start;
     let mut step = 0.0;
     for _ in 0..ROUNDS {

@@ -255,7 +255,7 @@ fn rate_from_slope(r: DVec3) -> DMat3 {
 }
 
 /// [`rate_from_slope`] times a slope, for every finite `r`.
-pub(crate) fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
+pub fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
     let c = LogCoefficients::for_angle(r.length_squared());
     let once = r.cross(slope);
     slope - once * c.versine + r.cross(once) * c.sine
@@ -270,7 +270,7 @@ fn slope_from_rate(r: DVec3) -> DMat3 {
 }
 
 /// The part of the angular acceleration that is quadratic in the slope of the rotation vector.
-pub(crate) fn quadratic_part(r: DVec3, slope: DVec3) -> DVec3 {
+pub fn quadratic_part(r: DVec3, slope: DVec3) -> DVec3 {
     let c = LogQuadratic::for_angle(r.length_squared());
     let once = r.cross(slope);
     (once * c.k1 + r.cross(once) * c.k2) * r.dot(slope) + slope.cross(once) * c.k3

@@ -6,17 +6,21 @@ use fearless_simd::{Level, Simd, SimdBase as _, SimdFloat as _, dispatch, f64x8,
 
 /// Cells of eight pixels that differ in the pixel only.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct SeedCells {
-    pub(crate) seed: Seed,
-    pub(crate) space: DrawSpace,
-    pub(crate) level: u8,
-    pub(crate) index: u64,
+pub struct SeedCells {
+    /// Seed of the stream.
+    pub seed: Seed,
+    /// Purpose of the draws.
+    pub space: DrawSpace,
+    /// As in [`SeedCell`].
+    pub level: u8,
+    /// As in [`SeedCell`].
+    pub index: u64,
 }
 
 impl SeedCells {
     /// Draws `2 block` and `2 block + 1` for the cells of these pixels (`y << 16 | x`).
     #[inline(always)]
-    pub(crate) fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
+    pub fn pair<S: Simd>(self, pixels: u64x8<S>, block: u32) -> [u64x8<S>; 2] {
         let all = |v: u64| u64x8::splat(pixels.simd, v);
         // The same fields as in `block_counter`, so that both ways give the same bits.
         let third = u64::from(space_tag(self.level, self.space)) << 24 | self.index >> 32;
@@ -27,7 +31,7 @@ impl SeedCells {
     }
 
     /// The first draw of each of these pixels as a standard normal deviate, with the bits of [`CellDraws::normal`].
-    pub(crate) fn first_normals(self, pixels: &[u64], normals: &mut Vec<f64>) {
+    pub fn first_normals(self, pixels: &[u64], normals: &mut Vec<f64>) {
         #[inline(always)]
         fn fill<S: Simd>(simd: S, cells: SeedCells, pixels: &[u64], normals: &mut [f64]) {
             for (i, pixels) in (0..).step_by(8).zip(pixels.chunks(8)) {
@@ -46,7 +50,7 @@ impl SeedCells {
 
     /// The draws of one of these cells, with the first four computed in advance.
     #[inline(always)]
-    pub(crate) fn go_on(self, pixel: u64, first: [u64; 4]) -> CellDraws {
+    pub fn go_on(self, pixel: u64, first: [u64; 4]) -> CellDraws {
         let Self { seed, space, level, index } = self;
         let cell = SeedCell { x: (pixel & 0xffff) as u16, y: (pixel >> 16 & 0xffff) as u16, level, index };
         CellDraws { first, known: 4, ..seed.draws(cell, space) }
@@ -55,7 +59,7 @@ impl SeedCells {
 
 /// The upper 52 bits as numbers strictly between 0 and 1.
 #[inline(always)]
-pub(crate) fn uniform_eight<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
+pub fn uniform_eight<S: Simd>(draws: u64x8<S>) -> f64x8<S> {
     (to_float(draws >> 12) + 0.5) * super::STEP
 }
 
@@ -64,7 +68,7 @@ const CHUNK: usize = 64;
 
 /// Turns uniforms into standard normal deviates in place. The length is a multiple of 8.
 #[inline(always)]
-pub(crate) fn normal_deviates<S: Simd>(simd: S, values: &mut [f64]) {
+pub fn normal_deviates<S: Simd>(simd: S, values: &mut [f64]) {
     for chunk in values.chunks_mut(CHUNK) {
         chunk_of_normals(simd, chunk);
     }

@@ -122,7 +122,8 @@ pub(super) fn polynomial_eight<S: Simd>(c: &[f64; 8], x: f64x8<S>) -> f64x8<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{DrawSpace, Seed, SeedCell, rival};
+    use crate::seed::{DrawSpace, Seed, SeedCell};
+    use gs2e_testing::rival;
 
     #[test]
     fn it_inverts_the_distribution_function() {

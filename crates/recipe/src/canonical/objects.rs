@@ -1,9 +1,9 @@
 //! Objects in the merged recipe. Paths of files are shown as written.
 
 use super::written_text;
-use crate::recipe::schema;
-use crate::scene::motion::{PartKeyframe, PartPath};
-use crate::scene::objects::{ObjectSettings, ObjectSource};
+use crate::schema;
+use gs2e_scene::motion::{PartKeyframe, PartPath};
+use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 use serde_json::{Value, json};
 
 /// The list of objects; `None` if it is empty.

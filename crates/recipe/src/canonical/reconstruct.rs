@@ -1,13 +1,13 @@
 //! Canonical form of a training.
 
-use crate::recipe::schema;
-use crate::reconstruct::{ArgumentTemplate, TrainerCommand};
-use crate::scene::dynamic::{SceneSpan, SceneTime};
-use crate::training::TrainingSettings;
+use crate::schema;
+use gs2e_scene::dynamic::{SceneSpan, SceneTime};
+use gs2e_source::reconstruct::{ArgumentTemplate, TrainerCommand};
+use gs2e_train::TrainingSettings;
 use serde_json::{Map, Value, json};
 
 /// Returns the time of a scene that changes by itself.
-pub(in crate::recipe) fn time_value(time: &SceneTime) -> Value {
+pub(crate) fn time_value(time: &SceneTime) -> Value {
     let (key, value) = match time.span {
         SceneSpan::Duration(seconds) => ("duration", seconds),
         SceneSpan::Rate(hertz) => ("rate", hertz),
@@ -60,8 +60,7 @@ fn files_value(raw: &schema::RecipeSchema) -> Value {
         return Value::Null;
     };
     let files = written.given().and_then(|(written, _)| written.files.given()).into_iter();
-    let file = |(name, path): (&String, &crate::recipe::field::Field<String>)| {
-        Some((name.clone(), json!(path.given()?.0)))
-    };
+    let file =
+        |(name, path): (&String, &crate::field::Field<String>)| Some((name.clone(), json!(path.given()?.0)));
     files.flat_map(|(files, _)| files.iter().filter_map(file)).collect::<Map<_, _>>().into()
 }

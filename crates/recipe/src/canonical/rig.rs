@@ -1,8 +1,8 @@
 //! The cameras of a rig in the merged recipe.
 
 use super::{camera_value, sensor_value};
-use crate::recipe::rig::RigCamera;
-use crate::recipe::schema;
+use crate::rig::RigCamera;
+use crate::schema;
 use serde_json::{Value, json};
 
 /// The rig; `None` without one.

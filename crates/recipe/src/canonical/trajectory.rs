@@ -1,15 +1,15 @@
 //! Trajectories in the merged recipe: one entry per written trajectory, however many groups it has.
 
 use super::{ratio_value, written_text};
-use crate::recipe::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
-use crate::recipe::{TrajectoryRecipe, schema};
-use crate::speed::SpeedChoice;
-use crate::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
-use crate::trajectory::novel::{GroupCurve, NovelGroup};
-use crate::trajectory::orbit::OrbitPath;
-use crate::trajectory::path::CameraPath;
-use crate::trajectory::refine::{RefinePath, TranslationScale};
-use crate::trajectory::travel::PoseCount;
+use crate::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
+use crate::{TrajectoryRecipe, schema};
+use gs2e_trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use gs2e_trajectory::novel::{GroupCurve, NovelGroup};
+use gs2e_trajectory::orbit::OrbitPath;
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::refine::{RefinePath, TranslationScale};
+use gs2e_trajectory::speed::SpeedChoice;
+use gs2e_trajectory::travel::PoseCount;
 use serde_json::{Value, json};
 
 /// Returns the list, each trajectory as written. The first group of a novel trajectory represents

@@ -1,10 +1,10 @@
 //! `include:` of `release.yaml`: the exports that a release has besides its own files.
 
-use crate::recipe::field::Field;
-use crate::recipe::names;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::text::TextSpan;
+use crate::field::Field;
+use crate::names;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::text::TextSpan;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};

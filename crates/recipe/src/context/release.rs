@@ -2,9 +2,9 @@
 
 use super::include::{self, IncludedExport};
 use super::splits::{self, SplitPlan};
-use crate::recipe::field::Field;
-use crate::recipe::forms;
-use crate::recipe::resolve::Resolver;
+use crate::field::Field;
+use crate::forms;
+use crate::resolve::Resolver;
 use serde::{Deserialize, Serialize};
 
 /// Description of a release for catalogues. No field is read from a clock.

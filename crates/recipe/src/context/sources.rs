@@ -1,10 +1,10 @@
 //! `sources.yaml`: permission to redistribute material, with its reason, for each kind of source.
 
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::text::TextSpan;
-use crate::source::kind::CaptureKind;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::text::TextSpan;
+use gs2e_source::kind::CaptureKind;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -6,12 +6,12 @@
 //! first, in the order of names, at which the cumulative share exceeds `u`. Shares are therefore
 //! reached only in the long run.
 
-use crate::recipe::field::Field;
-use crate::recipe::names;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::resolve::Resolver;
-use crate::recipe::text::TextSpan;
-use crate::units::brief;
+use crate::field::Field;
+use crate::names;
+use crate::problem::{FieldProblem, quote_text};
+use crate::resolve::Resolver;
+use crate::text::TextSpan;
+use gs2e_num::units::brief;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;

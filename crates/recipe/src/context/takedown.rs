@@ -2,13 +2,13 @@
 //! `<scene id or upstream id> <day> [reason]`; lines that begin with `#` and empty lines are
 //! comments.
 
-use crate::files::is_there;
-use crate::recipe::fault::{RecipeFault, RecipeFaults};
-use crate::recipe::find::{self, TAKEDOWN};
-use crate::recipe::load::read_text;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::text::{SourceText, TextSpan};
-use crate::recipe::{Recipe, RecipeFile, forms, names};
+use crate::fault::{RecipeFault, RecipeFaults};
+use crate::find::TAKEDOWN;
+use crate::load::read_text;
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::{SourceText, TextSpan};
+use crate::{Recipe, RecipeFile, find, forms, names};
+use gs2e_files::is_there;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -1,13 +1,13 @@
 //! The short forms of a sensor's `contrast`: one number, or a list of ON and OFF.
 
-use crate::recipe::drawn::entries_of;
-use crate::recipe::tree::{MappingEntry, NodeKind, TreeNode};
+use crate::drawn::entries_of;
+use crate::tree::{MappingEntry, NodeKind, TreeNode};
 
 /// The key.
 pub(super) const CONTRAST: &str = "contrast";
 
 /// Writes the contrast of a sensor as a mapping. Other values than the short forms are left to the reader.
-pub(in crate::recipe) fn expand_contrast(sensor: &mut TreeNode) {
+pub(crate) fn expand_contrast(sensor: &mut TreeNode) {
     let models = entries_of(sensor).iter_mut();
     let keys = models.flat_map(|model| entries_of(&mut model.value)).filter(|entry| entry.key == CONTRAST);
     for TreeNode { place, kind } in keys.map(|entry| &mut entry.value) {

@@ -1,11 +1,11 @@
 //! Laws as written: `{ uniform: [a, b] }`, `{ log_uniform: [a, b] }`, or
 //! `{ normal: [mean, sd], within: [a, b] }` in the place of a number.
 
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::reader::parse_real;
-use crate::recipe::text::TextSpan;
-use crate::recipe::tree::{MappingEntry, NodeKind, TreeNode};
-use crate::seed::range::RangeLaw;
+use crate::problem::FieldProblem;
+use crate::reader::parse_real;
+use crate::text::TextSpan;
+use crate::tree::{MappingEntry, NodeKind, TreeNode};
+use gs2e_num::seed::range::RangeLaw;
 use serde_json::{Value, json};
 
 const KEYS: [&str; 4] = ["uniform", "log_uniform", "normal", "within"];
@@ -13,7 +13,7 @@ const HELP: &str =
     "write { uniform: [a, b] }, { log_uniform: [a, b] } or { normal: [mean, sd], within: [a, b] }";
 
 /// Returns true if a value is written as a law. No other mapping of a sensor has these keys.
-pub(in crate::recipe) fn is_law(node: &TreeNode) -> bool {
+pub(crate) fn is_law(node: &TreeNode) -> bool {
     matches!(&node.kind, NodeKind::Map(entries) if entries.iter().any(|e| KEYS.contains(&e.key.as_str())))
 }
 

@@ -1,13 +1,13 @@
 //! The preset `randomised` of a sensor: ranges instead of numbers.
 
-use crate::recipe::tree::{NodeKind, TreeNode};
-use crate::sensor::SensorChoice;
+use crate::tree::{NodeKind, TreeNode};
+use gs2e_sensor::SensorChoice;
 
 /// Name of the preset.
-pub(in crate::recipe) const RANDOMISED: &str = "randomised";
+pub(crate) const RANDOMISED: &str = "randomised";
 
 /// Removes the preset from a sensor as written. Returns a sensor with the ranges of its model, as YAML.
-pub(in crate::recipe) fn take_preset(sensor: &mut TreeNode) -> Option<String> {
+pub(crate) fn take_preset(sensor: &mut TreeNode) -> Option<String> {
     let NodeKind::Map(models) = &mut sensor.kind else { return None };
     let [model] = models.as_mut_slice() else { return None };
     let facts = SensorChoice::FAMILY.into_iter().find(|facts| facts.name == model.key)?;

@@ -1,9 +1,9 @@
 //! Recipe files in a folder and the folders below it.
 
 use super::{DEFAULTS, RELEASE, RecipeFile, SOURCES, TAKEDOWN};
-use crate::files::{FolderWalk, is_there};
-use crate::recipe::fault::RecipeFault;
-use crate::recipe::load::system_words;
+use crate::fault::RecipeFault;
+use crate::load::system_words;
+use gs2e_files::{FolderWalk, is_there};
 use std::collections::{BTreeMap, BTreeSet};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ impl FoundRecipes {
 }
 
 /// Returns the folder of a file.
-pub(in crate::recipe) fn parent_folder(file: &Path) -> PathBuf {
+pub(crate) fn parent_folder(file: &Path) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).to_owned()
 }
 
@@ -108,7 +108,7 @@ fn beside_recipes(path: &Path) -> Option<&'static str> {
 }
 
 /// Returns a fault if a file beside the recipes has another spelling of its name: it would have no effect.
-pub(in crate::recipe) fn misnamed(path: &Path) -> Option<RecipeFault> {
+pub(crate) fn misnamed(path: &Path) -> Option<RecipeFault> {
     let wanted =
         beside_recipes(path).filter(|wanted| path.file_name().is_some_and(|name| name != *wanted))?;
     let message = format!("a file with this name is ignored, wanted {wanted}");

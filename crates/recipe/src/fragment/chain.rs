@@ -1,13 +1,13 @@
 //! A trajectory of a fragment, and the trajectories that it is drawn from.
 
 use super::TrajectoryFragment;
-use crate::recipe::TrajectoryRecipe;
-use crate::source::CapturedView;
-use crate::speed::SpeedChoice;
-use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::novel::BaseTrajectory;
-use crate::trajectory::path::PathInputs;
-use crate::trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
+use crate::TrajectoryRecipe;
+use gs2e_source::CapturedView;
+use gs2e_trajectory::flow::FlowMeter;
+use gs2e_trajectory::novel::BaseTrajectory;
+use gs2e_trajectory::path::PathInputs;
+use gs2e_trajectory::speed::SpeedChoice;
+use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
 
 /// The reason why a fragment has no such trajectory, or why it cannot be made.
 #[derive(Debug, thiserror::Error)]

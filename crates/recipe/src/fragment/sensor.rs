@@ -1,9 +1,9 @@
 //! Sensors from a fragment of a recipe.
 
 use super::{all_but, all_faults};
-use crate::recipe::fault::{RecipeFault, RecipeFaults};
-use crate::recipe::load::RecipeParts;
-use crate::sensor::{SensorChoice, SensorSet};
+use crate::fault::{RecipeFault, RecipeFaults};
+use crate::load::RecipeParts;
+use gs2e_sensor::{SensorChoice, SensorSet};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,16 +1,16 @@
 //! Access of serde to the parts of a value.
 
 use super::TreeReader;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::text::TextSpan;
-use crate::recipe::tree::{MappingEntry, NodeKind, TreeNode};
+use crate::problem::FieldProblem;
+use crate::text::TextSpan;
+use crate::tree::{MappingEntry, NodeKind, TreeNode};
 use serde::de::value::StrDeserializer;
 use serde::de::{
     DeserializeSeed, Deserializer, EnumAccess, IntoDeserializer, MapAccess, SeqAccess, VariantAccess, Visitor,
 };
 use std::cell::Cell;
 
-/// A [`crate::recipe::field::Field`]: its place in three numbers, then its value. A faulty value is
+/// A [`crate::field::Field`]: its place in three numbers, then its value. A faulty value is
 /// omitted.
 pub(super) struct FieldAccess<'a> {
     pub(super) reader: TreeReader<'a>,

@@ -2,7 +2,7 @@
 
 /// Parses a finite real in decimal form; -0 becomes 0. Returns `None` for `.nan`, `.inf`, overflow,
 /// and text that is no number.
-pub(in crate::recipe) fn parse_real(text: &str) -> Option<f64> {
+pub(crate) fn parse_real(text: &str) -> Option<f64> {
     // Rust's parser also reads `inf`, `infinity` and `nan`.
     let spelled = text.bytes().all(|b| b.is_ascii_digit() || b"+-.eE".contains(&b));
     let value: f64 = text.parse().ok().filter(|v: &f64| spelled && v.is_finite())?;

@@ -2,12 +2,12 @@
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::{OutputKind, SceneSource, TrajectoryRecipe, schema};
-use crate::speed::SpeedFault;
-use crate::units::{Hertz, brief};
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::{OutputKind, SceneSource, TrajectoryRecipe, schema};
+use gs2e_num::units::{Hertz, brief};
+use gs2e_trajectory::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
+use gs2e_trajectory::speed::SpeedFault;
 use std::collections::BTreeSet;
 
 /// Samples per second. A stamp of a file has nanoseconds, so no two are equal.

@@ -1,11 +1,11 @@
 //! The owner's part of the licence, and the grant of an upstream.
 
 use super::Resolver;
-use crate::licence::{LedgerAsset, LicenceExpression, UpstreamGrant, ledger};
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::text::TextSpan;
-use crate::recipe::{LicenceChoice, SceneSource, forms, schema};
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::TextSpan;
+use crate::{LicenceChoice, SceneSource, forms, schema};
+use gs2e_source::licence::{LedgerAsset, LicenceExpression, UpstreamGrant, ledger};
 
 const HELP: &str = "write licence: { expression: CC0-1.0, holder: Example Lab }";
 

@@ -2,13 +2,13 @@
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::lights::{Flicker, LevelMoment, SceneLights, Waveform};
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::text::TextSpan;
-use crate::recipe::{OutputKind, schema};
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::units::{Hertz, brief};
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::text::TextSpan;
+use crate::{OutputKind, schema};
+use gs2e_num::units::{Hertz, brief};
+use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use gs2e_sensor::voltmeter::BetweenFrames;
 use std::collections::BTreeSet;
 
 /// Frequencies: from a slow breath to pulse-width modulation.

@@ -1,10 +1,10 @@
 //! Numbers and their ranges.
 
 use super::Resolver;
-use crate::recipe::field::{Field, NumberLiteral};
-use crate::recipe::problem::{FieldProblem, bare_text};
-use crate::recipe::text::TextSpan;
-use crate::units::{Ratio, brief};
+use crate::field::{Field, NumberLiteral};
+use crate::problem::{FieldProblem, bare_text};
+use crate::text::TextSpan;
+use gs2e_num::units::{Ratio, brief};
 use std::fmt;
 
 /// The accepted reals of a field.

@@ -2,13 +2,13 @@
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::text::TextSpan;
-use crate::recipe::{OutputKind, names, schema};
-use crate::scene::motion::{MAX_PARTS, PartKeyframe, PartPath};
-use crate::scene::objects::{ObjectSettings, ObjectSource};
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::TextSpan;
+use crate::{OutputKind, names, schema};
 use glam::DVec3;
+use gs2e_scene::motion::{MAX_PARTS, PartKeyframe, PartPath};
+use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 use std::collections::BTreeSet;
 
 /// Degrees, and degrees per second: a thousand turns.

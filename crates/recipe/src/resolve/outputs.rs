@@ -2,14 +2,14 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
-use crate::image::light::MeanScale;
-use crate::recipe::field::Field;
-use crate::recipe::output::WrittenSpacing;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::{OutputKind, PictureSpacing, Recipe, TrajectoryRecipe, schema};
-use crate::sampling::exposure::{FRAMES, ShutterSettings, SubframeRule};
-use crate::trajectory::{MAX_POSES, MAX_RATE_HZ};
-use crate::units::Hertz;
+use crate::field::Field;
+use crate::output::WrittenSpacing;
+use crate::problem::{FieldProblem, quote_text};
+use crate::{OutputKind, PictureSpacing, Recipe, TrajectoryRecipe, schema};
+use gs2e_image::light::MeanScale;
+use gs2e_num::units::Hertz;
+use gs2e_sampling::exposure::{FRAMES, ShutterSettings, SubframeRule};
+use gs2e_trajectory::{MAX_POSES, MAX_RATE_HZ};
 use std::collections::BTreeSet;
 
 /// Maximum number of exposed frames: four seconds at 2,400 frames per second.

@@ -2,14 +2,14 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
-use crate::camera::lens::Distortion;
-use crate::camera::{CameraChoice, PrincipalPoint};
-use crate::image::Size;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::text::TextSpan;
-use crate::recipe::{SceneSource, schema};
-use crate::render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::text::TextSpan;
+use crate::{SceneSource, schema};
+use gs2e_image::Size;
+use gs2e_render::{AntialiasMode, LayerOrder, RenderChoice, RenderRules};
+use gs2e_scene::camera::lens::Distortion;
+use gs2e_scene::camera::{CameraChoice, PrincipalPoint};
 
 /// Pixels per side, far above any event sensor. Events store coordinates in 16 bits.
 const SIDE: WholeRange = WholeRange::new(1, 16_384);

@@ -4,11 +4,11 @@ mod command;
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::{ReconstructMethod, SceneSource, schema};
-use crate::scene::dynamic::{SceneSpan, SceneTime};
-use crate::training::{TrainingGoal, TrainingSettings};
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::{ReconstructMethod, SceneSource, schema};
+use gs2e_scene::dynamic::{SceneSpan, SceneTime};
+use gs2e_train::{TrainingGoal, TrainingSettings};
 
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str =

@@ -2,20 +2,20 @@
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::camera::stereo::Rectification;
-use crate::camera::{Camera, CameraChoice};
-use crate::image::Size;
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::rig::{RigCamera, StereoPartner};
-use crate::recipe::text::TextSpan;
-use crate::recipe::{OutputKind, SceneSource, TrajectoryRecipe, names, schema};
-use crate::se3::{RotationError, Se3, rotation_from_matrix, rotation_from_quaternion};
-use crate::sensor::SensorSet;
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::trajectory::mount::CameraMount;
-use crate::units::Hertz;
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::rig::{RigCamera, StereoPartner};
+use crate::text::TextSpan;
+use crate::{OutputKind, SceneSource, TrajectoryRecipe, names, schema};
 use glam::{DMat3, DQuat, DVec3};
+use gs2e_image::Size;
+use gs2e_num::se3::{RotationError, Se3, rotation_from_matrix, rotation_from_quaternion};
+use gs2e_num::units::Hertz;
+use gs2e_scene::camera::stereo::Rectification;
+use gs2e_scene::camera::{Camera, CameraChoice};
+use gs2e_sensor::SensorSet;
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_trajectory::mount::CameraMount;
 use std::collections::BTreeSet;
 
 /// Entries of matrices and quaternions. The range is wide, so that what is no rotation gets the message about

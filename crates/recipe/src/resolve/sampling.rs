@@ -2,16 +2,16 @@
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::rig::RigCamera;
-use crate::recipe::schema;
-use crate::sampling::{ErrorTolerance, PilotMethod};
-use crate::sensor::SensorSet;
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::trajectory::sample::SummationRule;
-use crate::trajectory::{MAX_RATE_HZ, MIN_RATE_HZ};
-use crate::units::Hertz;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::rig::RigCamera;
+use crate::schema;
+use gs2e_num::units::Hertz;
+use gs2e_sampling::{ErrorTolerance, PilotMethod};
+use gs2e_sensor::SensorSet;
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::{MAX_RATE_HZ, MIN_RATE_HZ};
 
 /// Accepted errors, in thresholds. Beyond one threshold, whole events appear and vanish.
 const TOLERANCE: RealRange = RealRange::above(0.0, 1.0);

@@ -5,16 +5,15 @@ mod models;
 
 use super::Resolver;
 use super::number::RealRange;
-use crate::recipe::field::Field;
-use crate::recipe::names;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::sensor::voltmeter::{
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::TextSpan;
+use crate::{names, schema};
+use gs2e_num::units::Hertz;
+use gs2e_sensor::voltmeter::{
     BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
 };
-use crate::sensor::{SensorChoice, SensorSet};
-use crate::units::Hertz;
+use gs2e_sensor::{SensorChoice, SensorSet};
 use std::collections::BTreeMap;
 
 /// Ranges of `k1` to `k6`. The gain and the offset of the logarithm are positive; standard
@@ -33,7 +32,7 @@ const CONTRAST: RealRange = RealRange::new(1e-4, 20.0);
 
 impl Resolver<'_> {
     /// Resolves the one sensor, or several named sensors.
-    pub(in crate::recipe) fn sensors(
+    pub(crate) fn sensors(
         &self,
         raw: &schema::RecipeSchema,
         between: Option<BetweenFrames>,
@@ -120,7 +119,7 @@ impl Resolver<'_> {
         Some(noisy.without_noise())
     }
 
-    pub(in crate::recipe) fn sensor(
+    pub(crate) fn sensor(
         &self,
         field: &Field<schema::SensorSection>,
         between: Option<BetweenFrames>,

@@ -2,15 +2,16 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::schema::CaptureSection;
-use crate::recipe::text::TextSpan;
-use crate::recipe::{SceneSource, UpstreamOrigin, forms, schema};
-use crate::scene::procedural::{Fountain, StillLife};
-use crate::source::kind::CaptureKind;
-use crate::source::solving::{FramePicking, PoseSolving};
-use crate::source::{self, DiskCapture, PoseFile, ViewSelection};
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::schema::CaptureSection;
+use crate::text::TextSpan;
+use crate::{SceneSource, UpstreamOrigin, forms, schema};
+use gs2e_demo::{Fountain, StillLife};
+use gs2e_source as source;
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::solving::{FramePicking, PoseSolving};
+use gs2e_source::{DiskCapture, PoseFile, ViewSelection};
 use std::path::PathBuf;
 
 /// Maximum number of views that a recipe may ask for.

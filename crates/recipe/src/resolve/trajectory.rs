@@ -9,19 +9,19 @@ mod speed;
 mod vector;
 
 use super::Resolver;
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::text::TextSpan;
-use crate::recipe::{SceneSource, TrajectoryRecipe, names, schema};
-use crate::speed::SpeedChoice;
-use crate::trajectory::novel::NovelGroup;
-use crate::trajectory::path::CameraPath;
-use crate::trajectory::sample::SummationRule;
-use crate::units::Hertz;
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::TextSpan;
+use crate::{SceneSource, TrajectoryRecipe, names, schema};
+use gs2e_num::units::Hertz;
+use gs2e_trajectory::novel::NovelGroup;
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::SpeedChoice;
 use novel::NovelGroups;
 use std::collections::BTreeSet;
 
-pub(in crate::recipe) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
+pub(crate) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
 
 const PATHS: &str = "refine, novel, orbit and keyframes";
 

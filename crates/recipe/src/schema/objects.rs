@@ -19,7 +19,7 @@ use serde::Deserialize;
 /// An object: its Gaussians, by `select` or `scene`, and its path. [objects.md](objects.md) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ObjectSection {
+pub(crate) struct ObjectSection {
     /// Name: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
     pub name: Field<String>,
     /// The Gaussians of the scene that move. Default: none; required without `scene`.
@@ -36,7 +36,7 @@ pub(in crate::recipe) struct ObjectSection {
 /// Gaussians of the scene, by their means or by their numbers.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum SelectSection {
+pub(crate) enum SelectSection {
     /// Those with a mean in a box.
     Box(Field<BoxSection>),
     /// Those with a mean in a ball.
@@ -49,7 +49,7 @@ pub(in crate::recipe) enum SelectSection {
 /// A box along the axes of the world: `box: { low: [0, 0, 0], high: [1, 1, 1] }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct BoxSection {
+pub(crate) struct BoxSection {
     /// Least corner. Unit: scene units. Required.
     pub low: Field<[Field<f64>; 3]>,
     /// Greatest corner. Unit: scene units. Required.
@@ -59,7 +59,7 @@ pub(in crate::recipe) struct BoxSection {
 /// A ball: `sphere: { centre: [0, 0, 0], radius: 1 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct SphereSection {
+pub(crate) struct SphereSection {
     /// Centre. Unit: scene units. Required.
     pub centre: Field<[Field<f64>; 3]>,
     /// Radius. Unit: scene units. Required.
@@ -69,7 +69,7 @@ pub(in crate::recipe) struct SphereSection {
 /// A scene file and its place in the world.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct PlacedSection {
+pub(crate) struct PlacedSection {
     /// Scene file, relative to the recipe. Required.
     pub path: Field<String>,
     /// Place of the file's origin, world coordinates. Unit: scene units. Default: `[0, 0, 0]`.
@@ -83,7 +83,7 @@ pub(in crate::recipe) struct PlacedSection {
 /// Form of the path.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum ObjectPathSection {
+pub(crate) enum ObjectPathSection {
     /// C2 splines through at least two keyframes; the first is at 0 s. They must last as long as the
     /// trajectory.
     Keyframes(Field<Vec<Field<ObjectKeySection>>>),
@@ -96,7 +96,7 @@ pub(in crate::recipe) enum ObjectPathSection {
 /// A keyframe of an object.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ObjectKeySection {
+pub(crate) struct ObjectKeySection {
     /// Time from the first pose of the trajectory. Unit: s. Required.
     pub at: Field<f64>,
     /// Displacement of the pivot from its place at rest, world axes. Unit: scene units. Default: `[0, 0, 0]`.
@@ -109,7 +109,7 @@ pub(in crate::recipe) struct ObjectKeySection {
 /// A rotation: `orbit: { centre: [0, 0, 0], axis: [0, 1, 0], degrees_per_second: 90 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ObjectOrbitSection {
+pub(crate) struct ObjectOrbitSection {
     /// A point of the axis, world coordinates. Unit: scene units. Required.
     pub centre: Field<[Field<f64>; 3]>,
     /// Direction of the axis, of any length but 0. Required.
@@ -121,7 +121,7 @@ pub(in crate::recipe) struct ObjectOrbitSection {
 /// A steady motion: `straight: { velocity: [1, 0, 0], spin: [0, 90, 0] }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ObjectStraightSection {
+pub(crate) struct ObjectStraightSection {
     /// Velocity, world axes. Unit: scene units per second. Default: `[0, 0, 0]`.
     pub velocity: Field<[Field<f64>; 3]>,
     /// Spin about the pivot: an axis in world axes, as long as the rate. Unit: degrees per second. Default:

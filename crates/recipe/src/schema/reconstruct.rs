@@ -1,13 +1,13 @@
 //! Source of the Gaussians, as written.
 
-use crate::recipe::field::{Field, UnsupportedField};
+use crate::field::{Field, UnsupportedField};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Source of the Gaussians, with its parameters.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum ReconstructSection {
+pub(crate) enum ReconstructSection {
     /// A trained scene file.
     Given(Field<GivenSection>),
     /// Training on the photos, inside the program. See [training.md](training.md).
@@ -20,7 +20,7 @@ pub(in crate::recipe) enum ReconstructSection {
 /// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with time.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct GivenSection {
+pub(crate) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
     /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene files. See
@@ -33,7 +33,7 @@ pub(in crate::recipe) struct GivenSection {
 /// The time of a scene that changes by itself, at each time of a trajectory.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct TimeSection {
+pub(crate) struct TimeSection {
     /// Moment of the scene at the first pose. Unit: s. Default: `0`.
     pub start: Field<f64>,
     /// Seconds of the scene in a second of the trajectory. Default: `1`.
@@ -47,7 +47,7 @@ pub(in crate::recipe) struct TimeSection {
 /// The training fits what `render` renders: its rules, antialiasing and background.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct BuiltinSection {
+pub(crate) struct BuiltinSection {
     /// Number of Gaussians, at most. Default: `200000`.
     pub gaussians: Field<u64>,
     /// Number of iterations; each shows one photo. Default: `7000`.
@@ -66,7 +66,7 @@ pub(in crate::recipe) struct BuiltinSection {
 /// The first reason that holds ends the training.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct UntilSection {
+pub(crate) struct UntilSection {
     /// Mean PSNR of the held-out photos that is enough; compared at each of about twenty reports.
     /// Unit: dB. Default: none.
     pub psnr: Field<f64>,
@@ -79,7 +79,7 @@ pub(in crate::recipe) struct UntilSection {
 /// the names.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct CommandSection {
+pub(crate) struct CommandSection {
     /// Name of the program, searched for in `PATH`, or `"{name}"` of `files`. Required.
     pub program: Field<String>,
     /// Arguments of the program; no shell reads them. Default: `[]`.
@@ -113,7 +113,7 @@ pub(in crate::recipe) struct CommandSection {
 /// Bounds, both included.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct CountSection {
+pub(crate) struct CountSection {
     /// Minimum number of Gaussians. Default: no bound.
     pub min: Field<u64>,
     /// Maximum number of Gaussians. Default: no bound.

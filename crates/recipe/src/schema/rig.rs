@@ -14,13 +14,13 @@
 
 use super::super::field::Field;
 use super::{CameraSection, SensorSection};
-use crate::recipe::OutputKind;
+use crate::OutputKind;
 use serde::Deserialize;
 
 /// Cameras on one body that follows each trajectory. [rigs.md](rigs.md) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct RigSection {
+pub(crate) struct RigSection {
     /// The cameras, at least one. The first one measures the speeds in pixels. Required.
     pub cameras: Field<Vec<Field<RigCameraSection>>>,
     /// Pairs of cameras that are rectified, by name, each camera in one pair at most: the first and the second, usually
@@ -31,7 +31,7 @@ pub(in crate::recipe) struct RigSection {
 /// A camera of a rig.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct RigCameraSection {
+pub(crate) struct RigCameraSection {
     /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and `-`; at
     /// most 100 bytes. Required.
     pub name: Field<String>,
@@ -49,7 +49,7 @@ pub(in crate::recipe) struct RigCameraSection {
 /// x right, y down, z forward.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ExtrinsicSection {
+pub(crate) struct ExtrinsicSection {
     /// Centre of the camera in the axes of the body. Unit: scene units. Default: `[0, 0, 0]`.
     pub position: Field<[Field<f64>; 3]>,
     /// Rotation from camera to body: `[qx, qy, qz, qw]`. Range: of length 1. Default: `[0, 0, 0, 1]`.

@@ -4,14 +4,14 @@ mod esim;
 mod v2e;
 mod voltmeter;
 
-pub(in crate::recipe) use esim::EsimSection;
-pub(in crate::recipe) use v2e::{LeakSection, V2eSection};
-pub(in crate::recipe) use voltmeter::VoltmeterSection;
+pub(crate) use esim::EsimSection;
+pub(crate) use v2e::{LeakSection, V2eSection};
+pub(crate) use voltmeter::VoltmeterSection;
 
-use crate::recipe::field::Field;
-use crate::sensor::front_end::ChannelDecode;
-use crate::sensor::noise::ReferenceRule;
-use crate::sensor::readout::ArbiterOrder;
+use crate::field::Field;
+use gs2e_sensor::front_end::ChannelDecode;
+use gs2e_sensor::noise::ReferenceRule;
+use gs2e_sensor::readout::ArbiterOrder;
 use serde::Deserialize;
 
 /// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models. A number
@@ -19,7 +19,7 @@ use serde::Deserialize;
 /// `{ log_uniform: [a, b] }`, or `{ normal: [mean, sd], within: [a, b] }`.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum SensorSection {
+pub(crate) enum SensorSection {
     /// The stochastic process of DVS-Voltmeter.
     Voltmeter(Field<Box<VoltmeterSection>>),
     /// The threshold model of ESIM.
@@ -33,7 +33,7 @@ pub(in crate::recipe) enum SensorSection {
 
 impl SensorSection {
     /// The contrast and the threshold as written; `None` for a twin, or a faulty section.
-    pub(in crate::recipe) fn contrast(&self) -> Option<(&Field<ContrastSection>, &Field<ThresholdSection>)> {
+    pub(crate) fn contrast(&self) -> Option<(&Field<ContrastSection>, &Field<ThresholdSection>)> {
         match self {
             Self::Voltmeter(raw) => raw.given().map(|(raw, _)| (&raw.contrast, &raw.threshold)),
             Self::Esim(raw) => raw.given().map(|(raw, _)| (&raw.contrast, &raw.threshold)),
@@ -43,12 +43,12 @@ impl SensorSection {
     }
 
     /// Name of the sensor with noise, if this one is its twin.
-    pub(in crate::recipe) fn twin_of(&self) -> Option<&Field<String>> {
+    pub(crate) fn twin_of(&self) -> Option<&Field<String>> {
         if let Self::TwinOf(name) = self { Some(name) } else { None }
     }
 
     /// The section of a voltmeter, if the sensor is one.
-    pub(in crate::recipe) fn voltmeter(&self) -> Option<&VoltmeterSection> {
+    pub(crate) fn voltmeter(&self) -> Option<&VoltmeterSection> {
         if let Self::Voltmeter(raw) = self { Some(raw.given()?.0) } else { None }
     }
 }
@@ -57,7 +57,7 @@ impl SensorSection {
 /// of two is ON and OFF: `contrast: 0.2`, `contrast: [0.2, 0.3]`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ContrastSection {
+pub(crate) struct ContrastSection {
     /// Contrast of ON events. Default: the sensor's.
     pub on: Field<f64>,
     /// Contrast of OFF events. Default: the sensor's.
@@ -67,7 +67,7 @@ pub(in crate::recipe) struct ContrastSection {
 /// Contrast thresholds. The unit is the sensor's.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ThresholdSection {
+pub(crate) struct ThresholdSection {
     /// Threshold of ON events. Default: the sensor's.
     pub on: Field<f64>,
     /// Threshold of OFF events. Default: the sensor's.
@@ -79,7 +79,7 @@ pub(in crate::recipe) struct ThresholdSection {
 /// Time after an event in which a pixel fires no other.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct RefractorySection {
+pub(crate) struct RefractorySection {
     /// Length of the dead time. Unit: us. Default: `0`.
     pub period_us: Field<f64>,
     /// Level with which brightness is compared afterwards. Default: `passing` for `esim`,
@@ -90,7 +90,7 @@ pub(in crate::recipe) struct RefractorySection {
 /// Hot pixels fire ON events at random times.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct HotPixelsSection {
+pub(crate) struct HotPixelsSection {
     /// Share of all pixels that are hot. Required.
     pub share: Field<f64>,
     /// Number of events of a hot pixel per second; the median if the rates differ. Unit: Hz. Required.
@@ -103,7 +103,7 @@ pub(in crate::recipe) struct HotPixelsSection {
 /// Rates of noise events at one light.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FloorPointSection {
+pub(crate) struct FloorPointSection {
     /// Light on the sensor; rises from point to point. Unit: lux. Required.
     pub lux: Field<f64>,
     /// Number of ON events of a pixel per second. Unit: Hz. Default: `0`.
@@ -115,7 +115,7 @@ pub(in crate::recipe) struct FloorPointSection {
 /// Delay of events after the crossing of their thresholds. Events of a pixel keep their order.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct LatencySection {
+pub(crate) struct LatencySection {
     /// Mean delay in bright light. Unit: us. Required.
     pub us: Field<f64>,
     /// Standard deviation of the delay. Unit: us. Default: `0`.
@@ -131,7 +131,7 @@ pub(in crate::recipe) struct LatencySection {
 /// are lost.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ReadoutSection {
+pub(crate) struct ReadoutSection {
     /// Largest number of events per second. Unit: million events per second. Required.
     pub rate_mev_s: Field<f64>,
     /// Order in which waiting events are read: `rows`, `columns`, or `none` for the order of the
@@ -144,7 +144,7 @@ pub(in crate::recipe) struct ReadoutSection {
 /// The defaults are the encoded luminance that the published simulators read.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FrontEndSection {
+pub(crate) struct FrontEndSection {
     /// Weights of red, green and blue. Default: `rec601`.
     pub luminance: Field<LuminanceSection>,
     /// Decoding of the colours before they are weighted. Default: `none`.
@@ -162,7 +162,7 @@ pub(in crate::recipe) struct FrontEndSection {
 /// Weights of the colours.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum LuminanceSection {
+pub(crate) enum LuminanceSection {
     /// 0.299, 0.587, 0.114 (ITU-R BT.601).
     Rec601,
     /// 0.2126, 0.7152, 0.0722 (ITU-R BT.709).
@@ -174,7 +174,7 @@ pub(in crate::recipe) enum LuminanceSection {
 /// Limits of the brightness in greys; white is 255.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct RangeSection {
+pub(crate) struct RangeSection {
     /// Lowest brightness. Unit: grey. Default: `0`.
     pub min: Field<f64>,
     /// Highest brightness. Unit: grey. Default: no bound.

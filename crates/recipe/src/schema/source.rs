@@ -1,16 +1,16 @@
 //! The source of poses as written.
 
 use super::TimeSection;
-use crate::recipe::field::Field;
-use crate::source::PoseFile;
-use crate::source::kind::CaptureKind;
-use crate::source::solving::{PairRule, SolvedLens};
+use crate::field::Field;
+use gs2e_source::PoseFile;
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::solving::{PairRule, SolvedLens};
 use serde::Deserialize;
 
 /// Kind of the source, with its parameters.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum SourceSection {
+pub(crate) enum SourceSection {
     /// The embedded scene, which needs no data: its own camera has 640x360 pixels.
     Procedural(Field<ProceduralSection>),
     /// A COLMAP model, binary or text.
@@ -35,7 +35,7 @@ pub(in crate::recipe) enum SourceSection {
 /// Parameters of the embedded scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ProceduralSection {
+pub(crate) struct ProceduralSection {
     /// Embedded scene to use. Default: `still-life`.
     pub kind: Field<KindKey>,
     /// Number of Gaussians. Default: `20000`.
@@ -54,7 +54,7 @@ pub(in crate::recipe) struct ProceduralSection {
 /// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [dynamic.md](dynamic.md).
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FountainSection {
+pub(crate) struct FountainSection {
     /// Number of drops, in addition to the Gaussians of the table. Default: `500`.
     pub drops: Field<u64>,
     /// Time of the fountain; without `rate`. Default: `{}`.
@@ -63,7 +63,7 @@ pub(in crate::recipe) struct FountainSection {
 
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum KindKey {
+pub(crate) enum KindKey {
     /// Fruit, flowers, books and brass on a table.
     StillLife,
 }
@@ -71,7 +71,7 @@ pub(in crate::recipe) enum KindKey {
 /// A capture on disk.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FolderSection {
+pub(crate) struct FolderSection {
     /// Folder or file of the capture, relative to the recipe. Required.
     pub path: Field<String>,
     /// Number of views to use, picked evenly in natural order of the image names. Default: all.
@@ -96,7 +96,7 @@ pub(in crate::recipe) struct FolderSection {
 /// Photos without poses, or a video. See [photos.md](photos.md).
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct UnposedSection {
+pub(crate) struct UnposedSection {
     /// Folder of the photos, or the video, relative to the recipe. Required.
     pub path: Field<String>,
     /// Number of views to use, picked evenly among the photos with a pose. Default: all.
@@ -133,7 +133,7 @@ pub(in crate::recipe) struct UnposedSection {
 
 impl UnposedSection {
     /// The keys that all captures have.
-    pub(in crate::recipe) fn folder(&self) -> FolderSection {
+    pub(crate) fn folder(&self) -> FolderSection {
         FolderSection {
             path: self.path.clone(),
             views: self.views.clone(),
@@ -149,7 +149,7 @@ impl UnposedSection {
 
 /// The section of a capture on disk.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::recipe) enum CaptureSection<'a> {
+pub(crate) enum CaptureSection<'a> {
     /// Its files have poses.
     Posed(&'a Field<FolderSection>),
     /// They have none.
@@ -158,7 +158,7 @@ pub(in crate::recipe) enum CaptureSection<'a> {
 
 impl SourceSection {
     /// Kind and section of a capture on disk, if the source is one.
-    pub(in crate::recipe) fn capture(&self) -> Option<(CaptureKind, CaptureSection<'_>)> {
+    pub(crate) fn capture(&self) -> Option<(CaptureKind, CaptureSection<'_>)> {
         Some(match self {
             Self::Colmap(folder) => (CaptureKind::Colmap, CaptureSection::Posed(folder)),
             Self::Nerfstudio(folder) => (CaptureKind::Nerfstudio, CaptureSection::Posed(folder)),
@@ -172,7 +172,7 @@ impl SourceSection {
     }
 
     /// Path of a capture and of a vocabulary tree as written.
-    pub(in crate::recipe) fn paths(&self) -> Option<(Option<&str>, Option<&str>)> {
+    pub(crate) fn paths(&self) -> Option<(Option<&str>, Option<&str>)> {
         match self.capture()?.1 {
             CaptureSection::Posed(folder) => Some((text_of(&folder.given()?.0.path), None)),
             CaptureSection::Unposed(folder) => {

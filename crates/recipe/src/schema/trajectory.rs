@@ -19,15 +19,15 @@
 //! ```
 
 use super::super::field::{Field, NumberLiteral};
-use crate::speed::SpeedMeaning;
-use crate::trajectory::refine::{EndRule, GapRule, RotationMean, ViewOrder};
+use gs2e_trajectory::refine::{EndRule, GapRule, RotationMean, ViewOrder};
+use gs2e_trajectory::speed::SpeedMeaning;
 use serde::Deserialize;
 
 /// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md)
 /// describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct TrajectorySection {
+pub(crate) struct TrajectorySection {
     /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at
     /// most 100 bytes. Required.
     pub name: Field<String>,
@@ -48,7 +48,7 @@ pub(in crate::recipe) struct TrajectorySection {
 /// none may be given.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct RefineSection {
+pub(crate) struct RefineSection {
     /// Half-width of the smoothing window; 0 turns smoothing off. Unit: poses. Default: `2`.
     pub window: Field<u64>,
     /// Number of poses per view. Default: `5`.
@@ -77,7 +77,7 @@ pub(in crate::recipe) struct RefineSection {
 /// The path length mixes rotation, in radians, and translation over this scale.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct MetricSection {
+pub(crate) struct MetricSection {
     /// Divisor of translation: `scene` for the median distance of the cameras to the point nearest
     /// to all optical axes, `none` for 1, or a number. Unit: scene units. Default: `scene`.
     pub scale: Field<NumberLiteral>,
@@ -86,7 +86,7 @@ pub(in crate::recipe) struct MetricSection {
 /// Kind of the curve.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum CurveSection {
+pub(crate) enum CurveSection {
     /// Cubic splines, C2 through every pose.
     Cubic,
     /// A cumulative cubic B-spline, C2, near the poses.
@@ -100,7 +100,7 @@ pub(in crate::recipe) enum CurveSection {
 /// Parameters of a Bezier curve: `bezier: { degree: 3 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct BezierSection {
+pub(crate) struct BezierSection {
     /// Degree of the curve. Required.
     pub degree: Field<u64>,
 }
@@ -108,7 +108,7 @@ pub(in crate::recipe) struct BezierSection {
 /// Makes `groups` trajectories, called `<name>-0` and so on.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct NovelSection {
+pub(crate) struct NovelSection {
     /// Trajectory from which the key poses are drawn; it must not be novel. Default: the first that
     /// is not novel.
     pub base: Field<String>,
@@ -130,7 +130,7 @@ pub(in crate::recipe) struct NovelSection {
 /// Kind of the curve, as for a refined path, or drawn at random.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum NovelCurveSection {
+pub(crate) enum NovelCurveSection {
     /// A fair draw between `cubic` and `bezier`, whose degree is drawn from 2 to 5.
     Any,
     /// Cubic splines, C2 through every key pose.
@@ -148,7 +148,7 @@ pub(in crate::recipe) enum NovelCurveSection {
 /// required.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct OrbitSection {
+pub(crate) struct OrbitSection {
     /// Point that the camera looks at. Unit: scene units. Default: from the capture or the scene.
     pub centre: Field<[Field<f64>; 3]>,
     /// First position of the camera. Unit: scene units. Default: from the capture or the scene.
@@ -166,7 +166,7 @@ pub(in crate::recipe) struct OrbitSection {
 /// At most one of `factor`, `frames` and `duration` sets the number of poses.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct KeyframesSection {
+pub(crate) struct KeyframesSection {
     /// Key poses in order of time, at least one. Required.
     pub poses: Field<Vec<Field<PoseSection>>>,
     /// Number of poses per key pose. Default: from `frames`.
@@ -187,7 +187,7 @@ pub(in crate::recipe) struct KeyframesSection {
 /// A position, and either `rotation` or both `look_at` and `up`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct PoseSection {
+pub(crate) struct PoseSection {
     /// Centre of the camera, world coordinates. Unit: scene units. Required.
     pub position: Field<[Field<f64>; 3]>,
     /// Rotation from camera to world, OpenCV axes: `[qx, qy, qz, qw]`. Range: of length 1. Default:
@@ -203,7 +203,7 @@ pub(in crate::recipe) struct PoseSection {
 /// Form of the speed.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(in crate::recipe) enum SpeedSection {
+pub(crate) enum SpeedSection {
     /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before
     /// anything runs. It may use `+ - * / ^`, `pi`, `e`, `sin cos tan exp log sqrt abs min max`.
     Function(Field<String>),
@@ -217,7 +217,7 @@ pub(in crate::recipe) enum SpeedSection {
 /// Levels of the speed: `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct ListSection {
+pub(crate) struct ListSection {
     /// Levels of relative speed, at least one. Required.
     pub multipliers: Field<Vec<Field<f64>>>,
     /// Half-width of the blend between two levels, as a share of a part; the speed is then twice
@@ -230,7 +230,7 @@ pub(in crate::recipe) struct ListSection {
 /// Speed of the picture: `flow: { px_s: 400 }`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct FlowSection {
+pub(crate) struct FlowSection {
     /// Median optical flow of a frame, averaged over the trajectory. Unit: px/s. Required.
     pub px_s: Field<f64>,
     /// Shape of the speed over time, an expression in `t`. Default: `"1"`.

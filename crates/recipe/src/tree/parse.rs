@@ -1,8 +1,8 @@
 //! Parser of YAML text into the tree.
 
 use super::{MAX_BYTES, MappingEntry, NodeKind, TreeNode};
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::text::{SourceText, TextSpan};
+use crate::problem::{FieldProblem, quote_text};
+use crate::text::{SourceText, TextSpan};
 use serde::Deserialize;
 use serde::de::{self, Visitor};
 use serde_saphyr::{MergeKeyPolicy, NonFiniteFloatPolicy, Spanned};
@@ -11,10 +11,7 @@ use unicode_normalization::is_nfc;
 
 /// Parses a file that contains one mapping, or nothing (`None`). `file` is the index for its
 /// places.
-pub(in crate::recipe) fn parse_tree(
-    text: &SourceText,
-    file: u32,
-) -> Result<Option<TreeNode>, Vec<FieldProblem>> {
+pub(crate) fn parse_tree(text: &SourceText, file: u32) -> Result<Option<TreeNode>, Vec<FieldProblem>> {
     let body = text.body.as_str();
     refuse_tabs(body, file).map_err(|problem| vec![problem])?;
     let raw: RawValue = serde_saphyr::from_str_with_options(body, parser_options(body))

@@ -5,18 +5,19 @@ mod compared;
 mod products;
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::artifact::TrajectoryProduct;
-use crate::files::{self, LinkRule};
-use crate::release::facts::ReleaseFacts;
-use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
-use crate::release::products::SHARP;
-use crate::release::published::{self, PublishedScene, PublishedTrajectory};
-use crate::release::scene::{self, SceneRecord, TrajectoryPart};
-use crate::release::tree::FileContent;
-use crate::release::{calibration, checksum, layout, loader, path_picture};
-use crate::speed::SpeedChoice;
-use crate::trajectory::sample::PoseSchedule;
-use crate::trajectory::{Trajectory, picture};
+use crate::facts::ReleaseFacts;
+use crate::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
+use crate::products::SHARP;
+use crate::published::{PublishedScene, PublishedTrajectory};
+use crate::scene::{SceneRecord, TrajectoryPart};
+use crate::tree::FileContent;
+use crate::{calibration, checksum, layout, loader, manifest, path_picture, published, scene};
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_trajectory::sample::PoseSchedule;
+use gs2e_trajectory::speed::SpeedChoice;
+use gs2e_trajectory::{Trajectory, picture};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::io::BufReader;
@@ -159,7 +160,7 @@ fn trajectory(
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
-    let transforms = crate::release::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
+    let transforms = crate::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
     // The path of a camera follows from that of its body.
     let carried = scene.recipe.mounted(&part.name).and_then(|mounted| {
         let (_, body) = scene.paths().find(|(other, _)| other.name == mounted.body)?;
@@ -227,10 +228,10 @@ pub(super) fn top(
         let message = "it lacks the field `publisher`, which this version writes";
         return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
-    let licence = crate::release::terms_of(scenes);
+    let licence = crate::terms_of(scenes);
     let (taken_down, held_back) = (manifest.taken_down, manifest.held_back.as_slice());
     let facts = ReleaseFacts { scenes, info: &info, taken_down, held_back, licence: &licence };
-    let composed = crate::release::compose_top(&facts, &|path| tree.intact_path(path));
+    let composed = crate::compose_top(&facts, &|path| tree.intact_path(path));
     let compare = |(path, content): (String, FileContent)| match content {
         FileContent::Bytes(bytes) => compare(tree, &path, &bytes),
         // Files at the top are composed; none of them is a blob.
@@ -243,9 +244,9 @@ pub(super) fn top(
 pub(super) fn constants(tree: &TrustedTree<'_>) -> Vec<AuditFault> {
     let ids = tree.intact.keys().filter_map(|path| layout::licence_id(path));
     // A text that is not on the list names the holders, who follow from the scenes.
-    let listed = ids.filter(|id| crate::licence::is_listed(id));
+    let listed = ids.filter(|id| gs2e_source::licence::is_listed(id));
     let texts =
-        listed.map(|id| (layout::licence_text(id), crate::licence::licence_text(id, &[]).into_bytes()));
+        listed.map(|id| (layout::licence_text(id), gs2e_source::licence::licence_text(id, &[]).into_bytes()));
     let loader = [(loader::NAME.to_owned(), loader::TEXT.as_bytes().to_vec())];
     texts.chain(loader).filter_map(|(path, wanted)| compare(tree, &path, &wanted)).collect()
 }

@@ -3,9 +3,9 @@
 use super::sums::Sums;
 use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode};
-use crate::release::checksum::{self, FileHashes};
-use crate::release::manifest::{self, ManifestFile, ReleaseManifest};
-use crate::release::signature;
+use crate::checksum::FileHashes;
+use crate::manifest::{ManifestFile, ReleaseManifest};
+use crate::{checksum, manifest, signature};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -1,12 +1,11 @@
 //! Comparison of the tree's own descriptions with each other.
 
 use super::{AuditFault, FaultCode, TrustedTree, again};
-use crate::budget;
-use crate::files::{self, LinkRule};
-use crate::release::checksum;
-use crate::release::layout;
-use crate::release::manifest::{ManifestScene, ReleaseManifest};
-use crate::release::scene::{SceneConventions, SceneRecord};
+use crate::manifest::{ManifestScene, ReleaseManifest};
+use crate::scene::{SceneConventions, SceneRecord};
+use crate::{checksum, layout};
+use gs2e_files as files;
+use gs2e_files::{LinkRule, budget};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

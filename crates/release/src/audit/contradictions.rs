@@ -5,9 +5,9 @@ use super::{
     AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk,
     without_echoes,
 };
-use crate::release::layout;
-use crate::release::manifest::{FileOwners, ReleaseManifest};
-use crate::release::scene::SceneRecord;
+use crate::layout;
+use crate::manifest::{FileOwners, ReleaseManifest};
+use crate::scene::SceneRecord;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
@@ -18,7 +18,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// The folder cannot be listed.
-pub(in crate::release) fn find_contradictions(
+pub(crate) fn find_contradictions(
     dir: &Path,
     manifest: &ReleaseManifest,
     wanted: &dyn Fn(&str) -> bool,

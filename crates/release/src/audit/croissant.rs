@@ -4,12 +4,13 @@
 mod records;
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::release::croissant::{
+use crate::croissant::{
     CONFORMS_TO, NAME, REQUIRED, RESPONSIBLE, ROOT, SYNTHETIC, content_size, glob_matches, licence_address,
 };
-use crate::release::index::table::IndexTable;
-use crate::release::manifest::{self, ReleaseManifest};
-use crate::release::scene::SceneRecord;
+use crate::index::table::IndexTable;
+use crate::manifest;
+use crate::manifest::ReleaseManifest;
+use crate::scene::SceneRecord;
 use serde_json::Value;
 use std::collections::BTreeSet;
 

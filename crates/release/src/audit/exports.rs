@@ -2,15 +2,16 @@
 //! this program makes of the scene.
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::files::{self, LinkRule};
-use crate::recipe::{EXPORT_FORMATS, IncludedExport};
-use crate::release::include::{
+use crate::include::{
     ComposedScene, ExportOrder, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name,
 };
-use crate::release::layout;
-use crate::release::manifest::ReleaseManifest;
-use crate::release::published::PublishedScene;
-use crate::release::scene::SceneRecord;
+use crate::layout;
+use crate::manifest::ReleaseManifest;
+use crate::published::PublishedScene;
+use crate::scene::SceneRecord;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_recipe::{EXPORT_FORMATS, IncludedExport};
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -78,7 +79,7 @@ pub(super) fn covered(
     manifest: &ReleaseManifest,
     exporter: Option<&dyn ReleaseExporter>,
 ) -> Option<&'static str> {
-    let is_again = exporter.is_some() && manifest.tool == crate::release::TOOL;
+    let is_again = exporter.is_some() && manifest.tool == crate::TOOL;
     (!manifest.include.is_empty()).then_some(if is_again {
         "exports: made again from the scenes, byte for byte"
     } else {

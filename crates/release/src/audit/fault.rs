@@ -1,6 +1,6 @@
 //! The faults that an audit finds.
 
-use crate::release::manifest::FileOwners;
+use crate::manifest::FileOwners;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

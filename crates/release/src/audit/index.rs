@@ -1,11 +1,12 @@
 //! Comparison of `index.parquet` with the files whose content it repeats.
 
 use super::{AuditFault, FaultCode, TrustedTree, claims};
-use crate::check::Finding;
-use crate::release::index::table::{self, IndexTable};
-use crate::release::index::{self, COLUMNS, IndexSources, NAME};
-use crate::release::scene::SceneRecord;
-use crate::trajectory::report::SpeedReport;
+use crate::index;
+use crate::index::table::IndexTable;
+use crate::index::{COLUMNS, IndexSources, NAME, table};
+use crate::scene::SceneRecord;
+use gs2e_check::Finding;
+use gs2e_trajectory::report::SpeedReport;
 
 /// Reads the index. A fault of the file itself is added to `faults`.
 pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -> Option<IndexTable> {

@@ -2,12 +2,11 @@
 //! that can exist.
 
 use super::{AuditFault, FaultCode, TrustedTree, exports};
-use crate::release::layout;
-use crate::release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
-use crate::release::products::FOLDERS;
-use crate::release::published::stream_names;
-use crate::release::scene::{SceneRecord, TrajectoryPart};
-use crate::release::{calibration, checksum, path_picture};
+use crate::manifest::{FileOwners, ManifestScene, ReleaseManifest};
+use crate::products::FOLDERS;
+use crate::published::stream_names;
+use crate::scene::{SceneRecord, TrajectoryPart};
+use crate::{calibration, checksum, layout, path_picture};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Reports files at the top and in scenes that the format does not have, and required files at the

@@ -2,9 +2,9 @@
 //! recipes.
 
 use super::{AuditFault, FaultCode};
-use crate::files;
-use crate::release::manifest::{self, KeyIngredients, ManifestScene, ReleaseManifest};
-use crate::release::{ManifestStep, checksum, loader};
+use crate::manifest::{KeyIngredients, ManifestScene, ReleaseManifest};
+use crate::{ManifestStep, checksum, loader, manifest};
+use gs2e_files as files;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::Path;

@@ -2,9 +2,9 @@
 //! nothing.
 
 use super::{AuditFault, FaultCode};
-use crate::release::manifest::{self, ReleaseManifest};
-use crate::release::scene::{SceneRecord, SplitPart};
-use crate::release::split;
+use crate::manifest::ReleaseManifest;
+use crate::scene::{SceneRecord, SplitPart};
+use crate::{manifest, split};
 
 /// Reports scenes in a wrong split, and things that splits share. `scenes` are those that could be
 /// read.

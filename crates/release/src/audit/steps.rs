@@ -2,14 +2,13 @@
 //! the scene. Each file that a step made has the bytes of its output.
 
 use super::{AuditFault, FaultCode};
-use crate::release::calibration;
-use crate::release::layout;
-use crate::release::manifest::{self, ManifestFile, ManifestScene, ReleaseManifest};
-use crate::release::products::is_metadata;
-use crate::release::published::stream_names;
-use crate::release::scene::SceneRecord;
-use crate::store::Digest;
-use crate::store::record::{StoredOutput, content_digest};
+use crate::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
+use crate::products::is_metadata;
+use crate::published::stream_names;
+use crate::scene::SceneRecord;
+use crate::{calibration, layout, manifest};
+use gs2e_store::Digest;
+use gs2e_store::record::{StoredOutput, content_digest};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Prefix of the role of an input that is a file of the source.
@@ -23,7 +22,7 @@ pub(super) fn audit(
     let mut faults = keys(listed);
     faults.extend(outputs(listed, scene));
     // Releases of other versions may lack the ingredients.
-    if manifest.tool == crate::release::TOOL {
+    if manifest.tool == crate::TOOL {
         let silent = listed.steps.iter().filter(|step| step.made_of.is_none());
         faults.extend(silent.map(|step| fault(listed, format!("step {} lacks its ingredients", step.step))));
     }
@@ -78,7 +77,7 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
             known.insert(path);
         }
         // The release composes these files, so they are outputs of no step.
-        let composed = [layout::CHECKS, layout::TRANSFORMS, crate::release::path_picture::NAME]
+        let composed = [layout::CHECKS, layout::TRANSFORMS, crate::path_picture::NAME]
             .map(str::to_owned)
             .into_iter()
             .chain(calibration::names(scene, part));

@@ -5,8 +5,9 @@
 
 use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::files::{self, LinkRule};
-use crate::release::checksum;
+use crate::checksum;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
 use std::collections::BTreeMap;
 use std::path::Path;
 

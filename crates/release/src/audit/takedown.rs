@@ -1,11 +1,11 @@
 //! Checks that a release holds no scene that must no longer be passed on.
 
 use super::{AuditFault, FaultCode};
-use crate::licence::ledger;
-use crate::recipe::TakedownList;
-use crate::release::manifest::ManifestScene;
-use crate::release::scene::SceneRecord;
-use crate::source::kind::SourceKind;
+use crate::manifest::ManifestScene;
+use crate::scene::SceneRecord;
+use gs2e_recipe::TakedownList;
+use gs2e_source::kind::SourceKind;
+use gs2e_source::licence::ledger;
 
 /// Reports a scene that is on the list. It is found by its id, even if its own description cannot
 /// be read, and by the name that its upstream gives it. The message does not repeat the entry,

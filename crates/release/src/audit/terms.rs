@@ -2,14 +2,15 @@
 //! "Licences").
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::files::{self, LinkRule};
-use crate::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
-use crate::release::card::head::hub_licence;
-use crate::release::manifest::{FileOwners, ReleaseManifest};
-use crate::release::products::is_metadata;
-use crate::release::scene::{LicensedTool, OWNER, SceneRecord};
-use crate::release::{datasheet, loader, reuse};
-use crate::source::kind::SourceKind;
+use crate::card::head::hub_licence;
+use crate::manifest::{FileOwners, ReleaseManifest};
+use crate::products::is_metadata;
+use crate::scene::{LicensedTool, OWNER, SceneRecord};
+use crate::{datasheet, loader, reuse};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_source::kind::SourceKind;
+use gs2e_source::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::io;
@@ -231,11 +232,7 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
                 "its licence is `{}`, the licences of the scenes together are `{whole}`",
                 manifest.licence
             );
-            faults.push(AuditFault::of_file(
-                FaultCode::ClaimsDisagree,
-                crate::release::manifest::NAME,
-                message,
-            ));
+            faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, crate::manifest::NAME, message));
         }
     }
     faults

@@ -1,9 +1,9 @@
 //! The section of the card on conventions: units, axes, polarity, and brightness.
 
 use super::built_trajectories;
-use crate::release::facts::ReleaseFacts;
-use crate::release::published::PublishedScene;
-use crate::release::scene::TrajectoryPart;
+use crate::facts::ReleaseFacts;
+use crate::published::PublishedScene;
+use crate::scene::TrajectoryPart;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 

@@ -1,9 +1,9 @@
 //! The sections of the card on files: a table, and lines of Python that load them.
 
-use crate::recipe::RigCamera;
-use crate::release::facts::ReleaseFacts;
-use crate::release::layout;
-use crate::release::products::{self, FOLDERS, FilePresence, FileRow, products};
+use crate::facts::ReleaseFacts;
+use crate::products::{FOLDERS, FilePresence, FileRow, products};
+use crate::{layout, products};
+use gs2e_recipe::RigCamera;
 use std::fmt::Write as _;
 
 /// Table of the files that the release has.

@@ -1,13 +1,13 @@
 //! Front matter of the card, in the form that dataset hubs read.
 
-use crate::escape::quoted;
-use crate::licence::LicenceObligation;
-use crate::release::facts::ReleaseFacts;
+use crate::facts::ReleaseFacts;
+use gs2e_files::escape::quoted;
+use gs2e_source::licence::LicenceObligation;
 use std::fmt::Write as _;
 
 /// The name that dataset hubs have for an SPDX expression. They know few licences by name; any other
 /// expression is given as another licence with a link.
-pub(in crate::release) fn hub_licence(expression: &str) -> Option<String> {
+pub(crate) fn hub_licence(expression: &str) -> Option<String> {
     const KNOWN: [&str; 14] = [
         "Apache-2.0",
         "BSD-3-Clause",
@@ -49,8 +49,7 @@ pub(super) fn card_head(facts: &ReleaseFacts<'_>) -> String {
         true => "tags: [event-camera, 3d-gaussian-splatting, synthetic]\n",
         false => "tags: [3d-gaussian-splatting, synthetic]\n",
     });
-    let _ =
-        writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", crate::release::index::NAME);
+    let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", crate::index::NAME);
     if licence.gated {
         text.push_str(&gate_prompt(facts));
     }

@@ -1,9 +1,9 @@
 //! The sections of the card on terms and on citation.
 
-use crate::escape;
-use crate::licence::Redistributability;
-use crate::release::facts::ReleaseFacts;
-use crate::release::markdown::{breaks_line, plain_text};
+use crate::facts::ReleaseFacts;
+use crate::markdown::{breaks_line, plain_text};
+use gs2e_files::escape;
+use gs2e_source::licence::Redistributability;
 use std::fmt::Write as _;
 
 /// The terms of the whole, of each scene, and of the programs.

@@ -1,11 +1,11 @@
 //! The section of the card on the making of the data: paths, sensors, and one row per stream.
 
 use super::built_trajectories;
-use crate::release::facts::ReleaseFacts;
-use crate::release::published::PublishedScene;
-use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
-use crate::sensor::SensorChoice;
-use crate::sensor::voltmeter::BetweenFrames;
+use crate::facts::ReleaseFacts;
+use crate::published::PublishedScene;
+use crate::scene::{TrajectoryPart, TrajectoryStatistics};
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::voltmeter::BetweenFrames;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 

@@ -1,8 +1,8 @@
 //! The sections of the card on splits, and on the removal of scenes.
 
-use crate::recipe::{ReleaseInfo, SplitUnit};
-use crate::release::facts::ReleaseFacts;
-use crate::release::markdown::plain_text;
+use crate::facts::ReleaseFacts;
+use crate::markdown::plain_text;
+use gs2e_recipe::{ReleaseInfo, SplitUnit};
 
 /// Number of scenes in each split; empty if there are no splits.
 pub(super) fn splits_section(facts: &ReleaseFacts<'_>) -> String {

@@ -1,8 +1,9 @@
 //! The record sets: one record per row of the index, and one per `scene.json`.
 
-use crate::recipe::SplitPlan;
-use crate::release::index::table::ColumnKind;
-use crate::release::index::{self, COLUMNS};
+use crate::index;
+use crate::index::COLUMNS;
+use crate::index::table::ColumnKind;
+use gs2e_recipe::SplitPlan;
 use serde_json::{Value, json};
 
 /// Fields of a `scene.json`: name, kind, path in the file, and description.
@@ -22,7 +23,7 @@ const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
 ];
 
 /// Name of a kind in Croissant.
-pub(in crate::release) fn data_type(kind: ColumnKind) -> &'static str {
+pub(crate) fn data_type(kind: ColumnKind) -> &'static str {
     match kind {
         ColumnKind::Text => "sc:Text",
         ColumnKind::Whole => "sc:Integer",
@@ -61,7 +62,7 @@ pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
 }
 
 /// Id of the record set of splits.
-pub(in crate::release) const SPLITS: &str = "splits";
+pub(crate) const SPLITS: &str = "splits";
 
 /// The splits, one record each, with the data written into the file.
 pub(super) fn split_records(splits: &SplitPlan) -> Value {

@@ -6,9 +6,9 @@ mod composition;
 mod distribution;
 
 use super::{DatasheetEntry, UNSTATED};
-use crate::recipe::ReleaseInfo;
-use crate::release::facts::ReleaseFacts;
-use crate::release::markdown::plain_text;
+use crate::facts::ReleaseFacts;
+use crate::markdown::plain_text;
+use gs2e_recipe::ReleaseInfo;
 use std::collections::BTreeMap;
 
 /// Input of the answers.

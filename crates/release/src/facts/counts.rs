@@ -1,10 +1,11 @@
 //! Contents of a release by number.
 
 use super::ReleaseFacts;
-use crate::recipe::OutputKind;
-use crate::release::products::{self, FOLDERS, ReleaseProduct};
-use crate::release::published::PublishedScene;
-use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
+use crate::products;
+use crate::products::{FOLDERS, ReleaseProduct};
+use crate::published::PublishedScene;
+use crate::scene::{TrajectoryPart, TrajectoryStatistics};
+use gs2e_recipe::OutputKind;
 use std::collections::BTreeMap;
 
 /// The streams of a trajectory, by their statistics.
@@ -15,31 +16,31 @@ fn streams(part: &TrajectoryPart) -> impl Iterator<Item = &TrajectoryStatistics>
 
 /// Contents of the tree by number. Withheld files do not count.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(in crate::release) struct FileCounts {
-    pub(in crate::release) scenes: usize,
-    pub(in crate::release) trajectories: usize,
-    pub(in crate::release) poses: usize,
-    pub(in crate::release) events: u64,
+pub(crate) struct FileCounts {
+    pub(crate) scenes: usize,
+    pub(crate) trajectories: usize,
+    pub(crate) poses: usize,
+    pub(crate) events: u64,
     /// Files of each product: its event streams, or its pictures.
     files: BTreeMap<OutputKind, usize>,
     /// Scenes without any file that shows them, because the upstream forbids redistribution.
-    pub(in crate::release) withheld: usize,
+    pub(crate) withheld: usize,
 }
 
 impl FileCounts {
     /// Number of files of a product.
-    pub(in crate::release) fn files(&self, product: &ReleaseProduct) -> usize {
+    pub(crate) fn files(&self, product: &ReleaseProduct) -> usize {
         self.files.get(&product.output).copied().unwrap_or_default()
     }
 
     /// Returns true if the release has files of a product.
-    pub(in crate::release) fn has(&self, product: &ReleaseProduct) -> bool {
+    pub(crate) fn has(&self, product: &ReleaseProduct) -> bool {
         self.files(product) > 0
     }
 }
 
 impl ReleaseFacts<'_> {
-    pub(in crate::release) fn counts(&self) -> FileCounts {
+    pub(crate) fn counts(&self) -> FileCounts {
         let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
         let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
         // Of withheld scenes too: their poses are released, unlike their events and pictures.
@@ -65,7 +66,7 @@ impl ReleaseFacts<'_> {
     }
 
     /// The contents in words, each kind with its number: `12 events, 3 sharp frames`.
-    pub(in crate::release) fn contents(&self) -> String {
+    pub(crate) fn contents(&self) -> String {
         let counts = self.counts();
         let counted = |product: &ReleaseProduct| format!("{} {}", counts.files(product), product.noun);
         let streams = [&products::EVENTS].into_iter().filter(|product| counts.has(product));

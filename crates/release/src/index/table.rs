@@ -1,8 +1,9 @@
 //! Small tables as Parquet (parquet.apache.org, format 2): nullable columns, one row group, plain
 //! values, compressed by zstd. No time of writing is included, so equal tables are equal bytes.
 
-use crate::budget::{ByteBudget, OverBudget};
-use crate::files::{self, LinkRule};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_files::budget::{ByteBudget, OverBudget};
 use parquet::basic::{Compression, Type as Physical, ZstdLevel};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
@@ -21,7 +22,7 @@ use std::sync::Arc;
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::release) enum ColumnKind {
+pub(crate) enum ColumnKind {
     /// UTF-8.
     Text,
     /// 64-bit signed integer.
@@ -34,7 +35,7 @@ pub(in crate::release) enum ColumnKind {
 
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::release) enum CellValue {
+pub(crate) enum CellValue {
     Null,
     Text(String),
     Whole(i64),
@@ -99,19 +100,15 @@ impl<T: Into<Self>> From<Option<T>> for CellValue {
 
 /// A table read from a file.
 #[derive(Debug)]
-pub(in crate::release) struct IndexTable {
+pub(crate) struct IndexTable {
     /// Name and kind of each column; no kind for a type that this program never writes.
-    pub(in crate::release) columns: Vec<(String, Option<ColumnKind>)>,
+    pub(crate) columns: Vec<(String, Option<ColumnKind>)>,
     /// Rows, with one cell per column.
-    pub(in crate::release) rows: Vec<Vec<CellValue>>,
+    pub(crate) rows: Vec<Vec<CellValue>>,
 }
 
 /// Composes a file with these rows. Each row has one cell per column, of its kind or null.
-pub(in crate::release) fn write_table(
-    columns: &[(&str, ColumnKind)],
-    rows: &[Vec<CellValue>],
-    writer: &str,
-) -> Vec<u8> {
+pub(crate) fn write_table(columns: &[(&str, ColumnKind)], rows: &[Vec<CellValue>], writer: &str) -> Vec<u8> {
     encode_table(columns, rows, writer).expect("a Vec takes any bytes, and cells are of their columns' kinds")
 }
 
@@ -189,7 +186,7 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&CellValue]) -> Result<(
 ///
 /// # Errors
 /// It cannot be read, or is not Parquet.
-pub(in crate::release) fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
+pub(crate) fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
     // The library panics on some damaged files instead of returning an error. No state outlives the
     // call.
     let read = AssertUnwindSafe(|| decode_table(files::open_with(path, LinkRule::Refuse)?));

@@ -1,18 +1,18 @@
 //! The products that recipes ask for, one row each.
 
 use super::{FilePresence, FileRow, FileSet, LicenceClass, PictureNumbers, ProductForm, ReleaseProduct};
-use crate::recipe::OutputKind;
-use crate::release::report::{
+use crate::report::{
     blurred_picture, depth_picture, disparity_picture, flow_picture, inertial_picture, mask_picture,
     sharp_picture,
 };
+use gs2e_recipe::OutputKind;
 
 const HDF5: &str = "application/x-hdf5";
 const PNG: &str = "image/png";
 const NPY: &str = "application/x-npy";
 
 /// Event streams.
-pub(in crate::release) static EVENTS: ReleaseProduct = ReleaseProduct {
+pub(crate) static EVENTS: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Events,
     form: ProductForm::Streams,
     files: &[
@@ -51,7 +51,7 @@ pub(in crate::release) static EVENTS: ReleaseProduct = ReleaseProduct {
 };
 
 /// Sharp frames.
-pub(in crate::release) static SHARP: ReleaseProduct = ReleaseProduct {
+pub(crate) static SHARP: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Sharp,
     form: ProductForm::Colours(PictureNumbers::SpacedAndExposed),
     files: &[material(
@@ -74,7 +74,7 @@ pub(in crate::release) static SHARP: ReleaseProduct = ReleaseProduct {
 };
 
 /// Blurred frames.
-pub(in crate::release) static BLUR: ReleaseProduct = ReleaseProduct {
+pub(crate) static BLUR: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Blur,
     form: ProductForm::Colours(PictureNumbers::Exposed),
     files: &[material(
@@ -212,7 +212,7 @@ static IMU: ReleaseProduct = ReleaseProduct {
 };
 
 /// The products that have a folder of files, in the order of every listing.
-pub(in crate::release) static FOLDERS: [&ReleaseProduct; 7] =
+pub(crate) static FOLDERS: [&ReleaseProduct; 7] =
     [&SHARP, &BLUR, &DEPTH, &FLOW, &DISPARITY, &SEGMENTATION, &IMU];
 
 /// A row of files that show the scene.

@@ -5,10 +5,10 @@ use super::{FilePresence, FileRow, FileSet, LicenceClass};
 const JSON: &str = "application/json";
 
 /// Id of the set of all `scene.json`.
-pub(in crate::release) const SCENE_FILES: &str = "scene-files";
+pub(crate) const SCENE_FILES: &str = "scene-files";
 
 /// The description of a scene.
-pub(in crate::release) static SCENE: [FileRow; 2] = [
+pub(crate) static SCENE: [FileRow; 2] = [
     metadata(
         "<scene>/scene.json",
         "source, camera, recipe, licence, seeds and statistics of a scene",
@@ -34,7 +34,7 @@ pub(in crate::release) static SCENE: [FileRow; 2] = [
 ];
 
 /// Poses and speeds of a trajectory.
-pub(in crate::release) static PATH: [FileRow; 6] = [
+pub(crate) static PATH: [FileRow; 6] = [
     metadata(
         "poses.txt",
         "one line per pose: `t_us tx ty tz qx qy qz qw`, camera to world",
@@ -71,7 +71,7 @@ pub(in crate::release) static PATH: [FileRow; 6] = [
 ];
 
 /// Calibration of a rig.
-pub(in crate::release) static CALIBRATION: [FileRow; 3] = [
+pub(crate) static CALIBRATION: [FileRow; 3] = [
     FileRow {
         name: "calibration/camchain.yaml, calibration/cam_to_cam.yaml",
         content: "cameras of the rig in Kalibr's form, and in that of DSEC with the rectification of stereo pairs; lengths \
@@ -90,7 +90,7 @@ pub(in crate::release) static CALIBRATION: [FileRow; 3] = [
 ];
 
 /// Verdicts of the checks.
-pub(in crate::release) static CHECKS: [FileRow; 2] = [
+pub(crate) static CHECKS: [FileRow; 2] = [
     metadata(
         "checks.json",
         "verdicts of the checks",
@@ -116,7 +116,7 @@ pub(in crate::release) static CHECKS: [FileRow; 2] = [
 ];
 
 /// Exports of a trajectory.
-pub(in crate::release) static EXPORTS: [FileRow; 1] = [FileRow {
+pub(crate) static EXPORTS: [FileRow; 1] = [FileRow {
     name: "exports/*/",
     content: "the trajectory in the layouts of other programs; `export.json` in each lists what the layout lacks",
     set: None,
@@ -125,7 +125,7 @@ pub(in crate::release) static EXPORTS: [FileRow; 1] = [FileRow {
 }];
 
 /// Files of the release as a whole.
-pub(in crate::release) static TOP: [FileRow; 7] = [
+pub(crate) static TOP: [FileRow; 7] = [
     top("report.html", "the release for people, in one file: pictures, curves, verdicts"),
     top("index.parquet", "table with one row per trajectory"),
     top("croissant.json", "this release in Croissant 1.1"),

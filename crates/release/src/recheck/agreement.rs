@@ -1,10 +1,10 @@
 //! The agreement of the files of a release, as findings.
 
-use crate::check::{Finding, records};
-use crate::release::audit::AuditFault;
-use crate::release::audit::contradictions::find_contradictions;
-use crate::release::manifest::{ManifestScene, ReleaseManifest};
-use crate::release::{croissant, index};
+use crate::audit::AuditFault;
+use crate::audit::contradictions::find_contradictions;
+use crate::manifest::{ManifestScene, ReleaseManifest};
+use crate::{croissant, index};
+use gs2e_check::{Finding, records};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;

@@ -3,14 +3,14 @@
 
 use super::RecheckError;
 use super::pictures::ReleasedPictures;
-use crate::frames::DenseFrame;
-use crate::frames::anchors::{AnchorChoice, AnchorFrames};
-use crate::image::{GreyImage, Image};
-use crate::recipe::OutputKind;
-use crate::sensor::front_end::FrontEnd;
-use crate::stats::nearest_ranks;
-use crate::trajectory::flow::FlowQuantiles;
-use crate::units::Timestamp;
+use gs2e_image::{GreyImage, Image};
+use gs2e_num::stats::nearest_ranks;
+use gs2e_num::units::Timestamp;
+use gs2e_recipe::OutputKind;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::frames::anchors::{AnchorChoice, AnchorFrames};
+use gs2e_sensor::front_end::FrontEnd;
+use gs2e_trajectory::flow::FlowQuantiles;
 use rayon::prelude::*;
 
 /// Memory for the frames of one front end, bytes.

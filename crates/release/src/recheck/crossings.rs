@@ -1,17 +1,16 @@
 //! Events of a released stream, compared with the times that its frames predict. Frames and events
 //! are read in step, each once.
 
-use super::RecheckError;
-use super::unreadable_file;
-use crate::check::drift::DriftLaw;
-use crate::check::event_times::crossing::{CrossingObserver, SeenFrame, StreamClock};
-use crate::event::{Event, EventFileError, EventSource as _, h5};
-use crate::frames::DenseFrame;
-use crate::image::GreyImage;
-use crate::recipe::Recipe;
-use crate::sensor::SensorChoice;
-use crate::sensor::front_end::FrontEnd;
-use crate::units::Timestamp;
+use super::{RecheckError, unreadable_file};
+use gs2e_check::drift::DriftLaw;
+use gs2e_check::event_times::crossing::{CrossingObserver, SeenFrame, StreamClock};
+use gs2e_event::{Event, EventFileError, EventSource as _, h5};
+use gs2e_image::GreyImage;
+use gs2e_num::units::Timestamp;
+use gs2e_recipe::Recipe;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::frames::DenseFrame;
+use gs2e_sensor::front_end::FrontEnd;
 use std::path::PathBuf;
 
 /// A stream that is being compared, or the reason why the comparison says nothing.

@@ -2,13 +2,13 @@
 
 use super::RecheckError;
 use super::pictures::ReleasedPictures;
-use crate::camera::flow::{flow_displacement, flow_rates};
-use crate::check::coverage::ViewCoverage;
-use crate::check::geometry::watch::PosedPictures as _;
-use crate::check::motion::warp::FlowAt;
-use crate::image::Image;
-use crate::recipe::OutputKind;
-use crate::trajectory::flow::FlowQuantiles;
+use gs2e_check::coverage::ViewCoverage;
+use gs2e_check::geometry::watch::PosedPictures as _;
+use gs2e_check::motion::warp::FlowAt;
+use gs2e_image::Image;
+use gs2e_recipe::OutputKind;
+use gs2e_scene::camera::flow::{flow_displacement, flow_rates};
+use gs2e_trajectory::flow::FlowQuantiles;
 
 /// Largest number of instants at which the image motion is read.
 const FLOWS: usize = 9;

@@ -2,9 +2,9 @@
 
 use super::RecheckError;
 use super::trajectory::ReleasedTrajectory;
-use crate::artifact::TrajectoryProduct;
-use crate::check::Finding;
-use crate::check::records::inertial::{InertialBytes, judge_inertial};
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_check::Finding;
+use gs2e_check::records::inertial::{InertialBytes, judge_inertial};
 
 impl ReleasedTrajectory<'_> {
     /// Compares the inertial data with the poses. `None` if the recipe asks for none, or a file is absent, which the

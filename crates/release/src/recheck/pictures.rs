@@ -1,15 +1,15 @@
 //! The pictures of a trajectory in a release tree. They are read here and nowhere else.
 
 use super::{AuditedTree, RecheckError};
-use crate::artifact::{OBJECT_PLACES, TrajectoryProduct};
-use crate::camera::Camera;
-use crate::camera::flow::leave_out_parts;
-use crate::camera::view::CameraView;
-use crate::check::geometry::watch::PosedPictures;
-use crate::image::{GreyImage, Image, npy, png};
-use crate::recipe::{OutputKind, Recipe};
-use crate::sampling::exposure;
-use crate::scene::motion::{PlaceLine, read_places};
+use gs2e_build::artifact::{OBJECT_PLACES, TrajectoryProduct};
+use gs2e_check::geometry::watch::PosedPictures;
+use gs2e_image::{GreyImage, Image, npy, png};
+use gs2e_recipe::{OutputKind, Recipe};
+use gs2e_sampling::exposure;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::flow::leave_out_parts;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::motion::{PlaceLine, read_places};
 use std::io::Cursor;
 
 /// A trajectory's folder, and what its files say about its pictures.

@@ -1,8 +1,9 @@
 //! The files of a release: in a folder that another party may have made, or not written yet.
 
 use super::{RecheckError, unreadable_file};
-use crate::files::{self, LinkRule};
-use crate::release::tree::{FileContent, ReleaseTree};
+use crate::tree::{FileContent, ReleaseTree};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::io;

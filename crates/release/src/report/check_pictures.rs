@@ -6,8 +6,8 @@ use super::detail::DetailLevel;
 use super::findings::{is_fault, verdict_rank, worst_verdict, write_badge};
 use super::section::{ReportTrajectory, write_image};
 use super::seen::tree_picture;
-use crate::check::{Finding, Verdict};
-use crate::html::HtmlFragment;
+use gs2e_check::{Finding, Verdict};
+use gs2e_files::html::HtmlFragment;
 
 /// Number of pictures that fit next to each other on a wide screen.
 const COLUMNS: usize = 4;

@@ -1,7 +1,7 @@
 //! Plots of event rates and speeds over time, and the data of strokes.
 
-use crate::html::HtmlFragment;
-use crate::trajectory::picture::{round_down, short_number};
+use gs2e_files::html::HtmlFragment;
+use gs2e_trajectory::picture::{round_down, short_number};
 use std::fmt::Write as _;
 
 /// Size of a plot with its labels, px.

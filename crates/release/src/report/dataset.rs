@@ -3,11 +3,11 @@
 use super::curve::{PlotAxes, ReportCurve, draw_curves, stroke_path};
 use super::embed::EmbeddedPicture;
 use super::findings::{VerdictCount, write_table};
-use crate::check::Finding;
-use crate::dataset::{AlignmentCurve, DatasetReport};
-use crate::html::{HtmlFragment, write_page_head};
-use crate::image::Image;
-use crate::trajectory::picture::short_number;
+use gs2e_check::Finding;
+use gs2e_check::dataset::{AlignmentCurve, DatasetReport};
+use gs2e_files::html::{HtmlFragment, write_page_head};
+use gs2e_image::Image;
+use gs2e_trajectory::picture::short_number;
 
 /// Width of a picture, px.
 const WIDTH: u32 = 640;

@@ -1,7 +1,7 @@
 //! Pictures inside the page: made small on the CPU, and written as `data:` addresses.
 
-use crate::html::encode_base64;
-use crate::image::{Image, jpeg, png, shrink};
+use gs2e_files::html::encode_base64;
+use gs2e_image::{Image, jpeg, png, shrink};
 use std::io::Cursor;
 
 /// Quality of pictures in the page, 1 to 100.
@@ -46,7 +46,7 @@ impl EmbeddedPicture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     #[test]
     fn drawings_stay_exact_and_views_become_small() {

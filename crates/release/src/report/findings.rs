@@ -1,8 +1,8 @@
 //! Findings of checks: counts of verdicts, and tables of statements with faults first.
 
-use crate::check::{Finding, Verdict};
-use crate::html::HtmlFragment;
-use crate::trajectory::picture::short_number;
+use gs2e_check::{Finding, Verdict};
+use gs2e_files::html::HtmlFragment;
+use gs2e_trajectory::picture::short_number;
 
 /// The verdicts, the worst first.
 pub(super) const WORST_FIRST: [Verdict; 5] =

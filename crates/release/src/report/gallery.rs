@@ -9,11 +9,11 @@ use super::curve::{self, PlotAxes, ReportCurve};
 use super::path_views::{self, VIEW};
 use super::section::{ReportTrajectory, write_image};
 use super::seen::{self, ShownPicture, ShownStream};
-use crate::html::HtmlFragment;
-use crate::release::products;
-use crate::release::published::PublishedTrajectory;
-use crate::release::scene::{QuantityExtent, TrajectoryStatistics};
-use crate::trajectory::picture::{short_number, sketch};
+use crate::products;
+use crate::published::PublishedTrajectory;
+use crate::scene::{QuantityExtent, TrajectoryStatistics};
+use gs2e_files::html::HtmlFragment;
+use gs2e_trajectory::picture::{short_number, sketch};
 use std::fmt::Write as _;
 
 /// Maximum number of sensors that are shown of a trajectory.

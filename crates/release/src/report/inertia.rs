@@ -3,12 +3,13 @@
 use super::embed::EmbeddedPicture;
 use super::section::ReportTrajectory;
 use super::seen::ShownPicture;
-use crate::files::{self, LinkRule, MAX_DOCUMENT};
-use crate::image::{Image, Size, png};
-use crate::imu::files::{SAMPLES, SAMPLES_HEAD, read_lines};
-use crate::release::products::ReleaseProduct;
-use crate::release::published::StoredPlaces;
-use crate::trajectory::picture::short_number;
+use crate::products::ReleaseProduct;
+use crate::published::StoredPlaces;
+use gs2e_files as files;
+use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use gs2e_image::{Image, Size, png};
+use gs2e_trajectory::imu::files::{SAMPLES, SAMPLES_HEAD, read_lines};
+use gs2e_trajectory::picture::short_number;
 
 /// Size of the picture: two panels, one above the other.
 const SIZE: Size = Size { width: 320, height: 160 };
@@ -22,7 +23,7 @@ const ZERO: [u8; 3] = [200; 3];
 const AXES: [[u8; 3]; 3] = [[200, 40, 40], [30, 140, 30], [40, 60, 200]];
 
 /// The inertial data of a trajectory.
-pub(in crate::release) fn inertial_picture(
+pub(crate) fn inertial_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,

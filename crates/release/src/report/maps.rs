@@ -8,11 +8,12 @@
 use super::embed::EmbeddedPicture;
 use super::section::ReportTrajectory;
 use super::seen::{ShownPicture, moment_us, sensor_size};
-use crate::files::{self, LinkRule};
-use crate::image::{Image, npy};
-use crate::release::products::ReleaseProduct;
-use crate::release::published::StoredPlaces;
-use crate::trajectory::picture::{scale_rgb, short_number};
+use crate::products::ReleaseProduct;
+use crate::published::StoredPlaces;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_image::{Image, npy};
+use gs2e_trajectory::picture::{scale_rgb, short_number};
 use std::io::BufReader;
 
 /// Colour of a pixel without a value.
@@ -23,7 +24,7 @@ const BEYOND_DEPTH: f64 = 0.05;
 const BEYOND_FLOW: f64 = 0.01;
 
 /// The depth nearest to the middle of the trajectory.
-pub(in crate::release) fn depth_picture(
+pub(crate) fn depth_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -33,7 +34,7 @@ pub(in crate::release) fn depth_picture(
 }
 
 /// The disparity nearest to the middle of the trajectory.
-pub(in crate::release) fn disparity_picture(
+pub(crate) fn disparity_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -60,7 +61,7 @@ fn scale_picture(
 }
 
 /// The optical flow nearest to the middle of the trajectory.
-pub(in crate::release) fn flow_picture(
+pub(crate) fn flow_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -162,7 +163,7 @@ fn wheel_colour([u, v]: [f64; 2], share: f64) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
+    use gs2e_image::Size;
 
     /// The pure hues by their names: 0, 60, 120, ... degrees of HSV.
     #[test]

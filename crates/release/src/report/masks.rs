@@ -4,12 +4,13 @@ use super::embed::EmbeddedPicture;
 use super::maps::moment_words;
 use super::section::ReportTrajectory;
 use super::seen::{ShownPicture, moment_us, sensor_size};
-use crate::artifact::OBJECT_PLACES;
-use crate::files::{self, LinkRule};
-use crate::image::{Image, png};
-use crate::release::products::ReleaseProduct;
-use crate::release::published::StoredPlaces;
-use crate::scene::motion::read_places;
+use crate::products::ReleaseProduct;
+use crate::published::StoredPlaces;
+use gs2e_build::artifact::OBJECT_PLACES;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_image::{Image, png};
+use gs2e_scene::motion::read_places;
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
@@ -26,7 +27,7 @@ const COLOURS: [([u8; 3], &str); 6] = [
 const STILL: [u8; 3] = [40; 3];
 
 /// The mask nearest to the middle of the trajectory.
-pub(in crate::release) fn mask_picture(
+pub(crate) fn mask_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,

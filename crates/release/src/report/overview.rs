@@ -11,10 +11,10 @@ pub(super) use verdicts::{not_run, write_checks};
 use super::ReportPage;
 use super::findings::{VerdictCount, write_heads};
 use super::section::{self, SceneSection, counted_noun, file_link, number_span, on_share, thousands_number};
-use crate::check::Verdict;
-use crate::html::HtmlFragment;
-use crate::release::TOOL;
-use crate::release::products::{self, ReleaseProduct};
+use crate::products::ReleaseProduct;
+use crate::{TOOL, products};
+use gs2e_check::Verdict;
+use gs2e_files::html::HtmlFragment;
 use std::collections::BTreeSet;
 
 /// Writes the head of the page: the publisher, the terms, and the amounts.
@@ -76,7 +76,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         (frames(&products::SHARP), products::SHARP.noun),
         (frames(&products::BLUR), products::BLUR.noun),
         (sum(&mut streams().filter_map(|counted| counted.events)), "events"),
-        (crate::trajectory::picture::short_number(seconds), "s of motion"),
+        (gs2e_trajectory::picture::short_number(seconds), "s of motion"),
         (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events/px/s"),
         (number_span(streams().filter_map(on_share)), "share of ON events"),
     ];

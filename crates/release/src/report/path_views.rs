@@ -1,8 +1,8 @@
 //! The path of a trajectory as seen from above and from the side.
 
 use super::curve::stroke_path;
-use crate::html::HtmlFragment;
-use crate::trajectory::picture::PathSketch;
+use gs2e_files::html::HtmlFragment;
+use gs2e_trajectory::picture::PathSketch;
 
 /// Size of a view of the path, px.
 pub(super) const VIEW: [f64; 2] = [240.0, 160.0];

@@ -1,18 +1,17 @@
 //! The part of one scene: its row in the table of scenes, and its section.
 
-use super::ReportPage;
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
 use super::seen::tree_picture;
-use super::trajectory;
-use crate::check::{Finding, Verdict};
-use crate::html::{HtmlFragment, link_address};
-use crate::release::layout;
-use crate::release::products::{self, ReleaseProduct};
-use crate::release::published::{PublishedScene, PublishedTrajectory};
-use crate::release::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
-use crate::training::{TrainingEnd, TrainingRecord};
-use crate::trajectory::picture::short_number;
+use super::{ReportPage, trajectory};
+use crate::products::ReleaseProduct;
+use crate::published::{PublishedScene, PublishedTrajectory};
+use crate::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
+use crate::{layout, products};
+use gs2e_check::{Finding, Verdict};
+use gs2e_files::html::{HtmlFragment, link_address};
+use gs2e_train::{TrainingEnd, TrainingRecord};
+use gs2e_trajectory::picture::short_number;
 
 /// A scene of the page.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +21,7 @@ pub(super) struct SceneEntry<'a> {
 
 /// A trajectory of the page.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::release) struct ReportTrajectory<'a> {
+pub(crate) struct ReportTrajectory<'a> {
     pub(super) entry: SceneEntry<'a>,
     pub(super) part: &'a TrajectoryPart,
     pub(super) published: &'a PublishedTrajectory,

@@ -8,19 +8,20 @@
 use super::curve::ReportCurve;
 use super::embed::EmbeddedPicture;
 use super::section::{ReportTrajectory, thousands_number};
-use crate::artifact::EventStream;
-use crate::event::picture::WindowCounts as Balance;
-use crate::event::{EventSink as _, EventSource as _, h5};
-use crate::files;
-use crate::image::Size;
-use crate::release::products::{self, ReleaseProduct};
-use crate::release::published::{self, StoredPlaces};
+use crate::products::ReleaseProduct;
+use crate::published::StoredPlaces;
+use crate::{products, published};
+use gs2e_build::artifact::EventStream;
+use gs2e_event::picture::WindowCounts as Balance;
+use gs2e_event::{EventSink as _, EventSource as _, h5};
+use gs2e_files as files;
+use gs2e_image::Size;
 use std::ops::Range;
 use std::path::PathBuf;
 
 /// A picture and what it shows.
 #[derive(Debug)]
-pub(in crate::release) struct ShownPicture {
+pub(crate) struct ShownPicture {
     pub(super) picture: EmbeddedPicture,
     pub(super) words: String,
     /// True if the caption starts with the wheel of directions.
@@ -48,7 +49,7 @@ pub(super) fn tree_picture(path: &str, places: StoredPlaces<'_>, width: u32) -> 
 }
 
 /// The sharp frame nearest to the middle.
-pub(in crate::release) fn sharp_picture(
+pub(crate) fn sharp_picture(
     _: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -60,7 +61,7 @@ pub(in crate::release) fn sharp_picture(
 }
 
 /// The blurred frame whose exposure is nearest to that frame in time.
-pub(in crate::release) fn blurred_picture(
+pub(crate) fn blurred_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,

@@ -4,9 +4,9 @@ use super::ReportPage;
 use super::check_pictures::write_check_pictures;
 use super::gallery::write_gallery;
 use super::section::{self, ReportTrajectory, file_link, on_share, thousands_number};
-use crate::html::HtmlFragment;
-use crate::release::scene::{TrajectoryPart, TrajectoryStatistics};
-use crate::trajectory::picture::short_number;
+use crate::scene::{TrajectoryPart, TrajectoryStatistics};
+use gs2e_files::html::HtmlFragment;
+use gs2e_trajectory::picture::short_number;
 use std::fmt::Write as _;
 
 /// Writes a trajectory: pictures first, then checks and files.

@@ -10,21 +10,22 @@ use super::{
     TrajectoryStatistics, draw_seeds, kind_of_gaussians, licence, scene_attributes, sensor_seed, source_part,
     training_command, training_iterations,
 };
-use crate::artifact::TrajectoryProduct;
-use crate::camera::{self, CameraChoice};
-use crate::image::Size;
-use crate::recipe::Recipe;
-use crate::reconstruct::TrainerCommand;
-use crate::release::checksum;
-use crate::release::published::PublishedScene;
-use crate::sensor::twin::twin_of;
+use crate::checksum;
+use crate::published::PublishedScene;
+use gs2e_build::artifact::TrajectoryProduct;
+use gs2e_image::Size;
+use gs2e_recipe::Recipe;
+use gs2e_scene::camera;
+use gs2e_scene::camera::CameraChoice;
+use gs2e_sensor::twin::twin_of;
+use gs2e_source::reconstruct::TrainerCommand;
 use serde_json::Value;
 
 /// Composes the file from the recipe and the other files. Some values are copied, because no other
 /// file of the tree has them: photos, a capture's own camera, the facts about the Gaussians, the
 /// rate and error that a tolerance led to, and counts of the simulation that the events do not
 /// show.
-pub(in crate::release) fn again(scene: &PublishedScene) -> SceneRecord {
+pub(crate) fn again(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
     let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);

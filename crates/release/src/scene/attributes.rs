@@ -1,12 +1,12 @@
 //! Attributes of a scene, by which users of a release select scenes.
 
 use super::{QuantityExtent, TrajectoryPart};
-use crate::licence::{ComposedTerms, Redistributability};
-use crate::recipe::{Recipe, SceneScale};
-use crate::release::products::products;
-use crate::release::provenance::Provenance;
-use crate::speed::SpeedMeaning;
-use crate::trajectory::report::SpeedReport;
+use crate::products::products;
+use crate::provenance::Provenance;
+use gs2e_recipe::{Recipe, SceneScale};
+use gs2e_source::licence::{ComposedTerms, Redistributability};
+use gs2e_trajectory::report::SpeedReport;
+use gs2e_trajectory::speed::SpeedMeaning;
 use serde::{Deserialize, Serialize};
 
 /// The axes of appendix D of the paper.

@@ -5,13 +5,14 @@ use super::{
     CameraPart, ImagePart, ReconstructionPart, SceneConventions, SceneRecord, SourcePart, TrajectoryPart,
     licence, trajectory,
 };
-use crate::camera::Camera;
-use crate::recipe::{Recipe, ReconstructMethod};
-use crate::reconstruct::TrainerCommand;
-use crate::release::built::BuiltScene;
-use crate::seed::{Seed, StreamPurpose};
-use crate::source::{Capture, CapturedView, UnusedPhoto, natural};
-use crate::trajectory::path::CameraPath;
+use crate::built::BuiltScene;
+use gs2e_files::natural;
+use gs2e_num::seed::{Seed, StreamPurpose};
+use gs2e_recipe::{Recipe, ReconstructMethod};
+use gs2e_scene::camera::Camera;
+use gs2e_source::reconstruct::TrainerCommand;
+use gs2e_source::{Capture, CapturedView, UnusedPhoto};
+use gs2e_trajectory::path::CameraPath;
 use serde_json::json;
 use std::collections::BTreeMap;
 
@@ -19,7 +20,7 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// A blob that must be hashed cannot be read.
-pub(in crate::release) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
+pub(crate) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let trajectories: Vec<TrajectoryPart> =
@@ -90,7 +91,7 @@ fn capture_images(scene: &BuiltScene<'_>) -> Vec<ImagePart> {
 
 pub(super) fn camera_part(scene: &BuiltScene<'_>, camera: Camera) -> CameraPart {
     let lens =
-        scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != crate::source::LensModel::Pinhole);
+        scene.capture.views.iter().map(|v| &v.lens).find(|lens| **lens != gs2e_source::LensModel::Pinhole);
     CameraPart::new(camera, lens.map(|lens| json!(lens)))
 }
 

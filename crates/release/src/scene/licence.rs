@@ -1,7 +1,9 @@
 //! Licence terms of a scene, part by part.
 
-use crate::licence::{ComposedTerms, HolderTerms, LicenceObligation, Redistributability, UpstreamGrant};
-use crate::recipe::Recipe;
+use gs2e_recipe::Recipe;
+use gs2e_source::licence::{
+    ComposedTerms, HolderTerms, LicenceObligation, Redistributability, UpstreamGrant,
+};
 use serde::{Deserialize, Serialize};
 
 /// Licence terms of a scene.
@@ -29,7 +31,7 @@ pub struct LicencePart {
 }
 
 /// Name of the part that the owner of a scene added, in the place of a dataset's name.
-pub(in crate::release) const OWNER: &str = "owner";
+pub(crate) const OWNER: &str = "owner";
 
 /// Terms of a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -2,16 +2,16 @@
 
 use super::compose::camera_part;
 use super::{DepthQuantiles, MountedPart, QuantityExtent, SensorPart, TrajectoryPart, TrajectoryStatistics};
-use crate::artifact::{BlurredFrames, EventStream, SimulationRecord};
-use crate::image::Size;
-use crate::recipe::{Recipe, TrajectoryRecipe};
-use crate::release::built::{BuiltScene, BuiltTrajectory};
-use crate::render::RenderChoice;
-use crate::seed::Seed;
-use crate::sensor::SensorChoice;
-use crate::sensor::twin::twin_of;
-use crate::trajectory::CourseKind;
-use crate::trajectory::flow::FlowQuantiles;
+use crate::built::{BuiltScene, BuiltTrajectory};
+use gs2e_build::artifact::{BlurredFrames, EventStream, SimulationRecord};
+use gs2e_image::Size;
+use gs2e_num::seed::Seed;
+use gs2e_recipe::{Recipe, TrajectoryRecipe};
+use gs2e_render::RenderChoice;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::twin::twin_of;
+use gs2e_trajectory::CourseKind;
+use gs2e_trajectory::flow::FlowQuantiles;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 

@@ -1,11 +1,12 @@
 //! The exchange of a finished tree with the tree that it replaces, and the note for interrupted runs.
 
 use super::FORMAT;
-use crate::files::{self, LinkRule, MAX_DOCUMENT};
-use crate::release::checksum;
-use crate::release::removal::remove_ours;
-use crate::release::standing::StandingTree;
-use crate::store::Digest;
+use crate::checksum;
+use crate::removal::remove_ours;
+use crate::standing::StandingTree;
+use gs2e_files as files;
+use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use gs2e_store::Digest;
 use rustix::fs::{CWD, RenameFlags};
 use rustix::io::Errno;
 use std::collections::BTreeMap;
@@ -113,7 +114,7 @@ pub(super) fn parse_listing(text: &str) -> Option<BTreeMap<String, u64>> {
 }
 
 /// Writes a new file and syncs it to disk.
-pub(in crate::release) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+pub(crate) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = File::create_new(path)?;
     file.write_all(bytes)?;
     file.sync_all()

@@ -3,12 +3,12 @@
 
 use super::cull::ALL_LANES;
 use super::extent;
-use crate::render::RenderRules;
-use crate::render::dual::RealNumber;
-use crate::render::shared::least_alpha;
-use crate::scene::dynamic::{MomentSplat, SceneMoment, SplatDynamics};
-use crate::scene::{Gaussians, sh};
+use crate::RenderRules;
+use crate::dual::RealNumber;
+use crate::shared::least_alpha;
 use glam::{DMat3, DQuat, DVec3};
+use gs2e_scene::dynamic::{MomentSplat, SceneMoment, SplatDynamics};
+use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 
 /// Number of Gaussians that are projected together.
@@ -58,18 +58,20 @@ pub(super) struct BlockMotion {
 
 /// One Gaussian in activated form: see [`GaussianBlock`].
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct ActivatedGaussian {
-    pub(crate) axes: [[f32; 3]; 3],
-    pub(crate) opacity: f32,
+pub struct ActivatedGaussian {
+    /// Principal axes, scene units: directions times standard deviations.
+    pub axes: [[f32; 3]; 3],
+    /// Opacity, 0 to 1.
+    pub opacity: f32,
 }
 
 /// Applies the activations to one Gaussian in f64, and rounds the result.
-pub(crate) fn activate_one(scene: &Gaussians, i: usize) -> ActivatedGaussian {
+pub fn activate_one(scene: &Gaussians, i: usize) -> ActivatedGaussian {
     ActivatedGaussian { axes: scaled_axes(scene, i), opacity: logistic_opacity(scene.opacity_logits[i]) }
 }
 
 /// Smallest norm by which a quaternion is divided (`torch.nn.functional.normalize`).
-pub(crate) const MIN_NORM: f64 = 1e-12;
+pub const MIN_NORM: f64 = 1e-12;
 
 impl GaussianBlock {
     /// The Gaussian of a lane.

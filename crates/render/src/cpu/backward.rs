@@ -21,15 +21,13 @@ use super::eye::ViewTransform;
 use super::project::{CHUNK, ProjectionInput};
 use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
 use super::{FrameBuffers, InstructionSet, unseen};
-use crate::camera::view::CameraView;
-use crate::image::{Image, Size};
-use crate::render::shared::TILE;
-use crate::render::{
-    ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork,
-};
-use crate::scene::{Gaussians, sh};
+use crate::shared::TILE;
+use crate::{ChannelSet, LayerOrder, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork};
 use chain::{DrawnGaussian, ProjectionChain};
 use fearless_simd::dispatch;
+use gs2e_image::{Image, Size};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::{Gaussians, sh};
 use raster::{BackwardInput, SplatMoments, backward_tile};
 use rayon::prelude::*;
 
@@ -99,7 +97,7 @@ impl GradientRenderer {
     /// # Errors
     /// The scene has more than [`MAX_GAUSSIANS`], or the style has no gradients.
     pub fn new(scene: Gaussians, style: RenderStyle) -> Result<Self, RenderError> {
-        crate::render::check_style(&style)?;
+        crate::check_style(&style)?;
         refuse_without_gradients(&scene, style)?;
         let blocks = activate::activate_all(&scene, style.rules, &unseen::all_indices(&scene));
         Ok(Self {
@@ -189,7 +187,7 @@ impl GradientRenderer {
     /// # Errors
     /// The view cannot be rendered.
     pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
-        crate::render::check_view(view)?;
+        crate::check_view(view)?;
         let eye = ViewTransform::new(view, self.scene.origin, self.style.rules);
         let level = self.instructions.level;
         let projection = ProjectionInput {
@@ -295,7 +293,7 @@ impl GradientRenderer {
 }
 
 /// Refuses a scene or a style that has no gradients, on any back end.
-pub(crate) fn refuse_without_gradients(scene: &Gaussians, style: RenderStyle) -> Result<(), RenderError> {
+pub fn refuse_without_gradients(scene: &Gaussians, style: RenderStyle) -> Result<(), RenderError> {
     if scene.len() > MAX_GAUSSIANS {
         let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());
         return Err(RenderError::Scene(because));

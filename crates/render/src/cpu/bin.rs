@@ -7,8 +7,8 @@
 
 use super::sort;
 use super::splat::Splat;
-use crate::image::Size;
-use crate::render::shared::TILE;
+use crate::shared::TILE;
+use gs2e_image::Size;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};

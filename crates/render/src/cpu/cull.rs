@@ -1,7 +1,7 @@
 //! Outcomes of the projection, and their counts for each promise.
 
 use super::activate::PROMISES;
-use crate::render::RenderWork;
+use crate::RenderWork;
 
 /// Outcome of a projection: drawn, or the reason why not. It is as wide as an `f32` lane.
 pub(super) type Fate = u32;

@@ -1,8 +1,8 @@
 //! The pixels that a projected Gaussian may touch, under each of the rules.
 
 use super::splat::{clamp_pixel, edge_margin, pixels_within};
-use crate::render::RenderRules;
-use crate::render::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
+use crate::RenderRules;
+use crate::shared::{EXTENT_ROOT_FLOOR, EXTENT_SIGMAS, GSPLAT_SIGMAS, TILE, least_alpha};
 
 /// The exponent `q` at which `opacity * 2^-q` falls to the smallest opacity that is blended, which
 /// is `log2(255 opacity)` except under `soft`, plus a margin: the exponential has a relative error

@@ -4,12 +4,12 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::render::RenderRules;
-use crate::render::dual::{RealNumber, cross_product, dot_product};
-use crate::render::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
+use crate::RenderRules;
+use crate::dual::{RealNumber, cross_product, dot_product};
+use crate::shared::{DILATION, FRUSTUM_SLACK, GSPLAT_SLACK};
 use glam::{DMat3, DVec3};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 
 /// `sqrt(log2(e) / 2)`. Scaling by it turns `exp(-x^2 / 2)` into `2^-x^2`.
 const TO_BINARY: f32 = 0.849_321_8;
@@ -37,7 +37,7 @@ pub(super) struct ViewTransform {
 }
 
 /// Bounds of `x / z`, then of `y / z`, at which the derivative of the projection is taken.
-pub(crate) fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
+pub fn slope_bounds(camera: &Camera, rules: RenderRules) -> [[f64; 2]; 2] {
     let along = |focal: f64, centre: f64, edge: u32| match rules {
         RenderRules::Official | RenderRules::Exact | RenderRules::Soft => {
             // The published bounds are symmetric about the optical axis: they know no principal

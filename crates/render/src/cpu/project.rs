@@ -16,16 +16,16 @@ use super::cull::{BEHIND, CullCounts, DEGENERATE, DRAWN, Fate, OUTSIDE, count_cu
 use super::extent;
 use super::eye::ViewTransform;
 use super::splat::{MAX_FEATURES, Splat, SplatRates};
-use crate::image::luminance;
-use crate::render::dual::{DualNumber, RealNumber};
-use crate::render::sample::TileSample;
-use crate::render::shared::{
+use crate::dual::{DualNumber, RealNumber};
+use crate::sample::TileSample;
+use crate::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, GSPLAT_FAR, GSPLAT_NEAR, NEAR, least_alpha,
 };
-use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderWork};
-use crate::scene::dynamic::SceneMoment;
-use crate::scene::{Gaussians, sh};
+use crate::{ChannelSet, RenderRules, RenderStyle, RenderWork};
 use fearless_simd::{Level, Simd, dispatch};
+use gs2e_image::luminance;
+use gs2e_scene::dynamic::SceneMoment;
+use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 
 /// Number of Gaussians that one task projects. Its multiples are the places at which the tasks'

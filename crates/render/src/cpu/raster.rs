@@ -24,10 +24,10 @@ pub(super) mod cover;
 
 use super::bin::{TileGrid, TileLists};
 use super::splat::{Splat, SplatRates};
-use crate::render::dual::DualNumber;
-use crate::render::sample::TileSample;
-use crate::render::shared::TILE;
-use crate::render::{LayerOrder, OmissionPolicy, RenderRules, RenderWork};
+use crate::dual::DualNumber;
+use crate::sample::TileSample;
+use crate::shared::TILE;
+use crate::{LayerOrder, OmissionPolicy, RenderRules, RenderWork};
 use block::TilePixels;
 use cover::BatchEllipses;
 use fearless_simd::{Level, Simd, dispatch};

@@ -2,9 +2,9 @@
 
 use super::bin::TileGrid;
 use super::raster::PIXELS;
-use crate::image::{Image, luminance};
-use crate::render::shared::{DEPTH_MIN_ALPHA, TILE};
-use crate::render::{ChannelSet, RenderedImages};
+use crate::shared::{DEPTH_MIN_ALPHA, TILE};
+use crate::{ChannelSet, RenderedImages};
+use gs2e_image::{Image, luminance};
 use rayon::prelude::*;
 
 /// The blended tiles of a frame, as written by the raster pass.

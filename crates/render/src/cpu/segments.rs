@@ -10,12 +10,12 @@ use super::raster::RasterInput;
 use super::raster_pass;
 use super::resolve::{BlendedTiles, feature_image, mean_vectors};
 use super::splat::{MAX_FEATURES, Splat};
-use crate::image::Image;
-use crate::render::{OmissionPolicy, RenderStyle};
-use crate::scene::Gaussians;
-use crate::scene::dynamic::{SceneMoment, SplatDynamics};
+use crate::{OmissionPolicy, RenderStyle};
 use fearless_simd::Level;
 use glam::{DMat3, DVec3};
+use gs2e_image::Image;
+use gs2e_scene::Gaussians;
+use gs2e_scene::dynamic::{SceneMoment, SplatDynamics};
 
 /// The frame whose parts or velocities are found.
 #[derive(Debug, Clone, Copy)]

@@ -142,16 +142,15 @@ impl SplatEllipse<'_> {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::exp2;
-    use super::super::extent;
     use super::super::eye::SplatCovariance;
+    use super::super::{exp2, extent};
     use super::*;
-    use crate::render::RenderRules;
-    use crate::render::shared::{DILATION, MIN_ALPHA, TILE};
+    use crate::RenderRules;
+    use crate::shared::{DILATION, MIN_ALPHA, TILE};
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    pub(in crate::render::cpu) const EDGE: u16 = 96;
+    pub(in crate::cpu) const EDGE: u16 = 96;
 
     /// A splat with standard deviations `long` and `short`, px before dilation, and its long axis
     /// turned by `angle`.
@@ -180,7 +179,7 @@ pub(super) mod tests {
     }
 
     /// The raster pass's own arithmetic at one pixel.
-    pub(in crate::render::cpu) fn counts(splat: &Splat, x: u16, y: u16) -> bool {
+    pub(in crate::cpu) fn counts(splat: &Splat, x: u16, y: u16) -> bool {
         let [w1, w2, w3] = splat.w;
         let dy = f32::from(y) + 0.5 - splat.mean[1];
         let (e1, e2) = (w1 * (f32::from(x) + 0.5 - splat.mean[0]) + w2 * dy, w3 * dy);
@@ -189,7 +188,7 @@ pub(super) mod tests {
 
     prop_compose! {
         /// From dots to needles of 100,000 px, on and off the image.
-        pub(in crate::render::cpu) fn planted()(
+        pub(in crate::cpu) fn planted()(
             mean in prop::array::uniform2(prop_oneof![3 => -40.0..140.0_f32, 1 => -5e4..5e4_f32]),
             long in (-3.0..11.5_f32).prop_map(f32::exp),
             aspect in (0.0..14.0_f32).prop_map(f32::exp),

@@ -42,12 +42,12 @@
 
 use super::eye::slope_bounds;
 use super::{activate, extent};
-use crate::camera::Camera;
-use crate::render::RenderRules;
-use crate::render::shared::{DILATION, GSPLAT_NEAR, NEAR, least_alpha};
-use crate::scene::Gaussians;
-use crate::se3::Se3;
+use crate::RenderRules;
+use crate::shared::{DILATION, GSPLAT_NEAR, NEAR, least_alpha};
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 use std::f64::consts::LN_2;
 

@@ -5,7 +5,8 @@
 //! the dark.
 
 use super::LightAt;
-use crate::image::{self, Image, LUMINANCE_WEIGHTS, srgb};
+use gs2e_image as image;
+use gs2e_image::{Image, LUMINANCE_WEIGHTS, srgb};
 use rayon::prelude::*;
 
 /// Number of pixels per task.

@@ -1,6 +1,6 @@
 use super::lit::{LitMap, LitValue};
 use super::*;
-use crate::image::{Image, Size, luminance, srgb};
+use gs2e_image::{Image, Size, luminance, srgb};
 
 fn flicker(waveform: Waveform, hz: f64, depth: f64, phase: f64) -> SceneLights {
     SceneLights { flicker: Some(Flicker { hz, depth, waveform, phase }), level: Vec::new() }

@@ -1,12 +1,12 @@
 //! The Gaussian that makes most of a change between two views.
 
 use super::footprint::NearEye;
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::image::Size;
-use crate::render::cpu::CpuRenderer;
-use crate::render::{ChannelSet, RenderError, RenderStyle, RenderedImages, Renderer};
-use crate::scene::Gaussians;
+use crate::cpu::CpuRenderer;
+use crate::{ChannelSet, RenderError, RenderStyle, RenderedImages, Renderer};
+use gs2e_image::Size;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 use rayon::prelude::*;
 use std::sync::Arc;
 

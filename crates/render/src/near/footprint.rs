@@ -1,12 +1,12 @@
 //! The picture of one Gaussian, in slopes `x/z` and `y/z`.
 
-use crate::camera::Camera;
-use crate::render::RenderRules;
-use crate::render::cpu::eye::slope_bounds;
-use crate::render::shared::{DILATION, NEAR};
-use crate::scene::Gaussians;
-use crate::se3::Se3;
+use crate::RenderRules;
+use crate::cpu::eye::slope_bounds;
+use crate::shared::{DILATION, NEAR};
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
 use std::f64::consts::TAU;
 
 /// A camera at a pose.

@@ -3,33 +3,33 @@
 
 use super::parameters::{GaussianRates, MovingGaussian};
 use super::{ReferenceLayer, ReferenceRenderer, RenderError, RenderRules};
-use crate::camera::view::CameraView;
-use crate::render::shared::MAX_ALPHA;
+use crate::shared::MAX_ALPHA;
+use gs2e_scene::camera::view::CameraView;
 use std::f64::consts::LOG2_E;
 
 /// A layer, and its sums over the pixels of the image.
-pub(in crate::render) struct LayerSums {
+pub(crate) struct LayerSums {
     /// Index of the Gaussian in the scene.
-    pub(in crate::render) index: usize,
+    pub(crate) index: usize,
     /// World directions of its axes, scaled by the standard deviations.
-    pub(in crate::render) axes: [[f64; 3]; 3],
+    pub(crate) axes: [[f64; 3]; 3],
     /// Opacity at the mean, without the factor of the antialiased rule.
-    pub(in crate::render) opacity: f64,
+    pub(crate) opacity: f64,
     /// The Cholesky form, in units in which the opacity falls as `2^-|W d|^2`, 1/px.
-    pub(in crate::render) w: [f64; 3],
+    pub(crate) w: [f64; 3],
     /// True for each colour above 0.
-    pub(in crate::render) lit: [bool; 3],
+    pub(crate) lit: [bool; 3],
     /// With `a = dL/d ln(alpha before the cap and the ramp)` and `e = W d`: the sums of a, a e1, a e2,
     /// a e1^2, a e1 e2, a e2^2; of the blended weight times the gradient by each colour; and of the
     /// weight times the score.
-    pub(in crate::render) sums: [f64; 10],
+    pub(crate) sums: [f64; 10],
 }
 
 /// The sums of all layers of a view, for the gradient of a loss by each pixel's colour.
 ///
 /// # Errors
 /// The view cannot be rendered.
-pub(in crate::render) fn layer_sums(
+pub(crate) fn layer_sums(
     renderer: &ReferenceRenderer,
     view: &CameraView,
     by_pixel: &[[f32; 3]],

@@ -1,9 +1,9 @@
 //! Parameters of a Gaussian with their rates, and its scaled axes.
 
 use super::D;
-use crate::render::dual::RealNumber;
-use crate::scene::dynamic::{MomentSplat, Rated, SceneMoment, SplatDynamics};
-use crate::scene::{Gaussians, sh};
+use crate::dual::RealNumber;
+use gs2e_scene::dynamic::{MomentSplat, Rated, SceneMoment, SplatDynamics};
+use gs2e_scene::{Gaussians, sh};
 use std::array::from_fn;
 
 /// Rates of one Gaussian's stored parameters, per unit of time.

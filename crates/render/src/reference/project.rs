@@ -2,15 +2,15 @@
 
 use super::D;
 use super::parameters::MovingGaussian;
-use crate::camera::view::CameraView;
-use crate::render::dual::{RealNumber, cross_product, dot_product};
-use crate::render::shared::{
+use crate::dual::{RealNumber, cross_product, dot_product};
+use crate::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
     FRUSTUM_SLACK, GSPLAT_FAR, GSPLAT_NEAR, GSPLAT_SIGMAS, GSPLAT_SLACK, NEAR, TILE,
 };
-use crate::render::{RenderRules, RenderStyle};
-use crate::scene::Gaussians;
+use crate::{RenderRules, RenderStyle};
 use glam::{DMat3, DVec3};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::array::from_fn;
 use std::ops::Range;
 

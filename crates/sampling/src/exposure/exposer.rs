@@ -3,16 +3,16 @@
 use super::{
     ExposureRecord, MAX_SUBFRAMES, ShutterSettings, SubframeRule, exposure_centres, open_us, shutter_times,
 };
-use crate::camera::Camera;
-use crate::camera::flow::{flow_of_parts, with_drift};
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::image::Image;
-use crate::image::light::PictureSum;
-use crate::lights::SceneLights;
-use crate::render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
-use crate::se3::Se3;
-use crate::se3::rotation_spline::SplineDiverged;
-use crate::trajectory::sampled::SampledPath;
+use gs2e_image::Image;
+use gs2e_image::light::PictureSum;
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation_spline::SplineDiverged;
+use gs2e_render::lights::SceneLights;
+use gs2e_render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_trajectory::sampled::SampledPath;
 
 /// Time difference to a pose below which the pose is used itself, s: stamps are whole microseconds.
 const SAME: f64 = 1e-9;
@@ -302,10 +302,10 @@ fn subframe_count(moved_px: f64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::light::MeanScale;
-    use crate::image::{Size, srgb};
-    use crate::sampling::exposure::ghost_warning;
+    use crate::exposure::ghost_warning;
     use glam::{DQuat, DVec3};
+    use gs2e_image::light::MeanScale;
+    use gs2e_image::{Size, srgb};
 
     const CAMERA: Camera =
         Camera { size: Size { width: 9, height: 5 }, fx: 10.0, fy: 10.0, cx: 4.5, cy: 2.5, lens: None };

@@ -8,9 +8,9 @@
 //! The head is an [`EntryHead`] (postcard), the body the compressed blocks of its images one after the other.
 
 use super::codec;
-use crate::files;
-use crate::image::{Image, Size};
-use crate::render::{ChannelSet, RenderWork, RenderedImages};
+use gs2e_files as files;
+use gs2e_image::{Image, Size};
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};

@@ -1,7 +1,7 @@
 use super::*;
-use crate::camera::view::CameraVelocity;
-use crate::image::{Image, Size};
 use glam::{DQuat, DVec3};
+use gs2e_image::{Image, Size};
+use gs2e_scene::camera::view::CameraVelocity;
 use std::cell::Cell;
 use std::rc::Rc;
 

@@ -2,9 +2,9 @@
 //! same poses.
 
 use super::RenderedFrames;
-use crate::frames::{DenseFrame, FrameError, FrameSequence};
-use crate::image::{Image, Size};
-use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_image::{Image, Size};
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_sensor::frames::{DenseFrame, FrameError, FrameSequence};
 
 /// A reader of renderings.
 pub trait PoseReader {
@@ -103,12 +103,12 @@ impl FrameSequence for ReadFrames<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::camera::view::{CameraVelocity, CameraView};
-    use crate::render::RenderError;
-    use crate::se3::Se3;
-    use crate::trajectory::Trajectory;
     use glam::{DQuat, DVec3};
+    use gs2e_num::se3::Se3;
+    use gs2e_render::RenderError;
+    use gs2e_scene::camera::Camera;
+    use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+    use gs2e_trajectory::Trajectory;
 
     const SIZE: Size = Size { width: 3, height: 2 };
 

@@ -2,8 +2,8 @@
 //! them and without them.
 
 use super::RenderedFrames;
-use crate::frames::{FrameError, FrameSequence as _};
-use crate::render::{ChannelSet, OmissionPolicy, RenderedImages};
+use gs2e_render::{ChannelSet, OmissionPolicy, RenderedImages};
+use gs2e_sensor::frames::{FrameError, FrameSequence as _};
 use serde::Serialize;
 
 /// Frames of a path per sampled frame. All renderings of the samples then take less than a
@@ -70,12 +70,12 @@ impl RenderedFrames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::camera::view::CameraView;
-    use crate::image::Size;
-    use crate::render::{RenderError, RenderWork, Renderer};
-    use crate::se3::Se3;
-    use crate::trajectory::Trajectory;
+    use gs2e_image::Size;
+    use gs2e_num::se3::Se3;
+    use gs2e_render::{RenderError, RenderWork, Renderer};
+    use gs2e_scene::camera::Camera;
+    use gs2e_scene::camera::view::CameraView;
+    use gs2e_trajectory::Trajectory;
     use std::cell::Cell;
 
     thread_local! {

@@ -7,8 +7,8 @@
 
 use super::Camera;
 use super::view::CameraView;
-use crate::image::Image;
 use glam::{DVec2, DVec3};
+use gs2e_image::Image;
 use rayon::prelude::*;
 
 /// Length of the displacement of each pixel's world point on the image from view `from` to view `to`, px.
@@ -214,9 +214,9 @@ pub fn sample_pairs(poses: usize, wanted: usize) -> Vec<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
-    use crate::se3::Se3;
     use glam::DQuat;
+    use gs2e_image::Size;
+    use gs2e_num::se3::Se3;
 
     const SIZE: Size = Size { width: 40, height: 30 };
 

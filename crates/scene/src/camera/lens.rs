@@ -141,7 +141,7 @@ impl Distortion {
     }
 }
 
-/// OpenCV's rational model and its derivatives. `src/source/lens.rs` has the formula.
+/// OpenCV's rational model and its derivatives. `crates/source/src/lens.rs` has the formula.
 fn rational([k1, k2, p1, p2, k3, k4, k5, k6]: [f64; 8], ray: DVec2) -> (DVec2, DMat2) {
     let [x, y] = ray.to_array();
     let r2 = x * x + y * y;
@@ -214,20 +214,13 @@ impl FromStr for Distortion {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use super::*;
+    use gs2e_testing::LENSES;
 
     fn lens(text: &str) -> Distortion {
         text.parse().unwrap()
     }
-
-    /// A lens of each model and number of coefficients.
-    pub(crate) const LENSES: [&str; 4] = [
-        "opencv:0.1,-0.05,0.002,-0.003",
-        "opencv:-0.3,0.1,0.001,0.0005,-0.01",
-        "opencv:0.2,-0.1,0.003,-0.002,0.05,0.11,-0.07,0.02",
-        "fisheye:0.01,-0.02,0.003,0.001",
-    ];
 
     #[test]
     fn rays_are_found_again_and_slopes_are_those_of_the_map() {

@@ -11,10 +11,10 @@
 //! have the centre at (0.5, 0.5).
 
 use super::Camera;
-use crate::image::{Image, Size};
-use crate::se3::Se3;
-use crate::se3::rotation::{exp_vector, log_vector};
 use glam::{DMat3, DVec3};
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{exp_vector, log_vector};
 
 /// Distance of the centre of the first pixel from the corner of the picture, px.
 const CENTRE: f64 = 0.5;

@@ -1,8 +1,8 @@
 //! A camera at a place and a time.
 
 use super::Camera;
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
 
 /// A camera, its pose and its velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,11 +2,11 @@
 
 use super::splatv::{self, read_splatv};
 use super::{SceneSpan, SceneTime, SplatCourse, SplatDynamics, SplatFrames, SplatTrack};
-use crate::files;
-use crate::scene::motion::SceneMotion;
-use crate::scene::ply::{self, TrackColours};
-use crate::scene::{Gaussians, SceneError, read_file};
-use crate::source::natural;
+use crate::motion::SceneMotion;
+use crate::ply::TrackColours;
+use crate::{Gaussians, SceneError, ply, read_file};
+use gs2e_files as files;
+use gs2e_files::natural;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read as _, Write};
 use std::path::{Path, PathBuf};

@@ -6,7 +6,7 @@
 //! logarithms of scales, quaternions of unit length with the signs of their predecessors, logits, and harmonics.
 
 use super::{MomentSplat, Rated, SceneMoment};
-use crate::scene::{Gaussians, sh};
+use crate::{Gaussians, sh};
 use std::array::from_fn;
 
 /// Frames of a sequence, at least two.
@@ -185,7 +185,7 @@ impl Gaussians {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::SceneScreening;
+    use crate::SceneScreening;
     use glam::DVec3;
 
     /// A frame of one Gaussian with these numbers for position and logit.

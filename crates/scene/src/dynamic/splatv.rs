@@ -9,12 +9,12 @@
 //! those of the display. Other chunks are skipped.
 
 use super::SplatTrack;
-use crate::budget::try_with_room;
-use crate::scene::collector::{Gaussian, GaussianCollector};
-use crate::scene::cursor::ByteCursor;
-use crate::scene::opacity::logit_of_byte;
-use crate::scene::{Gaussians, SceneError, sh};
+use crate::collector::{Gaussian, GaussianCollector};
+use crate::cursor::ByteCursor;
+use crate::opacity::logit_of_byte;
+use crate::{Gaussians, SceneError, sh};
 use glam::DVec3;
+use gs2e_files::budget::try_with_room;
 use serde::Deserialize;
 
 /// The first bytes of a file.

@@ -1,7 +1,7 @@
 //! What is written is read back as near as the form allows, and a second time unchanged.
 
 use super::*;
-use crate::scene::{SceneScreening, read_by_content};
+use crate::{SceneScreening, read_by_content};
 use glam::DVec3;
 use proptest::prelude::*;
 

@@ -1,9 +1,9 @@
 //! The body of a `.ply` file: rows of vertices, and numbers in a row.
 
 use super::header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
-use crate::budget::ByteBudget;
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
+use crate::SceneError;
+use crate::cursor::ByteCursor;
+use gs2e_files::budget::ByteBudget;
 
 /// One property of the vertices, with the place of its number in a row.
 #[derive(Debug, Clone, Copy)]

@@ -7,8 +7,8 @@ mod property;
 pub(super) use property::{NumberType, PlyElement, PlyProperty, PropertyKind};
 
 use super::notes::PlyNotes;
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
+use crate::SceneError;
+use crate::cursor::ByteCursor;
 
 /// Encoding of the body.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -7,8 +7,8 @@
 //! comment gs2e origin 4.5e5 -1.25e3 0e0
 //! ```
 
-use crate::scene::cursor::ByteCursor;
-use crate::scene::{Gaussians, SceneError, SceneScreening};
+use crate::cursor::ByteCursor;
+use crate::{Gaussians, SceneError, SceneScreening};
 use glam::DVec3;
 use std::fmt;
 

@@ -8,10 +8,10 @@
 use super::body::{self, ElementRows, field_bytes};
 use super::degree_of;
 use super::header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
-use crate::scene::collector::{Gaussian, GaussianCollector};
-use crate::scene::cursor::ByteCursor;
-use crate::scene::opacity::logit_of_byte;
-use crate::scene::{Gaussians, SceneError, sh};
+use crate::collector::{Gaussian, GaussianCollector};
+use crate::cursor::ByteCursor;
+use crate::opacity::logit_of_byte;
+use crate::{Gaussians, SceneError, sh};
 use glam::DVec3;
 use std::f64::consts::SQRT_2;
 
@@ -286,8 +286,8 @@ fn byte_harmonic(byte: u8) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::scene::ply::read_ply;
-    use crate::scene::{Gaussians, SceneError};
+    use crate::ply::read_ply;
+    use crate::{Gaussians, SceneError};
     use proptest::prelude::*;
     use std::f32::consts::FRAC_1_SQRT_2;
 

@@ -1,7 +1,7 @@
 //! Conversion of positions between the file's numbers and 32 bits relative to an origin.
 
-use crate::stats::lower_median;
 use glam::DVec3;
+use gs2e_num::stats::lower_median;
 
 /// An origin for positions of 64 bits: the median of each axis, rounded to the nearest 32-bit
 /// number, so that subtracting it is exact. Zero without positions.

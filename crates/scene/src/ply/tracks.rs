@@ -8,10 +8,10 @@
 use super::body::{self, ElementRows, VertexColumn};
 use super::header::{PlyElement, PlyHeader};
 use super::{GaussianColumns, write};
-use crate::scene::collector::{Gaussian, GaussianCollector};
-use crate::scene::cursor::ByteCursor;
-use crate::scene::dynamic::SplatTrack;
-use crate::scene::{Gaussians, SceneError, SceneScreening, sh};
+use crate::collector::{Gaussian, GaussianCollector};
+use crate::cursor::ByteCursor;
+use crate::dynamic::SplatTrack;
+use crate::{Gaussians, SceneError, SceneScreening, sh};
 use std::io::{self, Write};
 
 /// The meaning of `f_dc_*` in a file without further harmonics.
@@ -74,7 +74,7 @@ pub fn read_tracks(bytes: &[u8], colours: TrackColours) -> Result<(Gaussians, Ve
     let count = rows.len() / columns.stride;
     let mut collector = GaussianCollector::new(columns.sh_degree, count)?;
     let mut harmonics = vec![[0.0; 3]; sh::function_count(columns.sh_degree)];
-    let mut kept = crate::budget::try_with_room(count)?;
+    let mut kept = gs2e_files::budget::try_with_room(count)?;
     for row in rows.chunks_exact(columns.stride) {
         let track = track_of(&tracks, row);
         let mut gaussian = columns.gaussian(row, origin, &mut harmonics);

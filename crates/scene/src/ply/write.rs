@@ -2,7 +2,7 @@
 
 use super::position::to_absolute;
 use super::{notes::PlyNotes, property_names};
-use crate::scene::Gaussians;
+use crate::Gaussians;
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};

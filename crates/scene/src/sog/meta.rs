@@ -1,9 +1,8 @@
 //! `meta.json`: the names of the images, and the numbers that their bytes encode.
 
-use crate::budget::check_json;
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
-use crate::scene::sh;
+use crate::cursor::ByteCursor;
+use crate::{SceneError, sh};
+use gs2e_files::budget::check_json;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;

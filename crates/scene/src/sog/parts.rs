@@ -1,9 +1,9 @@
 //! Access to the parts of a SOG, in an archive or in a folder.
 
-use crate::budget::ByteBudget;
-use crate::files;
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
+use crate::SceneError;
+use crate::cursor::ByteCursor;
+use gs2e_files as files;
+use gs2e_files::budget::ByteBudget;
 use std::io::{self, Read};
 use std::path::Path;
 use zip::ZipArchive;

@@ -1,9 +1,9 @@
 //! The images of a SOG as pixels.
 
 use super::meta::PaletteMeta;
-use crate::budget::{ByteBudget, try_filled};
-use crate::scene::cursor::ByteCursor;
-use crate::scene::{SceneError, sh};
+use crate::cursor::ByteCursor;
+use crate::{SceneError, sh};
+use gs2e_files::budget::{ByteBudget, try_filled};
 use image_webp::{DecodingError, WebPDecoder};
 use std::io;
 

@@ -110,10 +110,10 @@ fn a_folder_is_read_as_an_archive_is() {
     let read = read_sog_folder(folder.path()).unwrap();
     assert_eq!(read, scene.read().unwrap());
     for path in [folder.path().to_owned(), folder.path().join(META)] {
-        assert_eq!(crate::scene::read_any(&path).unwrap(), read);
+        assert_eq!(crate::read_any(&path).unwrap(), read);
     }
     std::fs::remove_file(folder.path().join("quats.webp")).unwrap();
-    let error = crate::scene::read_any(folder.path()).unwrap_err().to_string();
+    let error = crate::read_any(folder.path()).unwrap_err().to_string();
     assert!(error.contains("quats.webp`: "), "{error}");
 }
 

@@ -1,8 +1,7 @@
 //! Conversion from the axes of a `.spz` file to those of `.ply`: right, down, front.
 
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
-use crate::scene::sh;
+use crate::cursor::ByteCursor;
+use crate::{SceneError, sh};
 
 /// Record type of Adobe's coordinate-system extension (nianticlabs/spz, `extensions/README.md`).
 const COORDINATE_SYSTEM: u32 = 0xADBE_0003;

@@ -3,9 +3,9 @@
 use super::SpzHeader;
 use super::axes::AxisFlip;
 use super::planes::{AttributePlanes, COUNT, NAMES};
-use crate::budget::ByteBudget;
-use crate::scene::cursor::ByteCursor;
-use crate::scene::{Gaussians, SceneError};
+use crate::cursor::ByteCursor;
+use crate::{Gaussians, SceneError};
+use gs2e_files::budget::ByteBudget;
 use std::io::{self, Read};
 
 const LEGACY: &str = ".spz (decompressed)";

@@ -1,9 +1,9 @@
 //! The planes of a `.spz` file and the Gaussians in them.
 
 use super::{AxisFlip, SpzHeader};
-use crate::scene::collector::{Gaussian, GaussianCollector};
-use crate::scene::opacity::logit_of_byte;
-use crate::scene::sh;
+use crate::collector::{Gaussian, GaussianCollector};
+use crate::opacity::logit_of_byte;
+use crate::sh;
 use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Number of planes.

@@ -3,9 +3,9 @@
 
 use super::planes::{COLOUR_SCALE, smallest_three};
 use super::{AxisFlip, MAGIC, MAX_FRACTIONAL_BITS};
-use crate::scene::opacity::byte_of_logit;
-use crate::scene::rotation::unit_quaternion;
-use crate::scene::{Gaussians, WriteError, nearest_byte};
+use crate::opacity::byte_of_logit;
+use crate::rotation::unit_quaternion;
+use crate::{Gaussians, WriteError, nearest_byte};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Write;
 
@@ -35,7 +35,7 @@ pub fn write_spz(scene: &Gaussians, out: impl Write) -> Result<(), WriteError> {
 }
 
 /// Returns the maximum number of fractional bits that keeps every position within 24 bits.
-pub(in crate::scene) fn fractional_bits(scene: &Gaussians) -> Result<u8, WriteError> {
+pub(crate) fn fractional_bits(scene: &Gaussians) -> Result<u8, WriteError> {
     let farthest =
         (0..scene.len()).flat_map(|i| scene.position(i).to_array()).fold(0.0, |f, x| x.abs().max(f));
     let fits = |bits: &u8| (farthest * scale_value(*bits)).round() <= MAX_STEPS;

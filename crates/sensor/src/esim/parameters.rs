@@ -1,14 +1,15 @@
 //! The answers of ESIM to what is asked of any sensor.
 
 use super::{EsimModel, IntensityScale, presets};
-use crate::sensor::noise::{RedrawRule, ThresholdMismatch};
-use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
-use crate::units::Hertz;
+use crate::SensorChoice;
+use crate::noise::{RedrawRule, ThresholdMismatch};
+use crate::parameters::{SensorFacts, SensorParameters, SensorSettings};
+use crate::screening::{ConstantLightNoise, ScreenError, SensorScreening};
+use crate::voltmeter::BetweenFrames;
+use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+pub(crate) static FACTS: SensorFacts = SensorFacts {
     name: "esim",
     title: "ESIM",
     publication: "Rebecq et al., CoRL 2018",

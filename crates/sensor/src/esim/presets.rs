@@ -1,8 +1,8 @@
 //! The presets of ESIM: an ideal sensor, and ranges instead of numbers.
 
 use super::{EsimModel, IntensityScale};
-use crate::sensor::front_end::FrontEnd;
-use crate::sensor::noise::{HotPixelNoise, RedrawRule, RefractoryPeriod, ThresholdMismatch};
+use crate::front_end::FrontEnd;
+use crate::noise::{HotPixelNoise, RedrawRule, RefractoryPeriod, ThresholdMismatch};
 
 /// Name of [`EsimModel::trainable`].
 pub const TRAINABLE: &str = "trainable";

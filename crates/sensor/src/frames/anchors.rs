@@ -2,7 +2,7 @@
 //! saw.
 
 use super::DenseFrame;
-use crate::image::{Image, npy};
+use gs2e_image::{Image, npy};
 use std::io::{self, Read, Write};
 
 /// Luminance of some frames: the first, the last, and some between.
@@ -115,8 +115,8 @@ impl AnchorFrames {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Size;
-    use crate::units::Timestamp;
+    use gs2e_image::Size;
+    use gs2e_num::units::Timestamp;
 
     #[test]
     fn a_short_clip_keeps_its_ends_and_its_middle_and_three_spans() {

@@ -6,8 +6,8 @@ pub use scale::FullScale;
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence, require_finite};
-use crate::image::{Image, Size};
-use crate::units::Timestamp;
+use gs2e_image::{Image, Size};
+use gs2e_num::units::Timestamp;
 
 /// The samples of an array, frame after frame, each row-major from the top.
 #[derive(Debug, Clone, PartialEq)]

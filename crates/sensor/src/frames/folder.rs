@@ -9,10 +9,10 @@
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
-use crate::files;
-use crate::image::{GreyImage, Image, Size, jpeg, png};
-use crate::source::natural;
-use crate::units::Timestamp;
+use gs2e_files as files;
+use gs2e_files::natural;
+use gs2e_image::{GreyImage, Image, Size, jpeg, png};
+use gs2e_num::units::Timestamp;
 use std::fs;
 use std::io::{self, BufReader};
 use std::path::{Path, PathBuf};

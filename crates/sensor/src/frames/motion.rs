@@ -7,7 +7,7 @@
 //! of 0.8. Of places that fit equally well, as along an edge or in a repeated texture, the nearest counts:
 //! the estimate is then a lower bound.
 
-use crate::image::{Image, Size};
+use gs2e_image::{Image, Size};
 
 /// Number of pairs that are measured, at most.
 const PAIRS: usize = 12;

@@ -3,10 +3,10 @@
 use super::array::FullScale;
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence, require_finite};
-use crate::budget;
-use crate::files;
-use crate::image::{Image, MAX_SENSOR_PIXELS, Size, npy};
-use crate::units::Timestamp;
+use gs2e_files as files;
+use gs2e_files::budget;
+use gs2e_image::{Image, MAX_SENSOR_PIXELS, Size, npy};
+use gs2e_num::units::Timestamp;
 use npyz::{NpyHeader, Order};
 use std::fs::File;
 use std::io::{self, BufReader, Read};

@@ -6,11 +6,11 @@
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
-use crate::files;
-use crate::image::png::GreyWeights;
-use crate::image::{Image, Size};
-use crate::programs::{EndKind, PipedProgram, ProgramCall, ProgramFinder};
-use crate::units::Timestamp;
+use gs2e_files as files;
+use gs2e_files::programs::{EndKind, PipedProgram, ProgramCall, ProgramFinder};
+use gs2e_image::png::GreyWeights;
+use gs2e_image::{Image, Size};
+use gs2e_num::units::Timestamp;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io::{self, BufRead, Read};
@@ -238,7 +238,7 @@ impl FrameSequence for VideoFrames {
             return if index == self.stamps.len() { Ok(None) } else { Err(invalid(because)) };
         };
         let t = *self.stamps.get(index).ok_or_else(|| invalid(format!("{PROBE} lists no stamp for it")))?;
-        let weights = GreyWeights::new();
+        let weights = GreyWeights::default();
         let luminance = pixels.iter().map(|rgb| weights.weigh(rgb.map(f64::from))).collect();
         self.colour = self
             .coloured
@@ -289,7 +289,7 @@ fn invalid(what: String) -> io::Error {
 fn read_picture(from: &mut impl BufRead) -> io::Result<Option<(Size, Vec<[u8; 3]>)>> {
     let Some(size) = picture_size(from)? else { return Ok(None) };
     size.check_sensor().map_err(|e| invalid(format!("a picture of {e}")))?;
-    let mut pixels = crate::budget::try_filled([0u8; 3], size.pixels())?;
+    let mut pixels = gs2e_files::budget::try_filled([0u8; 3], size.pixels())?;
     from.read_exact(pixels.as_flattened_mut())?;
     Ok(Some((size, pixels)))
 }

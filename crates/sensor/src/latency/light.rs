@@ -1,7 +1,7 @@
 //! The light of the last frames, at the times for which a sensor still passes on events.
 
+use crate::WHITE;
 use crate::frames::DenseFrame;
-use crate::sensor::WHITE;
 use std::collections::VecDeque;
 
 /// Longest time by which a sensor passes on events after the frames that determine them, ns: two root cells
@@ -52,8 +52,8 @@ impl RecentLight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::{Image, Size};
-    use crate::units::Timestamp;
+    use gs2e_image::{Image, Size};
+    use gs2e_num::units::Timestamp;
 
     fn frame(t_ns: i64, greys: [f32; 2]) -> DenseFrame {
         let luminance = Image::from_vec(Size { width: 2, height: 1 }, greys.to_vec());

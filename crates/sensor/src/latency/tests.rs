@@ -1,8 +1,8 @@
 use super::*;
-use crate::event::EventLabel;
-use crate::image::{Image, Size};
-use crate::seed::{Seed, ks};
-use crate::units::Timestamp;
+use gs2e_event::EventLabel;
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::{Seed, ks};
+use gs2e_num::units::Timestamp;
 
 const SIZE: Size = Size { width: 64, height: 48 };
 const IEBCS: PixelLatency = PixelLatency { us: 100.0, jitter_us: 10.0, tau_us: 0.0, max_us: 1e4 };

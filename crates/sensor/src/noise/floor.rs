@@ -6,8 +6,8 @@
 //! are an independent Poisson process, as the shot noise of v2e is. They do not change the voltage of
 //! the pixel.
 
-use crate::sensor::WHITE;
-use crate::sensor::screening::{ScreenError, at_least_zero};
+use crate::WHITE;
+use crate::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
 
 /// Rates of noise events against light.
@@ -62,7 +62,7 @@ impl NoiseFloor {
     ///
     /// # Errors
     /// A number is outside its range, or the lights do not rise.
-    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+    pub(crate) fn validate(&self) -> Result<(), ScreenError> {
         for FloorPoint { lux, on, off } in &self.0 {
             for (name, found) in [("floor.on", *on), ("floor.off", *off)] {
                 at_least_zero(name, found)?;
@@ -81,7 +81,7 @@ impl NoiseFloor {
 
 /// The rates of a floor for all greys, as a table.
 #[derive(Debug, Clone)]
-pub(in crate::sensor) struct FloorTable {
+pub(crate) struct FloorTable {
     /// Rates of ON and OFF events per ns, one entry per range of greys.
     rates: Vec<[f64; 2]>,
 }
@@ -96,7 +96,7 @@ const PER_NS: f64 = 1e-9;
 
 impl FloorTable {
     /// The table of a floor, where white is `white_lux`.
-    pub(in crate::sensor) fn new(floor: &NoiseFloor, white_lux: f64) -> Self {
+    pub(crate) fn new(floor: &NoiseFloor, white_lux: f64) -> Self {
         let [first, last] = ENDS.map(|bits| bits >> DROPPED_BITS);
         let middle = |index: u32| f32::from_bits((index << DROPPED_BITS) + (1 << (DROPPED_BITS - 1)));
         let rates = |index| floor.rates_at_grey(f64::from(middle(index)), white_lux).map(|hz| hz * PER_NS);
@@ -105,7 +105,7 @@ impl FloorTable {
 
     /// Rates of ON and OFF events at a grey, per ns.
     #[inline]
-    pub(in crate::sensor) fn at(&self, grey: f32) -> [f64; 2] {
+    pub(crate) fn at(&self, grey: f32) -> [f64; 2] {
         let [first, last] = ENDS.map(f32::from_bits);
         // A grey below 0 or NaN is black: the sensor has refused or counted it.
         let index = (grey.max(first).min(last).to_bits() >> DROPPED_BITS) - (ENDS[0] >> DROPPED_BITS);

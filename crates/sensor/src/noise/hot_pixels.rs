@@ -8,9 +8,9 @@
 
 use super::PixelSite;
 use super::poisson::PoissonTrain;
-use crate::image::Size;
-use crate::seed::{DrawSpace, Seed};
-use crate::sensor::screening::{ScreenError, at_least_zero};
+use crate::screening::{ScreenError, at_least_zero};
+use gs2e_image::Size;
+use gs2e_num::seed::{DrawSpace, Seed};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::LN_10;
 
@@ -22,7 +22,7 @@ pub struct HotPixelNoise {
     /// Events per second of a hot pixel; the median if the rates differ.
     pub rate: f64,
     /// Standard deviation of the rates over the hot pixels, decades.
-    #[serde(default, skip_serializing_if = "crate::sensor::is_default")]
+    #[serde(default, skip_serializing_if = "crate::is_default")]
     pub spread: f64,
 }
 
@@ -37,7 +37,7 @@ impl HotPixelNoise {
     ///
     /// # Errors
     /// The share or the rate is outside its range.
-    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+    pub(crate) fn validate(&self) -> Result<(), ScreenError> {
         if !(0.0..=1.0).contains(&self.share) {
             let (name, wanted) = ("hot_pixels.share", "a number from 0 to 1");
             return Err(ScreenError::Parameter { name, found: self.share, wanted });
@@ -47,7 +47,7 @@ impl HotPixelNoise {
     }
 
     /// Events per ns of the pixel at `site`, if it is hot.
-    pub(in crate::sensor) fn per_ns(&self, site: PixelSite) -> f64 {
+    pub(crate) fn per_ns(&self, site: PixelSite) -> f64 {
         let median = self.rate * 1e-9;
         if self.spread == 0.0 {
             return median;
@@ -68,7 +68,7 @@ impl HotPixelNoise {
     }
 
     /// The process of the pixel at `site`; without events if the pixel is not hot.
-    pub(in crate::sensor) fn train(&self, site: PixelSite) -> PoissonTrain {
+    pub(crate) fn train(&self, site: PixelSite) -> PoissonTrain {
         if self.is_hot(site) { PoissonTrain::new(site, DrawSpace::Hot) } else { PoissonTrain::silent() }
     }
 
@@ -114,7 +114,7 @@ mod tests {
             .map(libm::log10)
             .collect();
         let cdf = |decades: f64| 0.5 * libm::erfc(-decades / (0.5 * std::f64::consts::SQRT_2));
-        let distance = crate::seed::ks::scaled_distance(decades, cdf);
+        let distance = gs2e_num::seed::ks::scaled_distance(decades, cdf);
         println!("KS of the logarithms of the rates {distance:.2} (alpha 1e-4: 2.23)");
         assert!(distance < 2.23 && (unequal.mean_hz() / hot.mean_hz() - 1.940).abs() < 1e-3);
         assert!(

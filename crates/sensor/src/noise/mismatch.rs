@@ -6,8 +6,8 @@
 //! manufacture.
 
 use super::PixelSite;
-use crate::seed::DrawSpace;
-use crate::sensor::screening::{ScreenError, at_least_zero};
+use crate::screening::{ScreenError, at_least_zero};
+use gs2e_num::seed::DrawSpace;
 use serde::{Deserialize, Serialize};
 
 /// Time at which thresholds are drawn.
@@ -41,7 +41,7 @@ impl ThresholdMismatch {
     ///
     /// # Errors
     /// Names the first number that is outside its range.
-    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+    pub(crate) fn validate(&self) -> Result<(), ScreenError> {
         let Self { on, off, spread } = *self;
         let least = if spread > 0.0 { FLOOR } else { f64::MIN_POSITIVE };
         let wanted = if spread > 0.0 {
@@ -58,18 +58,18 @@ impl ThresholdMismatch {
     }
 
     /// The nominal thresholds of ON and OFF.
-    pub(in crate::sensor) fn sides(&self) -> [f64; 2] {
+    pub(crate) fn sides(&self) -> [f64; 2] {
         [self.on, self.off]
     }
 
     /// The thresholds of the pixel at `site`. `frame` is 0 if they are drawn once.
-    pub(in crate::sensor) fn at(&self, site: PixelSite, frame: u64) -> [f64; 2] {
+    pub(crate) fn at(&self, site: PixelSite, frame: u64) -> [f64; 2] {
         draw_thresholds(self.sides(), self.spread, [FLOOR; 2], site, frame)
     }
 }
 
 /// The thresholds of ON and OFF of the pixel at `site`. `frame` is 0 if they are drawn once.
-pub(in crate::sensor) fn draw_thresholds(
+pub(crate) fn draw_thresholds(
     nominal: [f64; 2],
     spread: f64,
     floors: [f64; 2],
@@ -89,7 +89,7 @@ pub(in crate::sensor) fn draw_thresholds(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Seed, ks};
+    use gs2e_num::seed::{Seed, ks};
 
     fn sample(spread: f64, frame: u64) -> Vec<[f64; 2]> {
         let site = |i: u16| PixelSite { seed: Seed(5), x: i % 200, y: i / 200 };

@@ -5,11 +5,11 @@
 //! rate stays the same function of time.
 
 use super::PixelSite;
-use crate::seed::DrawSpace;
+use gs2e_num::seed::DrawSpace;
 
 /// The process of one pixel, as the exposure that is left until its next event.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::sensor) struct PoissonTrain {
+pub(crate) struct PoissonTrain {
     left: f64,
     /// Index of the next event, from 1.
     next: u64,
@@ -17,10 +17,10 @@ pub(in crate::sensor) struct PoissonTrain {
 
 /// A rate between two instants, in events per ns, linear from the first to the second.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::sensor) struct LinearRate {
-    pub(in crate::sensor) ends: [f64; 2],
+pub(crate) struct LinearRate {
+    pub(crate) ends: [f64; 2],
     /// Time between the instants, ns.
-    pub(in crate::sensor) length: f64,
+    pub(crate) length: f64,
 }
 
 impl LinearRate {
@@ -42,25 +42,25 @@ impl LinearRate {
 
 impl PoissonTrain {
     /// The process from its start.
-    pub(in crate::sensor) fn new(site: PixelSite, space: DrawSpace) -> Self {
+    pub(crate) fn new(site: PixelSite, space: DrawSpace) -> Self {
         let mut train = Self { left: 0.0, next: 0 };
         train.wait(site, space);
         train
     }
 
     /// A process without events.
-    pub(in crate::sensor) fn silent() -> Self {
+    pub(crate) fn silent() -> Self {
         Self { left: f64::INFINITY, next: 0 }
     }
 
     /// Returns true if there are no events.
-    pub(in crate::sensor) fn is_silent(&self) -> bool {
+    pub(crate) fn is_silent(&self) -> bool {
         self.left == f64::INFINITY
     }
 
     /// Moves from `start` to the next event. If that lies after the second instant, moves to the
     /// second instant and returns no event.
-    pub(in crate::sensor) fn advance(&mut self, rates: &LinearRate, start: f64) -> Option<f64> {
+    pub(crate) fn advance(&mut self, rates: &LinearRate, start: f64) -> Option<f64> {
         if self.is_silent() {
             return None;
         }
@@ -75,13 +75,13 @@ impl PoissonTrain {
 
     /// Time from the previous event to the next at a constant rate, events per ns; `None` if there
     /// is no next event.
-    pub(in crate::sensor) fn gap(&self, rate: f64) -> Option<f64> {
+    pub(crate) fn gap(&self, rate: f64) -> Option<f64> {
         (self.left < f64::INFINITY && rate > 0.0).then(|| self.left / rate)
     }
 
     /// Starts the wait for the next event. Returns a uniform draw that belongs to the event that
     /// has just happened.
-    pub(in crate::sensor) fn wait(&mut self, site: PixelSite, space: DrawSpace) -> f64 {
+    pub(crate) fn wait(&mut self, site: PixelSite, space: DrawSpace) -> f64 {
         let mut happened = site.draws(space, self.next);
         // The first draw of this index was spent on the time of the event.
         happened.uniform();
@@ -94,7 +94,8 @@ impl PoissonTrain {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{Seed, ks, rival};
+    use gs2e_num::seed::{Seed, ks};
+    use gs2e_testing::rival;
 
     fn site(x: u16) -> PixelSite {
         PixelSite { seed: Seed(3), x, y: 9 }

@@ -1,6 +1,6 @@
 //! The dead time after an event, during which a pixel makes no other event.
 
-use crate::sensor::screening::ScreenError;
+use crate::screening::ScreenError;
 use serde::{Deserialize, Serialize};
 
 /// Longest period, microseconds: a thousand seconds.
@@ -19,7 +19,7 @@ impl RefractoryPeriod {
     /// The dead time in whole microseconds. Stamps are rounded down, so two of them may be closer
     /// than the period, but never by less than its whole microseconds.
     #[expect(clippy::cast_possible_truncation, reason = "a thousand seconds at most")]
-    pub(in crate::sensor) fn whole_us(self) -> i64 {
+    pub(crate) fn whole_us(self) -> i64 {
         self.period_us.floor() as i64
     }
 }
@@ -43,7 +43,7 @@ pub enum ReferenceRule {
 impl RefractoryPeriod {
     /// The dead time in whole nanoseconds, rounded up.
     #[expect(clippy::cast_possible_truncation, reason = "periods are below 2^53 ns")]
-    pub(in crate::sensor) fn period_ns(&self) -> i64 {
+    pub(crate) fn period_ns(&self) -> i64 {
         // Rounded up, so that whole nanoseconds never shorten the period.
         (self.period_us * 1e3).ceil() as i64
     }
@@ -52,7 +52,7 @@ impl RefractoryPeriod {
     ///
     /// # Errors
     /// The period is outside its range.
-    pub(in crate::sensor) fn validate(&self) -> Result<(), ScreenError> {
+    pub(crate) fn validate(&self) -> Result<(), ScreenError> {
         if !(0.0..=MAX_US).contains(&self.period_us) {
             let (name, wanted) = ("refractory.period_us", "a number from 0 to 1e9");
             return Err(ScreenError::Parameter { name, found: self.period_us, wanted });

@@ -1,7 +1,7 @@
 //! The events that wait for the bus, in the order of an arbiter. No pixel has two of them.
 
 use super::ArbiterOrder;
-use crate::event::Event;
+use gs2e_event::Event;
 use std::collections::{BTreeMap, VecDeque};
 
 /// The waiting events.

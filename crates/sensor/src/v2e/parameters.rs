@@ -1,14 +1,15 @@
 //! The answers of v2e to what is asked of any sensor.
 
 use super::{FilterSteps, LeakNoise, V2eModel, presets};
-use crate::sensor::noise::ThresholdMismatch;
-use crate::sensor::parameters::{SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use crate::sensor::{SensorChoice, voltmeter::BetweenFrames};
-use crate::units::Hertz;
+use crate::SensorChoice;
+use crate::noise::ThresholdMismatch;
+use crate::parameters::{SensorFacts, SensorParameters, SensorSettings};
+use crate::screening::{ConstantLightNoise, ScreenError, SensorScreening};
+use crate::voltmeter::BetweenFrames;
+use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+pub(crate) static FACTS: SensorFacts = SensorFacts {
     name: "v2e",
     title: "v2e",
     publication: "Hu et al., CVPRW 2021",

@@ -1,8 +1,8 @@
 //! Named parameter sets, as in the program's `--dvs_params`.
 
 use super::{FilterSteps, LeakNoise, V2eModel};
-use crate::sensor::front_end::FrontEnd;
-use crate::sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use crate::front_end::FrontEnd;
+use crate::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 
 /// Ranges of the preset `randomised`: those of the randomised simulator of Prophesee's OpenEB
 /// (commit 0499c95, `metavision_core_ml/event_to_video/gpu_esim.py`, `randomize_noises`).

@@ -20,12 +20,12 @@ use super::noiseless::{self, StraightDrift};
 use super::tree::{ROOT_DEVIATION, RootWalk, Walker, Walkers};
 use super::window::{FrameLeg, TimeStep};
 use super::writer::{BandWriter, PixelTally};
-use crate::elementary::{ln_ratio, load_eight, mask_bits, set_lanes, store_eight};
-use crate::seed::DrawSpace;
-use crate::seed::eight::{self, SeedCells};
-use crate::sensor::SensorError;
-use crate::sensor::window::PackedEvent;
+use crate::SensorError;
+use crate::window::PackedEvent;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
+use gs2e_num::elementary::{ln_ratio, load_eight, mask_bits, set_lanes, store_eight};
+use gs2e_num::seed::eight::SeedCells;
+use gs2e_num::seed::{DrawSpace, eight};
 use std::ops::ControlFlow;
 
 /// Working memory of one thread that crosses bands, and its results.

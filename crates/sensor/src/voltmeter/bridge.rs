@@ -12,9 +12,11 @@ pub(super) const NEGLIGIBLE: f64 = 40.0;
 
 /// The two thresholds: an event happens where the voltage reaches `up` or `-down`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Barriers {
-    pub(crate) up: f64,
-    pub(crate) down: f64,
+pub struct Barriers {
+    /// Threshold of ON events, above 0.
+    pub up: f64,
+    /// Threshold of OFF events, above 0.
+    pub down: f64,
 }
 
 /// The barriers that a path may touch.
@@ -124,7 +126,7 @@ pub(super) fn touch_probability(a: f64, g: f64, v: f64) -> f64 {
 /// Inverse Gaussian by Michael, Schucany and Haas (The American Statistician 30, 1976), in a form
 /// that adds only numbers of like sign. It therefore holds for every `phi = a g / v`; at `phi = 0`
 /// it is the Lévy distribution.
-pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
+pub fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     const HUGE: f64 = 1e290;
     let (shape, phi) = (a * a / v, a * g / v);
     // Without noise, or with next to none, the path is straight. Larger numbers would overflow
@@ -146,8 +148,8 @@ pub(crate) fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
-    use crate::seed::{ks, rival};
+    use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell, ks};
+    use gs2e_testing::rival;
     use std::f64::consts::{PI, SQRT_2};
 
     fn draws(index: u64) -> CellDraws {

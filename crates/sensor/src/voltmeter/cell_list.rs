@@ -1,7 +1,7 @@
 //! Lists of the walkers that reach a cell of the dyadic tree, eight per vector.
 
-use crate::elementary::store_eight;
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, f64x8, mask64x8, u64x8};
+use gs2e_num::elementary::store_eight;
 
 /// Walkers that reach one cell. The arrays are longer than `len`, up to a multiple of 8, so that
 /// whole vectors can be loaded; the entries after `len` are padding.

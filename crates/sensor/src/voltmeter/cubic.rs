@@ -6,8 +6,8 @@
 
 use super::curve::{DriftCurve, FrameEnds, One, Wide};
 use super::drift::DriftProcess;
-use crate::elementary;
 use fearless_simd::{Simd, SimdBase as _, f64x8};
+use gs2e_num::elementary;
 
 /// `((c3 s + c2) s + c1) s` with `s = t/h`: coefficients c1, c2, c3 and `1/h`.
 #[derive(Debug)]

@@ -65,7 +65,7 @@ pub(super) fn of_one<C: DriftCurve>(process: &DriftProcess, knots: [[f64; 2]; 2]
     dispatch!(Level::new(), simd => {
         let levels = knots.map(|[level, _]| f64x8::splat(simd, level));
         let slopes = knots.map(|[_, slope]| f64x8::splat(simd, slope));
-        let step = crate::elementary::ln_ratio(levels);
+        let step = gs2e_num::elementary::ln_ratio(levels);
         C::between(process, &FrameEnds { levels, step, slopes, inverse: 1.0 / length }).map(|c| c[5])
     })
 }

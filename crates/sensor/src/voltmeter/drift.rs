@@ -3,7 +3,7 @@
 
 use super::bridge::Barriers;
 use super::{DriftGain, VoltmeterModel};
-use crate::sensor::statistics::RenewalProcess;
+use crate::statistics::RenewalProcess;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8};
 
 /// Microseconds in a nanosecond.

@@ -16,13 +16,13 @@ use super::tree::ROOT;
 use super::window::TimeStep;
 use super::writer::PixelTally;
 use super::{BetweenFrames, InitialVoltage, VoltmeterModel};
-use crate::event::EventSink;
 use crate::frames::DenseFrame;
-use crate::image::Size;
-use crate::seed::{DrawSpace, Seed, SeedCell};
-use crate::sensor::window::{EventWindow, MAX_WINDOW_NS};
-use crate::sensor::{SensorError, SensorPixels, SimulationAccount, input};
+use crate::window::{EventWindow, MAX_WINDOW_NS};
+use crate::{SensorError, SensorPixels, SimulationAccount, input};
 use fearless_simd::{Level, Simd, dispatch};
+use gs2e_event::EventSink;
+use gs2e_image::Size;
+use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -377,9 +377,9 @@ impl SensorPixels for ExactSampler {
 mod tests {
     use super::super::VoltmeterPreset;
     use super::*;
-    use crate::image::Image;
-    use crate::sensor::SensorModel;
-    use crate::units::Timestamp;
+    use crate::SensorModel;
+    use gs2e_image::Image;
+    use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 3, height: 2 };
 
@@ -446,7 +446,7 @@ mod tests {
         let on = |sensor: &VoltmeterModel, level| {
             let mut pixels = ExactSampler::new(sensor, SIZE, [7, 9], Seed(1));
             pixels.level = level;
-            let mut events: Vec<crate::event::Event> = Vec::new();
+            let mut events: Vec<gs2e_event::Event> = Vec::new();
             lively().iter().for_each(|frame| pixels.advance(frame, &mut events).unwrap());
             (pixels.finish(&mut events).unwrap(), events)
         };

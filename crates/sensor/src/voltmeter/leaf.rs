@@ -17,39 +17,41 @@
 //! normal draw until only one barrier is.
 
 use super::bridge::{BarrierSide, Barriers, LiveBarriers, touch_probability, touch_time};
-use crate::event::Polarity;
-use crate::seed::CellDraws;
+use gs2e_event::Polarity;
+use gs2e_num::seed::CellDraws;
 use std::ops::ControlFlow;
 
 /// Receives the events of one pixel in order of time.
-pub(crate) trait EmitEvents {
+pub trait EmitEvents {
     /// Takes an event at `t` ns since the window's start. `Break` ends the simulation.
     fn event(&mut self, t: f64, polarity: Polarity) -> ControlFlow<()>;
 }
 
 /// The part of a leaf from the present time on, up to a known end.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct LeafSpan {
+pub struct LeafSpan {
     /// Voltage at its end if no further event happens, in thresholds.
-    pub(crate) end: f64,
+    pub end: f64,
     /// Time of its end, ns since the window's start.
-    pub(crate) until: f64,
+    pub until: f64,
 }
 
 /// A cell in which the drift is straight and both ends are known.
 #[derive(Debug)]
-pub(crate) struct ClockLeaf {
-    pub(crate) barriers: Barriers,
+pub struct ClockLeaf {
+    /// The two thresholds.
+    pub barriers: Barriers,
     /// Variance of the noise per nanosecond.
-    pub(crate) variance: f64,
-    pub(crate) draws: CellDraws,
+    pub variance: f64,
+    /// Random draws of the cell.
+    pub draws: CellDraws,
     /// Present time, ns since the window's start.
-    pub(crate) time: f64,
+    pub time: f64,
 }
 
 impl ClockLeaf {
     /// Moves the voltage from `x` across the leaf, and returns the voltage at its end.
-    pub(crate) fn cross(
+    pub fn cross(
         &mut self,
         mut x: f64,
         whole: LeafSpan,
@@ -125,8 +127,8 @@ fn side_polarity(side: BarrierSide) -> Polarity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::seed::{DrawSpace, Seed, SeedCell};
-    use crate::sensor::statistics::RenewalProcess;
+    use crate::statistics::RenewalProcess;
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
 
     const UNIT: Barriers = Barriers { up: 1.0, down: 1.0 };
 

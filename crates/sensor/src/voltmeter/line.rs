@@ -8,8 +8,8 @@
 use super::DriftGain;
 use super::curve::{DriftCurve, FrameEnds, One, Wide};
 use super::drift::DriftProcess;
-use crate::elementary;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdMask as _, f64x8};
+use gs2e_num::elementary;
 
 /// `slope t + bend t E(growth t)`: coefficients slope, bend, growth, and the largest second
 /// derivative.

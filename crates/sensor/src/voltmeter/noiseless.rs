@@ -5,8 +5,8 @@ use super::bridge::{BarrierSide, Barriers, WideBarriers};
 use super::curve::{DriftCurve, One};
 use super::leaf::EmitEvents;
 use super::window::TimeStep;
-use crate::event::Polarity;
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
+use gs2e_event::Polarity;
 use std::marker::PhantomData;
 use std::ops::ControlFlow;
 

@@ -23,13 +23,13 @@
 
 use super::drift::DriftProcess;
 use super::{VoltmeterModel, thresholds};
-use crate::event::{EventLabel, Polarity};
-use crate::seed::{CellDraws, DrawSpace, normal};
-use crate::sensor::label;
-use crate::sensor::noise::poisson::{LinearRate, PoissonTrain};
-use crate::sensor::noise::{HotPixelNoise, PixelSite};
-use crate::sensor::pairs::{FrameLaw, PairWriter, PixelPair};
-use crate::sensor::statistics::RenewalProcess;
+use crate::label;
+use crate::noise::poisson::{LinearRate, PoissonTrain};
+use crate::noise::{HotPixelNoise, PixelSite};
+use crate::pairs::{FrameLaw, PairWriter, PixelPair};
+use crate::statistics::RenewalProcess;
+use gs2e_event::{EventLabel, Polarity};
+use gs2e_num::seed::{CellDraws, DrawSpace, normal};
 use std::ops::ControlFlow;
 
 /// Version of the law. Raise it when a draw or one of the lists above changes.
@@ -224,10 +224,11 @@ mod tests {
     use super::super::VoltmeterPreset;
     use super::*;
     use crate::frames::DenseFrame;
-    use crate::image::{Image, Size};
-    use crate::seed::{Seed, SeedCell, ks, rival};
-    use crate::sensor::{SensorError, SensorModel, SimulationAccount};
-    use crate::units::Timestamp;
+    use crate::{SensorError, SensorModel, SimulationAccount};
+    use gs2e_image::{Image, Size};
+    use gs2e_num::seed::{Seed, SeedCell, ks};
+    use gs2e_num::units::Timestamp;
+    use gs2e_testing::rival;
     use std::f64::consts::SQRT_2;
 
     fn draws(index: u64) -> CellDraws {
@@ -429,7 +430,7 @@ mod tests {
         }
         let account = pixels.finish(&mut events)?;
         let last = step_ns * (greys.len() as i64 - 1);
-        assert!(events.is_sorted_by_key(crate::event::Event::file_order));
+        assert!(events.is_sorted_by_key(gs2e_event::Event::file_order));
         assert!(events.iter().all(|e| e.t.0 > 0 && e.t.0 <= last) && events.len() as u64 == account.events);
         Ok(account)
     }

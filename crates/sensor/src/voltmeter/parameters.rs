@@ -1,15 +1,15 @@
 //! The answers of DVS-Voltmeter to what is asked of any sensor.
 
 use super::{BetweenFrames, SamplerKind, VoltmeterModel, bridge, drift, tree};
-use crate::image::Size;
-use crate::sensor::noise::{NoiseFloor, RefractoryPeriod};
-use crate::sensor::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
-use crate::sensor::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use crate::sensor::{SensorChoice, SimulationAccount};
-use crate::units::Hertz;
+use crate::noise::{NoiseFloor, RefractoryPeriod};
+use crate::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
+use crate::screening::{ConstantLightNoise, ScreenError, SensorScreening};
+use crate::{SensorChoice, SimulationAccount};
+use gs2e_image::Size;
+use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
 
-pub(in crate::sensor) static FACTS: SensorFacts = SensorFacts {
+pub(crate) static FACTS: SensorFacts = SensorFacts {
     name: "voltmeter",
     title: "DVS-Voltmeter",
     publication: "Lin et al., ECCV 2022",
@@ -171,7 +171,7 @@ impl VoltmeterModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sensor::voltmeter::VoltmeterPreset;
+    use crate::voltmeter::VoltmeterPreset;
 
     /// 6 pixels for 1000 times the longest leaf of 8.192 us.
     #[test]

@@ -6,8 +6,8 @@
 
 use super::VoltmeterModel;
 use super::units::{ConstantUnits, TimeUnit, WhiteBrightness};
-use crate::sensor::front_end::{FrontEnd, WHITE_LUX};
-use crate::sensor::noise::{FloorPoint, NoiseFloor, ReferenceRule, RefractoryPeriod};
+use crate::front_end::{FrontEnd, WHITE_LUX};
+use crate::noise::{FloorPoint, NoiseFloor, ReferenceRule, RefractoryPeriod};
 
 /// A named parameter set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -187,7 +187,7 @@ impl VoltmeterPreset {
 /// Constants in microseconds and grey, from constants in microseconds and lux.
 fn lux_to_grey([k1, k2, k3, k4, k5, k6]: [f64; 6], white_lux: f64) -> [f64; 6] {
     // As between two scales of brightness in `units.rs`: greys per lux.
-    let greys = crate::sensor::WHITE / white_lux;
+    let greys = crate::WHITE / white_lux;
     [k1, k2 * greys, k3 * greys.sqrt(), k4, k5 / greys, k6]
 }
 

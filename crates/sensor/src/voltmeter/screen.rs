@@ -1,14 +1,14 @@
 //! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
-use super::thresholds;
-use super::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset};
-use crate::sensor::noise::{ReferenceRule, RefractoryPeriod};
-use crate::sensor::screening::array_mean;
-use crate::sensor::screening::{
-    ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, at_least_zero,
+use super::{
+    BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset, thresholds,
 };
-use crate::sensor::statistics::RenewalProcess;
-use crate::units::Hertz;
+use crate::noise::{ReferenceRule, RefractoryPeriod};
+use crate::screening::{
+    ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, array_mean, at_least_zero,
+};
+use crate::statistics::RenewalProcess;
+use gs2e_num::units::Hertz;
 
 impl VoltmeterModel {
     /// The behaviour of a pixel with nominal thresholds at this constant grey, without the noise

@@ -7,8 +7,8 @@
 use super::BetweenFrames;
 use super::exact::PendingFrame;
 use super::window::{FrameLeg, TimeStep};
-use crate::event::{EventLabel, Polarity};
-use crate::sensor::label;
+use crate::label;
+use gs2e_event::{EventLabel, Polarity};
 
 /// Seconds in a nanosecond.
 const SECONDS: f64 = 1e-9;

@@ -3,11 +3,11 @@
 
 use super::VoltmeterModel;
 use super::bridge::{Barriers, WideBarriers};
-use crate::elementary::load_eight;
-use crate::image::Size;
-use crate::seed::Seed;
-use crate::sensor::noise::{PixelSite, mismatch};
+use crate::noise::{PixelSite, mismatch};
 use fearless_simd::Simd;
+use gs2e_image::Size;
+use gs2e_num::elementary::load_eight;
+use gs2e_num::seed::Seed;
 
 /// Thresholds of ON and OFF for every pixel.
 #[derive(Debug)]

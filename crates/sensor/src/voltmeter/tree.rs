@@ -34,10 +34,10 @@ use super::leaf::{ClockLeaf, LeafSpan};
 use super::thresholds::PixelThresholds;
 use super::window::TimeStep;
 use super::writer::BandWriter;
-use crate::elementary::{load_eight, mask_bits, set_lanes, store_eight};
-use crate::seed::DrawSpace;
-use crate::seed::eight::{self, SeedCells};
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
+use gs2e_num::elementary::{load_eight, mask_bits, set_lanes, store_eight};
+use gs2e_num::seed::eight::SeedCells;
+use gs2e_num::seed::{DrawSpace, eight};
 use std::ops::{ControlFlow, Range};
 
 /// Halvings of a root cell down to one nanosecond.

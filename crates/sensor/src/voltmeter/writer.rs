@@ -8,9 +8,9 @@
 use super::bridge::Barriers;
 use super::leaf::EmitEvents;
 use super::window::TimeStep;
-use crate::event::{EventLabel, Polarity};
-use crate::sensor::window::PackedEvent;
-use crate::sensor::{SensorError, SimulationAccount};
+use crate::window::PackedEvent;
+use crate::{SensorError, SimulationAccount};
+use gs2e_event::{EventLabel, Polarity};
 use std::ops::ControlFlow;
 
 /// The event counts of one pixel.

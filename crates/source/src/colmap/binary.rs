@@ -3,10 +3,10 @@
 
 use super::lenses::CameraModel;
 use super::{ColmapImage, ColmapPoint, KeyPoint, ModelCamera, image_pose};
-use crate::files;
-use crate::image::Size;
-use crate::source::{SourceError, SourcePlace};
+use crate::{SourceError, SourcePlace};
 use glam::DVec3;
+use gs2e_files as files;
+use gs2e_image::Size;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;

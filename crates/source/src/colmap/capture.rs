@@ -1,12 +1,12 @@
 //! A COLMAP model and its photos as a capture.
 
 use super::{ColmapImage, ColmapModel, ModelCamera};
-use crate::image::Size;
-use crate::se3::Se3;
-use crate::source::photo::{self, PhotoInfo, PhotoScrutiny, SCALED};
-use crate::source::{
-    Capture, CapturedView, FoundView, SourceError, SourceWarning, UnusedPhoto, collect_views,
+use crate::photo::{PhotoInfo, PhotoScrutiny, SCALED};
+use crate::{
+    Capture, CapturedView, FoundView, SourceError, SourceWarning, UnusedPhoto, collect_views, photo,
 };
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 /// A file is damaged; see [`read_capture`](super::read_capture).
-pub(in crate::source) fn read_listed(
+pub(crate) fn read_listed(
     model: &ColmapModel,
     photos: &[(String, PathBuf)],
 ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
@@ -26,18 +26,18 @@ pub(in crate::source) fn read_listed(
 
 /// The photos of a model.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::source) struct ModelPhotos<'a> {
+pub(crate) struct ModelPhotos<'a> {
     /// Their place, if they exist.
-    pub(in crate::source) from: Option<PhotoPlace<'a>>,
+    pub(crate) from: Option<PhotoPlace<'a>>,
     /// Treatment of photos whose size differs from the size of their camera.
-    pub(in crate::source) sizing: PhotoSizing,
+    pub(crate) sizing: PhotoSizing,
     /// Depth of reading.
-    pub(in crate::source) look: PhotoScrutiny,
+    pub(crate) look: PhotoScrutiny,
 }
 
 /// The place of photos.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::source) enum PhotoPlace<'a> {
+pub(crate) enum PhotoPlace<'a> {
     /// The folder to which their names are relative.
     Folder(&'a Path),
     /// Names with paths.
@@ -65,7 +65,7 @@ impl PhotoPlace<'_> {
 
 /// Treatment of a photo whose size differs from the size of its camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::source) enum PhotoSizing {
+pub(crate) enum PhotoSizing {
     /// The camera is kept, and a warning is returned.
     AsStated,
     /// The camera is scaled.
@@ -73,7 +73,7 @@ pub(in crate::source) enum PhotoSizing {
 }
 
 /// Reads a model with its photos.
-pub(in crate::source) fn read_model(
+pub(crate) fn read_model(
     model: &ColmapModel,
     photos: ModelPhotos<'_>,
 ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
@@ -163,7 +163,7 @@ fn image_view(image: &ColmapImage, taken: &ModelCamera, photo: Option<PhotoInfo>
 }
 
 /// Returns the files that [`read_model`] reads.
-pub(in crate::source) fn files_of(
+pub(crate) fn files_of(
     model: &ColmapModel,
     folder: Option<&Path>,
 ) -> Result<Vec<(String, PathBuf)>, SourceError> {

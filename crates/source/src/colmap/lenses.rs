@@ -1,9 +1,9 @@
 //! COLMAP's camera models (`src/colmap/sensor/models.h`).
 
 use super::ModelCamera;
-use crate::camera::Camera;
-use crate::image::Size;
-use crate::source::{LensModel, screen_camera};
+use crate::{LensModel, screen_camera};
+use gs2e_image::Size;
+use gs2e_scene::camera::Camera;
 
 /// A camera model with COLMAP's number and name.
 pub(super) struct CameraModel {

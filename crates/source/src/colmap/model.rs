@@ -1,8 +1,8 @@
 //! Files of a COLMAP model: where they lie, which form they have, and their records.
 
 use super::{ColmapImage, ColmapPoint, ModelCamera, binary, text};
-use crate::files::{FolderWalk, is_there};
-use crate::source::{SourceError, SourceWarning};
+use crate::{SourceError, SourceWarning};
+use gs2e_files::{FolderWalk, is_there};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -65,12 +65,12 @@ impl ColmapModel {
     }
 
     /// Finds the model in `dir` itself, or in `sparse/0` or `sparse` below it.
-    pub(in crate::source) fn model_near(dir: &Path) -> Option<Self> {
+    pub(crate) fn model_near(dir: &Path) -> Option<Self> {
         [dir.to_owned(), dir.join("sparse/0"), dir.join("sparse")].into_iter().find_map(Self::model_at)
     }
 
     /// Finds the only `sparse/0` further down.
-    pub(in crate::source) fn model_below(dir: &Path) -> Result<Option<Self>, SourceError> {
+    pub(crate) fn model_below(dir: &Path) -> Result<Option<Self>, SourceError> {
         let mut models = Vec::new();
         for entry in FolderWalk::new(dir).to_depth(DEEPEST).entries(|entry| entry.file_type().is_dir()) {
             let entry = entry?;
@@ -90,7 +90,7 @@ impl ColmapModel {
     }
 
     /// Finds the model whose files are in `dir` itself.
-    pub(in crate::source) fn model_at(dir: PathBuf) -> Option<Self> {
+    pub(crate) fn model_at(dir: PathBuf) -> Option<Self> {
         let form = [ModelForm::Binary, ModelForm::Text].into_iter().find(|form| form.is_in(&dir))?;
         Some(Self { place: ModelPlace::Folder(dir), form })
     }
@@ -167,7 +167,7 @@ impl ColmapModel {
             let from = self.file(stem);
             put(
                 stem,
-                &crate::files::read(&from, crate::files::MAX_MODEL).map_err(SourceError::io_error(&from))?,
+                &gs2e_files::read(&from, gs2e_files::MAX_MODEL).map_err(SourceError::io_error(&from))?,
             )?;
         }
         put("images", &binary::rename_images(&self.file("images"), name_of)?)

@@ -5,8 +5,8 @@
 //! `error` of the points is not used, because it is COLMAP's own claim.
 
 use super::{ColmapImage, ColmapModel, ColmapPoint, ModelCamera};
-use crate::files::is_there;
-use crate::source::SourceError;
+use crate::SourceError;
+use gs2e_files::is_there;
 use std::collections::BTreeMap;
 
 /// Distances between key points and the projections of their points.

@@ -2,11 +2,11 @@
 
 use super::lenses::CameraModel;
 use super::{ColmapImage, ColmapPoint, KeyPoint, ModelCamera, image_pose};
-use crate::budget::ByteBudget;
-use crate::files;
-use crate::image::Size;
-use crate::source::{SourceError, SourcePlace};
+use crate::{SourceError, SourcePlace};
 use glam::DVec3;
+use gs2e_files as files;
+use gs2e_files::budget::ByteBudget;
+use gs2e_image::Size;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;

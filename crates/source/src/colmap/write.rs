@@ -2,8 +2,8 @@
 //! cameras only, and neither key points nor tracks, which trainers do not read.
 
 use super::{ColmapPoint, lenses};
-use crate::camera::Camera;
-use crate::se3::Se3;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -99,8 +99,8 @@ fn write_numbers(out: &mut impl Write, numbers: &[f64]) -> io::Result<()> {
 mod tests {
     use super::super::{ColmapModel, binary};
     use super::*;
-    use crate::image::Size;
     use glam::{DQuat, DVec3};
+    use gs2e_image::Size;
 
     fn camera(fx: f64) -> Camera {
         Camera { size: Size { width: 640, height: 360 }, fx, fy: 501.25, cx: 320.5, cy: 180.25, lens: None }
@@ -133,7 +133,7 @@ mod tests {
         for (image, taken) in read.iter().zip(&images) {
             assert_eq!(image.name, taken.name);
             assert_eq!(cameras[&image.camera_id].camera, taken.camera);
-            assert_eq!(cameras[&image.camera_id].lens, crate::source::LensModel::Pinhole);
+            assert_eq!(cameras[&image.camera_id].lens, crate::LensModel::Pinhole);
             let camera_from_world = Se3 { rotation: image.rotation.rotation, translation: image.translation };
             // Both the camera's centre and a point in front of it must agree, up to a few roundings
             // of numbers up to 3.

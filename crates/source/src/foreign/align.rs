@@ -7,9 +7,9 @@
 //! squares (Weiszfeld's iteration, Hartley et al., IJCV 2013). One wrong pose then moves it little
 //! and keeps its full error.
 
-use crate::se3::Se3;
-use crate::se3::rotation::{exp_vector, log_vector, relative_angle};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::{exp_vector, log_vector, relative_angle};
 
 /// One camera in both worlds, camera to world.
 #[derive(Debug, Clone, Copy, PartialEq)]

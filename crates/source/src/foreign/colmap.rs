@@ -9,13 +9,13 @@
 use super::align::{CameraPair, PoseDistance, pose_distances};
 use super::colmap_run::{ColmapOptions, colmap_run};
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, features, versions};
-use crate::camera::Camera;
-use crate::camera::lens::Distortion;
-use crate::programs::EndKind;
+use crate::colmap::{ColmapImage, ColmapModel};
 use crate::reconstruct::ProgramWorkspace;
-use crate::se3::Se3;
-use crate::source::colmap::{ColmapImage, ColmapModel};
-use crate::source::solving::PairRule;
+use crate::solving::PairRule;
+use gs2e_files::programs::EndKind;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::lens::Distortion;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -6,8 +6,8 @@
 
 use super::run::ExternalRun;
 use super::versions::COLMAP;
-use crate::programs::ProgramFinder;
 use crate::reconstruct::ProgramWorkspace;
+use gs2e_files::programs::ProgramFinder;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Errors of running a program.
 
-use crate::programs::ProgramFailure;
+use gs2e_files::programs::ProgramFailure;
 use std::io;
 use std::path::{Path, PathBuf};
 

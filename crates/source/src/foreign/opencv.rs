@@ -6,9 +6,9 @@ mod request;
 use request::OpencvRequest;
 
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, python, versions};
-use crate::camera::Camera;
 use crate::reconstruct::ProgramWorkspace;
-use crate::trajectory::{Trajectory, transforms};
+use gs2e_scene::camera::Camera;
+use gs2e_trajectory::{Trajectory, transforms};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

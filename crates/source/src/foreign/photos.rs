@@ -9,17 +9,16 @@
 //! The same photos give the same bytes with the same version of COLMAP, except with a vocabulary
 //! tree: the search trees of COLMAP 3.8 differ from run to run.
 
-use super::ForeignError;
 use super::colmap_run::{ColmapOptions, colmap_run};
-use super::features;
 use super::pose_watch::PoseWatch;
-use crate::programs::EndKind;
+use super::{ForeignError, features};
+use crate::SourceError;
+use crate::colmap::ColmapModel;
+use crate::photos::MIN_PHOTOS;
 use crate::reconstruct::ProgramWorkspace;
-use crate::source::SourceError;
-use crate::source::colmap::ColmapModel;
-use crate::source::photos::MIN_PHOTOS;
-use crate::source::same_camera::{CameraGroup, camera_groups};
-use crate::source::solving::{PairRule, PoseSolving};
+use crate::same_camera::{CameraGroup, camera_groups};
+use crate::solving::{PairRule, PoseSolving};
+use gs2e_files::programs::EndKind;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -2,7 +2,7 @@
 //! `Processed file [12/50]` of the extractor, and `Registering image #12 (20)` of the mapper (3.8 to
 //! 4.x; `feature_extraction.cc`, `incremental_pipeline.cc`).
 
-use crate::files;
+use gs2e_files as files;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};

@@ -3,9 +3,9 @@
 use super::ForeignError;
 use super::run::ExternalRun;
 use super::versions::{ISOLATED, PYTHON};
-use crate::files;
-use crate::programs::EndKind;
 use crate::reconstruct::ProgramWorkspace;
+use gs2e_files as files;
+use gs2e_files::programs::EndKind;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::ffi::OsString;

@@ -2,10 +2,10 @@
 //! OpenCV.
 
 use super::{ForeignAnswer, ForeignError, TrajectoryPicture, python, versions};
-use crate::event::{Event, EventSource as _, h5};
-use crate::files;
-use crate::image::png;
 use crate::reconstruct::ProgramWorkspace;
+use gs2e_event::{Event, EventSource as _, h5};
+use gs2e_files as files;
+use gs2e_image::png;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest as _, Sha256};

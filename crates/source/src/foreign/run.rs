@@ -1,8 +1,9 @@
 //! One run of a program.
 
 use super::ForeignError;
-use crate::programs::{self, EndKind, ProgramCall, ProgramEnd, ProgramFailure};
 use crate::reconstruct::ProgramWorkspace;
+use gs2e_files::programs;
+use gs2e_files::programs::{EndKind, ProgramCall, ProgramEnd, ProgramFailure};
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 //! version. A step that may not run anything takes the version that was found before, or has no
 //! version.
 
-use crate::programs::ProgramFinder;
+use gs2e_files::programs::ProgramFinder;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 

@@ -1,10 +1,9 @@
 //! The rules by which a scene of a dataset is accepted, and the reasons against it.
 
 use super::InventoryScene;
-use crate::source::kind::CaptureKind;
-use crate::source::photo::{self, PhotoScrutiny};
-use crate::source::photos;
-use crate::source::{Capture, DiskCapture, SourceError, ViewSelection};
+use crate::kind::CaptureKind;
+use crate::photo::PhotoScrutiny;
+use crate::{Capture, DiskCapture, SourceError, ViewSelection, photo, photos};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -77,12 +76,12 @@ impl RejectionReason {
 }
 
 /// A folder that may be a scene.
-pub(in crate::source) struct ScenePath {
+pub(crate) struct ScenePath {
     /// Id within the dataset.
-    pub(in crate::source) name: String,
-    pub(in crate::source) path: PathBuf,
+    pub(crate) name: String,
+    pub(crate) path: PathBuf,
     /// The fault of its name, if there is one.
-    pub(in crate::source) misnamed: Option<RejectionReason>,
+    pub(crate) misnamed: Option<RejectionReason>,
 }
 
 impl ScenePath {
@@ -126,12 +125,12 @@ impl AcceptanceRules {
     fn hold(&self, capture: &Capture) -> Result<(), RejectionReason> {
         // Views that the selection dropped are registered too.
         let others =
-            capture.unused.iter().filter(|photo| photo.why == crate::source::UnusedReason::NotPicked).count();
+            capture.unused.iter().filter(|photo| photo.why == crate::UnusedReason::NotPicked).count();
         let found = capture.views.len() + others;
         if found < self.min_views {
             return Err(RejectionReason::FewViews { found, wanted: self.min_views });
         }
-        let side = |view: &crate::source::CapturedView| view.camera.size.width.min(view.camera.size.height);
+        let side = |view: &crate::CapturedView| view.camera.size.width.min(view.camera.size.height);
         match capture.views.iter().find(|view| side(view) < self.min_side) {
             None => Ok(()),
             Some(view) => Err(RejectionReason::Small {

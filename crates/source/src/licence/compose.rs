@@ -3,7 +3,7 @@
 use super::expression::LicenceExpression;
 use super::ledger::{LedgerAsset, LicenceObligation};
 use super::{ComposedTerms, HolderTerms, Redistributability, StatedTerms, UpstreamGrant, ledger, text};
-use crate::source::kind::SourceKind;
+use crate::kind::SourceKind;
 
 /// Holder in the recipe of the README.
 const PLACEHOLDER: &str = "Your Lab";

@@ -5,7 +5,7 @@
 //! all terms. Unverified entries are marked as unverified wherever they are used. No entry relies
 //! on a paper that only repeats an upstream.
 
-use crate::source::kind::{CaptureKind, SourceKind};
+use crate::kind::{CaptureKind, SourceKind};
 use serde::{Deserialize, Serialize};
 
 /// Obligations of users and redistributors of the material.

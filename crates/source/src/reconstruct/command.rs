@@ -3,9 +3,10 @@
 use super::argument::ArgumentTemplate;
 use super::layout::{LayoutError, lay_out};
 use super::trained::{self, GaussianCount};
-use crate::programs::{self, EndKind, ProgramCall, ProgramEnd, ProgramFailure, ProgramFinder, quoted};
-use crate::scene::Gaussians;
-use crate::source::Capture;
+use crate::Capture;
+use gs2e_files::programs;
+use gs2e_files::programs::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, ProgramFinder, quoted};
+use gs2e_scene::Gaussians;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;

@@ -5,13 +5,13 @@
 //! numbered in capture order, so that a trainer that holds out photos by counting names holds out
 //! the same views as this program.
 
-use crate::files;
-use crate::image::{GreyImage, Image, Size, jpeg, png, to_byte};
-use crate::source::colmap::write::{WrittenImage, write_model};
-use crate::source::colmap::{ColmapPoint, read_points};
-use crate::source::lens::NEGLIGIBLE_PX;
-use crate::source::undistort::undistort_photo;
-use crate::source::{Capture, CapturedView, SourceError};
+use crate::colmap::write::{WrittenImage, write_model};
+use crate::colmap::{ColmapPoint, read_points};
+use crate::lens::NEGLIGIBLE_PX;
+use crate::undistort::undistort_photo;
+use crate::{Capture, CapturedView, SourceError};
+use gs2e_files as files;
+use gs2e_image::{GreyImage, Image, Size, jpeg, png, to_byte};
 use rayon::prelude::*;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Cursor};

@@ -1,8 +1,9 @@
 //! Checks of a trained scene.
 
-use crate::files::is_there;
-use crate::scene::{self, Gaussians, SceneError};
-use crate::source::{SourceError, model};
+use crate::{SourceError, model};
+use gs2e_files::is_there;
+use gs2e_scene as scene;
+use gs2e_scene::{Gaussians, SceneError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

@@ -8,7 +8,7 @@
 //! deeper than [`DEEPEST`] is `#encoded`: its encoding in hexadecimal digits.
 
 use super::DescribedValue;
-use crate::store::Digest;
+use crate::Digest;
 use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::ser::{Serialize, SerializeMap as _, Serializer};
 use std::collections::BTreeMap;

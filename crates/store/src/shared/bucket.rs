@@ -10,10 +10,10 @@
 mod credentials;
 
 use super::medium::{MAX_RECORD, SharedBytes, SharedMedium};
-use crate::store::blob::blob_name;
-use crate::store::disk::disk_error;
-use crate::store::record::StoredOutput;
-use crate::store::{BucketEnvironment, Digest, FORMAT, StoreError};
+use crate::blob::blob_name;
+use crate::disk::disk_error;
+use crate::record::StoredOutput;
+use crate::{BucketEnvironment, Digest, FORMAT, StoreError};
 use credentials::SharedProfile;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey, Checksum};
 use object_store::path::Path as ObjectPath;

@@ -2,13 +2,13 @@
 
 use super::PLANS;
 use super::medium::{MAX_RECORD, SharedBytes, SharedMedium};
-use crate::files::is_no_file;
-use crate::store::blob::blob_name;
-use crate::store::disk::{StoreDisk, disk_error, is_absent};
-use crate::store::fs::Fs;
-use crate::store::marker::{StoreFolder, StoreKind, examine};
-use crate::store::record::StoredOutput;
-use crate::store::{StoreError, TMP, TRASH};
+use crate::blob::blob_name;
+use crate::disk::{StoreDisk, disk_error, is_absent};
+use crate::fs::Fs;
+use crate::marker::{StoreFolder, StoreKind, examine};
+use crate::record::StoredOutput;
+use crate::{StoreError, TMP, TRASH};
+use gs2e_files::is_no_file;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -19,11 +19,11 @@
 use super::PLANS;
 use super::folder::{OWN_FOLDER, SharedFolder, is_refused};
 use super::medium::read_record;
-use crate::files::stat::FileStat;
-use crate::store::blob::blob_name;
-use crate::store::disk::{disk_error, is_absent};
-use crate::store::fs::{FolderEntry, SystemFs};
-use crate::store::{Digest, Key, StoreError, TMP, TRASH};
+use crate::blob::blob_name;
+use crate::disk::{disk_error, is_absent};
+use crate::fs::{FolderEntry, SystemFs};
+use crate::{Digest, Key, StoreError, TMP, TRASH};
+use gs2e_files::stat::FileStat;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! Where the files of a shared store are: in a folder, or in a bucket.
 
-use crate::store::record::{StepRecord, StoredOutput};
-use crate::store::{Key, StoreError};
+use crate::record::{StepRecord, StoredOutput};
+use crate::{Key, StoreError};
 use std::collections::BTreeSet;
 use std::fmt;
 use std::path::{Component, Path};

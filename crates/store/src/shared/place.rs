@@ -2,7 +2,7 @@
 
 use super::folder::SharedFolder;
 use super::medium::SharedMedium;
-use crate::store::{BucketEnvironment, StoreAccess, StoreError, StoreOptions};
+use crate::{BucketEnvironment, StoreAccess, StoreError, StoreOptions};
 use std::path::Path;
 
 /// How names of buckets begin.

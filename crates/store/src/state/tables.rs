@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(in crate::store) enum StateTable {
+pub(crate) enum StateTable {
     /// Key to outputs.
     Record,
     /// Scene and step to the last key.

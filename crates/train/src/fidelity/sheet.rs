@@ -1,7 +1,7 @@
 //! The picture of some compared views: one row per view, with the photo, the rendering and their
 //! difference. The pictures are small: they show what is wrong, and replace no photo.
 
-use crate::image::{Image, Size, shrink};
+use gs2e_image::{Image, Size, shrink};
 
 /// Number of rows, at most.
 pub const MAX_ROWS: usize = 6;

@@ -9,13 +9,13 @@ mod least_squares;
 mod pinned;
 
 use super::PoseCurve;
-use crate::se3::rotation::{exp_vector, log_vector, settled_mean};
-use crate::se3::rotation_spline::{RotationSpline, SplineDiverged, quadratic_part, rate_from_slope_times};
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
-use crate::trajectory::TrajectoryWarning;
-use crate::trajectory::metric::running_sums;
+use crate::TrajectoryWarning;
+use crate::metric::running_sums;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation::{exp_vector, log_vector, settled_mean};
+use gs2e_num::se3::rotation_spline::{RotationSpline, SplineDiverged, quadratic_part, rate_from_slope_times};
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
 use pinned::PinnedBulge;
 use std::f64::consts::PI;
 

@@ -4,10 +4,10 @@
 //! constant.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp_vector;
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
 use glam::DVec3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
 
 /// A turn of a pose about an axis, one segment of length 1.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,10 +4,10 @@
 //! unit of the steps.
 
 use super::PoseCurve;
-use crate::se3::rotation_spline::{RotationSpline, SplineDiverged};
-use crate::se3::spline::{CubicSpline, CurvePlace};
-use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation_spline::{RotationSpline, SplineDiverged};
+use gs2e_num::se3::spline::{CubicSpline, CurvePlace};
+use gs2e_num::se3::{Se3, Twist};
 
 /// A pair of C2 splines through every knot.
 #[derive(Debug, Clone, PartialEq)]

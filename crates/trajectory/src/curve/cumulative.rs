@@ -7,11 +7,11 @@
 //! its parameter, which is the index of the knot.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp_vector;
-use crate::se3::rotation_spline::turn_between;
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::se3::rotation_spline::turn_between;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
 
 /// Multiplicity of an end knot.
 const MULTIPLICITY: usize = 3;

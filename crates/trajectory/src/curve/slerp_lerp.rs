@@ -2,11 +2,11 @@
 //! ablation: both rates jump at the knots.
 
 use super::PoseCurve;
-use crate::se3::rotation::exp_vector;
-use crate::se3::rotation_spline::turn_between;
-use crate::se3::spline::CurvePlace;
-use crate::se3::{Se3, Twist};
 use glam::DVec3;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::se3::rotation_spline::turn_between;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
 
 /// Lines and slerps through every knot.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,9 +6,9 @@
 //! What noise and interpolation allow follows from the model of the sensor, and from the states themselves.
 
 use super::ImuModel;
-use crate::se3::rotation::log_vector;
-use crate::trajectory::Trajectory;
+use crate::Trajectory;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::rotation::log_vector;
 use std::fmt;
 
 /// The lines of a file: the stamp, ns, and the values.

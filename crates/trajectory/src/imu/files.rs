@@ -3,8 +3,8 @@
 //! `imu0/sensor.yaml`.
 
 use super::{ImuModel, ImuSample, ImuState};
-use crate::budget::ByteBudget;
 use glam::DVec3;
+use gs2e_files::budget::ByteBudget;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 

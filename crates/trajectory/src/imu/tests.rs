@@ -1,8 +1,8 @@
 use super::files::{SAMPLES_HEAD, is_canonical, write_sample};
 use super::*;
-use crate::se3::rotation::exp_vector;
-use crate::units::Ratio;
 use glam::DQuat;
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::units::Ratio;
 
 fn model(rate: u64, axes: AxisModel) -> ImuModel {
     ImuModel {
@@ -127,7 +127,7 @@ mod against_poses {
     use super::super::consistency::{InertialLines, compare_inertial};
     use super::super::files::{STATES_HEAD, read_lines, write_state};
     use super::*;
-    use crate::trajectory::Trajectory;
+    use crate::Trajectory;
 
     /// A walk with turns about all axes, at 240 poses per second.
     fn walk(t: f64) -> Se3 {

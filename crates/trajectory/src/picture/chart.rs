@@ -2,7 +2,7 @@
 //! follows its law.
 
 use super::{PicturePanel, SvgText, round_down, short_number, spread_indices};
-use crate::trajectory::report::SpeedReport;
+use crate::report::SpeedReport;
 
 /// Maximum number of steps drawn.
 const STEPS: usize = 1200;

@@ -4,8 +4,8 @@
 //! line from the first camera to the one farthest from it as its horizontal.
 
 use super::{PicturePanel, SvgText, round_down, short_number, spread_indices};
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
 
 /// Maximum number of frusta drawn.
 const FRUSTA: usize = 19;
@@ -153,7 +153,7 @@ pub(super) fn scale_colour(share: f64) -> String {
 }
 
 /// The colour of a share, 0 (dark) to 1 (yellow).
-pub(crate) fn scale_rgb(share: f64) -> [u8; 3] {
+pub fn scale_rgb(share: f64) -> [u8; 3] {
     let at = share * 4.0;
     // The number of the piece. A share of 1 belongs to the last of the four.
     let below = [3.0, 2.0, 1.0, 0.0].into_iter().find(|k| at >= *k).unwrap_or(0.0);

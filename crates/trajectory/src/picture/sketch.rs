@@ -2,8 +2,8 @@
 
 use super::path::{PanelMap, frustum_stroke, picture_axes, range_share, scale_colour, speed_range};
 use super::{PicturePanel, round_down, short_number, spread_indices};
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
 
 /// Margin around the path, px.
 const INSET: f64 = 22.0;
@@ -12,23 +12,23 @@ const BAR: f64 = 0.25;
 
 /// One view of a path. Places are px from the upper left corner.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PathSketch {
+pub struct PathSketch {
     /// Name of the viewpoint.
-    pub(crate) name: &'static str,
+    pub name: &'static str,
     /// The path, from the first pose.
-    pub(crate) path: Vec<[f64; 2]>,
+    pub path: Vec<[f64; 2]>,
     /// Camera frusta, one stroke each, with the colour of their speed.
-    pub(crate) frusta: Vec<([[f64; 2]; 11], String)>,
+    pub frusta: Vec<([[f64; 2]; 11], String)>,
     /// Length of the scale bar, px.
-    pub(crate) bar: f64,
+    pub bar: f64,
     /// Label of the scale bar.
-    pub(crate) bar_words: String,
+    pub bar_words: String,
 }
 
 /// The view from above and the view from the side, of [width, height] px each, with at most
 /// [`points`, `frusta`] of the poses; `None` without poses. `speeds` are those of the steps, units
 /// per second.
-pub(crate) fn sketch(
+pub fn sketch(
     poses: &[Se3],
     speeds: &[f64],
     [width, height]: [f64; 2],

@@ -16,9 +16,9 @@ mod parse;
 mod proof;
 
 use super::SpeedLaw;
-use crate::se3::arc_length::ArcLength;
-use crate::se3::spline::CurvePlace;
-use crate::se3::sum::NeumaierSum;
+use gs2e_num::se3::arc_length::ArcLength;
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::sum::NeumaierSum;
 use serde::Serialize;
 
 /// An expression in `t`, stored as its syntax tree. Spaces do not change a key; the order of

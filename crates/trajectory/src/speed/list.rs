@@ -11,7 +11,7 @@
 //! mean of the levels.
 
 use super::{SpeedLaw, SpeedMeaning};
-use crate::se3::sum::NeumaierSum;
+use gs2e_num::se3::sum::NeumaierSum;
 use serde::Serialize;
 
 /// Positive levels and the width of the blend between them.

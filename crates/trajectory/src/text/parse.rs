@@ -1,9 +1,9 @@
 //! Poses and stamps from lines of text.
 
 use super::{FIELDS, TextError, UNIT};
-use crate::se3::Se3;
-use crate::se3::rotation::canonical_sign;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::se3::rotation::canonical_sign;
 use std::io::{self, BufRead};
 
 /// Reads `timestamps_us.txt`: strictly increasing stamps in microseconds, the first 0.

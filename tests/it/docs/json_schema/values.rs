@@ -6,7 +6,7 @@
 use crate::docs::declared::Member;
 use crate::docs::probe;
 use crate::docs::recipe_page::{Words, number_range};
-use gs2e::check;
+use gs2e_check as check;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 

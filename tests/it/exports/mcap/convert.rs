@@ -5,8 +5,8 @@ pub(super) mod builder;
 use super::all_events;
 use crate::release::small::{gs2e, said};
 use builder::{Packet, channel, chunk, complete, message, packets, recording, schema};
-use gs2e::event::mcap::Reader;
-use gs2e::event::{EventFileError, EventSource as _};
+use gs2e_event::mcap::Reader;
+use gs2e_event::{EventFileError, EventSource as _};
 use std::path::Path;
 
 /// Words of two events at 5,000 us in row 7: ON at column 3, OFF at column 9.

@@ -1,7 +1,7 @@
 //! Changes between two descriptions of a step.
 
 use super::verdict::StepReason;
-use crate::store::description::ExplanationLine;
+use gs2e_store::description::ExplanationLine;
 use serde::Serialize;
 
 /// A line that differs between two descriptions.

@@ -1,11 +1,11 @@
 //! The action of each step, its reason, and failures of planning.
 
 use super::{DescriptionChange, SourceFiles, changed_lines};
-use crate::recipe::RecipePosition;
 use crate::stage::StageError;
-use crate::store::description::{DescribedValue, ExplanationLine};
-use crate::store::record::StoredOutput;
-use crate::store::{Key, StoreError};
+use gs2e_recipe::RecipePosition;
+use gs2e_store::description::{DescribedValue, ExplanationLine};
+use gs2e_store::record::StoredOutput;
+use gs2e_store::{Key, StoreError};
 use serde::Serialize;
 
 /// The action for a step.

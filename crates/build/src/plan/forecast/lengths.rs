@@ -3,23 +3,25 @@
 
 use super::PlanState;
 use crate::artifact::{Artifact, ArtifactFiles, SolvedModel, TrajectoryProduct};
-use crate::camera::{Camera, choose_camera};
-use crate::image::Size;
-use crate::recipe::{Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
-use crate::render::points::PointFlowMeter;
-use crate::scene::survey::SceneSurvey;
-use crate::scene::{self, Gaussians, procedural};
-use crate::se3::Se3;
-use crate::source::Capture;
-use crate::source::colmap::ColmapModel;
-use crate::speed::{FlowSpeed, SpeedChoice};
 use crate::stage::PathLength;
-use crate::trajectory::flow::FlowMeter;
-use crate::trajectory::novel::BaseTrajectory;
-use crate::trajectory::path::{PathInputs, SceneFraming};
-use crate::trajectory::twist::pose_twists;
-use crate::trajectory::{NamedPose, PoseTiming};
 use glam::DVec3;
+use gs2e_demo as procedural;
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_recipe::{Recipe, ReconstructMethod, SceneSource, TrajectoryRecipe};
+use gs2e_render::points::PointFlowMeter;
+use gs2e_scene as scene;
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::{Camera, choose_camera};
+use gs2e_scene::survey::SceneSurvey;
+use gs2e_source::Capture;
+use gs2e_source::colmap::ColmapModel;
+use gs2e_trajectory::flow::FlowMeter;
+use gs2e_trajectory::novel::BaseTrajectory;
+use gs2e_trajectory::path::{PathInputs, SceneFraming};
+use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice};
+use gs2e_trajectory::twist::pose_twists;
+use gs2e_trajectory::{NamedPose, PoseTiming};
 use std::collections::BTreeMap;
 
 /// Largest number of poses that are made to learn their motion.

@@ -1,14 +1,13 @@
 //! The choice between CPU and GPU for a scene.
 
 use super::{RendererChoice, RendererKind};
-use crate::foreign::versions::VersionQuery;
-use crate::plan::asked;
 use crate::plan::assess::{PlanError, StepAction, assess_plan};
-use crate::plan::{Plan, RendererPolicy, past};
-use crate::recipe::Recipe;
-use crate::render::backend::{Backend, GpuBackend};
-use crate::render::{GpuError, OmissionPolicy};
-use crate::store::Store;
+use crate::plan::{Plan, RendererPolicy, asked, past};
+use gs2e_recipe::Recipe;
+use gs2e_render::backend::{Backend, GpuBackend};
+use gs2e_render::{GpuError, OmissionPolicy};
+use gs2e_source::foreign::versions::VersionQuery;
+use gs2e_store::Store;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::fmt;

@@ -2,16 +2,16 @@
 
 use super::ChecksStage;
 use crate::artifact::{SceneFiles, SharpFrames, SimulationRecord, TrajectoryProduct};
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::check::flash::blocks::FrameBlocks;
-use crate::check::flash::{self, PictureFlash};
-use crate::check::{Finding, TrajectorySubject, Verdict};
-use crate::files;
-use crate::image::png;
-use crate::render::near::cause::{FlashViews, find_cause};
 use crate::stage::near::seen_along;
 use crate::stage::{StageContext, StageError, StepTarget};
+use gs2e_check::flash::PictureFlash;
+use gs2e_check::flash::blocks::FrameBlocks;
+use gs2e_check::{Finding, TrajectorySubject, Verdict, flash};
+use gs2e_files as files;
+use gs2e_image::png;
+use gs2e_render::near::cause::{FlashViews, find_cause};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 use rayon::prelude::*;
 use std::io::BufReader;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! Pictures for passes whose result is easier to see than to read.
 
-use crate::check::StreamTally;
-use crate::image::{Image, Size, png};
 use crate::stage::{StageContext, StageError};
+use gs2e_check::StreamTally;
+use gs2e_image::{Image, Size, png};
 use std::fs::File;
 use std::io::BufWriter;
 

@@ -2,17 +2,17 @@
 
 use super::{CheckedPair, ChecksStage};
 use crate::artifact::{DisparityPictures, EventStreams, ImuRecording, PictureSet, TrajectoryProduct};
-use crate::camera::choose_camera;
-use crate::camera::stereo::Rectification;
-use crate::check::Finding;
-use crate::check::depth_consistency::disparity::DisparityDifference;
-use crate::check::geometry::Measured;
-use crate::check::records::inertial::{InertialBytes, judge_inertial};
-use crate::check::records::judge_agreement;
-use crate::files;
-use crate::image::{Image, Size, npy};
-use crate::source::Capture;
 use crate::stage::{StageContext, StageError, StepTarget};
+use gs2e_check::Finding;
+use gs2e_check::depth_consistency::disparity::DisparityDifference;
+use gs2e_check::geometry::Measured;
+use gs2e_check::records::inertial::{InertialBytes, judge_inertial};
+use gs2e_check::records::judge_agreement;
+use gs2e_files as files;
+use gs2e_image::{Image, Size, npy};
+use gs2e_scene::camera::choose_camera;
+use gs2e_scene::camera::stereo::Rectification;
+use gs2e_source::Capture;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 

@@ -1,18 +1,18 @@
 //! Some intervals of a stream with twice the frames, to measure the effect of frames in between.
 
 use super::EventsStage;
-use crate::camera::Camera;
-use crate::check::drift;
-use crate::check::sampling::ResampledIntervals;
-use crate::event::{Event, EventLabel, EventSink};
-use crate::frames::rendered::RenderedFrames;
-use crate::frames::{DenseFrame, FrameSequence as _};
-use crate::render::Renderer;
-use crate::sensor::voltmeter::BetweenFrames;
-use crate::sensor::{SensorChoice, SensorError, SensorModel};
 use crate::stage::{StageContext, StageError};
-use crate::trajectory::sampled::SampledPath;
-use crate::units::Timestamp;
+use gs2e_check::drift;
+use gs2e_check::sampling::ResampledIntervals;
+use gs2e_event::{Event, EventLabel, EventSink};
+use gs2e_num::units::Timestamp;
+use gs2e_render::Renderer;
+use gs2e_sampling::rendered::RenderedFrames;
+use gs2e_scene::camera::Camera;
+use gs2e_sensor::frames::{DenseFrame, FrameSequence as _};
+use gs2e_sensor::voltmeter::BetweenFrames;
+use gs2e_sensor::{SensorChoice, SensorError, SensorModel};
+use gs2e_trajectory::sampled::SampledPath;
 
 /// Number of intervals.
 const INTERVALS: usize = 4;

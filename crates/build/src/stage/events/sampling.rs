@@ -2,23 +2,22 @@
 
 use super::EventsStage;
 use crate::artifact::{EventStream, TrajectoryProduct};
-use crate::camera::Camera;
-use crate::camera::view::CameraVelocity;
-use crate::frames::anchors::AnchorFrames;
-use crate::lights;
-use crate::render::{LayerOrder, RenderRules, Renderer};
-use crate::sampling::choose::{ChoiceQuestion, ChooseError};
-use crate::sampling::flow::PathFlow;
-use crate::sampling::jitter::lost_in_noise;
-use crate::sampling::measure::SensorScale;
-use crate::sampling::scout::{ScoutError, ScoutRenderer};
-use crate::sampling::{ErrorTolerance, SamplingChoice};
-use crate::sensor::SensorChoice;
-use crate::sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use crate::stage::{StageContext, StageError};
-use crate::trajectory::Trajectory;
-use crate::trajectory::sampled::SampledPath;
-use crate::units::format_amount;
+use gs2e_num::units::format_amount;
+use gs2e_render::{LayerOrder, RenderRules, Renderer, lights};
+use gs2e_sampling::choose::{ChoiceQuestion, ChooseError};
+use gs2e_sampling::flow::PathFlow;
+use gs2e_sampling::jitter::lost_in_noise;
+use gs2e_sampling::measure::SensorScale;
+use gs2e_sampling::scout::{ScoutError, ScoutRenderer};
+use gs2e_sampling::{ErrorTolerance, SamplingChoice};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraVelocity;
+use gs2e_sensor::SensorChoice;
+use gs2e_sensor::frames::anchors::AnchorFrames;
+use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel};
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::sampled::SampledPath;
 
 /// Times of the frames, and their renderer.
 pub(super) struct SampledFrames {

@@ -1,13 +1,13 @@
 //! The takers of a pass, as one reader of the renderings.
 
 use super::{PassEnd, PassGround, PoseStage, PoseTaker};
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::frames::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
-use crate::render::parts::near_warnings;
-use crate::render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use crate::stage::shot::ShotParameters;
 use crate::stage::{StageContext, StageError, choose_camera};
+use gs2e_render::parts::near_warnings;
+use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
+use gs2e_sampling::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 
 /// The steps that take the poses of a pass.
 pub(in crate::stage) struct PoseReaders<'p, 'c> {

@@ -1,13 +1,14 @@
 //! Training inside the program, on the CPU.
 
 use crate::artifact::{TRAINING_FILE, write_json};
-use crate::render::backend::Backend;
-use crate::scene::Gaussians;
-use crate::source::Capture;
 use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::{SourceFile, Stage as _, StageContext, StageError, StepNeed};
-use crate::training::{
-    self, CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingError, TrainingNews, TrainingSettings,
+use gs2e_render::backend::Backend;
+use gs2e_scene::Gaussians;
+use gs2e_source::Capture;
+use gs2e_train as training;
+use gs2e_train::{
+    CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingError, TrainingNews, TrainingSettings,
     TrainingWatch,
 };
 use serde::Serialize;

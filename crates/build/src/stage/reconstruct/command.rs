@@ -1,16 +1,19 @@
 //! A program that trains a scene on the capture.
 
-use crate::files::{self, Removal, is_there};
-use crate::reconstruct::{LAYOUT, LayoutError, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand};
-use crate::render::RenderChoice;
-use crate::render::backend::Backend;
-use crate::render::fidelity::HeldOutViews;
-use crate::render::fidelity::sheet::ComparisonSheet;
-use crate::scene::Gaussians;
-use crate::source::Capture;
 use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::fidelity::{measure_fidelity, views_taken};
 use crate::stage::{SourceFile, Stage, StageContext, StageError};
+use gs2e_files as files;
+use gs2e_files::{Removal, is_there};
+use gs2e_render::RenderChoice;
+use gs2e_render::backend::Backend;
+use gs2e_scene::Gaussians;
+use gs2e_source::Capture;
+use gs2e_source::reconstruct::{
+    LAYOUT, LayoutError, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand,
+};
+use gs2e_train::fidelity::HeldOutViews;
+use gs2e_train::fidelity::sheet::ComparisonSheet;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;

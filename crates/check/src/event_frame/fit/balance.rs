@@ -2,12 +2,12 @@
 
 use super::floor::FloorCounts;
 use super::{AnchorFit, FitSums, in_thresholds};
-use crate::check::alignment::places::{PlaceSums, PlaceWatch};
-use crate::check::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
-use crate::check::drift::DriftLaw;
-use crate::check::tally::PixelCounts;
-use crate::frames::anchors::AnchorFrames;
-use crate::image::Size;
+use crate::alignment::places::{PlaceSums, PlaceWatch};
+use crate::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
+use crate::drift::DriftLaw;
+use crate::tally::PixelCounts;
+use gs2e_image::Size;
+use gs2e_sensor::frames::anchors::AnchorFrames;
 
 /// Largest error of a pixel's drift by the rounding of its frames, in thresholds. A pixel beyond it
 /// is left out: its frames do not determine its events.
@@ -15,7 +15,7 @@ const MAX_ROUNDING: f64 = 0.5;
 
 /// Follows the drift of all pixels from anchor to anchor.
 #[derive(Debug)]
-pub(in crate::check) struct DriftBalance<'a> {
+pub(crate) struct DriftBalance<'a> {
     law: DriftLaw,
     anchors: &'a AnchorFrames,
     /// Rates of hot pixels, which are left out; empty if they are unknown.
@@ -79,7 +79,7 @@ struct AnchorView<'a> {
 
 impl<'a> DriftBalance<'a> {
     /// Starts at the first anchor; `None` if there are fewer than two.
-    pub(in crate::check) fn new(
+    pub(crate) fn new(
         size: Size,
         law: DriftLaw,
         anchors: &'a AnchorFrames,
@@ -108,23 +108,23 @@ impl<'a> DriftBalance<'a> {
     }
 
     /// States the typical speed of the image, px/s.
-    pub(in crate::check) fn moves_at(&mut self, px_s: f64) {
+    pub(crate) fn moves_at(&mut self, px_s: f64) {
         self.intervals.moves_at(px_s);
     }
 
     /// Stamp of the next anchor; `None` after the last.
-    pub(in crate::check) fn next_us(&self) -> Option<i64> {
+    pub(crate) fn next_us(&self) -> Option<i64> {
         self.anchors.stamps_us.get(self.found.fits.len() + 1).copied()
     }
 
     /// The comparison after the last anchor.
-    pub(in crate::check) fn finish(self) -> FrameComparison {
+    pub(crate) fn finish(self) -> FrameComparison {
         let (intervals, tiles) = self.intervals.finish();
         FrameComparison { intervals, tiles, places: self.places.finish(), ..self.found }
     }
 
     /// Evaluates the next anchor.
-    pub(in crate::check) fn settle(&mut self, counts: &PixelCounts) {
+    pub(crate) fn settle(&mut self, counts: &PixelCounts) {
         // There is one fit per anchor after the first, so the fits count the anchors.
         let number = self.found.fits.len() + 1;
         let view = self.view(number);

@@ -11,7 +11,7 @@
 
 use super::DEVIATIONS;
 use super::unequal::LEAST_THRESHOLD;
-use crate::seed::normal::normal_quantile;
+use gs2e_num::seed::normal::normal_quantile;
 
 /// Minimum number of pixels near the threshold. An edge of fewer is not measured.
 const MIN_NEAR: usize = 1000;

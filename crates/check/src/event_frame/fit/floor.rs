@@ -126,7 +126,7 @@ impl SpoiltPixels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::check::planted::SplitMixDraws;
+    use crate::planted::SplitMixDraws;
 
     /// A Poisson count by its arrivals: independent of the sums above.
     fn poisson(draws: &mut SplitMixDraws, mean: f64) -> f64 {

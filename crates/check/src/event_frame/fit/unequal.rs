@@ -4,11 +4,11 @@
 //! events is that of the harmonic mean of the thresholds, and the numbers scatter by the relative
 //! variance of `1 / t`. Both follow from the law, so sums over many pixels stay accurate.
 
-use crate::seed::normal::normal_quantile;
+use gs2e_num::seed::normal::normal_quantile;
 
 /// Largest relative spread for which sums are used. Beyond it the lowest thresholds, which the
 /// sensor cuts off, dominate them.
-pub(in crate::check::event_frame) const MAX_SPREAD: f64 = 0.3;
+pub(in crate::event_frame) const MAX_SPREAD: f64 = 0.3;
 /// Smallest threshold of a pixel, relative to the nominal one, as the sensors draw it.
 pub(super) const LEAST_THRESHOLD: f64 = 0.01;
 /// Number of quantiles of the law.

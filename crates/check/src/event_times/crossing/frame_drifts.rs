@@ -1,9 +1,9 @@
 //! The drifts of the pixels between the two frames around the present.
 
 use super::PARTS;
-use crate::check::drift::DriftLaw;
-use crate::event::{Event, Polarity};
-use crate::image::{Image, Size};
+use crate::drift::DriftLaw;
+use gs2e_event::{Event, Polarity};
+use gs2e_image::{Image, Size};
 
 /// A frame as the sensor sees it.
 #[derive(Debug, Clone)]

@@ -6,7 +6,7 @@
 
 use super::line_sums::LineSums;
 use super::{BAND, Crossing, LARGE, SMALL};
-use crate::check::drift::DriftLaw;
+use crate::drift::DriftLaw;
 
 /// Sums over the events of all pixels.
 #[derive(Debug)]

@@ -20,8 +20,8 @@
 
 use super::line_sums::{LineSums, MeanSums};
 use super::{BAND, Crossing, SMALL};
-use crate::check::drift::DriftLaw;
-use crate::event::Polarity;
+use crate::drift::DriftLaw;
+use gs2e_event::Polarity;
 
 /// Largest probability of an event within a pair that does not come from the drift.
 const MAX_DISTURBED: f64 = 0.01;

@@ -2,10 +2,10 @@
 //! frames.
 
 use super::*;
-use crate::check::planted::{FRAMES, PlantedWorld, WorldSettings, wave_picture};
-use crate::image::Image;
-use crate::sensor::SensorChoice;
-use crate::units::Timestamp;
+use crate::planted::{FRAMES, PlantedWorld, WorldSettings, wave_picture};
+use gs2e_image::Image;
+use gs2e_num::units::Timestamp;
+use gs2e_sensor::SensorChoice;
 
 /// Thresholds and spread of a DAVIS346, with the noise of bright and of dim light.
 fn settings() -> impl Iterator<Item = WorldSettings> {
@@ -18,7 +18,7 @@ fn settings() -> impl Iterator<Item = WorldSettings> {
         initial,
         ..WorldSettings::default()
     };
-    use crate::sensor::voltmeter::InitialVoltage::{Stationary, Zero};
+    use gs2e_sensor::voltmeter::InitialVoltage::{Stationary, Zero};
     [
         (0.3, [0.0; 2], Zero),
         (0.1, [0.2, 0.05], Zero),

@@ -1,7 +1,7 @@
 //! Messages of ROS 2 in CDR, little-endian (OMG DDS-XTYPES 1.1, 7.4.1): numbers are at multiples of their
 //! size, counted from the end of the encapsulation; texts and lists begin with their length.
 
-use crate::event::mcap::ENCAPSULATION;
+use gs2e_event::mcap::ENCAPSULATION;
 
 /// A message that is being written.
 #[derive(Debug)]

@@ -5,8 +5,8 @@
 mod fields;
 mod summary;
 
-use crate::event::mcap::{CDR, MAGIC, opcode};
 use fields::{record, text};
+use gs2e_event::mcap::{CDR, MAGIC, opcode};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Write as _};

@@ -2,11 +2,11 @@
 
 use super::cdr::CdrWriter;
 use super::packets::EventPacket;
-use crate::camera::Camera;
-use crate::camera::lens::Distortion;
-use crate::image::{Image, Size};
-use crate::se3::Se3;
 use glam::DVec3;
+use gs2e_image::{Image, Size};
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::lens::Distortion;
 
 /// The frame of the poses.
 const WORLD: &str = "world";

@@ -6,11 +6,10 @@
 //! 40 ms of the next (Metavision SDK, sample `metavision_evt3_raw_file_decoder`).
 
 use super::{PACKET_US, SILENCE_US};
-use crate::event::Event;
-use crate::event::evt::packet::OVERFLOW_US;
-use crate::event::evt::packet::PacketEncoder;
-use crate::export::ExportError;
-use crate::units::Timestamp;
+use crate::ExportError;
+use gs2e_event::Event;
+use gs2e_event::evt::packet::{OVERFLOW_US, PacketEncoder};
+use gs2e_num::units::Timestamp;
 
 /// Bytes after which a packet is complete, however short: many events at once would take much memory.
 const PACKET_BYTES: usize = 1 << 20;
@@ -52,7 +51,7 @@ impl EventPackets {
         t_us: i64,
         mut send: impl FnMut(EventPacket) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
-        let is_full = |open_us| t_us - open_us >= PACKET_US || self.encoder.len() >= PACKET_BYTES;
+        let is_full = |open_us| t_us - open_us >= PACKET_US || self.encoder.byte_count() >= PACKET_BYTES;
         if self.open_us.is_some_and(is_full) {
             self.finish(&mut send)?;
         }

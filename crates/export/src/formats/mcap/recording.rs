@@ -5,7 +5,7 @@ use super::messages;
 use super::packets::EventPacket;
 use super::schemas::{ENCODING, MessageType};
 use super::timeline::{DueKind, DueMessage, Timeline};
-use crate::export::{ExportError, ExportPlan};
+use crate::{ExportError, ExportPlan};
 use glam::DVec3;
 use serde_json::Value;
 use std::collections::BTreeMap;

@@ -3,7 +3,7 @@
 //!
 //! Readers decode messages by these definitions alone, and viewers know the types by their names.
 
-use crate::event::mcap::EVENT_PACKET;
+use gs2e_event::mcap::EVENT_PACKET;
 
 /// A message type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

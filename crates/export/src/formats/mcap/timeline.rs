@@ -1,7 +1,7 @@
 //! Everything but events, in the order of time.
 
 use super::recording::Recording;
-use crate::export::{ExportError, ExportFolder, ExportPlan};
+use crate::{ExportError, ExportFolder, ExportPlan};
 use glam::DVec3;
 use std::collections::VecDeque;
 

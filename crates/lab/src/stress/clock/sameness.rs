@@ -1,15 +1,15 @@
 //! One signal gives one stream, for any sampling, cropping and scheduling.
 
 use super::FIRST;
-use crate::event::Event;
-use crate::frames::FrameSequence as _;
-use crate::frames::array::ArrayFrames;
-use crate::image::{Image, Size};
-use crate::seed::Seed;
-use crate::sensor::SensorModel as _;
-use crate::sensor::voltmeter::{SamplerKind, VoltmeterModel};
-use crate::study::stress::clips::{by_pixel, make_clip, run_sensor};
-use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use crate::stress::clips::{by_pixel, make_clip, run_sensor};
+use crate::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use gs2e_event::Event;
+use gs2e_image::{Image, Size};
+use gs2e_num::seed::Seed;
+use gs2e_sensor::SensorModel as _;
+use gs2e_sensor::frames::FrameSequence as _;
+use gs2e_sensor::frames::array::ArrayFrames;
+use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 /// Origins of a crop of the sensor.

@@ -1,11 +1,11 @@
 //! Events without noise, or with almost none: each has its exact time, for any number of events.
 
-use crate::event::Polarity;
-use crate::image::Size;
-use crate::sensor::voltmeter::VoltmeterModel;
-use crate::study::stress::answers::{KnownAnswer, find_answers};
-use crate::study::stress::clips::{Train, by_pixel, make_clip, run_sensor};
-use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use crate::stress::answers::{KnownAnswer, find_answers};
+use crate::stress::clips::{Train, by_pixel, make_clip, run_sensor};
+use crate::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use gs2e_event::Polarity;
+use gs2e_image::Size;
+use gs2e_sensor::voltmeter::VoltmeterModel;
 
 /// A frame interval of 2400 a second, us.
 const FRAME: i64 = 417;

@@ -1,13 +1,13 @@
 //! First passages by counting: the barrier, and the time.
 
 use super::interval_law::BarrierExit;
-use crate::event::Polarity;
-use crate::image::Size;
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
-use crate::sensor::voltmeter::{Barriers, ClockLeaf, EmitEvents, LeafSpan, VoltmeterModel};
-use crate::study::stress::answers::{KnownAnswer, find_answers};
-use crate::study::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
-use crate::study::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use crate::stress::answers::{KnownAnswer, find_answers};
+use crate::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
+use crate::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
+use gs2e_event::Polarity;
+use gs2e_image::Size;
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_sensor::voltmeter::{Barriers, ClockLeaf, EmitEvents, LeafSpan, VoltmeterModel};
 use std::ops::ControlFlow;
 
 /// Allowed number of standard errors of a count: a probability of 6e-5 for each of a dozen counts.

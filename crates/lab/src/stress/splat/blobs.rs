@@ -1,12 +1,13 @@
 //! Small scenes, and views of them.
 
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::image::Size;
-use crate::render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
-use crate::scene::{Gaussians, SceneScreening, procedural, sh};
-use crate::se3::Se3;
 use glam::{DQuat, DVec3};
+use gs2e_demo as procedural;
+use gs2e_image::Size;
+use gs2e_num::se3::Se3;
+use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::{Gaussians, SceneScreening, sh};
 
 /// All images of a camera at rest.
 pub const ALL: ChannelSet = ChannelSet {

@@ -3,10 +3,10 @@
 use super::blobs::{ALL, OFFICIAL};
 use super::scenes::{self, ALL_RULES, GaussianCounts};
 use super::{CaseRenderer, FloatPrecision, pixel_opacities};
-use crate::image::Size;
-use crate::render::backend::Backend;
-use crate::render::{RenderRules, RenderStyle, RenderWork};
-use crate::study::stress::{Outcome, StressPoint, WorstPoint};
+use crate::stress::{Outcome, StressPoint, WorstPoint};
+use gs2e_image::Size;
+use gs2e_render::backend::Backend;
+use gs2e_render::{RenderRules, RenderStyle, RenderWork};
 use std::sync::Arc;
 
 /// Layers of equal opacity, clamped at 0.99, are a geometric series up to the layer that would

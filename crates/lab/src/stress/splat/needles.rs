@@ -3,8 +3,8 @@
 use super::blobs::OFFICIAL;
 use super::scenes::{self, DILATION, NeedleGaussian};
 use super::{CaseRenderer, FloatPrecision, exact_luminance, pixel_opacities};
-use crate::render::{ChannelSet, RenderRules, RenderStyle};
-use crate::study::stress::{CaseResult, NotRun, Outcome, StressPoint, WorstPoint};
+use crate::stress::{CaseResult, NotRun, Outcome, StressPoint, WorstPoint};
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle};
 use std::sync::Arc;
 
 const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..OFFICIAL };

@@ -2,17 +2,18 @@
 
 use super::blobs::{ALL, OFFICIAL};
 use super::{CaseRenderer, FloatPrecision, SplatBench, exact_luminance};
-use crate::camera::Camera;
-use crate::camera::view::{CameraVelocity, CameraView};
-use crate::image::{Size, luminance as grey_of};
-use crate::render::backend::Backend;
-use crate::render::{ChannelSet, RenderRules, RenderStyle, RenderedImages};
-use crate::scene::Gaussians;
-use crate::scene::procedural::{self, StillLife};
-use crate::se3::rotation::exp_vector;
-use crate::se3::{Se3, look_at};
-use crate::study::stress::{CaseResult, Outcome, StressPoint, WorstPoint};
+use crate::stress::{CaseResult, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;
+use gs2e_demo as procedural;
+use gs2e_demo::StillLife;
+use gs2e_image::{Size, luminance as grey_of};
+use gs2e_num::se3::rotation::exp_vector;
+use gs2e_num::se3::{Se3, look_at};
+use gs2e_render::backend::Backend;
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle, RenderedImages};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 80, height: 45 };

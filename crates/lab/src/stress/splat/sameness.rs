@@ -4,13 +4,13 @@
 use super::blobs::{ALL, ColourBlob, OFFICIAL, blob_scene, view_ahead};
 use super::scenes::{self, ALL_RULES};
 use super::{CaseRenderer, image_bits, pixel_opacities};
-use crate::camera::view::CameraView;
-use crate::image::Size;
-use crate::render::backend::Backend;
-use crate::render::{RenderRules, RenderStyle, RenderWork, RenderedImages};
-use crate::scene::Gaussians;
-use crate::study::stress::{NotRun, Outcome, StressPoint, WorstPoint};
+use crate::stress::{NotRun, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;
+use gs2e_image::Size;
+use gs2e_render::backend::Backend;
+use gs2e_render::{RenderRules, RenderStyle, RenderWork, RenderedImages};
+use gs2e_scene::Gaussians;
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
 /// Values that differ, in either picture.

@@ -1,10 +1,10 @@
 //! Scenes at the edges of the arithmetic, with their known properties.
 
 use super::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
-use crate::camera::view::CameraView;
-use crate::render::RenderRules;
-use crate::scene::{Gaussians, sh};
 use glam::{DQuat, DVec3};
+use gs2e_render::RenderRules;
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::{Gaussians, sh};
 
 /// All rules.
 pub const ALL_RULES: [RenderRules; 4] =
@@ -196,7 +196,7 @@ pub fn counted_scene() -> (Gaussians, CameraView, GaussianCounts) {
     (blob_scene(&blobs), view_ahead(32, 32, 100.0), wanted)
 }
 
-/// The counts of [`crate::render::RenderWork`] that concern Gaussians.
+/// The counts of [`gs2e_render::RenderWork`] that concern Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GaussianCounts {
     /// All Gaussians.

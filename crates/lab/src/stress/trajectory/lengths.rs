@@ -1,8 +1,8 @@
 //! Curves with closed-form lengths, and with speeds that almost vanish or change quickly.
 
-use crate::se3::arc_length::ArcLength;
-use crate::se3::spline::CurvePlace;
-use crate::study::stress::{CaseResult, StressPoint, WorstPoint};
+use crate::stress::{CaseResult, StressPoint, WorstPoint};
+use gs2e_num::se3::arc_length::ArcLength;
+use gs2e_num::se3::spline::CurvePlace;
 
 /// A speed over `x` in [0, 1].
 #[derive(Debug, Clone, Copy)]

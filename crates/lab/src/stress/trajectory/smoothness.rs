@@ -1,12 +1,11 @@
 //! Rates of curves of poses, and their continuity where pieces meet.
 
-use crate::se3::Se3;
-use crate::se3::Twist;
-use crate::se3::rotation::{exp_vector, log_vector};
-use crate::se3::spline::CurvePlace;
-use crate::study::stress::{CaseResult, StressPoint, WorstPoint};
-use crate::trajectory::curve::{CurveKind, PoseCurve};
+use crate::stress::{CaseResult, StressPoint, WorstPoint};
 use glam::DVec3;
+use gs2e_num::se3::rotation::{exp_vector, log_vector};
+use gs2e_num::se3::spline::CurvePlace;
+use gs2e_num::se3::{Se3, Twist};
+use gs2e_trajectory::curve::{CurveKind, PoseCurve};
 
 /// Poses with uneven turns of up to 1.5 rad between neighbours.
 #[must_use]

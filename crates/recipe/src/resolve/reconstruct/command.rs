@@ -1,12 +1,14 @@
 //! A program that trains a scene.
 
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::{RealRange, WholeRange};
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::reconstruct::{ArgumentError, ArgumentPlaces, ArgumentTemplate, GaussianCount, TrainerCommand};
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::resolve::Resolver;
+use crate::resolve::number::{RealRange, WholeRange};
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_source::reconstruct::{
+    ArgumentError, ArgumentPlaces, ArgumentTemplate, GaussianCount, TrainerCommand,
+};
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 

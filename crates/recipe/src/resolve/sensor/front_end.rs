@@ -2,12 +2,13 @@
 
 use super::super::Resolver;
 use super::super::number::RealRange;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::sensor::front_end::{self, ChannelDecode, FrontEnd, LuminanceWeights};
-use crate::sensor::voltmeter::BetweenFrames;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_sensor::front_end;
+use gs2e_sensor::front_end::{ChannelDecode, FrontEnd, LuminanceWeights};
+use gs2e_sensor::voltmeter::BetweenFrames;
 
 /// Range of the weights of a colour.
 const WEIGHT: RealRange = RealRange::new(0.0, 1.0);

@@ -2,17 +2,18 @@
 
 use super::super::Resolver;
 use super::super::number::{RealRange, WholeRange};
-use crate::recipe::drawn::RANDOMISED;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::sensor::esim::{EsimModel, TRAINABLE};
-use crate::sensor::latency::{self, PixelLatency};
-use crate::sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
-use crate::sensor::readout::{ArbiterOrder, ReadoutBus};
-use crate::sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
-use crate::sensor::voltmeter::BetweenFrames;
+use crate::drawn::RANDOMISED;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_sensor::esim::{EsimModel, TRAINABLE};
+use gs2e_sensor::latency;
+use gs2e_sensor::latency::PixelLatency;
+use gs2e_sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
+use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
+use gs2e_sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
+use gs2e_sensor::voltmeter::BetweenFrames;
 
 /// Range of the thresholds.
 pub(super) const THRESHOLD: RealRange = RealRange::new(1e-6, 1e6);

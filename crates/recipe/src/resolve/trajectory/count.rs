@@ -1,14 +1,14 @@
 //! Number of poses of a path.
 
 use super::PathContext;
-use crate::recipe::field::{Field, NumberLiteral};
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::{RealRange, WholeRange};
-use crate::recipe::text::TextSpan;
-use crate::trajectory::MAX_POSES;
-use crate::trajectory::travel::PoseCount;
-use crate::units::{Hertz, Ratio};
+use crate::field::{Field, NumberLiteral};
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::resolve::number::{RealRange, WholeRange};
+use crate::text::TextSpan;
+use gs2e_num::units::{Hertz, Ratio};
+use gs2e_trajectory::MAX_POSES;
+use gs2e_trajectory::travel::PoseCount;
 
 /// Fields of a path that define the number of its poses and their spacing.
 #[derive(Debug, Clone, Copy)]

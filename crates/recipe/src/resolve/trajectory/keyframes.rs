@@ -3,15 +3,15 @@
 use super::PathContext;
 use super::count::PoseSpread;
 use super::novel::USUAL_FRAMES;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::RealRange;
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::se3::{look_at, rotation_from_quaternion};
-use crate::trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::resolve::number::RealRange;
+use crate::schema;
+use crate::text::TextSpan;
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::{look_at, rotation_from_quaternion};
+use gs2e_trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
 
 const POSES: &str =
     "write poses: [{ position: [0, 0, 0], rotation: [0, 0, 0, 1] }], or look_at and up in place of rotation";

@@ -3,17 +3,17 @@
 
 use super::count::PoseSpread;
 use super::{List, PathContext};
-use crate::recipe::field::Field;
-use crate::recipe::problem::{FieldProblem, quote_text};
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::WholeRange;
-use crate::recipe::text::TextSpan;
-use crate::recipe::{TrajectoryRecipe, schema};
-use crate::seed::{Seed, StreamPurpose};
-use crate::trajectory::curve::CurveKind;
-use crate::trajectory::novel::{GroupCurve, NovelGroup};
-use crate::trajectory::path::CameraPath;
-use crate::trajectory::travel::PoseCount;
+use crate::field::Field;
+use crate::problem::{FieldProblem, quote_text};
+use crate::resolve::Resolver;
+use crate::resolve::number::WholeRange;
+use crate::text::TextSpan;
+use crate::{TrajectoryRecipe, schema};
+use gs2e_num::seed::{Seed, StreamPurpose};
+use gs2e_trajectory::curve::CurveKind;
+use gs2e_trajectory::novel::{GroupCurve, NovelGroup};
+use gs2e_trajectory::path::CameraPath;
+use gs2e_trajectory::travel::PoseCount;
 
 /// Number of groups of a novel trajectory; each is a trajectory of its own.
 const GROUPS: WholeRange = WholeRange::new(1, MAX_GROUPS);

@@ -3,14 +3,14 @@
 use super::PathContext;
 use super::count::PoseSpread;
 use super::novel::USUAL_FRAMES;
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::RealRange;
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::se3::look_at;
-use crate::trajectory::orbit::OrbitPath;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::resolve::number::RealRange;
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_num::se3::look_at;
+use gs2e_trajectory::orbit::OrbitPath;
 
 /// Degrees: a hundred turns in either direction.
 const ARC: RealRange = RealRange::new(-36_000.0, 36_000.0);

@@ -2,14 +2,14 @@
 
 use super::PathContext;
 use super::count::PoseSpread;
-use crate::recipe::field::{Field, NumberLiteral};
-use crate::recipe::problem::{FieldProblem, bare_text};
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::{RealRange, WholeRange};
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::trajectory::curve::CurveKind;
-use crate::trajectory::refine::{EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder};
+use crate::field::{Field, NumberLiteral};
+use crate::problem::{FieldProblem, bare_text};
+use crate::resolve::Resolver;
+use crate::resolve::number::{RealRange, WholeRange};
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_trajectory::curve::CurveKind;
+use gs2e_trajectory::refine::{EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder};
 
 /// Range of the degree of a Bezier curve. At higher degrees, the control points say little about
 /// the course.

@@ -1,21 +1,21 @@
 //! Speeds: a formula, a list of levels, or pixels per second.
 
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::RealRange;
-use crate::recipe::schema;
-use crate::recipe::text::TextSpan;
-use crate::speed::function::{ExpressionError, SpeedExpression};
-use crate::speed::list::SpeedLevels;
-use crate::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
-use crate::trajectory::sample::SummationRule;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::resolve::number::RealRange;
+use crate::schema;
+use crate::text::TextSpan;
+use gs2e_trajectory::sample::SummationRule;
+use gs2e_trajectory::speed::function::{ExpressionError, SpeedExpression};
+use gs2e_trajectory::speed::list::SpeedLevels;
+use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
 
 /// The paper's speed law (appendix A.1), the default of a refined path.
-pub(in crate::recipe) const PAPERS_SPEED: &str = "0.25*sin(t) + 1.1";
+pub(crate) const PAPERS_SPEED: &str = "0.25*sin(t) + 1.1";
 
 /// The default law of all other paths, and the default shape of a flow.
-pub(in crate::recipe) const CONSTANT_SPEED: &str = "1";
+pub(crate) const CONSTANT_SPEED: &str = "1";
 
 impl Resolver<'_> {
     pub(super) fn speed(

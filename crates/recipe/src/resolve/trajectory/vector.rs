@@ -1,9 +1,9 @@
 //! Points and directions.
 
-use crate::recipe::field::Field;
-use crate::recipe::problem::FieldProblem;
-use crate::recipe::resolve::Resolver;
-use crate::recipe::resolve::number::RealRange;
+use crate::field::Field;
+use crate::problem::FieldProblem;
+use crate::resolve::Resolver;
+use crate::resolve::number::RealRange;
 use glam::DVec3;
 
 /// Range of a coordinate: far beyond any map, and far within the numbers that can be squared.
@@ -11,7 +11,7 @@ const COORDINATE: RealRange = RealRange::new(-1e12, 1e12);
 
 impl Resolver<'_> {
     /// Resolves the numbers of a list, each within its range.
-    pub(in crate::recipe::resolve) fn numbers<const N: usize>(
+    pub(in crate::resolve) fn numbers<const N: usize>(
         &self,
         list: &[Field<f64>; N],
         range: RealRange,
@@ -21,16 +21,13 @@ impl Resolver<'_> {
     }
 
     /// Resolves an optional point; `None` if it is faulty.
-    pub(in crate::recipe::resolve) fn point(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
+    pub(in crate::resolve) fn point(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
         let Some((list, _)) = field.given() else { return field.is_absent().then_some(None) };
         self.numbers(list, COORDINATE).map(|point| Some(DVec3::from_array(point)))
     }
 
     /// Resolves an optional direction; `None` if it is faulty.
-    pub(in crate::recipe::resolve) fn direction(
-        &self,
-        field: &Field<[Field<f64>; 3]>,
-    ) -> Option<Option<DVec3>> {
+    pub(in crate::resolve) fn direction(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<DVec3>> {
         let direction = self.point(field)?;
         match (direction, field.place()) {
             (Some(DVec3::ZERO), Some(place)) => {

@@ -4,15 +4,15 @@ use super::{
     ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
     ThresholdSection,
 };
-use crate::recipe::field::Field;
-use crate::sensor::esim::IntensityScale;
-use crate::sensor::noise::RedrawRule;
+use crate::field::Field;
+use gs2e_sensor::esim::IntensityScale;
+use gs2e_sensor::noise::RedrawRule;
 use serde::Deserialize;
 
 /// Brightness is `ln(eps + L/255)`, or `L/255`; thresholds are differences of it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct EsimSection {
+pub(crate) struct EsimSection {
     /// Named set of the keys below: `trainable`, without noise and dead time, for methods that learn from
     /// events; or `randomised`, which has ranges from which numbers are drawn. Default: none.
     pub preset: Field<String>,

@@ -4,8 +4,8 @@ use super::{
     ContrastSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection, RefractorySection,
     ThresholdSection,
 };
-use crate::recipe::field::Field;
-use crate::sensor::v2e::FilterSteps;
+use crate::field::Field;
+use gs2e_sensor::v2e::FilterSteps;
 use serde::Deserialize;
 
 /// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise;
@@ -13,7 +13,7 @@ use serde::Deserialize;
 /// shot noise of 5 Hz.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct V2eSection {
+pub(crate) struct V2eSection {
     /// Named set of the keys below: `clean`, `noisy`, or `randomised`, which has ranges from which
     /// numbers are drawn. Default: `clean`.
     pub preset: Field<String>,
@@ -54,7 +54,7 @@ pub(in crate::recipe) struct V2eSection {
 /// Leak of the remembered level.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct LeakSection {
+pub(crate) struct LeakSection {
     /// Number of leak events of a pixel per second. Unit: Hz. Default: the preset's.
     pub rate: Field<f64>,
     /// Standard deviation of the rate from frame to frame, as a share of it. Default: the preset's.

@@ -4,15 +4,15 @@ use super::{
     ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection,
     RefractorySection, ThresholdSection,
 };
-use crate::recipe::field::Field;
-use crate::sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
+use crate::field::Field;
+use gs2e_sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
 use serde::Deserialize;
 
 /// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a
 /// contrast in `ln(L + k2)`.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(in crate::recipe) struct VoltmeterSection {
+pub(crate) struct VoltmeterSection {
     /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
     /// `gs2e-si`. Default: `davis346`.
     pub preset: Field<String>,

@@ -1,6 +1,7 @@
 //! A file of the tree that is compared with bytes while they are made.
 
-use crate::files::{self, LinkRule};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
 use std::fs::File;
 use std::io::{self, BufReader, Read as _, Write};
 use std::path::Path;

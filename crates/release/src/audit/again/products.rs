@@ -3,23 +3,24 @@
 
 use super::compared::ComparedFile;
 use super::{AuditFault, FaultCode, TrustedTree, compare};
-use crate::artifact::{OBJECT_PLACES, TrajectoryProduct};
-use crate::camera::stereo::Rectification;
-use crate::files::{self, LinkRule};
-use crate::image::{Image, Size, npy};
-use crate::imu::files::{
+use crate::calibration;
+use crate::published::PublishedScene;
+use crate::scene::TrajectoryPart;
+use glam::{DMat3, DQuat, DVec3};
+use gs2e_build::artifact::{OBJECT_PLACES, TrajectoryProduct};
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_image::{Image, Size, npy};
+use gs2e_num::seed::{Seed, StreamPurpose};
+use gs2e_recipe::OutputKind;
+use gs2e_scene::camera::stereo::Rectification;
+use gs2e_scene::motion::{MovingPart, PartMotion, PartRecord, SceneMotion, place_lines, write_places};
+use gs2e_scene::objects::{ObjectSettings, ObjectSource};
+use gs2e_trajectory::imu::files::{
     SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD, read_gravity, sensor_text, write_sample, write_state,
 };
-use crate::imu::{ImuModel, ImuSampler};
-use crate::recipe::OutputKind;
-use crate::release::calibration;
-use crate::release::published::PublishedScene;
-use crate::release::scene::TrajectoryPart;
-use crate::scene::motion::{MovingPart, PartMotion, PartRecord, SceneMotion, place_lines, write_places};
-use crate::scene::objects::{ObjectSettings, ObjectSource};
-use crate::seed::{Seed, StreamPurpose};
-use crate::trajectory::sampled::SampledPath;
-use glam::{DMat3, DQuat, DVec3};
+use gs2e_trajectory::imu::{ImuModel, ImuSampler};
+use gs2e_trajectory::sampled::SampledPath;
 use rayon::prelude::*;
 use std::io::{self, BufWriter, Cursor, Write as _};
 

@@ -2,17 +2,18 @@
 //! other.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::files::{self, LinkRule};
-use crate::release::audit::claims;
-use crate::sampling::exposure;
-use crate::se3::{OPENCV_FROM_OPENGL, Se3};
-use crate::speed::SpeedMeaning;
-use crate::trajectory::Trajectory;
-use crate::trajectory::report::SpeedReport;
-use crate::trajectory::sample::stamps_us;
-use crate::trajectory::text::{TextError, read_stamps};
-use crate::units::Hertz;
+use crate::audit::claims;
 use glam::DVec3;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
+use gs2e_num::units::Hertz;
+use gs2e_sampling::exposure;
+use gs2e_trajectory::Trajectory;
+use gs2e_trajectory::report::SpeedReport;
+use gs2e_trajectory::sample::stamps_us;
+use gs2e_trajectory::speed::SpeedMeaning;
+use gs2e_trajectory::text::{TextError, read_stamps};
 use serde_json::Value;
 use std::fs::File;
 use std::io::BufReader;

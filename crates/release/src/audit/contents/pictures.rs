@@ -2,13 +2,14 @@
 //! picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::artifact::OBJECT_PLACES;
-use crate::files::{self, LinkRule};
-use crate::image::{Image, Size, npy, png};
-use crate::imu;
-use crate::release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
-use crate::sampling::exposure;
-use crate::scene::motion;
+use crate::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
+use gs2e_build::artifact::OBJECT_PLACES;
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_image::{Image, Size, npy, png};
+use gs2e_sampling::exposure;
+use gs2e_scene::motion;
+use gs2e_trajectory::imu;
 use rayon::prelude::*;
 use serde_json::Value;
 use std::io::Cursor;

@@ -1,9 +1,9 @@
 //! Answers on what the dataset lacks, how its parts belong together, and its risks.
 
 use super::{AnswerContext, counted_list};
-use crate::recipe::SplitUnit;
-use crate::release::croissant;
-use crate::release::facts::FileCounts;
+use crate::croissant;
+use crate::facts::FileCounts;
+use gs2e_recipe::SplitUnit;
 
 impl AnswerContext<'_> {
     pub(super) fn missing(&self) -> String {

@@ -1,13 +1,13 @@
 //! Answers on the collection of the data, their processing, and their uses.
 
 use super::{AnswerContext, SAMPLE};
-use crate::release::TOOL;
-use crate::release::datasheet::{DatasheetEntry, UNKNOWN, UNSTATED};
-use crate::release::markdown::plain_text;
+use crate::TOOL;
+use crate::datasheet::{DatasheetEntry, UNKNOWN, UNSTATED};
+use crate::markdown::plain_text;
 use std::collections::BTreeMap;
 
 impl AnswerContext<'_> {
-    pub(in crate::release::datasheet) fn collection(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn collection(&self) -> Vec<DatasheetEntry> {
         let trained = self.facts.trained().map_or_else(
             || "No scene was trained.".to_owned(),
             |how| format!("Gaussians were trained with: {how}."),
@@ -71,7 +71,7 @@ impl AnswerContext<'_> {
         format!("{whom} {}", self.taken_down()).trim_end().to_owned()
     }
 
-    pub(in crate::release::datasheet) fn preprocessing(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn preprocessing(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Was there preprocessing, cleaning or labelling?", self.preprocessing_words()),
             (
@@ -90,7 +90,7 @@ impl AnswerContext<'_> {
         ]
     }
 
-    pub(in crate::release::datasheet) fn uses(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn uses(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Has it been used for any tasks already?", UNSTATED.to_owned()),
             ("Is there a list of papers or systems that use it?", UNSTATED.to_owned()),

@@ -1,14 +1,14 @@
 //! Answers on the content of the dataset.
 
 use super::{AnswerContext, SAMPLE, counted_list};
-use crate::release::datasheet::{DatasheetEntry, UNKNOWN};
-use crate::release::facts::FileCounts;
-use crate::release::products::{ReleaseProduct, products};
-use crate::release::published::PublishedScene;
+use crate::datasheet::{DatasheetEntry, UNKNOWN};
+use crate::facts::FileCounts;
+use crate::products::{ReleaseProduct, products};
+use crate::published::PublishedScene;
 use std::fmt::Write as _;
 
 impl AnswerContext<'_> {
-    pub(in crate::release::datasheet) fn composition(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn composition(&self) -> Vec<DatasheetEntry> {
         let none = "No.".to_owned();
         vec![
             ("What do the instances represent?", self.instances()),

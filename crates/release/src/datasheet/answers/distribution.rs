@@ -1,13 +1,13 @@
 //! Answers on distribution and maintenance.
 
 use super::{AnswerContext, stated_or_silent};
-use crate::licence::LicenceObligation;
-use crate::release::datasheet::{DatasheetEntry, UNKNOWN, UNSTATED};
-use crate::release::markdown::plain_text;
+use crate::datasheet::{DatasheetEntry, UNKNOWN, UNSTATED};
+use crate::markdown::plain_text;
+use gs2e_source::licence::LicenceObligation;
 use std::fmt::Write as _;
 
 impl AnswerContext<'_> {
-    pub(in crate::release::datasheet) fn distribution(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn distribution(&self) -> Vec<DatasheetEntry> {
         let gated = if self.facts.licence.gated {
             " Receivers must first accept the upstream terms; the card has the form."
         } else {
@@ -49,7 +49,7 @@ impl AnswerContext<'_> {
         text
     }
 
-    pub(in crate::release::datasheet) fn maintenance(&self) -> Vec<DatasheetEntry> {
+    pub(in crate::datasheet) fn maintenance(&self) -> Vec<DatasheetEntry> {
         vec![
             ("Who supports, hosts and maintains it?", stated_or_silent(self.info.maintenance.as_ref())),
             ("How can the publisher be contacted?", stated_or_silent(self.info.contact.as_ref())),

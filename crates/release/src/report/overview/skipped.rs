@@ -1,14 +1,14 @@
 //! The outputs that are absent, and the work that was skipped.
 
-use crate::html::HtmlFragment;
-use crate::release::left_out::OmissionRow;
-use crate::release::report::ReportPage;
-use crate::release::report::findings::write_heads;
-use crate::release::report::section::{self, counted_noun, thousands_number};
+use crate::left_out::OmissionRow;
+use crate::report::findings::write_heads;
+use crate::report::section::{counted_noun, thousands_number};
+use crate::report::{ReportPage, section};
+use gs2e_files::html::HtmlFragment;
 use std::collections::BTreeMap;
 
 /// Writes the contents that the release lacks.
-pub(in crate::release::report) fn write_absences(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+pub(in crate::report) fn write_absences(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "absent")], |html| {
         html.leaf("h2", &[], "What is not here");
         html.within("ul", &[], |html| {
@@ -18,7 +18,7 @@ pub(in crate::release::report) fn write_absences(html: &mut HtmlFragment, page: 
 }
 
 /// Writes the work that was skipped.
-pub(in crate::release::report) fn write_skipped(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+pub(in crate::report) fn write_skipped(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "skipped")], |html| {
         html.leaf("h2", &[], "Skipped work");
         let rows = page.entries.iter().flat_map(|entry| &entry.scene.trajectories).flat_map(|t| &t.left_out);

@@ -1,10 +1,11 @@
 //! The table of checks, the faults, and the statements that did not run.
 
-use crate::check::{self, Finding, FindingSubject, Verdict};
-use crate::html::HtmlFragment;
-use crate::release::report::ReportPage;
-use crate::release::report::findings::{self, VerdictCount, write_badge, write_heads};
-use crate::release::report::section::{counted_noun, section_link, thousands_number};
+use crate::report::findings::{VerdictCount, write_badge, write_heads};
+use crate::report::section::{counted_noun, section_link, thousands_number};
+use crate::report::{ReportPage, findings};
+use gs2e_check as check;
+use gs2e_check::{Finding, FindingSubject, Verdict};
+use gs2e_files::html::HtmlFragment;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Maximum number of faults that are listed at the top of the page.
@@ -14,7 +15,7 @@ const MAX_FAULTS: usize = 200;
 const MAX_REASONS: usize = 6;
 
 /// Writes the counts of statements by check, and every fault.
-pub(in crate::release::report) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+pub(in crate::report) fn write_checks(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     html.within("section", &[("id", "checks")], |html| {
         html.leaf("h2", &[], "Checks");
         html.leaf("p", &[], VERDICTS);
@@ -89,7 +90,7 @@ fn write_faults(html: &mut HtmlFragment, page: &ReportPage<'_>) {
 }
 
 /// Writes the statements that could not be judged, by check and reason.
-pub(in crate::release::report) fn not_run(html: &mut HtmlFragment, page: &ReportPage<'_>) {
+pub(in crate::report) fn not_run(html: &mut HtmlFragment, page: &ReportPage<'_>) {
     let reasons = not_run_reasons(page.findings());
     let silent: BTreeSet<&str> = page.findings().map(|finding| finding.check.as_str()).collect();
     let silent: Vec<&str> = check::NAMES.into_iter().filter(|name| !silent.contains(name)).collect();
@@ -168,7 +169,7 @@ fn reason_row(html: &mut HtmlFragment, reason: &NotRunReason<'_>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::release::report::findings::tests::finding;
+    use crate::report::findings::tests::finding;
 
     #[test]
     fn reasons_are_counted_and_the_long_tail_is_put_together() {

@@ -18,12 +18,13 @@
 
 use super::GaussianGradient;
 use super::raster::SplatMoments;
-use crate::render::cpu::activate::{self, ActivatedGaussian};
-use crate::render::cpu::eye::ViewTransform;
-use crate::render::cpu::splat::Splat;
-use crate::render::dual::{RealNumber, cross_product, dot_product};
-use crate::render::shared::{COMPENSATION_FLOOR, DILATION};
-use crate::scene::{Gaussians, sh};
+use crate::cpu::activate;
+use crate::cpu::activate::ActivatedGaussian;
+use crate::cpu::eye::ViewTransform;
+use crate::cpu::splat::Splat;
+use crate::dual::{RealNumber, cross_product, dot_product};
+use crate::shared::{COMPENSATION_FLOOR, DILATION};
+use gs2e_scene::{Gaussians, sh};
 use std::f64::consts::LN_2;
 
 /// The Gaussians of a view, as the forward pass projected them.

@@ -5,7 +5,7 @@
 //! so the order of every sum is that of the tiles, whatever the number of threads.
 
 use super::raster::SplatMoments;
-use crate::render::cpu::bin::TileLists;
+use crate::cpu::bin::TileLists;
 use rayon::prelude::*;
 
 /// Adds the moments of the lists' entries to `sums`, which has one place per splat. `pairs` holds

@@ -22,15 +22,15 @@
 
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates and places in a tile's list are small")]
 
-use crate::image::Size;
-use crate::render::RenderRules;
-use crate::render::cpu::exp2::exp2_neg;
-use crate::render::cpu::raster::block::{pixel_place, soft_ramp};
-use crate::render::cpu::raster::cover::BatchEllipses;
-use crate::render::cpu::raster::{BATCH, BLOCKS, LANES, PIXELS, TRACED_PLANES};
-use crate::render::cpu::splat::Splat;
-use crate::render::shared::{MAX_ALPHA, TILE, least_alpha};
+use crate::RenderRules;
+use crate::cpu::exp2::exp2_neg;
+use crate::cpu::raster::block::{pixel_place, soft_ramp};
+use crate::cpu::raster::cover::BatchEllipses;
+use crate::cpu::raster::{BATCH, BLOCKS, LANES, PIXELS, TRACED_PLANES};
+use crate::cpu::splat::Splat;
+use crate::shared::{MAX_ALPHA, TILE, least_alpha};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f32x16};
+use gs2e_image::Size;
 use std::ops::AddAssign;
 
 /// Number of sums per splat.

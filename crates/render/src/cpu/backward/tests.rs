@@ -3,16 +3,16 @@
 #![expect(clippy::cast_possible_truncation, reason = "draws become 32-bit parameters")]
 
 use super::*;
-use crate::camera::Camera;
-use crate::camera::view::CameraView;
-use crate::render::cpu::CpuRenderer;
-use crate::render::reference::adjoint::{LayerSums, layer_sums};
-use crate::render::reference::{GaussianRates, ReferenceRenderer};
-use crate::render::{RenderedImages, Renderer as _};
-use crate::scene::SceneScreening;
-use crate::se3::Se3;
-use crate::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use crate::cpu::CpuRenderer;
+use crate::reference::adjoint::{LayerSums, layer_sums};
+use crate::reference::{GaussianRates, ReferenceRenderer};
+use crate::{RenderedImages, Renderer as _};
 use glam::{DQuat, DVec3};
+use gs2e_num::se3::Se3;
+use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_scene::SceneScreening;
+use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraView;
 use std::array::from_fn;
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! Colours: harmonics in the directions of the drawn lanes, and their sums.
 
 use super::{LaneMotion, LaneValue, ProjectedBlock, Still};
-use crate::render::cpu::activate::GaussianBlock;
-use crate::render::cpu::eye::ViewTransform;
-use crate::scene::sh;
+use crate::cpu::activate::GaussianBlock;
+use crate::cpu::eye::ViewTransform;
 use fearless_simd::{Simd, SimdBase as _, f32x4};
+use gs2e_scene::sh;
 
 impl<S: LaneValue> ProjectedBlock<S> {
     /// The harmonics in the directions of the drawn lanes.

@@ -4,10 +4,10 @@
 //! are the same.
 
 use super::{LaneMotion, LaneValue, ProjectedBlock};
-use crate::render::RenderStyle;
-use crate::render::cpu::activate::{BlockMotion, GaussianBlock, LANES};
-use crate::render::cpu::eye::ViewTransform;
-use crate::scene::dynamic::Rated;
+use crate::RenderStyle;
+use crate::cpu::activate::{BlockMotion, GaussianBlock, LANES};
+use crate::cpu::eye::ViewTransform;
+use gs2e_scene::dynamic::Rated;
 
 impl<S: LaneValue> ProjectedBlock<S> {
     /// The means again and the covariances, with their rates.

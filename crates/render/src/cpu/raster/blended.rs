@@ -18,11 +18,11 @@
 #![expect(clippy::cast_precision_loss, reason = "tile coordinates are small")]
 
 use super::{PIXELS, RasterInput};
-use crate::render::RenderWork;
-use crate::render::cpu::exp2::exp2_neg;
-use crate::render::cpu::splat::{Splat, SplatRates};
-use crate::render::dual::RealNumber;
-use crate::render::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
+use crate::RenderWork;
+use crate::cpu::exp2::exp2_neg;
+use crate::cpu::splat::{Splat, SplatRates};
+use crate::dual::RealNumber;
+use crate::shared::{BLENDED_DEPTHS, MAX_ALPHA, SOFT_MIN_ALPHA, STOP, TILE};
 use fearless_simd::{Simd, SimdBase as _, f32x16};
 use std::collections::VecDeque;
 use std::f32::consts::LN_2;

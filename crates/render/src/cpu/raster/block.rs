@@ -8,12 +8,12 @@
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
 use super::{LANES, PIXELS, SIDE, SplatBatch};
-use crate::image::Size;
-use crate::render::cpu::exp2::exp2_neg;
-use crate::render::cpu::splat::{Splat, SplatRates};
-use crate::render::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
-use crate::render::{RenderRules, RenderWork};
+use crate::cpu::exp2::exp2_neg;
+use crate::cpu::splat::{Splat, SplatRates};
+use crate::shared::{MAX_ALPHA, STOP, TILE, least_alpha};
+use crate::{RenderRules, RenderWork};
 use fearless_simd::{Bytes as _, Select as _, Simd, SimdBase as _, SimdMask as _, f32x16, i32x16, u32x16};
+use gs2e_image::Size;
 use std::f32::consts::LN_2;
 
 /// One value for each pixel of a tile, block by block, each block row by row.
@@ -53,7 +53,7 @@ pub(super) struct TilePixels<const N: usize> {
 
 /// Column and row within the tile of the `i`-th value of a plane.
 #[inline(always)]
-pub(in crate::render::cpu) fn pixel_place(i: usize) -> [usize; 2] {
+pub(in crate::cpu) fn pixel_place(i: usize) -> [usize; 2] {
     let across = TILE / SIDE;
     let (block, lane) = (i / LANES, i % LANES);
     [block % across * SIDE + lane % SIDE, block / across * SIDE + lane / SIDE]
@@ -269,7 +269,7 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
 /// and a half. A layer then fades in where the other rules cut it off, so brightness does not jump
 /// as the camera moves.
 #[inline(always)]
-pub(in crate::render::cpu) fn soft_ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
+pub(in crate::cpu) fn soft_ramp<S: Simd>(simd: S, alpha: f32x16<S>) -> (f32x16<S>, f32x16<S>) {
     let u = (alpha * 255.0 - 0.5).max(0.0).min(1.0);
     (u * u * (f32x16::splat(simd, 3.0) - u * 2.0), u * (6.0 * 255.0) * (f32x16::splat(simd, 1.0) - u))
 }

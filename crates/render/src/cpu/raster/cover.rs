@@ -12,12 +12,12 @@
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates are small")]
 
 use super::{BATCH, BLOCKS, SIDE};
-use crate::render::cpu::splat::{MARGIN, Splat};
-use crate::render::shared::TILE;
+use crate::cpu::splat::{MARGIN, Splat};
+use crate::shared::TILE;
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 
 /// The ellipses of a batch, one array per parameter.
-pub(in crate::render::cpu) struct BatchEllipses {
+pub(in crate::cpu) struct BatchEllipses {
     mean: [[f32; BATCH]; 2],
     w: [[f32; BATCH]; 3],
     reach: [f32; BATCH],
@@ -33,7 +33,7 @@ impl Default for BatchEllipses {
 impl BatchEllipses {
     /// Copies the ellipses of a batch. Unused places get a negative reach, which touches nothing.
     #[inline(always)]
-    pub(in crate::render::cpu) fn fill(&mut self, splats: &[Splat]) {
+    pub(in crate::cpu) fn fill(&mut self, splats: &[Splat]) {
         // The pixel ranges of the rules are not needed: they hold the whole ellipse, or end at the
         // edges of tiles, which the lists observe already.
         for (i, splat) in splats.iter().enumerate() {
@@ -47,7 +47,7 @@ impl BatchEllipses {
     /// For each block of the tile at `corner`, a mask of the splats that may touch it: bit `i`
     /// belongs to splat `i`.
     #[inline(always)]
-    pub(in crate::render::cpu) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
+    pub(in crate::cpu) fn cover<S: Simd>(&self, simd: S, corner: [usize; 2]) -> [u64; BLOCKS] {
         let mut masks = [0; BLOCKS];
         // `BATCH` is a multiple of every vector's length.
         for first in (0..BATCH).step_by(S::f32s::LEN) {
@@ -97,9 +97,9 @@ impl BatchEllipses {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::cpu::InstructionSet;
-    use crate::render::cpu::raster::PIXELS;
-    use crate::render::cpu::splat::tests::{EDGE, counts, planted};
+    use crate::cpu::InstructionSet;
+    use crate::cpu::raster::PIXELS;
+    use crate::cpu::splat::tests::{EDGE, counts, planted};
     use fearless_simd::dispatch;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;

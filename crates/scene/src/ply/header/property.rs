@@ -1,11 +1,11 @@
 //! Elements and properties that a header declares.
 
-use crate::scene::SceneError;
-use crate::scene::cursor::ByteCursor;
+use crate::SceneError;
+use crate::cursor::ByteCursor;
 
 /// A property's number type.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::scene::ply) enum NumberType {
+pub(in crate::ply) enum NumberType {
     I8,
     U8,
     I16,
@@ -18,7 +18,7 @@ pub(in crate::scene::ply) enum NumberType {
 
 impl NumberType {
     /// Number of bytes of a value.
-    pub(in crate::scene::ply) fn size(self) -> usize {
+    pub(in crate::ply) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -27,7 +27,7 @@ impl NumberType {
         }
     }
 
-    pub(in crate::scene::ply) fn from_name(name: &str) -> Option<Self> {
+    pub(in crate::ply) fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
             "uchar" | "uint8" => Self::U8,
@@ -44,27 +44,27 @@ impl NumberType {
 
 /// The type of a property.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::scene::ply) enum PropertyKind {
+pub(in crate::ply) enum PropertyKind {
     One(NumberType),
     List { length: NumberType, item: NumberType },
 }
 
 #[derive(Debug, Clone)]
-pub(in crate::scene::ply) struct PlyProperty {
-    pub(in crate::scene::ply) name: String,
-    pub(in crate::scene::ply) kind: PropertyKind,
+pub(in crate::ply) struct PlyProperty {
+    pub(in crate::ply) name: String,
+    pub(in crate::ply) kind: PropertyKind,
 }
 
 #[derive(Debug, Clone)]
-pub(in crate::scene::ply) struct PlyElement {
-    pub(in crate::scene::ply) name: String,
-    pub(in crate::scene::ply) count: usize,
-    pub(in crate::scene::ply) properties: Vec<PlyProperty>,
+pub(in crate::ply) struct PlyElement {
+    pub(in crate::ply) name: String,
+    pub(in crate::ply) count: usize,
+    pub(in crate::ply) properties: Vec<PlyProperty>,
 }
 
 impl PlyElement {
     /// Number of bytes of a row, or `None` if rows contain a list and differ.
-    pub(in crate::scene::ply) fn stride(&self) -> Option<usize> {
+    pub(in crate::ply) fn stride(&self) -> Option<usize> {
         self.properties
             .iter()
             .map(|p| if let PropertyKind::One(n) = p.kind { Some(n.size()) } else { None })
@@ -72,12 +72,12 @@ impl PlyElement {
     }
 
     /// Number of bytes of a row; an error if rows differ.
-    pub(in crate::scene::ply) fn flat_stride(&self, at: &ByteCursor) -> Result<usize, SceneError> {
+    pub(in crate::ply) fn flat_stride(&self, at: &ByteCursor) -> Result<usize, SceneError> {
         let what = format!("a list among the properties of `{}`", self.name);
         self.stride().ok_or_else(|| at.unsupported(what, "remove that property"))
     }
 
-    pub(in crate::scene::ply) fn has(&self, property: &str) -> bool {
+    pub(in crate::ply) fn has(&self, property: &str) -> bool {
         self.properties.iter().any(|p| p.name == property)
     }
 }

@@ -1,11 +1,11 @@
 //! The request to OpenCV: poses, points and pictures.
 
 use super::VIEWS;
-use crate::camera::Camera;
 use crate::foreign::{ForeignError, TrajectoryPicture, spread_evenly};
-use crate::se3::Se3;
-use crate::trajectory::Trajectory;
 use glam::DVec3;
+use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
+use gs2e_trajectory::Trajectory;
 use serde_json::json;
 use std::path::Path;
 

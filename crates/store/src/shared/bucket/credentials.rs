@@ -1,8 +1,8 @@
 //! Keys and region of a profile, from the files that every tool for S3 reads.
 
-use crate::files;
-use crate::store::disk::disk_error;
-use crate::store::{BucketEnvironment, StoreError};
+use crate::disk::disk_error;
+use crate::{BucketEnvironment, StoreError};
+use gs2e_files as files;
 use object_store::aws::AmazonS3ConfigKey;
 use std::io;
 use std::path::PathBuf;

@@ -1,8 +1,8 @@
 //! Ages are set by hand: a file looks as if it were written or used at that time.
 
 use super::*;
-use crate::store::record::StepProvenance;
-use crate::store::{Store, StoreAccess, StoreOptions};
+use crate::record::StepProvenance;
+use crate::{Store, StoreAccess, StoreOptions};
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
 use std::time::SystemTime;
@@ -65,8 +65,8 @@ impl Place {
     }
 }
 
-fn record(key: Key) -> crate::store::record::StepRecord {
-    crate::store::record::StepRecord::new(key, "test", Vec::new(), StepProvenance::default())
+fn record(key: Key) -> crate::record::StepRecord {
+    crate::record::StepRecord::new(key, "test", Vec::new(), StepProvenance::default())
 }
 
 fn now_ns() -> i64 {

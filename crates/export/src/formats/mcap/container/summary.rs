@@ -2,7 +2,7 @@
 
 use super::fields::{numbers, record, sized, text};
 use super::{COMPRESSION, ChunkIndex, McapWriter, MetadataIndex};
-use crate::event::mcap::opcode;
+use gs2e_event::mcap::opcode;
 use std::io;
 
 impl McapWriter {

@@ -10,24 +10,26 @@ use rand_distr::Distribution;
 const FAMILY: usize = 16;
 
 /// Draws of each side.
-pub(crate) const N: usize = 40_000;
+pub const N: usize = 40_000;
 
 /// `N` draws of a distribution of `rand_distr`, from a generator that the program uses for no draw
 /// of a sensor.
-pub(crate) fn theirs(distribution: &impl Distribution<f64>) -> Vec<f64> {
+pub fn theirs(distribution: &impl Distribution<f64>) -> Vec<f64> {
     distribution.sample_iter(ChaCha12Rng::seed_from_u64(20_250_521)).take(N).collect()
 }
 
 /// The critical value for alpha 1e-4 over the family (Bonferroni): `sqrt(-ln(alpha / 2) / 2)`
 /// bounds the limit law of the scaled distance. For discrete laws the true level is lower.
-pub(crate) fn limit() -> f64 {
+#[must_use]
+pub fn limit() -> f64 {
     (-(1e-4 / FAMILY as f64 / 2.0).ln() / 2.0).sqrt()
 }
 
 /// Largest distance between the distribution functions of two samples, times `sqrt(n m / (n + m))`.
 /// Both functions are taken after all draws of a value, so that ties of a discrete law are no
 /// distance.
-pub(crate) fn scaled_distance(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
+#[must_use]
+pub fn scaled_distance(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
     a.sort_unstable_by(f64::total_cmp);
     b.sort_unstable_by(f64::total_cmp);
     let share = |sample: &[f64], x: f64| sample.partition_point(|y| *y <= x) as f64 / sample.len() as f64;
@@ -38,7 +40,11 @@ pub(crate) fn scaled_distance(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
 
 /// Asserts that our draws have the law of theirs, and that the same draws with a planted defect do
 /// not.
-pub(crate) fn compare(name: &str, ours: &[f64], theirs: &[f64], defect: impl Fn(f64) -> f64) {
+///
+/// # Panics
+/// They have not, or the defect is not found.
+#[expect(clippy::print_stdout, reason = "a test prints what it found")]
+pub fn compare(name: &str, ours: &[f64], theirs: &[f64], defect: impl Fn(f64) -> f64) {
     let found = scaled_distance(ours.to_vec(), theirs.to_vec());
     let spoilt = scaled_distance(ours.iter().map(|x| defect(*x)).collect(), theirs.to_vec());
     println!(
