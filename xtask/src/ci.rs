@@ -18,7 +18,7 @@ const STEPS: [Step; 10] = [
         let all = ["clippy", "--quiet", "--all-targets", "--features", "gs2e/s3"];
         cargo(&all).args(PACKAGES).args(by_name).run()
     }),
-    ("tests", || suite::run(&[])),
+    ("tests", suite::run_all),
     ("faults", faults::short),
     ("fuzzing", fuzz::short),
     ("bombs", || bombs::run(&[])),

@@ -6,6 +6,7 @@
 
 mod bombs;
 mod bucket;
+mod changed;
 mod check_bench;
 mod ci;
 mod command;
@@ -37,7 +38,11 @@ usage: cargo xtask <task>
   ci                 what CI runs: formatting, clippy, tests, faults, fuzzing, bombs, Python, documentation, packages, licences;
                      `--long` adds slow tests and what takes a build in release mode: all fault tests, more fuzzing, the README's
                      first command, builds beside ninja
-  test [ARGS]...     all tests; names what is absent and left out; ARGS go to `cargo test`
+  test               tells in minutes whether this checkout is sound here: every crate's unit tests, pinned bytes, pictures, the
+                     demo; names what is absent and left out
+  test --all         all tests
+  test --changed     the tests of what depends on the crates that differ from `main`
+  test ARGS...       `cargo test` over the workspace with these arguments
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--seconds N` each, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
   bombs [ARGS]...    small files that ask for much memory, and the table of what the program takes for them (`--program FILE`;

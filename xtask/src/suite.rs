@@ -1,5 +1,6 @@
-//! All tests through plain `cargo test`, then the total, and last the tests that did not run.
+//! Tests through plain `cargo test`, then the total, and last the tests that did not run.
 
+use crate::changed;
 use crate::command::{Outcome, cargo, program, root, say};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -10,8 +11,64 @@ use std::time::Instant;
 /// compile others again, because dependencies have fewer features without it.
 pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
-/// Runs `cargo test` with `args` after it.
+/// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate:
+/// integration tests by name, each with what it shows.
+const SMOKE: [(&str, &str); 5] = [
+    ("golden_digests::", "every step makes its pinned bytes"),
+    ("render_golden::", "pictures equal those of another program"),
+    ("manifest::", "the demo equals its manifest"),
+    ("bad_input::a_recipe_with_faulty_text_is_refused", "a build with a fault"),
+    ("hostile_files::sources_are_regular_files", "hostile files"),
+];
+
+/// Runs the tests that `args` ask for: none, a short selection; `--all`; `--changed`, what depends on the crates that
+/// differ from `main`; others go to `cargo test`.
 pub(crate) fn run(args: &[String]) -> Outcome {
+    match args {
+        [] => run_short(),
+        [first, rest @ ..] if first == "--all" => run_each(&[to_test(&PACKAGES, rest)]),
+        [first, rest @ ..] if first == "--changed" => {
+            let Some(calls) = changed::calls()? else {
+                say("nothing differs from main");
+                return Ok(());
+            };
+            let calls: Vec<_> = calls.iter().map(|call| to_test(call, rest)).collect();
+            run_each(&calls)
+        }
+        args => run_each(&[to_test(&PACKAGES, args)]),
+    }
+}
+
+/// Every test.
+pub(crate) fn run_all() -> Outcome {
+    run_each(&[to_test(&PACKAGES, &[""; 0])])
+}
+
+fn run_short() -> Outcome {
+    say("1 of 2: the unit tests of every crate");
+    for (name, shows) in SMOKE {
+        say(&format!("2 of 2: {name}: {shows}"));
+    }
+    let names = SMOKE.map(|(name, _)| name);
+    let done = run_each(&[
+        to_test(&PACKAGES, &["--lib"]),
+        to_test(&["--package", "gs2e", "--test", "it", "--"], &names),
+    ]);
+    say(
+        "left out: the other integration tests (`cargo xtask test --all`, or `cargo xtask test --test it NAME`),",
+    );
+    say("and faults, fuzzing, bombs, Python and documentation (`cargo xtask ci`)");
+    done
+}
+
+/// Arguments of `cargo test`.
+fn to_test(packages: &[impl AsRef<str>], args: &[impl AsRef<str>]) -> Vec<String> {
+    let packages = packages.iter().map(|text| text.as_ref().to_owned());
+    packages.chain(args.iter().map(|text| text.as_ref().to_owned())).collect()
+}
+
+/// Runs `cargo test` with each list of arguments.
+fn run_each(calls: &[Vec<String>]) -> Outcome {
     name_what_is_absent();
     let begin = Instant::now();
     let mut total = Total::default();
@@ -23,13 +80,16 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         }
         _ => {}
     }
-    let test = cargo(&["test", "--no-fail-fast"]).args(PACKAGES).args(args);
-    let test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
-    let passed = test.each_line(|line| {
-        total.add(line);
-        // A closed pipe (`| head`) is no failed test.
-        let _ = writeln!(std::io::stdout(), "{line}");
-    })?;
+    let mut passed = true;
+    for call in calls {
+        let test = cargo(&["test", "--no-fail-fast"]).args(call);
+        let test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
+        passed &= test.each_line(|line| {
+            total.add(line);
+            // A closed pipe (`| head`) is no failed test.
+            let _ = writeln!(std::io::stdout(), "{line}");
+        })?;
+    }
     let _ = writeln!(std::io::stdout(), "{}", total.summary(passed, begin.elapsed().as_secs_f64()));
     let _ = writeln!(std::io::stdout(), "{}", not_run(&std::fs::read_to_string(list).unwrap_or_default()));
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
