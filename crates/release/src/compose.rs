@@ -1,28 +1,24 @@
 //! The files of a release, composed in memory.
 
 use super::built::{BuiltScene, BuiltTrajectory};
-use super::croissant::DescribedRelease;
+use super::composed::{FileContent, ReleaseTree};
+use super::exports::ReleaseExports;
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;
-use super::include::ReleaseExports;
 use super::manifest::{Publisher, ReleaseManifest};
-use super::published::{PublishedScene, PublishedTrajectory, StoredPlaces};
+use super::published::PublishedScene;
 use super::recheck::{FileVerdicts, agreement_of_sound};
 use super::scene::{SceneRecord, SplitPart, TrajectoryPart};
-use super::tree::{FileContent, ReleaseTree};
+use super::top::{compose_top, terms_of};
 use super::{
-    ReleaseContext, ReleaseError, TOOL, calibration, card, checksum, croissant, datasheet, file_checks,
-    index, layout, loader, manifest, path_picture, products, published, report, reuse, scene, split,
-    standing,
+    ReleaseContext, ReleaseError, TOOL, calibration, file_checks, layout, manifest, path_picture, products,
+    published, scene, split, standing,
 };
-use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_check::{Finding, join_findings};
 use gs2e_recipe::ReleaseInfo;
-use gs2e_scene::camera::Camera;
-use gs2e_source::licence::{ComposedTerms, Redistributability};
+use gs2e_source::licence::Redistributability;
 use gs2e_store::record::StoredOutput;
 use gs2e_store::{Key, Store};
-use gs2e_trajectory::transforms;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -123,49 +119,6 @@ pub(super) fn compose_tree(
     Ok(ComposedTree { tree, scenes: published, agreement, pictures, records: keys })
 }
 
-/// The combined terms of all scenes.
-pub(super) fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
-    gs2e_source::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
-}
-
-/// Composes the files at the top of the tree, except for the manifest and the sums.
-pub(super) fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
-    let ReleaseFacts { scenes, info, licence, .. } = *facts;
-    let mut top = ReleaseTree::default();
-    top.add(layout::CARD.into(), FileContent::Bytes(card::compose_card(facts).into_bytes()));
-    top.add(datasheet::NAME.into(), FileContent::Bytes(datasheet::compose_datasheet(facts).into_bytes()));
-    let files: Vec<&SceneRecord> = scenes.iter().map(|scene| &scene.file).collect();
-    let reuse = reuse::compose_reuse(&files, &licence.expression);
-    top.add(reuse::NAME.into(), FileContent::Bytes(reuse.into_bytes()));
-    // The loader has terms of its own, which no scene brings.
-    for id in licence.ids.iter().cloned().chain(loader::licence_ids()).collect::<BTreeSet<_>>() {
-        let text = gs2e_source::licence::licence_text(&id, &sorted_holders(scenes));
-        top.add(layout::licence_text(&id), FileContent::Bytes(text.into_bytes()));
-    }
-    top.add(loader::NAME.into(), FileContent::Bytes(loader::TEXT.into()));
-    let index = index_of(scenes);
-    let paths = scenes.iter().flat_map(|scene| &scene.files).map(|file| file.path.clone()).collect();
-    let release =
-        DescribedRelease { info, licence: &licence.expression, scenes: &files, paths, index: &index };
-    top.add(croissant::NAME.into(), FileContent::json(&croissant::compose_croissant(&release)));
-    top.add(index::NAME.into(), FileContent::Bytes(index));
-    // Last, because it links to every other file.
-    let others = [manifest::NAME, checksum::NAME, checksum::B3_NAME].map(str::to_owned);
-    let linked = top.paths().map(str::to_owned).chain(others).collect();
-    top.add(
-        report::NAME.into(),
-        FileContent::Bytes(report::compose_page(facts, linked, places).into_bytes()),
-    );
-    top
-}
-
-/// The holders of the owners' parts, sorted.
-fn sorted_holders(scenes: &[PublishedScene]) -> Vec<String> {
-    let licences = scenes.iter().filter_map(|scene| scene.recipe.licence.as_ref());
-    let holders: BTreeSet<&String> = licences.map(|licence| &licence.holder).collect();
-    holders.into_iter().cloned().collect()
-}
-
 /// Describes the scenes, and deals them into splits if the release has splits.
 fn describe_all(scenes: &[BuiltScene<'_>], info: &ReleaseInfo) -> Result<Vec<SceneRecord>, ReleaseError> {
     let mut described: Vec<SceneRecord> = scenes.iter().map(describe_release).collect::<Result<_, _>>()?;
@@ -192,15 +145,6 @@ fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError>
     // Only the file of the Gaussians is read for it.
     let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
     scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
-}
-
-fn index_of(scenes: &[PublishedScene]) -> Vec<u8> {
-    let sources_of = |t: &PublishedTrajectory| index::IndexSources::from_files(&t.motion.report, &t.findings);
-    let rows = scenes.iter().flat_map(|scene| {
-        let sources: Vec<index::IndexSources> = scene.trajectories.iter().map(sources_of).collect();
-        index::scene_rows(&scene.file, &sources)
-    });
-    index::compose_index(rows.collect())
 }
 
 /// The files of a scene but for the verdicts on its trajectories, which the files decide.
@@ -256,24 +200,8 @@ fn trajectory_files(
     // A body sees nothing.
     if part.cameras.is_empty() {
         let camera = scene.camera_along(&trajectory.name);
-        let transforms = transforms_of(&camera, (part, readout_us), &trajectory.motion, &sharp);
+        let transforms = published::transforms_of(&camera, (part, readout_us), &trajectory.motion, &sharp);
         files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
     }
     files
-}
-
-/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is their
-/// readout if their shutter rolls.
-pub(super) fn transforms_of(
-    camera: &Camera,
-    (part, readout_us): (&TrajectoryPart, Option<u32>),
-    motion: &TrajectoryProduct,
-    sharp: &[&str],
-) -> serde_json::Value {
-    let blurred = &published::exposures(part, motion);
-    transforms::compose_transforms(
-        camera,
-        &motion.trajectory,
-        &transforms::PictureLinks { sharp, readout_us, blurred },
-    )
 }

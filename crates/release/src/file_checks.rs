@@ -3,9 +3,9 @@
 //! Their verdicts are stored under the digests of the files, so a release that repeats a scene does not
 //! judge it again.
 
+use super::composed::ReleaseTree;
 use super::made_once::{MadeOf, digest_of_files};
 use super::recheck::{FileVerdicts, RecheckError, judge_unwritten};
-use super::tree::ReleaseTree;
 use super::{ReleaseError, TOOL, failed};
 use gs2e_build::artifact::write_json;
 use gs2e_files as files;

@@ -5,24 +5,13 @@
 //! options and the digests of the scene's files. A release with the same key takes the stored files,
 //! and every other change of the scene makes the export anew.
 
-use super::made_once::{MadeOf, digest_of_files};
+use super::layout;
 use super::manifest::ReleaseManifest;
 use super::scene::SceneRecord;
-use super::tree::{FileContent, ReleaseTree};
-use super::{ReleaseError, layout};
 use gs2e_recipe::{IncludedExport, Recipe};
-use gs2e_store::description::describe_value;
-use gs2e_store::record::StoredOutput;
-use gs2e_store::{Digest, Key, Store};
-use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Name of the stage in the records of exports.
-const STAGE: &str = "export";
-/// Name of the export's folder in a workspace.
-const MADE: &str = "made";
 
 /// Makes the exports of a release.
 pub trait ReleaseExporter: std::fmt::Debug + Sync {
@@ -177,19 +166,24 @@ pub enum ComposedFile {
 }
 
 impl ComposedScene {
+    /// A scene of a release with this name and version, with its files by their paths in the release.
+    pub(super) fn new(
+        [release, version]: [&str; 2],
+        record: &SceneRecord,
+        files: BTreeMap<String, ComposedFile>,
+    ) -> Self {
+        let [release, version] = [release, version].map(str::to_owned);
+        Self { release, version, tool: super::TOOL, record: record.clone(), files }
+    }
+
     /// A scene of a written release, with the places of its files by their paths in the release.
     pub(super) fn released(
         manifest: &ReleaseManifest,
         record: &SceneRecord,
         files: BTreeMap<String, PathBuf>,
     ) -> Self {
-        Self {
-            release: manifest.name.clone(),
-            version: manifest.version.clone(),
-            tool: super::TOOL,
-            record: record.clone(),
-            files: files.into_iter().map(|(path, place)| (path, ComposedFile::Stored(place))).collect(),
-        }
+        let files = files.into_iter().map(|(path, place)| (path, ComposedFile::Stored(place))).collect();
+        Self::new([&manifest.name, &manifest.version], record, files)
     }
 
     /// The file at a path of the release.
@@ -203,88 +197,5 @@ impl ComposedScene {
     pub fn has_folder(&self, folder: &str) -> bool {
         let prefix = format!("{folder}/");
         self.files.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
-    }
-}
-
-/// The parameters in the key of an export.
-#[derive(Serialize)]
-struct ExportParameters<'a> {
-    trajectory: &'a str,
-    include: &'a IncludedExport,
-    consumer: &'a str,
-    // `export.json` states them.
-    release: &'a str,
-    version: &'a str,
-    tool: &'a str,
-}
-
-/// Makes the exports of a release, or takes stored ones.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ReleaseExports<'a> {
-    pub(super) include: &'a [IncludedExport],
-    pub(super) exporter: &'a dyn ReleaseExporter,
-    pub(super) store: &'a Store,
-    /// Name and version of the release.
-    pub(super) release: [&'a str; 2],
-}
-
-impl ReleaseExports<'_> {
-    /// The files of a scene's exports, with the keys of their records. `files` are the scene's own
-    /// files.
-    pub(super) fn of_scene(
-        &self,
-        record: &SceneRecord,
-        files: &ReleaseTree,
-    ) -> Result<(ReleaseTree, Vec<Key>), ReleaseError> {
-        let (mut tree, mut keys) = (ReleaseTree::default(), Vec::new());
-        // Upstream forbids passing on anything that shows the scene.
-        if self.include.is_empty() || record.licence.withheld {
-            return Ok((tree, keys));
-        }
-        let inputs = digest_of_files(files);
-        let [release, version] = self.release.map(str::to_owned);
-        let composed = |(path, content): (&str, &FileContent)| {
-            let file = match content {
-                FileContent::Bytes(bytes) => ComposedFile::Bytes(bytes.clone()),
-                FileContent::Blob { path, .. } => ComposedFile::Stored(path.clone()),
-            };
-            (path.to_owned(), file)
-        };
-        let files = files.contents().map(composed).collect();
-        let scene =
-            Arc::new(ComposedScene { release, version, tool: super::TOOL, record: record.clone(), files });
-        for part in record.trajectories.iter().filter(|part| part.cameras.is_empty()) {
-            for entry in self.include.iter().filter(|entry| entry.covers(&part.name)) {
-                let (key, outputs) = self.outputs(&scene, &part.name, entry, inputs)?;
-                keys.push(key);
-                for output in &outputs {
-                    let name = output.name.strip_prefix(MADE).unwrap_or(&output.name);
-                    let at = export_name(&record.id, &part.name, &entry.format);
-                    let StoredOutput { digest, size, .. } = *output;
-                    let content = FileContent::Blob { path: self.store.path_of(&digest), digest, size };
-                    tree.add(format!("{at}{name}"), content);
-                }
-            }
-        }
-        Ok((tree, keys))
-    }
-
-    /// The stored files of an export. They are made if they are not stored.
-    fn outputs(
-        &self,
-        scene: &Arc<ComposedScene>,
-        trajectory: &str,
-        include: &IncludedExport,
-        inputs: Digest,
-    ) -> Result<(Key, Vec<StoredOutput>), ReleaseError> {
-        let (revision, consumer) = self.exporter.identity(&include.format);
-        let [release, version] = self.release;
-        let parameters =
-            ExportParameters { trajectory, include, consumer, release, version, tool: scene.tool };
-        let made_of =
-            MadeOf { stage: STAGE, revision, parameters: describe_value(&parameters), files: inputs };
-        made_of.outputs(self.store, |folder| {
-            Ok(self.exporter.write(scene, trajectory, include, &folder.join(MADE))?)
-        })
     }
 }

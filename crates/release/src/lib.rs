@@ -12,9 +12,11 @@ mod calibration;
 mod card;
 mod checksum;
 mod compose;
+mod composed;
 mod croissant;
 mod datasheet;
 pub mod diff;
+mod exports;
 mod facts;
 mod file_checks;
 mod held_back;
@@ -36,16 +38,16 @@ mod report;
 mod reuse;
 mod scene;
 pub mod signature;
+mod sorted;
 mod split;
 mod standing;
 pub mod summary;
 mod target;
+mod top;
 mod tree;
 mod work;
 
-use compose::{
-    ComposedTree, JudgedScene, compose_top, compose_tree, empty_splits, judge_scenes, terms_of, transforms_of,
-};
+use compose::{ComposedTree, JudgedScene, compose_tree, empty_splits, judge_scenes};
 
 pub use built::GatherError;
 pub use held_back::HeldBackScene;
@@ -56,14 +58,14 @@ pub use scene::SceneRecord;
 pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
+use exports::ReleaseExports;
 use gs2e_build::plan::Plan;
 use gs2e_build::run::RunSummary;
 use gs2e_check::Finding;
 use gs2e_recipe as recipe;
 use gs2e_recipe::{RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
 use gs2e_store::{Key, Store, StoreError};
-use held_back::SortedScenes;
-use include::ReleaseExports;
+use sorted::SortedScenes;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -144,7 +146,7 @@ pub enum ReleaseError {
     #[error(transparent)]
     Gather(#[from] GatherError),
     /// Checks failed.
-    #[error("{}", held_back::failure_line(failed))]
+    #[error("{}", sorted::failure_line(failed))]
     Checks {
         /// Their findings.
         failed: Vec<Finding>,
@@ -236,7 +238,7 @@ impl<'a> JudgedRelease<'a> {
         let BuiltPlan { plan, summary, store, context, .. } = built;
         let gather = |index| built::gather_scene(plan, index, summary, (store, &context.terms));
         let gathered = (0..plan.scenes().len()).map(gather);
-        let (scenes, unbuilt) = held_back::part_unbuilt(gathered, context.partial)?;
+        let (scenes, unbuilt) = sorted::part_unbuilt(gathered, context.partial)?;
         Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)?, unbuilt })
     }
 

@@ -1,7 +1,7 @@
 //! Files that a release makes of a scene's files and keeps in the store, like the outputs of a step.
 
+use super::composed::ReleaseTree;
 use super::manifest::KeyIngredients;
-use super::tree::ReleaseTree;
 use super::{ReleaseError, TOOL, checksum};
 use gs2e_store::description::DescribedValue;
 use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};

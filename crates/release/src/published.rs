@@ -10,9 +10,11 @@ use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_check::Finding;
 use gs2e_recipe::{Recipe, RecipeFaults, read_recipe_text};
 use gs2e_sampling::exposure;
+use gs2e_scene::camera::Camera;
 use gs2e_sensor::SensorChoice;
 use gs2e_source::licence;
 use gs2e_source::licence::{ComposedTerms, Redistributability, StatedTerms};
+use gs2e_trajectory::transforms;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -135,4 +137,20 @@ pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTe
 /// It is not a valid recipe.
 pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
     read_recipe_text(scene.recipe.to_string(), Path::new("recipe"))
+}
+
+/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is their
+/// readout if their shutter rolls.
+pub(super) fn transforms_of(
+    camera: &Camera,
+    (part, readout_us): (&TrajectoryPart, Option<u32>),
+    motion: &TrajectoryProduct,
+    sharp: &[&str],
+) -> serde_json::Value {
+    let blurred = &exposures(part, motion);
+    transforms::compose_transforms(
+        camera,
+        &motion.trajectory,
+        &transforms::PictureLinks { sharp, readout_us, blurred },
+    )
 }

@@ -17,8 +17,8 @@ mod trajectory;
 mod tree;
 mod walk;
 
+use super::composed::ReleaseTree;
 use super::scene::TrajectoryPart;
-use super::tree::ReleaseTree;
 use super::{ReleaseManifest, SceneRecord, layout, published};
 use gs2e_check::{Finding, join_findings, records};
 use gs2e_recipe::{Recipe, RecipeFaults};

@@ -3,6 +3,7 @@
 //! The audit gets the takedown list, so that no release with a listed scene is put in place.
 
 use super::audit::AuditOptions;
+use super::composed::{FileContent, ReleaseTree};
 use super::manifest::ManifestFile;
 use super::standing::StandingTree;
 use super::target::ReleaseTarget;
@@ -15,98 +16,8 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Source of a file's bytes.
-#[derive(Debug)]
-pub(super) enum FileContent {
-    /// Bytes made for the release.
-    Bytes(Vec<u8>),
-    /// A blob of the store.
-    Blob { path: PathBuf, digest: Digest, size: u64 },
-}
-
-impl FileContent {
-    /// A JSON document: indented, with a final newline.
-    pub(super) fn json<T: serde::Serialize>(value: &T) -> Self {
-        Self::Bytes(Self::json_bytes(value))
-    }
-
-    /// The bytes of a JSON document.
-    pub(super) fn json_bytes<T: serde::Serialize>(value: &T) -> Vec<u8> {
-        let mut bytes = serde_json::to_vec_pretty(value).expect("release files are plain data");
-        bytes.push(b'\n');
-        bytes
-    }
-}
-
-/// Files by path, `/`-separated, below the release folder.
-#[derive(Debug, Default)]
-pub(super) struct ReleaseTree {
-    files: BTreeMap<String, FileContent>,
-}
-
-impl ReleaseTree {
-    /// Adds a file. Its path is new, because recipes are refused if two scenes would write the same
-    /// path.
-    pub(super) fn add(&mut self, path: String, content: FileContent) {
-        let before = self.files.insert(path, content);
-        assert!(before.is_none(), "scene ids and trajectory names do not clash in valid recipes");
-    }
-
-    pub(super) fn extend(&mut self, other: Self) {
-        other.files.into_iter().for_each(|(path, content)| self.add(path, content));
-    }
-
-    /// The paths, sorted.
-    pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
-        self.files.keys().map(String::as_str)
-    }
-
-    /// The paths with their contents, sorted.
-    pub(super) fn contents(&self) -> impl Iterator<Item = (&str, &FileContent)> {
-        self.files.iter().map(|(path, content)| (path.as_str(), content))
-    }
-
-    /// The blobs that files are made from, one per file.
-    fn blobs(&self) -> impl Iterator<Item = &Digest> {
-        self.files.values().filter_map(|content| match content {
-            FileContent::Blob { digest, .. } => Some(digest),
-            FileContent::Bytes(_) => None,
-        })
-    }
-
-    /// The content of the file at a path.
-    pub(super) fn content(&self, path: &str) -> Option<&FileContent> {
-        self.files.get(path)
-    }
-
-    /// The file in the store with the content of a file of the tree.
-    pub(super) fn place(&self, path: &str) -> Option<&Path> {
-        match self.files.get(path)? {
-            FileContent::Blob { path, .. } => Some(path),
-            FileContent::Bytes(_) => None,
-        }
-    }
-
-    /// The files with their contents, sorted by path.
-    pub(super) fn into_files(self) -> BTreeMap<String, FileContent> {
-        self.files
-    }
-
-    /// The files with sizes and digests, sorted by path.
-    pub(super) fn listing(&self) -> Vec<ManifestFile> {
-        let list = self.files.iter().map(|(path, content)| {
-            let (size, blake3) = match content {
-                FileContent::Bytes(bytes) => (bytes.len() as u64, Digest::of_bytes(bytes)),
-                FileContent::Blob { digest, size, .. } => (*size, *digest),
-            };
-            ManifestFile { path: path.clone(), size, blake3 }
-        });
-        list.collect()
-    }
-}
 
 /// Summary of a written tree.
 #[derive(Debug)]
@@ -139,9 +50,8 @@ pub(super) fn write_tree(
     let root = work.tree();
     let placing = FilePlacing { root: &root, standing: target.standing(), store, link, cancel };
     let mut written: BTreeMap<&str, checksum::FileHashes> = tree
-        .files
-        .par_iter()
-        .map(|(path, content)| Ok((path.as_str(), placing.place(path, content)?)))
+        .par_contents()
+        .map(|(path, content)| Ok((path, placing.place(path, content)?)))
         .collect::<Result<_, ReleaseError>>()?;
     // Before the sums, which promise that all other files are whole.
     sync_tree(&root)?;

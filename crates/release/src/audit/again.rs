@@ -5,12 +5,12 @@ mod compared;
 mod products;
 
 use super::{AuditFault, FaultCode, TrustedTree};
+use crate::composed::FileContent;
 use crate::facts::ReleaseFacts;
 use crate::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
 use crate::products::SHARP;
 use crate::published::{PublishedScene, PublishedTrajectory};
 use crate::scene::{SceneRecord, TrajectoryPart};
-use crate::tree::FileContent;
 use crate::{calibration, checksum, layout, loader, manifest, path_picture, published, scene};
 use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_files as files;
@@ -160,7 +160,8 @@ fn trajectory(
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
-    let transforms = crate::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
+    let transforms =
+        crate::published::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
     // The path of a camera follows from that of its body.
     let carried = scene.recipe.mounted(&part.name).and_then(|mounted| {
         let (_, body) = scene.paths().find(|(other, _)| other.name == mounted.body)?;
@@ -228,10 +229,10 @@ pub(super) fn top(
         let message = "it lacks the field `publisher`, which this version writes";
         return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
-    let licence = crate::terms_of(scenes);
+    let licence = crate::top::terms_of(scenes);
     let (taken_down, held_back) = (manifest.taken_down, manifest.held_back.as_slice());
     let facts = ReleaseFacts { scenes, info: &info, taken_down, held_back, licence: &licence };
-    let composed = crate::compose_top(&facts, &|path| tree.intact_path(path));
+    let composed = crate::top::compose_top(&facts, &|path| tree.intact_path(path));
     let compare = |(path, content): (String, FileContent)| match content {
         FileContent::Bytes(bytes) => compare(tree, &path, &bytes),
         // Files at the top are composed; none of them is a blob.

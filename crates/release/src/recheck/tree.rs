@@ -1,7 +1,7 @@
 //! The files of a release: in a folder that another party may have made, or not written yet.
 
 use super::{RecheckError, unreadable_file};
-use crate::tree::{FileContent, ReleaseTree};
+use crate::composed::{FileContent, ReleaseTree};
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use serde::de::DeserializeOwned;
