@@ -15,12 +15,12 @@
 )]
 
 use glam::{DQuat, DVec3};
+use gs2e_audit::recheck::recheck_tree;
 use gs2e_check::{Finding, Verdict};
 use gs2e_event::h5::H5Options;
 use gs2e_event::{Event, EventSink as _, EventSource as _, h5};
 use gs2e_num::se3::Se3;
 use gs2e_num::units::Timestamp;
-use gs2e_release::recheck::recheck_tree;
 use gs2e_trajectory::Trajectory;
 use rayon::prelude::*;
 use std::error::Error;

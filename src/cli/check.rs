@@ -8,12 +8,12 @@ use super::console::{Console, path};
 use super::problem::{ExitKind, VerbError};
 use super::verdicts::{count_line, findings_of_step, short_number};
 use super::{CommonArgs, RecipeTargets, is_recipe_path};
+use gs2e_audit::recheck::{RecheckError, recheck_tree};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::assess_plan;
 use gs2e_build::stage::{checks, scene_checks};
 use gs2e_check::{Finding, NAMES, Verdict};
 use gs2e_recipe as recipe;
-use gs2e_release::recheck::{RecheckError, recheck_tree};
 use gs2e_store::{Store, StoreAccess};
 use std::path::{Path, PathBuf};
 

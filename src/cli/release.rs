@@ -14,14 +14,15 @@ use gs2e_build::run::RunSummary;
 use gs2e_check::{Finding, REASON, is_waivable};
 use gs2e_export::{IncludedExporter, SilentProgress};
 use gs2e_files::escape;
+use gs2e_publish::{
+    BuiltPlan, GuardedPath, JudgedRelease, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
+    TargetClaim, WrittenRelease,
+};
 use gs2e_recipe as recipe;
 use gs2e_recipe::{Recipe, ReconstructMethod};
 use gs2e_release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
 use gs2e_release::signature::SigningKey;
-use gs2e_release::{
-    BuiltPlan, GatherError, GuardedPath, HeldBackScene, JudgedRelease, LinkMode, ReleaseContext,
-    ReleaseError, ReleaseTarget, TargetClaim, WrittenRelease,
-};
+use gs2e_release::{GatherError, HeldBackScene};
 use gs2e_store::space::is_full;
 use gs2e_store::{LockClaim, ReleaseRoot, Store};
 use serde_json::json;

@@ -11,7 +11,7 @@ mod forger;
 mod unfindable;
 
 use crate::corpus::Corpus;
-use gs2e_release::audit::audit_release;
+use gs2e_audit::audit_release;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::process::Command;

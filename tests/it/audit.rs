@@ -8,7 +8,7 @@ mod rebuild;
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
 use crate::support::absent::is_thorough;
-use gs2e_release::audit::{AuditFault, AuditPart, audit_parts, audit_release};
+use gs2e_audit::{AuditFault, AuditPart, audit_parts, audit_release};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;

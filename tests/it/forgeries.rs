@@ -13,7 +13,7 @@ mod rows;
 use crate::release::forger::{read, reseal, reseal_sums};
 use crate::release::small::{copy, release};
 use crate::release::unfindable::{DATA, VALUES, is_data, is_unfindable};
-use gs2e_release::audit::{AuditFault, audit_release, rebuilt};
+use gs2e_audit::{AuditFault, audit_release, rebuilt};
 use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};

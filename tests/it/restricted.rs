@@ -174,7 +174,7 @@ fn evidence_is_released_with_the_scene_and_audited() {
     let found = |change: &dyn Fn(&mut Value)| -> BTreeSet<String> {
         edit(&tree, &path, change);
         reseal(&tree);
-        let faults = gs2e_release::audit::audit_release(&tree).unwrap().faults;
+        let faults = gs2e_audit::audit_release(&tree).unwrap().faults;
         fs::write(tree.join(&path), &sound).unwrap();
         // The recipe's own sum and the index are not forged with it.
         let own = faults.into_iter().filter(|fault| fault.code.name() != "claims-disagree");

@@ -5,7 +5,7 @@ use crate::release::small::{edit, reseal};
 use crate::sources::datasets::Generator;
 use crate::support::given;
 use crate::support::workspace::{TINY, Workspace};
-use gs2e_release::audit::audit_release;
+use gs2e_audit::audit_release;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use serde_json::Value;

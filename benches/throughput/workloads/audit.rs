@@ -8,7 +8,7 @@
 
 use super::amount;
 use crate::measure::{Amount, Run, Workload, timed};
-use gs2e_release::audit::{audit_release, read_tree};
+use gs2e_audit::{audit_release, read_tree};
 use sha2::Digest as _;
 use std::fs;
 use std::fs::File;

@@ -5,16 +5,16 @@ mod compared;
 mod products;
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::composed::FileContent;
-use crate::facts::ReleaseFacts;
-use crate::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
-use crate::products::SHARP;
-use crate::published::{PublishedScene, PublishedTrajectory};
-use crate::scene::{SceneRecord, TrajectoryPart};
-use crate::{calibration, checksum, layout, loader, manifest, path_picture, published, scene};
 use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
+use gs2e_release::composed::FileContent;
+use gs2e_release::facts::ReleaseFacts;
+use gs2e_release::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
+use gs2e_release::products::SHARP;
+use gs2e_release::published::{PublishedScene, PublishedTrajectory};
+use gs2e_release::scene::{SceneRecord, TrajectoryPart};
+use gs2e_release::{calibration, checksum, layout, loader, manifest, path_picture, published, scene};
 use gs2e_trajectory::sample::PoseSchedule;
 use gs2e_trajectory::speed::SpeedChoice;
 use gs2e_trajectory::{Trajectory, picture};
@@ -161,7 +161,7 @@ fn trajectory(
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
     let transforms =
-        crate::published::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
+        gs2e_release::published::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
     // The path of a camera follows from that of its body.
     let carried = scene.recipe.mounted(&part.name).and_then(|mounted| {
         let (_, body) = scene.paths().find(|(other, _)| other.name == mounted.body)?;
@@ -229,10 +229,10 @@ pub(super) fn top(
         let message = "it lacks the field `publisher`, which this version writes";
         return vec![AuditFault::of_file(FaultCode::NotComposed, manifest::NAME, message)];
     };
-    let licence = crate::top::terms_of(scenes);
+    let licence = gs2e_release::top::terms_of(scenes);
     let (taken_down, held_back) = (manifest.taken_down, manifest.held_back.as_slice());
     let facts = ReleaseFacts { scenes, info: &info, taken_down, held_back, licence: &licence };
-    let composed = crate::top::compose_top(&facts, &|path| tree.intact_path(path));
+    let composed = gs2e_release::top::compose_top(&facts, &|path| tree.intact_path(path));
     let compare = |(path, content): (String, FileContent)| match content {
         FileContent::Bytes(bytes) => compare(tree, &path, &bytes),
         // Files at the top are composed; none of them is a blob.

@@ -3,9 +3,9 @@
 use super::sums::Sums;
 use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode};
-use crate::checksum::FileHashes;
-use crate::manifest::{ManifestFile, ReleaseManifest};
-use crate::{checksum, manifest, signature};
+use gs2e_release::checksum::FileHashes;
+use gs2e_release::manifest::{ManifestFile, ReleaseManifest};
+use gs2e_release::{checksum, manifest, signature};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

@@ -1,11 +1,11 @@
 //! Comparison of the tree's own descriptions with each other.
 
 use super::{AuditFault, FaultCode, TrustedTree, again};
-use crate::manifest::{ManifestScene, ReleaseManifest};
-use crate::scene::{SceneConventions, SceneRecord};
-use crate::{checksum, layout};
 use gs2e_files as files;
 use gs2e_files::{LinkRule, budget};
+use gs2e_release::manifest::{ManifestScene, ReleaseManifest};
+use gs2e_release::scene::{SceneConventions, SceneRecord};
+use gs2e_release::{checksum, layout};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

@@ -5,14 +5,14 @@ mod motion;
 mod pictures;
 
 use super::{AuditFault, FaultCode, TrustedTree, claims};
-use crate::layout::CHECKS;
-use crate::products::ReleaseProduct;
-use crate::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
-use crate::{calibration, layout, path_picture, products, published};
 use events::StatedStream;
 use gs2e_build::artifact::EventStream;
 use gs2e_check::{Finding, Verdict};
 use gs2e_recipe::Recipe;
+use gs2e_release::layout::CHECKS;
+use gs2e_release::products::ReleaseProduct;
+use gs2e_release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
+use gs2e_release::{calibration, layout, path_picture, products, published};
 use gs2e_scene::camera::Camera;
 use rayon::prelude::*;
 use serde_json::Value;

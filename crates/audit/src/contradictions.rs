@@ -5,9 +5,9 @@ use super::{
     AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk,
     without_echoes,
 };
-use crate::layout;
-use crate::manifest::{FileOwners, ReleaseManifest};
-use crate::scene::SceneRecord;
+use gs2e_release::layout;
+use gs2e_release::manifest::{FileOwners, ReleaseManifest};
+use gs2e_release::scene::SceneRecord;
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;

@@ -4,13 +4,13 @@
 mod records;
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::croissant::{
+use gs2e_release::croissant::{
     CONFORMS_TO, NAME, REQUIRED, RESPONSIBLE, ROOT, SYNTHETIC, content_size, glob_matches, licence_address,
 };
-use crate::index::table::IndexTable;
-use crate::manifest;
-use crate::manifest::ReleaseManifest;
-use crate::scene::SceneRecord;
+use gs2e_release::index::table::IndexTable;
+use gs2e_release::manifest;
+use gs2e_release::manifest::ReleaseManifest;
+use gs2e_release::scene::SceneRecord;
 use serde_json::Value;
 use std::collections::BTreeSet;
 

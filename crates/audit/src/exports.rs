@@ -2,16 +2,16 @@
 //! this program makes of the scene.
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::include::{
-    ComposedScene, ExportOrder, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name,
-};
-use crate::layout;
-use crate::manifest::ReleaseManifest;
-use crate::published::PublishedScene;
-use crate::scene::SceneRecord;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use gs2e_recipe::{EXPORT_FORMATS, IncludedExport};
+use gs2e_release::include::{
+    ComposedScene, ExportOrder, IncludeFailure, IncludeRefusal, ReleaseExporter, export_name,
+};
+use gs2e_release::layout;
+use gs2e_release::manifest::ReleaseManifest;
+use gs2e_release::published::PublishedScene;
+use gs2e_release::scene::SceneRecord;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -79,7 +79,7 @@ pub(super) fn covered(
     manifest: &ReleaseManifest,
     exporter: Option<&dyn ReleaseExporter>,
 ) -> Option<&'static str> {
-    let is_again = exporter.is_some() && manifest.tool == crate::TOOL;
+    let is_again = exporter.is_some() && manifest.tool == gs2e_release::TOOL;
     (!manifest.include.is_empty()).then_some(if is_again {
         "exports: made again from the scenes, byte for byte"
     } else {

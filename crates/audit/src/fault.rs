@@ -1,6 +1,6 @@
 //! The faults that an audit finds.
 
-use crate::manifest::FileOwners;
+use gs2e_release::manifest::FileOwners;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -1,11 +1,11 @@
 //! Comparison of `index.parquet` with the files whose content it repeats.
 
 use super::{AuditFault, FaultCode, TrustedTree, claims};
-use crate::index;
-use crate::index::table::IndexTable;
-use crate::index::{COLUMNS, IndexSources, NAME, table};
-use crate::scene::SceneRecord;
 use gs2e_check::Finding;
+use gs2e_release::index;
+use gs2e_release::index::table::IndexTable;
+use gs2e_release::index::{COLUMNS, IndexSources, NAME, table};
+use gs2e_release::scene::SceneRecord;
 use gs2e_trajectory::report::SpeedReport;
 
 /// Reads the index. A fault of the file itself is added to `faults`.

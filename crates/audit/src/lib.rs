@@ -9,7 +9,7 @@ mod again;
 mod bytes;
 mod claims;
 mod contents;
-pub(super) mod contradictions;
+pub(crate) mod contradictions;
 mod croissant;
 mod exports;
 mod fault;
@@ -17,6 +17,7 @@ mod index;
 mod names;
 mod parts;
 pub mod rebuilt;
+pub mod recheck;
 mod splits;
 mod steps;
 mod sums;
@@ -28,13 +29,13 @@ mod walk;
 pub use fault::{AuditFault, FaultCode};
 pub use parts::{AuditPart, PartsError};
 
-use super::include::ReleaseExporter;
-use super::layout;
-use super::manifest::{FileOwners, ManifestScene, ReleaseManifest};
-use super::published::PublishedScene;
-use super::scene::SceneRecord;
-use super::signature::{self, PublisherKey, ReleaseSignature};
 use gs2e_recipe::TakedownList;
+use gs2e_release::include::ReleaseExporter;
+use gs2e_release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
+use gs2e_release::published::PublishedScene;
+use gs2e_release::scene::SceneRecord;
+use gs2e_release::signature::{PublisherKey, ReleaseSignature};
+use gs2e_release::{layout, signature};
 use parts::PartsFound;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -95,7 +96,7 @@ impl AuditReport {
         proved.extend(self.written_by.as_ref().map(|tool| {
             format!(
                 "It was written by {tool}, and this is {}: the files that program composed were not compared.",
-                super::TOOL
+                gs2e_release::TOOL
             )
         }));
         proved
@@ -212,7 +213,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
         let composed = options.composed.unwrap_or(&unknown);
         let tree = TrustedTree { dir, intact: bytes::intact_files(&bytes, &sums), composed };
         let manifest: Option<ReleaseManifest> =
-            claims::parse_claims(&tree, super::manifest::NAME, &mut faults);
+            claims::parse_claims(&tree, gs2e_release::manifest::NAME, &mut faults);
         let b3 = sums::read_b3(&tree, &sums, &mut faults);
         bytes::compare_bytes(
             &bytes,
@@ -220,15 +221,15 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
             &mut faults,
         );
         if let Some(manifest) = &manifest {
-            written_by = Some(manifest.tool.clone()).filter(|tool| tool != super::TOOL);
+            written_by = Some(manifest.tool.clone()).filter(|tool| tool != gs2e_release::TOOL);
             scenes = manifest.scenes.len();
             exports = exports::covered(manifest, options.exporter);
             faults.extend(audit_scenes(&tree, manifest, options, &parts)?);
             let owners = FileOwners::new(manifest);
             faults = faults.into_iter().map(|fault| fault.placed(&owners)).collect();
-        } else if !tree.has(super::manifest::NAME) {
+        } else if !tree.has(gs2e_release::manifest::NAME) {
             let message = "every release has this file; it is missing or damaged";
-            faults.push(AuditFault::of_file(FaultCode::Missing, super::manifest::NAME, message));
+            faults.push(AuditFault::of_file(FaultCode::Missing, gs2e_release::manifest::NAME, message));
         }
     }
     let mut faults = without_echoes(faults);
@@ -334,7 +335,7 @@ fn published(
     faults: &mut Vec<AuditFault>,
 ) -> Option<Vec<PublishedScene>> {
     // Another version composes other bytes, so a difference would prove nothing.
-    if manifest.tool != super::TOOL {
+    if manifest.tool != gs2e_release::TOOL {
         return None;
     }
     let scenes: BTreeMap<&str, &SceneRecord> =
@@ -381,13 +382,13 @@ fn composed(
     scenes: Option<&[PublishedScene]>,
     known: &[AuditFault],
 ) -> Vec<AuditFault> {
-    if manifest.tool != super::TOOL {
+    if manifest.tool != gs2e_release::TOOL {
         return Vec::new();
     }
     // The loader and the licence texts do not depend on the scenes, so they are always compared.
     let mut found = again::constants(tree);
     // Card and report follow from the manifest too, so its faults would show up again in them.
-    let sound = known.iter().all(|fault| fault.file.as_deref() != Some(super::manifest::NAME));
+    let sound = known.iter().all(|fault| fault.file.as_deref() != Some(gs2e_release::manifest::NAME));
     found.extend(scenes.iter().filter(|_| sound).flat_map(|scenes| again::top(tree, manifest, scenes)));
     found
 }

@@ -2,11 +2,11 @@
 //! that can exist.
 
 use super::{AuditFault, FaultCode, TrustedTree, exports};
-use crate::manifest::{FileOwners, ManifestScene, ReleaseManifest};
-use crate::products::FOLDERS;
-use crate::published::stream_names;
-use crate::scene::{SceneRecord, TrajectoryPart};
-use crate::{calibration, checksum, layout, path_picture};
+use gs2e_release::manifest::{FileOwners, ManifestScene, ReleaseManifest};
+use gs2e_release::products::FOLDERS;
+use gs2e_release::published::stream_names;
+use gs2e_release::scene::{SceneRecord, TrajectoryPart};
+use gs2e_release::{calibration, checksum, layout, path_picture};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Reports files at the top and in scenes that the format does not have, and required files at the

@@ -2,9 +2,9 @@
 //! recipes.
 
 use super::{AuditFault, FaultCode};
-use crate::manifest::{KeyIngredients, ManifestScene, ReleaseManifest};
-use crate::{ManifestStep, checksum, loader, manifest};
 use gs2e_files as files;
+use gs2e_release::manifest::{KeyIngredients, ManifestScene, ReleaseManifest};
+use gs2e_release::{ManifestStep, checksum, loader, manifest};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::Path;

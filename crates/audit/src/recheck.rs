@@ -17,11 +17,11 @@ mod trajectory;
 mod tree;
 mod walk;
 
-use super::composed::ReleaseTree;
-use super::scene::TrajectoryPart;
-use super::{ReleaseManifest, SceneRecord, layout, published};
 use gs2e_check::{Finding, join_findings, records};
 use gs2e_recipe::{Recipe, RecipeFaults};
+use gs2e_release::composed::ReleaseTree;
+use gs2e_release::scene::TrajectoryPart;
+use gs2e_release::{ReleaseManifest, SceneRecord, layout, published};
 use gs2e_scene::camera::stereo::Rectification;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -77,7 +77,7 @@ pub struct TreeFindings {
 pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, RecheckError> {
     let composed = Mutex::default();
     let tree = AuditedTree { files: TreeFiles::Folder(dir), composed: &composed };
-    let manifest: ReleaseManifest = tree.json(super::manifest::NAME)?;
+    let manifest: ReleaseManifest = tree.json(gs2e_release::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
@@ -106,15 +106,15 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, Reche
 
 /// The verdicts on the files of a scene.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct FileVerdicts {
+pub struct FileVerdicts {
     /// The findings of [`recheck_tree`] by trajectory, but for the agreement of files.
-    pub(super) findings: BTreeMap<String, Vec<Finding>>,
+    pub findings: BTreeMap<String, Vec<Finding>>,
     /// Names of the pictures whose files are what this program writes for them.
-    pub(super) composed: BTreeSet<String>,
+    pub composed: BTreeSet<String>,
 }
 
 /// Judges the files of a scene that a release is going to write.
-pub(super) fn judge_unwritten(
+pub fn judge_unwritten(
     files: &ReleaseTree,
     id: &str,
     cancel: &AtomicBool,
@@ -156,7 +156,7 @@ fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<(String, Vec<Finding>
 }
 
 /// The findings on the agreement of files in a release without a fault.
-pub(super) fn agreement_of_sound(manifest: &ReleaseManifest) -> Vec<Finding> {
+pub fn agreement_of_sound(manifest: &ReleaseManifest) -> Vec<Finding> {
     agreement::judge_faults(manifest, &|_| true, &[])
 }
 

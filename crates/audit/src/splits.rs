@@ -2,9 +2,9 @@
 //! nothing.
 
 use super::{AuditFault, FaultCode};
-use crate::manifest::ReleaseManifest;
-use crate::scene::{SceneRecord, SplitPart};
-use crate::{manifest, split};
+use gs2e_release::manifest::ReleaseManifest;
+use gs2e_release::scene::{SceneRecord, SplitPart};
+use gs2e_release::{manifest, split};
 
 /// Reports scenes in a wrong split, and things that splits share. `scenes` are those that could be
 /// read.

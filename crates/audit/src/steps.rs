@@ -2,11 +2,11 @@
 //! the scene. Each file that a step made has the bytes of its output.
 
 use super::{AuditFault, FaultCode};
-use crate::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
-use crate::products::is_metadata;
-use crate::published::stream_names;
-use crate::scene::SceneRecord;
-use crate::{calibration, layout, manifest};
+use gs2e_release::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
+use gs2e_release::products::is_metadata;
+use gs2e_release::published::stream_names;
+use gs2e_release::scene::SceneRecord;
+use gs2e_release::{calibration, layout, manifest};
 use gs2e_store::Digest;
 use gs2e_store::record::{StoredOutput, content_digest};
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,7 +22,7 @@ pub(super) fn audit(
     let mut faults = keys(listed);
     faults.extend(outputs(listed, scene));
     // Releases of other versions may lack the ingredients.
-    if manifest.tool == crate::TOOL {
+    if manifest.tool == gs2e_release::TOOL {
         let silent = listed.steps.iter().filter(|step| step.made_of.is_none());
         faults.extend(silent.map(|step| fault(listed, format!("step {} lacks its ingredients", step.step))));
     }
@@ -77,7 +77,7 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
             known.insert(path);
         }
         // The release composes these files, so they are outputs of no step.
-        let composed = [layout::CHECKS, layout::TRANSFORMS, crate::path_picture::NAME]
+        let composed = [layout::CHECKS, layout::TRANSFORMS, gs2e_release::path_picture::NAME]
             .map(str::to_owned)
             .into_iter()
             .chain(calibration::names(scene, part));

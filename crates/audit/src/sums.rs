@@ -5,9 +5,9 @@
 
 use super::walk::unsafe_because;
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::checksum;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
+use gs2e_release::checksum;
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! Checks that a release holds no scene that must no longer be passed on.
 
 use super::{AuditFault, FaultCode};
-use crate::manifest::ManifestScene;
-use crate::scene::SceneRecord;
 use gs2e_recipe::TakedownList;
+use gs2e_release::manifest::ManifestScene;
+use gs2e_release::scene::SceneRecord;
 use gs2e_source::kind::SourceKind;
 use gs2e_source::licence::ledger;
 

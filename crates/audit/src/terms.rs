@@ -2,13 +2,13 @@
 //! "Licences").
 
 use super::{AuditFault, FaultCode, TrustedTree};
-use crate::card::head::hub_licence;
-use crate::manifest::{FileOwners, ReleaseManifest};
-use crate::products::is_metadata;
-use crate::scene::{LicensedTool, OWNER, SceneRecord};
-use crate::{datasheet, loader, reuse};
 use gs2e_files as files;
 use gs2e_files::LinkRule;
+use gs2e_release::card::head::hub_licence;
+use gs2e_release::manifest::{FileOwners, ReleaseManifest};
+use gs2e_release::products::is_metadata;
+use gs2e_release::scene::{LicensedTool, OWNER, SceneRecord};
+use gs2e_release::{datasheet, loader, reuse};
 use gs2e_source::kind::SourceKind;
 use gs2e_source::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
 use serde_json::Value;
@@ -232,7 +232,11 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
                 "its licence is `{}`, the licences of the scenes together are `{whole}`",
                 manifest.licence
             );
-            faults.push(AuditFault::of_file(FaultCode::ClaimsDisagree, crate::manifest::NAME, message));
+            faults.push(AuditFault::of_file(
+                FaultCode::ClaimsDisagree,
+                gs2e_release::manifest::NAME,
+                message,
+            ));
         }
     }
     faults

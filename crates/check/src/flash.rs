@@ -1,7 +1,7 @@
 //! Changes of the whole picture that the motion does not explain. A gate.
 //!
 //! A renderer draws a Gaussian until its mean passes the near plane. A large one covers the picture at
-//! that moment, see [`gs2e_render::near`], so all of it changes from one frame to the next.
+//! that moment, see `gs2e_render::near`, so all of it changes from one frame to the next.
 //!
 //! - `frames`: the change of brightness from one frame to a later one, that a fifth of the picture
 //!   exceeds in one direction.

@@ -1,21 +1,19 @@
 //! The files of a release, composed in memory.
 
-use super::built::{BuiltScene, BuiltTrajectory};
-use super::composed::{FileContent, ReleaseTree};
 use super::exports::ReleaseExports;
-use super::facts::ReleaseFacts;
-use super::held_back::HeldBackScene;
-use super::manifest::{Publisher, ReleaseManifest};
-use super::published::PublishedScene;
-use super::recheck::{FileVerdicts, agreement_of_sound};
-use super::scene::{SceneRecord, SplitPart, TrajectoryPart};
-use super::top::{compose_top, terms_of};
-use super::{
-    ReleaseContext, ReleaseError, TOOL, calibration, file_checks, layout, manifest, path_picture, products,
-    published, scene, split, standing,
-};
+use super::{ReleaseContext, ReleaseError, file_checks, standing};
+use gs2e_audit::recheck::{FileVerdicts, agreement_of_sound};
 use gs2e_check::{Finding, join_findings};
 use gs2e_recipe::ReleaseInfo;
+use gs2e_release::built::{BuiltScene, BuiltTrajectory};
+use gs2e_release::composed::{FileContent, ReleaseTree};
+use gs2e_release::facts::ReleaseFacts;
+use gs2e_release::held_back::HeldBackScene;
+use gs2e_release::manifest::{Publisher, ReleaseManifest};
+use gs2e_release::published::PublishedScene;
+use gs2e_release::scene::{SceneRecord, SplitPart, TrajectoryPart};
+use gs2e_release::top::{compose_top, terms_of};
+use gs2e_release::{TOOL, calibration, layout, manifest, path_picture, products, published, scene, split};
 use gs2e_source::licence::Redistributability;
 use gs2e_store::record::StoredOutput;
 use gs2e_store::{Key, Store};

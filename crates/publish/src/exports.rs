@@ -1,11 +1,11 @@
 //! The exports that a release includes, made once.
 
 use super::ReleaseError;
-use super::composed::{FileContent, ReleaseTree};
-use super::include::{ComposedFile, ComposedScene, ReleaseExporter, export_name};
 use super::made_once::{MadeOf, digest_of_files};
-use super::scene::SceneRecord;
 use gs2e_recipe::IncludedExport;
+use gs2e_release::composed::{FileContent, ReleaseTree};
+use gs2e_release::include::{ComposedFile, ComposedScene, ReleaseExporter, export_name};
+use gs2e_release::scene::SceneRecord;
 use gs2e_store::description::describe_value;
 use gs2e_store::record::StoredOutput;
 use gs2e_store::{Digest, Key, Store};

@@ -3,13 +3,14 @@
 //! Their verdicts are stored under the digests of the files, so a release that repeats a scene does not
 //! judge it again.
 
-use super::composed::ReleaseTree;
 use super::made_once::{MadeOf, digest_of_files};
-use super::recheck::{FileVerdicts, RecheckError, judge_unwritten};
-use super::{ReleaseError, TOOL, failed};
+use super::{ReleaseError, failed};
+use gs2e_audit::recheck::{FileVerdicts, RecheckError, judge_unwritten};
 use gs2e_build::artifact::write_json;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
+use gs2e_release::TOOL;
+use gs2e_release::composed::ReleaseTree;
 use gs2e_store::description::describe_value;
 use gs2e_store::{Key, Store};
 use std::sync::atomic::{AtomicBool, Ordering};

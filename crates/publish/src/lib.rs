@@ -1,77 +1,38 @@
-//! The release: the tree that users download, and its audit.
+//! Writes a release: composes it, judges its files, and puts it in place.
 //!
-//! A release is composed in memory as a list of paths and the sources of their bytes. It is written
-//! to a folder of its own next to the target, audited there, and put in place by one rename.
-//! Therefore the release's name always leads to a whole release. Two releases of the same records
-//! are equal byte for byte. Only files that this program wrote and that have not changed since are
-//! removed.
+//! A release is written to a folder of its own next to the target, audited there, and put in place
+//! by one rename. Therefore the release's name always leads to a whole release. Only files that
+//! this program wrote and that have not changed since are removed.
 
-pub mod audit;
-mod built;
-mod calibration;
-mod card;
-mod checksum;
 mod compose;
-mod composed;
-mod croissant;
-mod datasheet;
-pub mod diff;
 mod exports;
-mod facts;
 mod file_checks;
-mod held_back;
-pub mod include;
-mod index;
-mod layout;
-pub mod left_out;
-mod loader;
 mod made_once;
-mod manifest;
-mod markdown;
-mod path_picture;
-mod products;
-mod provenance;
-mod published;
-pub mod recheck;
 mod removal;
-mod report;
-mod reuse;
-mod scene;
-pub mod signature;
 mod sorted;
-mod split;
 mod standing;
-pub mod summary;
 mod target;
-mod top;
 mod tree;
 mod work;
 
 use compose::{ComposedTree, JudgedScene, compose_tree, empty_splits, judge_scenes};
 
-pub use built::GatherError;
-pub use held_back::HeldBackScene;
-pub use manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, Publisher, ReleaseManifest};
-pub use published::recipe as recipe_of_scene;
-pub use report::dataset::{CaptionedPicture, compose_dataset_page};
-pub use scene::SceneRecord;
-pub use split::SplitLeak;
 pub use target::{GuardedPath, ReleaseTarget, TargetClaim};
 
 use exports::ReleaseExports;
+use gs2e_audit as audit;
+use gs2e_audit::recheck;
 use gs2e_build::plan::Plan;
 use gs2e_build::run::RunSummary;
 use gs2e_check::Finding;
 use gs2e_recipe as recipe;
 use gs2e_recipe::{RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
+use gs2e_release::{GatherError, HeldBackScene, SplitLeak, built, include};
 use gs2e_store::{Key, Store, StoreError};
 use sorted::SortedScenes;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-
-/// Name and version of the program, as written in the files of a release.
-const TOOL: &str = concat!("gs2e ", env!("CARGO_PKG_VERSION"));
 
 /// Way in which the files of a release get their bytes from the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,8 +1,9 @@
 //! Files that a release makes of a scene's files and keeps in the store, like the outputs of a step.
 
-use super::composed::ReleaseTree;
-use super::manifest::KeyIngredients;
-use super::{ReleaseError, TOOL, checksum};
+use super::ReleaseError;
+use gs2e_release::composed::ReleaseTree;
+use gs2e_release::manifest::KeyIngredients;
+use gs2e_release::{TOOL, checksum};
 use gs2e_store::description::DescribedValue;
 use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
 use gs2e_store::{BlobState, Digest, Key, Store};

@@ -1,10 +1,10 @@
 //! Scenes of a release by whether they may be in it.
 
 use super::ReleaseError;
-use super::built::{BuiltScene, GatherError};
 use super::compose::JudgedScene;
-use super::held_back::HeldBackScene;
 use gs2e_check::{Finding, Verdict};
+use gs2e_release::built::{BuiltScene, GatherError};
+use gs2e_release::held_back::HeldBackScene;
 
 /// The scenes that are built, and those that are not, which only a partial release may lack.
 pub(super) fn part_unbuilt<'a>(

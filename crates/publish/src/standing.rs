@@ -5,12 +5,13 @@
 //! in their one form and list what it lists. Only files with the stated bytes count as sound, and
 //! only sound files are ever removed.
 
-use super::manifest::{self, ReleaseManifest};
+use super::ReleaseError;
 use super::removal::remove_ours;
-use super::signature::{self, ReleaseSignature};
-use super::{ReleaseError, checksum};
 use gs2e_files as files;
 use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use gs2e_release::manifest::ReleaseManifest;
+use gs2e_release::signature::ReleaseSignature;
+use gs2e_release::{checksum, manifest, signature};
 use gs2e_store::Digest;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};

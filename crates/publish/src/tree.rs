@@ -2,15 +2,17 @@
 //!
 //! The audit gets the takedown list, so that no release with a listed scene is put in place.
 
-use super::audit::AuditOptions;
-use super::composed::{FileContent, ReleaseTree};
-use super::manifest::ManifestFile;
 use super::standing::StandingTree;
 use super::target::ReleaseTarget;
 use super::work::{WorkFolder, write_new};
-use super::{LinkMode, ReleaseError, audit, checksum, failed};
+use super::{LinkMode, ReleaseError, failed};
+use gs2e_audit as audit;
+use gs2e_audit::AuditOptions;
 use gs2e_files as files;
 use gs2e_files::{LinkRule, Removal};
+use gs2e_release::checksum;
+use gs2e_release::composed::{FileContent, ReleaseTree};
+use gs2e_release::manifest::ManifestFile;
 use gs2e_store::{Digest, Store};
 use rayon::prelude::*;
 use std::collections::BTreeMap;

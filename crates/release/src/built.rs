@@ -24,29 +24,35 @@ use std::path::PathBuf;
 
 /// A scene whose steps are all made.
 #[derive(Debug)]
-pub(super) struct BuiltScene<'a> {
-    pub(super) recipe: &'a Recipe,
+pub struct BuiltScene<'a> {
+    /// Its recipe.
+    pub recipe: &'a Recipe,
     pub(super) capture: Capture,
     /// Present if something is rendered.
-    pub(super) gaussians: Option<SceneSummary>,
-    pub(super) licence: ComposedTerms,
-    pub(super) photographed: Option<PhotoFindings>,
-    pub(super) trajectories: Vec<BuiltTrajectory>,
+    pub gaussians: Option<SceneSummary>,
+    /// Its terms.
+    pub licence: ComposedTerms,
+    /// Present if it has photos.
+    pub photographed: Option<PhotoFindings>,
+    /// In the order of the recipe.
+    pub trajectories: Vec<BuiltTrajectory>,
     pub(super) steps: Vec<BuiltStep>,
 }
 
 /// Findings on a scene from its photos and its capture.
 #[derive(Debug)]
-pub(super) struct PhotoFindings {
+pub struct PhotoFindings {
     /// Present if there is a scene to compare the photos with.
     pub(super) fidelity: Option<PhotoFidelity>,
-    pub(super) findings: Vec<Finding>,
+    /// Findings of the checks of the scene.
+    pub findings: Vec<Finding>,
 }
 
 /// Summary of the Gaussians.
 #[derive(Debug)]
-pub(super) struct SceneSummary {
-    pub(super) path: PathBuf,
+pub struct SceneSummary {
+    /// Their file in the store.
+    pub path: PathBuf,
     pub(super) count: u64,
     pub(super) sh_degree: u8,
     pub(super) antialiased: Option<bool>,
@@ -57,13 +63,16 @@ pub(super) struct SceneSummary {
 
 /// A trajectory whose steps are all made.
 #[derive(Debug)]
-pub(super) struct BuiltTrajectory {
-    pub(super) name: String,
-    pub(super) motion: TrajectoryProduct,
+pub struct BuiltTrajectory {
+    /// Its name in the recipe.
+    pub name: String,
+    /// Poses and speeds.
+    pub motion: TrajectoryProduct,
     pub(super) events: Option<EventStreams>,
     pub(super) blur: Option<BlurredFrames>,
     pub(super) left_out: Vec<OmissionRow>,
-    pub(super) findings: Vec<Finding>,
+    /// Findings of its checks.
+    pub findings: Vec<Finding>,
     pub(super) peaks_ev_per_ms: Vec<u64>,
 }
 
@@ -179,7 +188,7 @@ impl BuiltProducts<'_> {
 }
 
 /// Gathers one scene.
-pub(super) fn gather_scene<'a>(
+pub fn gather_scene<'a>(
     plan: &'a Plan,
     index: usize,
     summary: &RunSummary,
@@ -230,18 +239,18 @@ fn gather_trajectory(shelf: &BuiltProducts<'_>, name: &str) -> Result<BuiltTraje
 
 impl BuiltScene<'_> {
     /// The findings of all checks of the scene and of its trajectories.
-    pub(super) fn findings(&self) -> impl Iterator<Item = &Finding> {
+    pub fn findings(&self) -> impl Iterator<Item = &Finding> {
         let own = self.photographed.iter().flat_map(|photographed| &photographed.findings);
         own.chain(self.trajectories.iter().flat_map(|trajectory| &trajectory.findings))
     }
 
     /// The outputs of a step of a trajectory; empty if there is no step of that name.
-    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
+    pub fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         self.own_outputs(&format!("{trajectory}/{step}"))
     }
 
     /// The outputs of a step of the scene, by its whole name.
-    pub(super) fn own_outputs(&self, name: &str) -> &[StoredOutput] {
+    pub fn own_outputs(&self, name: &str) -> &[StoredOutput] {
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 
@@ -251,7 +260,7 @@ impl BuiltScene<'_> {
     }
 
     /// The camera that sees along a trajectory.
-    pub(super) fn camera_along(&self, trajectory: &str) -> Camera {
+    pub fn camera_along(&self, trajectory: &str) -> Camera {
         self.chosen(self.recipe.camera_along(trajectory))
     }
 

@@ -26,7 +26,7 @@ const DSEC: &str = "cam_to_cam.yaml";
 const MAPS: [&str; 2] = ["_rectify_map.npy", "_remap.npy"];
 
 /// Names of the files of a trajectory, by the description of its scene; maps only if they are passed on.
-pub(super) fn names(scene: &SceneRecord, part: &TrajectoryPart) -> BTreeSet<String> {
+pub fn names(scene: &SceneRecord, part: &TrajectoryPart) -> BTreeSet<String> {
     if part.cameras.is_empty() {
         return BTreeSet::new();
     }
@@ -39,11 +39,7 @@ pub(super) fn names(scene: &SceneRecord, part: &TrajectoryPart) -> BTreeSet<Stri
 }
 
 /// The files of a trajectory, by their names in its folder; none for a trajectory that is not that of a body.
-pub(super) fn compose(
-    recipe: &Recipe,
-    scene: &SceneRecord,
-    part: &TrajectoryPart,
-) -> BTreeMap<String, Vec<u8>> {
+pub fn compose(recipe: &Recipe, scene: &SceneRecord, part: &TrajectoryPart) -> BTreeMap<String, Vec<u8>> {
     if part.cameras.is_empty() {
         return BTreeMap::new();
     }
@@ -94,11 +90,7 @@ fn pairs(cameras: &[(&RigCamera, Camera)]) -> Vec<([usize; 2], Rectification)> {
 }
 
 /// The rectification of the stereo pair whose first camera sees along a trajectory, if there is one.
-pub(super) fn rectification(
-    recipe: &Recipe,
-    scene: &SceneRecord,
-    part: &TrajectoryPart,
-) -> Option<Rectification> {
+pub fn rectification(recipe: &Recipe, scene: &SceneRecord, part: &TrajectoryPart) -> Option<Rectification> {
     let mounted = recipe.mounted(&part.name)?;
     let own = &mounted.camera;
     let second = format!("{}/{}", mounted.body, own.second.as_ref()?.name);

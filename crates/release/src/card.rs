@@ -3,7 +3,7 @@
 
 mod conventions;
 mod files;
-pub(super) mod head;
+pub mod head;
 mod licences;
 mod making;
 mod scenes;

@@ -11,10 +11,10 @@ use std::io::{self, Read};
 use std::path::Path;
 
 /// Name of the file of SHA-256 sums.
-pub(super) const NAME: &str = "SHA256SUMS";
+pub const NAME: &str = "SHA256SUMS";
 
 /// Name of the file of BLAKE3 sums.
-pub(super) const B3_NAME: &str = "B3SUMS";
+pub const B3_NAME: &str = "B3SUMS";
 
 /// Bytes as lower-case hexadecimal digits.
 fn hex_digits(bytes: &[u8]) -> String {
@@ -25,32 +25,35 @@ fn hex_digits(bytes: &[u8]) -> String {
 }
 
 /// SHA-256 of bytes, hexadecimal.
-pub(super) fn sha256_hex(bytes: &[u8]) -> String {
+pub fn sha256_hex(bytes: &[u8]) -> String {
     hex_digits(&Sha256::digest(bytes))
 }
 
 /// SHA-256 of a file, hexadecimal.
-pub(super) fn sha256_of_file(path: &Path) -> io::Result<String> {
+pub fn sha256_of_file(path: &Path) -> io::Result<String> {
     hash_file(path).map(|hashes| hashes.sha256)
 }
 
 /// Both hashes of a file, and its size.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct FileHashes {
-    pub(super) sha256: String,
-    pub(super) blake3: Digest,
-    pub(super) size: u64,
+pub struct FileHashes {
+    /// In hexadecimal digits.
+    pub sha256: String,
+    /// The hash that the store uses.
+    pub blake3: Digest,
+    /// Bytes.
+    pub size: u64,
 }
 
 impl FileHashes {
     /// Hashes bytes in memory.
-    pub(super) fn of_bytes(bytes: &[u8]) -> Self {
+    pub fn of_bytes(bytes: &[u8]) -> Self {
         Self { sha256: sha256_hex(bytes), blake3: Digest::of_bytes(bytes), size: bytes.len() as u64 }
     }
 }
 
 /// Hashes a file, in one pass over its bytes.
-pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
+pub fn hash_file(path: &Path) -> io::Result<FileHashes> {
     // A release contains no links, so one in its place is not followed.
     let mut file = files::open_with(path, files::LinkRule::Refuse)?;
     let (mut sha256, mut blake3) = (Sha256::new(), blake3::Hasher::new());
@@ -71,7 +74,7 @@ pub(super) fn hash_file(path: &Path) -> io::Result<FileHashes> {
 }
 
 /// The text of either file. The sums must be sorted by path.
-pub(super) fn sums_text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
+pub fn sums_text<'a>(sums: impl Iterator<Item = (&'a str, String)>) -> String {
     sums.fold(String::new(), |mut text, (path, sum)| {
         // Two spaces, as `sha256sum` and `b3sum` write them.
         writeln!(text, "{sum}  {path}").expect("a String takes any text");

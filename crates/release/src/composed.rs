@@ -8,21 +8,28 @@ use std::path::{Path, PathBuf};
 
 /// Source of a file's bytes.
 #[derive(Debug)]
-pub(super) enum FileContent {
+pub enum FileContent {
     /// Bytes made for the release.
     Bytes(Vec<u8>),
     /// A blob of the store.
-    Blob { path: PathBuf, digest: Digest, size: u64 },
+    Blob {
+        /// Its file.
+        path: PathBuf,
+        /// Its name in the store.
+        digest: Digest,
+        /// Bytes.
+        size: u64,
+    },
 }
 
 impl FileContent {
     /// A JSON document: indented, with a final newline.
-    pub(super) fn json<T: serde::Serialize>(value: &T) -> Self {
+    pub fn json<T: serde::Serialize>(value: &T) -> Self {
         Self::Bytes(Self::json_bytes(value))
     }
 
     /// The bytes of a JSON document.
-    pub(super) fn json_bytes<T: serde::Serialize>(value: &T) -> Vec<u8> {
+    pub fn json_bytes<T: serde::Serialize>(value: &T) -> Vec<u8> {
         let mut bytes = serde_json::to_vec_pretty(value).expect("release files are plain data");
         bytes.push(b'\n');
         bytes
@@ -31,19 +38,20 @@ impl FileContent {
 
 /// Files by path, `/`-separated, below the release folder.
 #[derive(Debug, Default)]
-pub(super) struct ReleaseTree {
+pub struct ReleaseTree {
     files: BTreeMap<String, FileContent>,
 }
 
 impl ReleaseTree {
     /// Adds a file. Its path is new, because recipes are refused if two scenes would write the same
     /// path.
-    pub(super) fn add(&mut self, path: String, content: FileContent) {
+    pub fn add(&mut self, path: String, content: FileContent) {
         let before = self.files.insert(path, content);
         assert!(before.is_none(), "scene ids and trajectory names do not clash in valid recipes");
     }
 
-    pub(super) fn extend(&mut self, other: Self) {
+    /// Adds the files of another tree.
+    pub fn extend(&mut self, other: Self) {
         other.files.into_iter().for_each(|(path, content)| self.add(path, content));
     }
 
@@ -53,17 +61,17 @@ impl ReleaseTree {
     }
 
     /// The paths with their contents, sorted.
-    pub(super) fn contents(&self) -> impl Iterator<Item = (&str, &FileContent)> {
+    pub fn contents(&self) -> impl Iterator<Item = (&str, &FileContent)> {
         self.files.iter().map(|(path, content)| (path.as_str(), content))
     }
 
     /// The same, for several threads.
-    pub(super) fn par_contents(&self) -> impl ParallelIterator<Item = (&str, &FileContent)> {
+    pub fn par_contents(&self) -> impl ParallelIterator<Item = (&str, &FileContent)> {
         self.files.par_iter().map(|(path, content)| (path.as_str(), content))
     }
 
     /// The blobs that files are made from, one per file.
-    pub(super) fn blobs(&self) -> impl Iterator<Item = &Digest> {
+    pub fn blobs(&self) -> impl Iterator<Item = &Digest> {
         self.files.values().filter_map(|content| match content {
             FileContent::Blob { digest, .. } => Some(digest),
             FileContent::Bytes(_) => None,
@@ -71,12 +79,12 @@ impl ReleaseTree {
     }
 
     /// The content of the file at a path.
-    pub(super) fn content(&self, path: &str) -> Option<&FileContent> {
+    pub fn content(&self, path: &str) -> Option<&FileContent> {
         self.files.get(path)
     }
 
     /// The file in the store with the content of a file of the tree.
-    pub(super) fn place(&self, path: &str) -> Option<&Path> {
+    pub fn place(&self, path: &str) -> Option<&Path> {
         match self.files.get(path)? {
             FileContent::Blob { path, .. } => Some(path),
             FileContent::Bytes(_) => None,
@@ -84,12 +92,12 @@ impl ReleaseTree {
     }
 
     /// The files with their contents, sorted by path.
-    pub(super) fn into_files(self) -> BTreeMap<String, FileContent> {
+    pub fn into_files(self) -> BTreeMap<String, FileContent> {
         self.files
     }
 
     /// The files with sizes and digests, sorted by path.
-    pub(super) fn listing(&self) -> Vec<ManifestFile> {
+    pub fn listing(&self) -> Vec<ManifestFile> {
         let list = self.files.iter().map(|(path, content)| {
             let (size, blake3) = match content {
                 FileContent::Bytes(bytes) => (bytes.len() as u64, Digest::of_bytes(bytes)),

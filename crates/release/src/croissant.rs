@@ -8,8 +8,8 @@
 mod glob;
 mod records;
 
-pub(super) use glob::glob_matches;
-pub(super) use records::{SPLITS, data_type};
+pub use glob::glob_matches;
+pub use records::{SPLITS, data_type};
 
 use super::products::{self, FileSet, products};
 use super::provenance::Provenance;
@@ -21,14 +21,14 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
 /// Name of the file.
-pub(super) const NAME: &str = "croissant.json";
+pub const NAME: &str = "croissant.json";
 
 /// The version of Croissant.
-pub(super) const CONFORMS_TO: &str = "http://mlcommons.org/croissant/1.1";
+pub const CONFORMS_TO: &str = "http://mlcommons.org/croissant/1.1";
 
 /// Required fields, each with a value: those of Croissant, and those that dataset submissions must
 /// have.
-pub(super) const REQUIRED: [&str; 18] = [
+pub const REQUIRED: [&str; 18] = [
     "@context",
     "name",
     "description",
@@ -50,7 +50,7 @@ pub(super) const REQUIRED: [&str; 18] = [
 ];
 
 /// The fields for responsible AI that are written. Others are not part of this format.
-pub(super) const RESPONSIBLE: [&str; 7] = [
+pub const RESPONSIBLE: [&str; 7] = [
     "rai:dataCollection",
     "rai:dataLimitations",
     "rai:dataBiases",
@@ -61,10 +61,10 @@ pub(super) const RESPONSIBLE: [&str; 7] = [
 ];
 
 /// Name of the field that marks synthetic data. Releases always contain synthetic data.
-pub(super) const SYNTHETIC: &str = "rai:hasSyntheticData";
+pub const SYNTHETIC: &str = "rai:hasSyntheticData";
 
 /// Id of the release folder.
-pub(super) const ROOT: &str = "root";
+pub const ROOT: &str = "root";
 
 /// Replacement for a checksum of the release folder. `mlcroissant` reads a local folder like a
 /// repository, marked by a media type of its own and this address.
@@ -109,7 +109,7 @@ fn record_sets(splits: Option<&SplitPlan>) -> Vec<Value> {
 
 /// Address of a licence in the SPDX list, as Croissant recommends. Other expressions are returned
 /// unchanged.
-pub(super) fn licence_address(expression: &str) -> String {
+pub fn licence_address(expression: &str) -> String {
     if gs2e_source::licence::is_listed(expression) {
         format!("https://spdx.org/licenses/{expression}.html")
     } else {
@@ -201,7 +201,7 @@ fn file_sets() -> impl Iterator<Item = &'static FileSet> {
 }
 
 /// A length in the form that Croissant uses.
-pub(super) fn content_size(bytes: u64) -> String {
+pub fn content_size(bytes: u64) -> String {
     format!("{bytes} B")
 }
 

@@ -10,7 +10,7 @@ use answers::AnswerContext;
 use std::fmt::Write as _;
 
 /// Name of the file.
-pub(super) const NAME: &str = "DATASHEET.md";
+pub const NAME: &str = "DATASHEET.md";
 
 /// Answer to questions that the publisher could answer and did not.
 const UNSTATED: &str = "Not stated by the publisher.";

@@ -17,15 +17,17 @@ use std::fmt::Write as _;
 
 /// A release, as described to people.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ReleaseFacts<'a> {
-    pub(super) scenes: &'a [PublishedScene],
-    pub(super) info: &'a ReleaseInfo,
+pub struct ReleaseFacts<'a> {
+    /// Its scenes, sorted by id.
+    pub scenes: &'a [PublishedScene],
+    /// What `release.yaml` says of it.
+    pub info: &'a ReleaseInfo,
     /// Number of scenes left out because they are taken down.
-    pub(super) taken_down: usize,
+    pub taken_down: usize,
     /// Scenes left out because a check failed.
-    pub(super) held_back: &'a [HeldBackScene],
+    pub held_back: &'a [HeldBackScene],
     /// The terms of the whole release.
-    pub(super) licence: &'a ComposedTerms,
+    pub licence: &'a ComposedTerms,
 }
 
 impl ReleaseFacts<'_> {

@@ -167,7 +167,7 @@ pub enum ComposedFile {
 
 impl ComposedScene {
     /// A scene of a release with this name and version, with its files by their paths in the release.
-    pub(super) fn new(
+    pub fn new(
         [release, version]: [&str; 2],
         record: &SceneRecord,
         files: BTreeMap<String, ComposedFile>,
@@ -177,7 +177,7 @@ impl ComposedScene {
     }
 
     /// A scene of a written release, with the places of its files by their paths in the release.
-    pub(super) fn released(
+    pub fn released(
         manifest: &ReleaseManifest,
         record: &SceneRecord,
         files: BTreeMap<String, PathBuf>,

@@ -3,7 +3,7 @@
 //! once, in [`COLUMNS`], as a function of other files of the tree, so an audit can compare it with
 //! them. Unknown values are null.
 
-pub(super) mod table;
+pub mod table;
 
 use super::scene::{SceneRecord, SensorPart, TrajectoryPart, TrajectoryStatistics};
 use gs2e_check::{Finding, Verdict};
@@ -15,18 +15,20 @@ use std::collections::BTreeMap;
 use table::{CellValue, ColumnKind};
 
 /// Name of the file.
-pub(super) const NAME: &str = "index.parquet";
+pub const NAME: &str = "index.parquet";
 
 /// Values for the index from `speed.json` and `checks.json` of a trajectory.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct IndexSources {
+pub struct IndexSources {
     speed_median_unit_s: Option<f64>,
     checks: usize,
     checks_passed: usize,
 }
 
 impl IndexSources {
-    pub(super) fn from_files(report: &SpeedReport, findings: &[Finding]) -> Self {
+    /// From the contents of the two files.
+    #[must_use]
+    pub fn from_files(report: &SpeedReport, findings: &[Finding]) -> Self {
         Self {
             speed_median_unit_s: mean_median(report.linear_unit_s.clone()),
             checks: findings.len(),
@@ -37,7 +39,7 @@ impl IndexSources {
 
 /// A trajectory as seen by one sensor.
 #[derive(Debug)]
-pub(super) struct IndexRow<'a> {
+pub struct IndexRow<'a> {
     scene: &'a SceneRecord,
     part: &'a TrajectoryPart,
     /// The name and the part of one of several sensors.
@@ -79,9 +81,11 @@ impl IndexRow<'_> {
 
 /// A column of the index.
 #[derive(Debug)]
-pub(super) struct IndexColumn {
-    pub(super) name: &'static str,
-    pub(super) kind: ColumnKind,
+pub struct IndexColumn {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// Type of its cells.
+    pub kind: ColumnKind,
     /// Description for people, with the unit.
     pub(super) description: &'static str,
     value: fn(&IndexRow<'_>) -> CellValue,
@@ -97,7 +101,7 @@ const fn index_column(
 }
 
 /// All columns, in the order of the file.
-pub(super) const COLUMNS: [IndexColumn; 36] = [
+pub const COLUMNS: [IndexColumn; 36] = [
     index_column(
         "id",
         ColumnKind::Text,
@@ -236,7 +240,7 @@ pub(super) const COLUMNS: [IndexColumn; 36] = [
 ];
 
 /// The rows of a scene. The second argument has one element per trajectory, in their order.
-pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, sources: &[IndexSources]) -> Vec<IndexRow<'a>> {
+pub fn scene_rows<'a>(scene: &'a SceneRecord, sources: &[IndexSources]) -> Vec<IndexRow<'a>> {
     let mut rows = Vec::new();
     // The body of a rig sees nothing; its cameras have rows.
     let seen = scene.trajectories.iter().zip(sources).filter(|(part, _)| part.cameras.is_empty());
@@ -252,7 +256,7 @@ pub(super) fn scene_rows<'a>(scene: &'a SceneRecord, sources: &[IndexSources]) -
 }
 
 /// The cells of all rows, sorted by scene, trajectory and sensor.
-pub(super) fn sorted_cells(mut rows: Vec<IndexRow<'_>>) -> Vec<Vec<CellValue>> {
+pub fn sorted_cells(mut rows: Vec<IndexRow<'_>>) -> Vec<Vec<CellValue>> {
     let place =
         |row: &IndexRow<'_>| (row.scene.id.clone(), row.part.name.clone(), row.name().map(str::to_owned));
     rows.sort_by_cached_key(place);

@@ -14,9 +14,9 @@ pub(super) const CARD: &str = "README.md";
 const LICENCES: &str = "LICENSES/";
 
 /// Description of a scene, in its folder.
-pub(super) const SCENE: &str = "scene.json";
+pub const SCENE: &str = "scene.json";
 /// Findings, in a scene's folder and in a trajectory's.
-pub(super) const CHECKS: &str = "checks.json";
+pub const CHECKS: &str = "checks.json";
 /// Photos, renderings and differences of held-out views, in a scene's folder; an output of the step
 /// `fidelity`.
 pub(super) const HELD_OUT: &str = gs2e_build::artifact::HELD_OUT_PICTURE;
@@ -25,10 +25,10 @@ const COMPARING: &str = "fidelity";
 /// The folder of exports, in a trajectory's folder: one folder per format.
 pub(super) const EXPORTS: &str = "exports/";
 /// Poses and camera in nerfstudio's form.
-pub(super) const TRANSFORMS: &str = "transforms.json";
+pub const TRANSFORMS: &str = "transforms.json";
 
 /// Files that the step of a path makes.
-pub(super) const MOTION: [&str; 4] = ["poses.txt", "speed.json", "timestamps_us.txt", "trajectory.svg"];
+pub const MOTION: [&str; 4] = ["poses.txt", "speed.json", "timestamps_us.txt", "trajectory.svg"];
 
 /// Files at the top of every release, but for the texts of licences.
 const TOP: [&str; 10] = [
@@ -45,29 +45,29 @@ const TOP: [&str; 10] = [
 ];
 
 /// The path of a licence's text.
-pub(super) fn licence_text(id: &str) -> String {
+pub fn licence_text(id: &str) -> String {
     format!("{LICENCES}{id}.txt")
 }
 
 /// The id of the licence whose text has this path.
-pub(super) fn licence_id(path: &str) -> Option<&str> {
+pub fn licence_id(path: &str) -> Option<&str> {
     path.strip_prefix(LICENCES)?.strip_suffix(".txt").filter(|id| !id.contains('/'))
 }
 
 /// Returns true if a release may have a file of this path outside its scenes.
-pub(super) fn is_top(path: &str) -> bool {
+pub fn is_top(path: &str) -> bool {
     TOP.contains(&path) || licence_id(path).is_some() || path == signature::NAME
 }
 
 /// The files that every release has at its top, but for the texts of licences.
-pub(super) fn top() -> impl Iterator<Item = &'static str> {
+pub fn top() -> impl Iterator<Item = &'static str> {
     TOP.into_iter()
 }
 
 /// The files in a trajectory's folder that steps made, by name, with the outputs that they are.
 /// `outputs` gives the outputs of a step of the trajectory; `streams` are the names of its event
 /// streams.
-pub(super) fn made<'o>(
+pub fn made<'o>(
     outputs: impl Fn(&str) -> &'o [StoredOutput],
     streams: &[Option<&str>],
 ) -> BTreeMap<String, &'o StoredOutput> {
@@ -95,14 +95,14 @@ pub(super) fn made<'o>(
 
 /// The files in a scene's own folder that steps made, by name. `outputs` gives the outputs of a step
 /// of the scene.
-pub(super) fn made_of_scene<'o>(
+pub fn made_of_scene<'o>(
     outputs: impl Fn(&str) -> &'o [StoredOutput],
 ) -> Option<(&'static str, &'o StoredOutput)> {
     outputs(COMPARING).iter().find(|output| output.name == HELD_OUT).map(|output| (HELD_OUT, output))
 }
 
 /// Returns true if a file of the scene `id` belongs to an export.
-pub(super) fn is_export(id: &str, path: &str) -> bool {
+pub fn is_export(id: &str, path: &str) -> bool {
     // After the scene comes the trajectory, and after that of a body, the camera.
     let below = |path: &'_ str| path.split_once('/').map(|(_, path)| path.to_owned());
     let within = path.strip_prefix(id).and_then(|path| path.strip_prefix('/'));

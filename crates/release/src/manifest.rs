@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Name of the file.
-pub(super) const NAME: &str = "manifest.json";
+pub const NAME: &str = "manifest.json";
 
 /// The file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,7 +58,7 @@ fn is_zero(count: &usize) -> bool {
 
 impl ReleaseManifest {
     /// The paths of all files that it lists.
-    pub(super) fn paths(&self) -> impl Iterator<Item = &str> {
+    pub fn paths(&self) -> impl Iterator<Item = &str> {
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.files);
         of_scenes.chain(&self.files).map(|file| file.path.as_str())
     }
@@ -92,32 +92,34 @@ pub struct ManifestScene {
 
 /// The scenes of a manifest by id, to find the scene of a file.
 #[derive(Debug)]
-pub(super) struct FileOwners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
+pub struct FileOwners<'m>(BTreeMap<&'m str, &'m ManifestScene>);
 
 impl<'m> FileOwners<'m> {
-    pub(super) fn new(manifest: &'m ReleaseManifest) -> Self {
+    /// The scenes of a manifest.
+    #[must_use]
+    pub fn new(manifest: &'m ReleaseManifest) -> Self {
         Self(manifest.scenes.iter().map(|scene| (scene.id.as_str(), scene)).collect())
     }
 
     /// The scene that contains a path: the one with the longest id that the path begins with.
-    pub(super) fn of(&self, path: &str) -> Option<&'m ManifestScene> {
+    pub fn of(&self, path: &str) -> Option<&'m ManifestScene> {
         path.rmatch_indices('/').find_map(|(end, _)| self.0.get(&path[..end]).copied())
     }
 
     /// The scene with an id.
-    pub(super) fn scene(&self, id: &str) -> Option<&'m ManifestScene> {
+    pub fn scene(&self, id: &str) -> Option<&'m ManifestScene> {
         self.0.get(id).copied()
     }
 }
 
 impl ManifestScene {
     /// The outputs of a step of a trajectory; empty if there is no step of that name.
-    pub(super) fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
+    pub fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
         self.own_outputs(&format!("{trajectory}/{step}"))
     }
 
     /// The outputs of a step of the scene, by its whole name.
-    pub(super) fn own_outputs(&self, name: &str) -> &[StoredOutput] {
+    pub fn own_outputs(&self, name: &str) -> &[StoredOutput] {
         self.steps.iter().find(|step| step.step == name).map_or(&[], |step| &step.outputs)
     }
 }
@@ -187,7 +189,7 @@ impl KeyIngredients {
     }
 
     /// The description whose hash is the key.
-    pub(super) fn description(&self, stage: &str) -> DescribedValue {
+    pub fn description(&self, stage: &str) -> DescribedValue {
         let inputs = self
             .inputs
             .iter()
@@ -237,7 +239,7 @@ pub struct Publisher {
 
 impl Publisher {
     /// Takes the statements of a `release.yaml`.
-    pub(super) fn of(info: &ReleaseInfo) -> Self {
+    pub fn of(info: &ReleaseInfo) -> Self {
         Self {
             url: info.url.clone(),
             creator: info.creator.clone(),
@@ -254,7 +256,7 @@ impl Publisher {
 
 impl ReleaseManifest {
     /// The `release.yaml` of the release; `None` if the publisher's statements are absent.
-    pub(super) fn info(&self) -> Option<ReleaseInfo> {
+    pub fn info(&self) -> Option<ReleaseInfo> {
         let publisher = self.publisher.clone()?;
         Some(ReleaseInfo {
             name: self.name.clone(),
@@ -287,7 +289,7 @@ pub struct ManifestFile {
 }
 
 /// Describes a scene. `files` are its files in the tree.
-pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
+pub fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -> ManifestScene {
     // Findings on the capture and its photos are in `checks.json` of the scene, not here.
     let findings: Vec<&Finding> = built.trajectories.iter().flat_map(|t| &t.findings).collect();
     let left_out = built.trajectories.iter().filter_map(|t| Some((t.name.clone(), t.simulation()?.work)));
@@ -306,7 +308,7 @@ pub(super) fn manifest_scene(built: &BuiltScene<'_>, files: Vec<ManifestFile>) -
 }
 
 /// Number of verdicts of each kind among the findings on trajectories.
-pub(super) fn verdicts<'f>(findings: impl Iterator<Item = &'f Finding>) -> BTreeMap<String, usize> {
+pub fn verdicts<'f>(findings: impl Iterator<Item = &'f Finding>) -> BTreeMap<String, usize> {
     findings.fold(BTreeMap::new(), |mut counts, finding| {
         *counts.entry(finding.verdict.name().to_owned()).or_default() += 1;
         counts
@@ -314,7 +316,7 @@ pub(super) fn verdicts<'f>(findings: impl Iterator<Item = &'f Finding>) -> BTree
 }
 
 /// The accepted faults among the findings on trajectories.
-pub(super) fn waivers<'f>(findings: impl Iterator<Item = &'f Finding>) -> Vec<Finding> {
+pub fn waivers<'f>(findings: impl Iterator<Item = &'f Finding>) -> Vec<Finding> {
     findings.filter(|finding| finding.verdict == Verdict::Waived).cloned().collect()
 }
 

@@ -6,7 +6,7 @@ use gs2e_image::{Image, Size, png};
 use gs2e_trajectory::picture::sketch;
 
 /// Name of the file.
-pub(super) const NAME: &str = "trajectory.png";
+pub const NAME: &str = "trajectory.png";
 
 /// Width and height of each of the two views, px.
 const VIEW: [u32; 2] = [400, 360];
@@ -16,7 +16,7 @@ const PATH: [f64; 3] = [153.0; 3];
 const BAR: [f64; 3] = [51.0; 3];
 
 /// Draws the picture; `None` if there is no pose.
-pub(super) fn compose_picture(motion: &TrajectoryProduct) -> Option<Vec<u8>> {
+pub fn compose_picture(motion: &TrajectoryProduct) -> Option<Vec<u8>> {
     let [width, height] = VIEW;
     let (poses, speeds) = (&motion.trajectory.world_from_camera, &motion.report.linear_unit_s);
     let views = sketch(poses, speeds, [f64::from(width), f64::from(height)], DRAWN)?;

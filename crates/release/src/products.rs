@@ -1,12 +1,12 @@
 //! The catalogue of a release's files: one row per product of a trajectory, and one per other file.
 //!
 //! Card, datasheet, Croissant file, index, report and audit read these rows, so a new output is one
-//! row of [`outputs`].
+//! row of `outputs`.
 
 mod outputs;
 mod plain;
 
-pub(super) use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
+pub use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
@@ -18,11 +18,11 @@ use gs2e_trajectory::imu;
 
 /// A product of a trajectory.
 #[derive(Debug)]
-pub(super) struct ReleaseProduct {
+pub struct ReleaseProduct {
     /// The output of recipes. Its name is that of the step, and of the folder.
-    pub(super) output: OutputKind,
+    pub output: OutputKind,
     /// Form of its files, which the audit reads.
-    pub(super) form: ProductForm,
+    pub form: ProductForm,
     /// Rows on its files, for card and Croissant file.
     pub(super) files: &'static [FileRow],
     /// Words for several of its files, after a number.
@@ -45,14 +45,20 @@ pub(super) type PictureMaker =
 
 /// Form of a product's files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ProductForm {
+pub enum ProductForm {
     /// Events in HDF5, one file per sensor.
     Streams,
     /// Pictures in 8-bit sRGB, PNG, one file per pose of the row.
     Colours(PictureNumbers),
-    /// Arrays of float32, `.npy`, one file per pose of the row: numbers per pixel, and true if they
-    /// are positive. NaN marks a pixel without a value.
-    Numbers { channels: u64, positive: bool, poses: PictureNumbers },
+    /// Arrays of float32, `.npy`, one file per pose of the row. NaN marks a pixel without a value.
+    Numbers {
+        /// Numbers per pixel.
+        channels: u64,
+        /// True if they are positive.
+        positive: bool,
+        /// The poses that have a file.
+        poses: PictureNumbers,
+    },
     /// Masks of 8-bit grey, PNG, and the places of the objects.
     Masks(PictureNumbers),
     /// Inertial data, with the names of [`imu::files`].
@@ -61,7 +67,7 @@ pub(super) enum ProductForm {
 
 /// The poses that have a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PictureNumbers {
+pub enum PictureNumbers {
     /// The poses in the middle of the exposures.
     Exposed,
     /// Every n-th pose.
@@ -130,7 +136,7 @@ pub(super) fn products() -> impl Iterator<Item = &'static ReleaseProduct> {
 }
 
 /// Returns true if a file of a scene's folder shows nothing of the scene.
-pub(super) fn is_metadata(path: &str) -> bool {
+pub fn is_metadata(path: &str) -> bool {
     let last = |path: &'static str| path.rsplit('/').next().unwrap_or(path);
     let rows = SCENE.iter().chain(&PATH).chain(&CALIBRATION).chain(&CHECKS);
     let metadata = rows.filter(|row| row.class == LicenceClass::Metadata);
@@ -140,7 +146,7 @@ pub(super) fn is_metadata(path: &str) -> bool {
 
 impl ReleaseProduct {
     /// Name of the step and of the folder.
-    pub(super) fn name(&self) -> &'static str {
+    pub fn name(&self) -> &'static str {
         self.output.name()
     }
 
@@ -151,7 +157,7 @@ impl ReleaseProduct {
 
     /// Names of its files of a trajectory with this number of poses, but for event streams. `every` is the
     /// spacing of pictures, and `exposed` the number of frames per exposure, if there are exposures.
-    pub(super) fn file_names(&self, poses: usize, every: u32, exposed: Option<u32>) -> Vec<String> {
+    pub fn file_names(&self, poses: usize, every: u32, exposed: Option<u32>) -> Vec<String> {
         let numbers = match self.form {
             ProductForm::Streams => return Vec::new(),
             ProductForm::Samples => {
@@ -177,7 +183,7 @@ impl ReleaseProduct {
 
 impl ProductForm {
     /// Ends of the names of its files.
-    pub(super) fn extensions(self) -> &'static [&'static str] {
+    pub fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],

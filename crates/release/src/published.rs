@@ -23,33 +23,35 @@ pub(super) type StoredPlaces<'a> = &'a (dyn Fn(&str) -> Option<PathBuf> + Sync);
 
 /// A scene.
 #[derive(Debug)]
-pub(super) struct PublishedScene {
+pub struct PublishedScene {
     /// The recipe in `scene.json`.
-    pub(super) recipe: Recipe,
-    pub(super) licence: ComposedTerms,
-    pub(super) file: SceneRecord,
+    pub recipe: Recipe,
+    /// Its terms.
+    pub licence: ComposedTerms,
+    /// Content of `scene.json`.
+    pub file: SceneRecord,
     /// The findings of its own `checks.json`, where it has one.
-    pub(super) findings: Option<Vec<Finding>>,
+    pub findings: Option<Vec<Finding>>,
     /// In the order of `scene.json`.
-    pub(super) trajectories: Vec<PublishedTrajectory>,
+    pub trajectories: Vec<PublishedTrajectory>,
     /// Its files but for exports, sorted by path.
-    pub(super) files: Vec<ManifestFile>,
+    pub files: Vec<ManifestFile>,
 }
 
 /// A trajectory.
 #[derive(Debug)]
-pub(super) struct PublishedTrajectory {
+pub struct PublishedTrajectory {
     /// `poses.txt` and `speed.json`.
-    pub(super) motion: TrajectoryProduct,
+    pub motion: TrajectoryProduct,
     /// `checks.json`.
-    pub(super) findings: Vec<Finding>,
+    pub findings: Vec<Finding>,
     /// `omitted` of `manifest.json`.
-    pub(super) left_out: Vec<OmissionRow>,
+    pub left_out: Vec<OmissionRow>,
 }
 
 impl PublishedScene {
     /// A scene that was just composed, with the listing of its files but for exports.
-    pub(super) fn of(built: BuiltScene<'_>, file: SceneRecord, files: Vec<ManifestFile>) -> Self {
+    pub fn of(built: BuiltScene<'_>, file: SceneRecord, files: Vec<ManifestFile>) -> Self {
         let trajectories = built.trajectories.into_iter().map(|built| PublishedTrajectory {
             motion: built.motion,
             findings: built.findings,
@@ -72,17 +74,17 @@ impl PublishedScene {
     }
 
     /// Returns true if upstream forbids passing on anything that shows the scene.
-    pub(super) fn is_withheld(&self) -> bool {
+    pub fn is_withheld(&self) -> bool {
         self.licence.passing == Redistributability::Withheld
     }
 
     /// Its trajectories, with their parts of `scene.json`.
-    pub(super) fn paths(&self) -> impl Iterator<Item = (&TrajectoryPart, &PublishedTrajectory)> {
+    pub fn paths(&self) -> impl Iterator<Item = (&TrajectoryPart, &PublishedTrajectory)> {
         self.file.trajectories.iter().zip(&self.trajectories)
     }
 
     /// The files in a folder of a trajectory.
-    pub(super) fn in_folder(&self, trajectory: &str, folder: &str) -> impl Iterator<Item = &str> {
+    pub fn in_folder(&self, trajectory: &str, folder: &str) -> impl Iterator<Item = &str> {
         let prefix = format!("{}/{trajectory}/{folder}/", self.file.id);
         self.files.iter().map(|file| file.path.as_str()).filter(move |path| path.starts_with(&prefix))
     }
@@ -98,7 +100,7 @@ impl PublishedScene {
 }
 
 /// The names of a trajectory's event streams. The stream of a single sensor has no name.
-pub(super) fn stream_names(part: &TrajectoryPart) -> Vec<Option<&str>> {
+pub fn stream_names(part: &TrajectoryPart) -> Vec<Option<&str>> {
     let one = part.sensor.iter().map(|_| None);
     one.chain(part.sensors.keys().map(|name| Some(name.as_str()))).collect()
 }
@@ -121,7 +123,7 @@ pub(super) fn exposures(part: &TrajectoryPart, motion: &TrajectoryProduct) -> BT
 ///
 /// # Panics
 /// As [`licence::compose_terms`].
-pub(super) fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTerms {
+pub fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTerms {
     licence::compose_terms(&StatedTerms {
         kind: recipe.source.kind(),
         url: recipe.source.upstream().and_then(|upstream| upstream.url.as_deref()),
@@ -141,7 +143,7 @@ pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
 
 /// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is their
 /// readout if their shutter rolls.
-pub(super) fn transforms_of(
+pub fn transforms_of(
     camera: &Camera,
     (part, readout_us): (&TrajectoryPart, Option<u32>),
     motion: &TrajectoryProduct,

@@ -9,14 +9,14 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 /// Name of the file.
-pub(super) const NAME: &str = "REUSE.toml";
+pub const NAME: &str = "REUSE.toml";
 
 /// Holder of a scene that states none.
 const NOT_STATED: &str = "not stated";
 
 /// Composes the file. If several entries match a file, the last one counts. What files say of
 /// themselves never counts, since texts of users stand in them.
-pub(super) fn compose_reuse(scenes: &[&SceneRecord], whole: &str) -> String {
+pub fn compose_reuse(scenes: &[&SceneRecord], whole: &str) -> String {
     let mut text = String::from("version = 1\n");
     let everybody: BTreeSet<&str> = scenes.iter().flat_map(|scene| scene_holders(scene)).collect();
     // From the whole to the parts, since the last match counts.

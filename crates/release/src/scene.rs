@@ -10,13 +10,13 @@ use compose::{
     draw_seeds, kind_of_gaussians, sensor_seed, source_part, training_command, training_iterations,
 };
 
-pub(super) use compose::compose_scene;
+pub use compose::compose_scene;
 
-pub(super) use again::again;
+pub use again::again;
 pub(super) use attributes::SceneAttributes;
 use attributes::scene_attributes;
 
-pub(super) use licence::{LicencePart, LicensedTool, OWNER};
+pub use licence::{LicencePart, LicensedTool, OWNER};
 
 use gs2e_image::Size;
 use gs2e_recipe::MountedPath;

@@ -14,7 +14,7 @@ use std::io::{self, Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Name of the file of the signature.
-pub(super) const NAME: &str = "SHA256SUMS.minisig";
+pub const NAME: &str = "SHA256SUMS.minisig";
 
 /// Comment that a signature covers; it tells the signatures of this program from others.
 const COMMENT: &str = "gs2e release, SHA256SUMS";
@@ -209,14 +209,20 @@ impl PublisherKey {
 }
 
 /// The signature in a release, not verified.
-pub(super) struct ReleaseSignature {
+pub struct ReleaseSignature {
     parsed: SignatureBox,
+}
+
+impl std::fmt::Debug for ReleaseSignature {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ReleaseSignature").field("key_id", &self.key_id()).finish_non_exhaustive()
+    }
 }
 
 impl ReleaseSignature {
     /// Reads the signature of the release in `dir`: `None` if it is absent, the inner error if it
     /// is not in the form of minisign.
-    pub(super) fn read(dir: &Path) -> Result<Option<Result<Self, String>>, SignatureError> {
+    pub fn read(dir: &Path) -> Result<Option<Result<Self, String>>, SignatureError> {
         let path = dir.join(NAME);
         let bytes = match files::read_with(&path, LinkRule::Refuse, MAX_BYTES) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -240,11 +246,13 @@ impl ReleaseSignature {
     }
 
     /// Returns true if this program made it, as far as its comment says.
-    pub(super) fn is_own(&self) -> bool {
+    pub fn is_own(&self) -> bool {
         self.parsed.trusted_comment().is_ok_and(|comment| comment == COMMENT)
     }
 
-    pub(super) fn key_id(&self) -> String {
+    /// The number of the key that made it, in hexadecimal digits.
+    #[must_use]
+    pub fn key_id(&self) -> String {
         key_id(self.parsed.keynum())
     }
 

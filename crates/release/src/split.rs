@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// Deals a scene into a split by a rule.
-pub(super) fn split_part(scene: &SceneRecord, splits: &SplitPlan) -> SplitPart {
+pub fn split_part(scene: &SceneRecord, splits: &SplitPlan) -> SplitPart {
     let group = split_key(scene, splits.by);
     SplitPart { name: splits.of(&group).to_owned(), group }
 }
@@ -63,7 +63,7 @@ impl fmt::Display for SplitLeak {
 
 /// Finds material that scenes of two splits have in common: a group, a photo by its SHA-256, or the
 /// Gaussians. Two scenes give at most one leak of each kind.
-pub(super) fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
+pub fn find_leaks(scenes: &[SceneRecord]) -> Vec<SplitLeak> {
     // The first scene of each split that has the material.
     let mut holders: BTreeMap<(&str, &str), BTreeMap<&str, &str>> = BTreeMap::new();
     for (scene, part) in scenes.iter().filter_map(|scene| Some((scene, scene.split.as_ref()?))) {

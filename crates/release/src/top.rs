@@ -10,12 +10,12 @@ use gs2e_source::licence::ComposedTerms;
 use std::collections::BTreeSet;
 
 /// The combined terms of all scenes.
-pub(super) fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
+pub fn terms_of(scenes: &[PublishedScene]) -> ComposedTerms {
     gs2e_source::licence::compose_all(scenes.iter().map(|scene| &scene.licence))
 }
 
 /// Composes the files at the top of the tree, except for the manifest and the sums.
-pub(super) fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
+pub fn compose_top(facts: &ReleaseFacts<'_>, places: StoredPlaces<'_>) -> ReleaseTree {
     let ReleaseFacts { scenes, info, licence, .. } = *facts;
     let mut top = ReleaseTree::default();
     top.add(layout::CARD.into(), FileContent::Bytes(card::compose_card(facts).into_bytes()));

@@ -4,10 +4,10 @@
 use crate::cli::console::Console;
 use crate::cli::output;
 use crate::cli::problem::VerbError;
+use gs2e_audit::{AuditPart, PartsError};
 use gs2e_build::plan::shard::SceneShard;
 use gs2e_files as files;
 use gs2e_files::{MAX_DOCUMENT, write_by_rename};
-use gs2e_release::audit::{AuditPart, PartsError};
 use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};

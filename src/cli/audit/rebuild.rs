@@ -6,16 +6,15 @@ use crate::cli::console::Console;
 use crate::cli::message::{MessageLevel, UserMessage};
 use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use gs2e_audit::{AuditFault, rebuilt};
 use gs2e_build::plan::Plan;
 use gs2e_build::run::backends::{RendererChoice, RendererKind};
 use gs2e_export::{IncludedExporter, SilentProgress};
 use gs2e_gpu as gpu;
+use gs2e_publish::{BuiltPlan, JudgedRelease, LinkMode, ReleaseContext, ReleaseTarget, TargetClaim};
 use gs2e_recipe as recipe;
 use gs2e_recipe::Recipe;
-use gs2e_release::audit::{AuditFault, rebuilt};
-use gs2e_release::{
-    BuiltPlan, JudgedRelease, LinkMode, ReleaseContext, ReleaseManifest, ReleaseTarget, TargetClaim,
-};
+use gs2e_release::ReleaseManifest;
 use gs2e_render::backend::Backend;
 use gs2e_store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;

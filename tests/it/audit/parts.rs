@@ -2,7 +2,7 @@
 
 use super::{BASE, parts_of};
 use crate::release::small::{copy, gs2e, said};
-use gs2e_release::audit::{AuditPart, PartsError, audit_parts, audit_release};
+use gs2e_audit::{AuditPart, PartsError, audit_parts, audit_release};
 use std::fs;
 
 #[test]

@@ -5,7 +5,7 @@ use super::data;
 use crate::fidelity::photographed;
 use crate::release::forger::{read, reseal, reseal_sums};
 use crate::support::workspace::Workspace;
-use gs2e_release::audit::{audit_release, rebuilt};
+use gs2e_audit::{audit_release, rebuilt};
 use gs2e_release::{ManifestFile, ReleaseManifest};
 use gs2e_store::Digest;
 use std::collections::BTreeSet;

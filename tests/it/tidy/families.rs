@@ -56,13 +56,7 @@ fn families() -> [Family; 3] {
             enums: &["CaptureKind", "SourceSection"],
             members: CaptureKind::ALL.map(CaptureKind::name).to_vec(),
             own: &["crates/source/src/{}.rs"],
-            quoted_in: &[
-                "crates/recipe/src",
-                "crates/source/src",
-                "crates/source/src/licence.rs",
-                "crates/release/src",
-                "crates/build/src/plan",
-            ],
+            quoted_in: &["crates/recipe", "crates/source", "crates/release", "crates/build/src/plan"],
             needed: &[
                 ("crates/source/src/kind.rs", "the variant, and the one match over the family"),
                 ("crates/recipe/src/schema/source.rs", "its key in a recipe"),
@@ -93,9 +87,9 @@ fn families() -> [Family; 3] {
                 ("crates/recipe/src/canonical/trajectory.rs", "`flow` is also a form of speed"),
                 ("crates/recipe/src/resolve/lights.rs", "`depth` is also that of a modulation"),
                 ("crates/build/src/plan/edits.rs", "the steps that more than their own section decides"),
-                ("crates/release/src/recheck", "checks of a release read its pictures"),
+                ("crates/audit/src/recheck", "checks of a release read its pictures"),
                 (
-                    "crates/release/src/audit/again/products.rs",
+                    "crates/audit/src/again/products.rs",
                     "these follow from the recipe, the poses and the depth",
                 ),
             ],

@@ -36,12 +36,12 @@ const BANS: &[Ban] = &[
             // The store's own files, with its own rules for absence and damage.
             "crates/store/src/lib.rs",
             // The type of an entry that the walk found, without following links.
-            "crates/release/src/audit/walk.rs",
-            "crates/release/src/removal.rs",
-            "crates/release/src/standing.rs",
+            "crates/audit/src/walk.rs",
+            "crates/publish/src/removal.rs",
+            "crates/publish/src/standing.rs",
             // Folders, which must be synced, and the release's own new files.
-            "crates/release/src/tree.rs",
-            "crates/release/src/work.rs",
+            "crates/publish/src/tree.rs",
+            "crates/publish/src/work.rs",
             // A program is looked for and not opened. Its supervisor answers through a socket.
             "crates/files/src/programs.rs",
         ],

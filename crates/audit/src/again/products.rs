@@ -3,9 +3,6 @@
 
 use super::compared::ComparedFile;
 use super::{AuditFault, FaultCode, TrustedTree, compare};
-use crate::calibration;
-use crate::published::PublishedScene;
-use crate::scene::TrajectoryPart;
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_build::artifact::{OBJECT_PLACES, TrajectoryProduct};
 use gs2e_files as files;
@@ -13,6 +10,9 @@ use gs2e_files::LinkRule;
 use gs2e_image::{Image, Size, npy};
 use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_recipe::OutputKind;
+use gs2e_release::calibration;
+use gs2e_release::published::PublishedScene;
+use gs2e_release::scene::TrajectoryPart;
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::motion::{MovingPart, PartMotion, PartRecord, SceneMotion, place_lines, write_places};
 use gs2e_scene::objects::{ObjectSettings, ObjectSource};

@@ -2,8 +2,8 @@
 //! the sensor, within the time, and have the stated counts.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::scene::TrajectoryStatistics;
 use gs2e_event::{Event, EventFileError, EventLabel, EventSource, Polarity, h5};
+use gs2e_release::scene::TrajectoryStatistics;
 use gs2e_sensor::SensorChoice;
 
 /// What a scene states of a stream.

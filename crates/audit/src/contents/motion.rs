@@ -2,7 +2,7 @@
 //! other.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::audit::claims;
+use crate::claims;
 use glam::DVec3;
 use gs2e_files as files;
 use gs2e_files::LinkRule;

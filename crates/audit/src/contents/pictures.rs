@@ -2,11 +2,11 @@
 //! picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
-use crate::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use gs2e_image::{Image, Size, npy, png};
+use gs2e_release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use gs2e_sampling::exposure;
 use gs2e_scene::motion;
 use gs2e_trajectory::imu;

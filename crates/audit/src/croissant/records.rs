@@ -2,9 +2,9 @@
 //! every `scene.json`. The source must exist and hold the stated type.
 
 use super::{CroissantSubject, croissant_fault, node_id, node_list};
-use crate::audit::{AuditFault, FaultCode};
-use crate::croissant::{SPLITS, data_type};
-use crate::index;
+use crate::{AuditFault, FaultCode};
+use gs2e_release::croissant::{SPLITS, data_type};
+use gs2e_release::index;
 use serde_json::Value;
 
 pub(super) fn audit_records(file: &Value, subject: &CroissantSubject<'_>) -> Vec<AuditFault> {

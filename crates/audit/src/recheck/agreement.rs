@@ -1,10 +1,10 @@
 //! The agreement of the files of a release, as findings.
 
-use crate::audit::AuditFault;
-use crate::audit::contradictions::find_contradictions;
-use crate::manifest::{ManifestScene, ReleaseManifest};
-use crate::{croissant, index};
+use crate::AuditFault;
+use crate::contradictions::find_contradictions;
 use gs2e_check::{Finding, records};
+use gs2e_release::manifest::{ManifestScene, ReleaseManifest};
+use gs2e_release::{croissant, index};
 use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! The files of a release: in a folder that another party may have made, or not written yet.
 
 use super::{RecheckError, unreadable_file};
-use crate::composed::{FileContent, ReleaseTree};
 use gs2e_files as files;
 use gs2e_files::LinkRule;
+use gs2e_release::composed::{FileContent, ReleaseTree};
 use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
 use std::io;

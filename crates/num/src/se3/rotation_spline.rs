@@ -254,7 +254,7 @@ fn rate_from_slope(r: DVec3) -> DMat3 {
     DMat3::IDENTITY - skew * c.versine + skew * skew * c.sine
 }
 
-/// [`rate_from_slope`] times a slope, for every finite `r`.
+/// `rate_from_slope` times a slope, for every finite `r`.
 pub fn rate_from_slope_times(r: DVec3, slope: DVec3) -> DVec3 {
     let c = LogCoefficients::for_angle(r.length_squared());
     let once = r.cross(slope);

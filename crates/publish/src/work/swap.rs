@@ -1,11 +1,11 @@
 //! The exchange of a finished tree with the tree that it replaces, and the note for interrupted runs.
 
 use super::FORMAT;
-use crate::checksum;
 use crate::removal::remove_ours;
 use crate::standing::StandingTree;
 use gs2e_files as files;
 use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use gs2e_release::checksum;
 use gs2e_store::Digest;
 use rustix::fs::{CWD, RenameFlags};
 use rustix::io::Errno;

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 /// The name that dataset hubs have for an SPDX expression. They know few licences by name; any other
 /// expression is given as another licence with a link.
-pub(crate) fn hub_licence(expression: &str) -> Option<String> {
+pub fn hub_licence(expression: &str) -> Option<String> {
     const KNOWN: [&str; 14] = [
         "Apache-2.0",
         "BSD-3-Clause",

@@ -3,7 +3,7 @@
 
 /// Returns true if the pattern matches this `/`-separated path. The time is at most the product of the
 /// lengths: patterns come from the releases of others.
-pub(crate) fn glob_matches(pattern: &str, path: &str) -> bool {
+pub fn glob_matches(pattern: &str, path: &str) -> bool {
     let [pattern, path] = [pattern, path].map(|text| text.split('/').collect::<Vec<_>>());
     match_with_stars(&pattern, &path, |folder| *folder == "**", |folder, name| match_name(folder, name))
 }

@@ -23,7 +23,7 @@ const SCENE: [(&str, ColumnKind, &str, &str); 12] = [
 ];
 
 /// Name of a kind in Croissant.
-pub(crate) fn data_type(kind: ColumnKind) -> &'static str {
+pub fn data_type(kind: ColumnKind) -> &'static str {
     match kind {
         ColumnKind::Text => "sc:Text",
         ColumnKind::Whole => "sc:Integer",
@@ -62,7 +62,7 @@ pub(super) fn index_records(splits: Option<&SplitPlan>) -> Value {
 }
 
 /// Id of the record set of splits.
-pub(crate) const SPLITS: &str = "splits";
+pub const SPLITS: &str = "splits";
 
 /// The splits, one record each, with the data written into the file.
 pub(super) fn split_records(splits: &SplitPlan) -> Value {

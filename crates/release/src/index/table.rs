@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 /// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ColumnKind {
+pub enum ColumnKind {
     /// UTF-8.
     Text,
     /// 64-bit signed integer.
@@ -35,11 +35,16 @@ pub(crate) enum ColumnKind {
 
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum CellValue {
+pub enum CellValue {
+    /// Nothing.
     Null,
+    /// Text.
     Text(String),
+    /// A whole number.
     Whole(i64),
+    /// A number.
     Number(f64),
+    /// True or false.
     Flag(bool),
 }
 
@@ -100,11 +105,11 @@ impl<T: Into<Self>> From<Option<T>> for CellValue {
 
 /// A table read from a file.
 #[derive(Debug)]
-pub(crate) struct IndexTable {
+pub struct IndexTable {
     /// Name and kind of each column; no kind for a type that this program never writes.
-    pub(crate) columns: Vec<(String, Option<ColumnKind>)>,
+    pub columns: Vec<(String, Option<ColumnKind>)>,
     /// Rows, with one cell per column.
-    pub(crate) rows: Vec<Vec<CellValue>>,
+    pub rows: Vec<Vec<CellValue>>,
 }
 
 /// Composes a file with these rows. Each row has one cell per column, of its kind or null.
@@ -186,7 +191,7 @@ fn write_column(column: &mut ColumnWriter<'_>, cells: &[&CellValue]) -> Result<(
 ///
 /// # Errors
 /// It cannot be read, or is not Parquet.
-pub(crate) fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
+pub fn read_table(path: &Path) -> Result<IndexTable, ParquetError> {
     // The library panics on some damaged files instead of returning an error. No state outlives the
     // call.
     let read = AssertUnwindSafe(|| decode_table(files::open_with(path, LinkRule::Refuse)?));

@@ -12,7 +12,7 @@ const PNG: &str = "image/png";
 const NPY: &str = "application/x-npy";
 
 /// Event streams.
-pub(crate) static EVENTS: ReleaseProduct = ReleaseProduct {
+pub static EVENTS: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Events,
     form: ProductForm::Streams,
     files: &[
@@ -51,7 +51,7 @@ pub(crate) static EVENTS: ReleaseProduct = ReleaseProduct {
 };
 
 /// Sharp frames.
-pub(crate) static SHARP: ReleaseProduct = ReleaseProduct {
+pub static SHARP: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Sharp,
     form: ProductForm::Colours(PictureNumbers::SpacedAndExposed),
     files: &[material(
@@ -74,7 +74,7 @@ pub(crate) static SHARP: ReleaseProduct = ReleaseProduct {
 };
 
 /// Blurred frames.
-pub(crate) static BLUR: ReleaseProduct = ReleaseProduct {
+pub static BLUR: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Blur,
     form: ProductForm::Colours(PictureNumbers::Exposed),
     files: &[material(
@@ -212,8 +212,7 @@ static IMU: ReleaseProduct = ReleaseProduct {
 };
 
 /// The products that have a folder of files, in the order of every listing.
-pub(crate) static FOLDERS: [&ReleaseProduct; 7] =
-    [&SHARP, &BLUR, &DEPTH, &FLOW, &DISPARITY, &SEGMENTATION, &IMU];
+pub static FOLDERS: [&ReleaseProduct; 7] = [&SHARP, &BLUR, &DEPTH, &FLOW, &DISPARITY, &SEGMENTATION, &IMU];
 
 /// A row of files that show the scene.
 const fn material(

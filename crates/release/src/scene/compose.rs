@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// A blob that must be hashed cannot be read.
-pub(crate) fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
+pub fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
     let recipe = scene.recipe;
     let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let trajectories: Vec<TrajectoryPart> =

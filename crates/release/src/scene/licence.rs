@@ -31,7 +31,7 @@ pub struct LicencePart {
 }
 
 /// Name of the part that the owner of a scene added, in the place of a dataset's name.
-pub(crate) const OWNER: &str = "owner";
+pub const OWNER: &str = "owner";
 
 /// Terms of a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -56,7 +56,7 @@ pub(super) struct BlockMotion {
     pub(super) opacity: Lane,
 }
 
-/// One Gaussian in activated form: see [`GaussianBlock`].
+/// One Gaussian in activated form: see `GaussianBlock`.
 #[derive(Debug, Clone, Copy)]
 pub struct ActivatedGaussian {
     /// Principal axes, scene units: directions times standard deviations.
