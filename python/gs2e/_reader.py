@@ -1,1 +1,1 @@
-../../src/release/loader/gs2e.py
+../../crates/release/src/loader/gs2e.py

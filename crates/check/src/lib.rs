@@ -14,7 +14,6 @@ pub mod batching;
 pub mod capture;
 pub mod completeness;
 pub mod coverage;
-pub mod dataset;
 pub mod depth_consistency;
 pub mod drift;
 pub mod drift_identity;

@@ -11,7 +11,7 @@
 
 use super::samples::{DatasetFrames, SampleDecode};
 use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use crate::{Finding, Verdict};
+use gs2e_check::{Finding, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 use gs2e_image::Size;
 

@@ -20,7 +20,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::{DetectableFault, Finding, Verdict};
+use gs2e_check::{DetectableFault, Finding, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Largest speed difference of the clocks that is searched for.

@@ -9,7 +9,7 @@
 
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use crate::{DetectableFault, Finding, Verdict};
+use gs2e_check::{DetectableFault, Finding, Verdict};
 use gs2e_event::EventFileError;
 
 /// Number of the longest pauses that are looked at.

@@ -12,7 +12,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::clock::EventClock;
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::{DetectableFault, Finding, Verdict};
+use gs2e_check::{DetectableFault, Finding, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Distances of the frames that show whether a pixel is steady or still.

@@ -23,7 +23,7 @@
 
 use super::samples::{DatasetFrames, LADDER, SampleDecode};
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use crate::{Finding, Verdict};
+use gs2e_check::{Finding, Verdict};
 use glam::{DMat3, DVec3};
 use gs2e_event::{EventFileError, Polarity};
 

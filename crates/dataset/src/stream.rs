@@ -10,7 +10,7 @@
 //!   bound of the noise, because a slow edge makes some as well.
 
 use super::{EventDataset, finding, measured_finding};
-use crate::{DetectableFault, Finding, Verdict};
+use gs2e_check::{DetectableFault, Finding, Verdict};
 use gs2e_event::Event;
 use gs2e_image::Size;
 

@@ -5,10 +5,10 @@
 //! poses are left out.
 
 use super::depth::read_depth;
-use crate::geometry::watch::{GeometryWatch, PosedPictures};
-use crate::geometry::{GeometryMeasures, PictureMeasures};
-use crate::motion::warp::FlowAt;
-use crate::photometric::align::smooth_picture;
+use gs2e_check::geometry::watch::{GeometryWatch, PosedPictures};
+use gs2e_check::geometry::{GeometryMeasures, PictureMeasures};
+use gs2e_check::motion::warp::FlowAt;
+use gs2e_check::photometric::align::smooth_picture;
 use gs2e_image::Image;
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::slerp;

@@ -302,7 +302,7 @@ impl ExportSubject {
         let name = format!("depth/{pose:06}.npy");
         let file = self.files.open(&format!("{}/{name}", self.folder));
         let file = file.map_err(|e| ExportError::unreadable(&self.path(&name), e))?;
-        gs2e_check::dataset::depth::read_depth(&file, self.camera.size, None)
+        gs2e_dataset::depth::read_depth(&file, self.camera.size, None)
             .map_err(|e| ExportError::unreadable(&self.path(&name), e))
     }
 

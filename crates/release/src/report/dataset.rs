@@ -4,7 +4,7 @@ use super::curve::{PlotAxes, ReportCurve, draw_curves, stroke_path};
 use super::embed::EmbeddedPicture;
 use super::findings::{VerdictCount, write_table};
 use gs2e_check::Finding;
-use gs2e_check::dataset::{AlignmentCurve, DatasetReport};
+use gs2e_dataset::{AlignmentCurve, DatasetReport};
 use gs2e_files::html::{HtmlFragment, write_page_head};
 use gs2e_image::Image;
 use gs2e_trajectory::picture::short_number;
