@@ -29,10 +29,10 @@ pub mod stream;
 pub mod text;
 pub mod views;
 
+pub use alignment::AlignmentCurve;
 use gs2e_check::motion::warp::FlowAt;
 use gs2e_check::tally::{StreamObserver, TallyReference};
 use gs2e_check::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
-pub use alignment::AlignmentCurve;
 use gs2e_event::survey::EventSurvey;
 use gs2e_event::{Event, EventFileError, EventSource};
 use gs2e_image::Size;

@@ -23,8 +23,8 @@
 
 use super::samples::{DatasetFrames, LADDER, SampleDecode};
 use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use gs2e_check::{Finding, Verdict};
 use glam::{DMat3, DVec3};
+use gs2e_check::{Finding, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Thresholds at the first round.

@@ -97,9 +97,9 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<Op
     let (mut offset_us, mut labelled, mut assumes_us) = (0, false, false);
     let (header, source): (Option<StreamHeader>, Box<dyn EventSource>) = match format {
         EventFormat::H5 => {
-            let reader = h5::Reader::open(path)?;
-            (offset_us, labelled) = (reader.offset_us(), reader.labelled());
-            (reader.header(), Box::new(reader))
+            let (header, source);
+            (offset_us, labelled, header, source) = open_h5(path)?;
+            (header, source)
         }
         EventFormat::Npz => {
             let reader = npz::Reader::open(path)?;
@@ -152,6 +152,7 @@ pub trait EventFile: EventSink {
     fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError>;
 }
 
+#[cfg(feature = "hdf5")]
 impl EventFile for h5::Writer {
     fn finish(self: Box<Self>, last_us: i64) -> Result<u64, EventFileError> {
         Self::finish(*self, last_us)
@@ -189,7 +190,10 @@ pub fn create(
     WriteOptions { zero_us, h5 }: WriteOptions,
 ) -> Result<Box<dyn EventFile>, EventFileError> {
     let file: Box<dyn EventFile> = match format {
+        #[cfg(feature = "hdf5")]
         EventFormat::H5 => Box::new(h5::Writer::create_as(path, header, h5)?),
+        #[cfg(not(feature = "hdf5"))]
+        EventFormat::H5 => return Err(without_hdf5()),
         EventFormat::Npz => Box::new(npz::Writer::create(path, header)?),
         EventFormat::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
         EventFormat::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
@@ -207,6 +211,25 @@ pub fn create(
         Some(by_us) => Ok(Box::new(ShiftedClock { file, by_us, shifted: Vec::new() })),
         None => Err(too_far(zero_us)),
     }
+}
+
+/// Offset, labels, header and events of a file.
+type OpenH5 = (i64, bool, Option<StreamHeader>, Box<dyn EventSource>);
+
+#[cfg(feature = "hdf5")]
+fn open_h5(path: &Path) -> Result<OpenH5, EventFileError> {
+    let reader = h5::Reader::open(path)?;
+    Ok((reader.offset_us(), reader.labelled(), reader.header(), Box::new(reader)))
+}
+
+#[cfg(not(feature = "hdf5"))]
+fn open_h5(_path: &Path) -> Result<OpenH5, EventFileError> {
+    Err(without_hdf5())
+}
+
+#[cfg(not(feature = "hdf5"))]
+fn without_hdf5() -> EventFileError {
+    EventFileError::Container("this program was built without the feature `hdf5` of gs2e-event".to_owned())
 }
 
 fn too_far(us: i64) -> EventFileError {

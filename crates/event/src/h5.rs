@@ -23,33 +23,29 @@
 //! is chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
 //! every HDF5 reader supports, and contains no time of writing: equal streams are equal bytes.
 
+#[cfg(feature = "hdf5")]
 mod attributes;
+#[cfg(feature = "hdf5")]
+mod chunk;
 mod filter;
+#[cfg(feature = "hdf5")]
 mod index;
+#[cfg(feature = "hdf5")]
 mod layout;
+#[cfg(feature = "hdf5")]
 mod outside;
+#[cfg(feature = "hdf5")]
 mod reader;
+#[cfg(feature = "hdf5")]
 mod writer;
 
 pub use filter::{ChunkFilter, FilterError};
+#[cfg(feature = "hdf5")]
 pub use layout::foreign_object;
+#[cfg(feature = "hdf5")]
 pub use reader::Reader;
+#[cfg(feature = "hdf5")]
 pub use writer::Writer;
-
-use rust_hdf5::Hdf5Error;
-
-use super::EventFileError;
-
-const X: &str = "events/x";
-const Y: &str = "events/y";
-const P: &str = "events/p";
-const T: &str = "events/t";
-const LABEL: &str = "events/label";
-const MS_TO_IDX: &str = "ms_to_idx";
-const T_OFFSET: &str = "t_offset";
-
-/// Number of elements in a chunk.
-const CHUNK: usize = 65_536;
 
 /// Times are u32.
 const END_US: i64 = 1 << 32;
@@ -72,17 +68,5 @@ impl H5Options {
         let held = 0..END_US;
         let absolute = held.contains(&first_us) && held.contains(&last_us);
         Self { t_offset_us: if absolute { 0 } else { first_us }, ..self }
-    }
-}
-
-/// The offsets for which times fit into 64-bit nanoseconds.
-const OFFSETS_US: std::ops::RangeInclusive<i64> = i64::MIN / 1000 + 1..=i64::MAX / 1000 - END_US;
-
-impl From<Hdf5Error> for EventFileError {
-    fn from(e: Hdf5Error) -> Self {
-        match e {
-            Hdf5Error::Io(e) => Self::Io(e),
-            other => Self::Container(other.to_string()),
-        }
     }
 }

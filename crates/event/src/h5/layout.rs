@@ -1,10 +1,24 @@
 //! The objects of a file: those that [`super::Writer`] makes, and no others.
 
+use super::END_US;
 use super::reader::guard_panics;
-use super::{LABEL, MS_TO_IDX, P, T, T_OFFSET, X, Y};
 use crate::EventFileError;
-use rust_hdf5::H5File;
+use rust_hdf5::{H5File, Hdf5Error};
 use std::path::Path;
+
+pub(super) const X: &str = "events/x";
+pub(super) const Y: &str = "events/y";
+pub(super) const P: &str = "events/p";
+pub(super) const T: &str = "events/t";
+pub(super) const LABEL: &str = "events/label";
+pub(super) const MS_TO_IDX: &str = "ms_to_idx";
+pub(super) const T_OFFSET: &str = "t_offset";
+
+/// Number of elements in a chunk.
+pub(super) const CHUNK: usize = 65_536;
+
+/// The offsets for which times fit into 64-bit nanoseconds.
+pub(super) const OFFSETS_US: std::ops::RangeInclusive<i64> = i64::MIN / 1000 + 1..=i64::MAX / 1000 - END_US;
 
 /// Columns of a stream, with the group that holds them.
 const COLUMNS: [&str; 5] = [X, Y, P, T, LABEL];
@@ -55,4 +69,13 @@ fn foreign_attribute(file: &H5File) -> Result<Option<String>, EventFileError> {
         }
     }
     Ok(None)
+}
+
+impl From<Hdf5Error> for EventFileError {
+    fn from(e: Hdf5Error) -> Self {
+        match e {
+            Hdf5Error::Io(e) => Self::Io(e),
+            other => Self::Container(other.to_string()),
+        }
+    }
 }

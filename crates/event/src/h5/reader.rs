@@ -1,9 +1,9 @@
 //! Reading, chunk by chunk.
 
-use super::{
-    CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y, attributes::RootAttributes, index::MsIndex,
-    outside,
-};
+use super::attributes::RootAttributes;
+use super::index::MsIndex;
+use super::layout::{CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y};
+use super::outside;
 use crate::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
 use gs2e_files as files;
 use gs2e_image::Size;

@@ -2,7 +2,9 @@
 //! stream order.
 
 use super::filter::ChunkFilter;
-use super::{CHUNK, END_US, H5Options, MS_TO_IDX, T_OFFSET, index::MsIndex};
+use super::index::MsIndex;
+use super::layout::{CHUNK, MS_TO_IDX, T_OFFSET};
+use super::{END_US, H5Options};
 use crate::order::StreamOrder;
 use crate::{Event, EventFileError, EventSink, StreamHeader};
 use gs2e_files as files;
