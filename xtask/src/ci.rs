@@ -2,7 +2,7 @@
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::suite::PACKAGES;
-use crate::{bombs, container, demo, faults, fuzz, python, suite};
+use crate::{alone, bombs, container, demo, faults, fuzz, python, suite};
 use std::ffi::OsStr;
 use std::time::Instant;
 
@@ -36,9 +36,10 @@ const STEPS: [Step; 10] = [
 ];
 
 /// What `--long` adds: slow tests, a second build of everything, in release mode, and longer trials.
-const LONG: [Step; 6] = [
+const LONG: [Step; 7] = [
     ("slow tests", suite::run_slow_tests),
     ("faults in release mode", || faults::run(&[])),
+    ("crates alone", alone::run),
     ("longer fuzzing", || fuzz::run(&["--seconds", "60", "--jobs", "2"].map(str::to_owned))),
     ("the README's first command in release mode", demo::first_command_twice),
     ("a read-only root", || container::run(&[])),

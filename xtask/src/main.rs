@@ -1,9 +1,10 @@
-//! Tasks of the repository: `cargo xtask ci | test | faults | fuzz | bombs | bench | report |
+//! Tasks of the repository: `cargo xtask ci | test | alone | faults | fuzz | bombs | bench | report |
 //! power | sound | slurm | network | bucket | consumers | docs | man | manifest | python | container`.
 //!
 //! It uses the standard library only, so that building it takes a second and never a second copy of
 //! the crate's dependencies.
 
+mod alone;
 mod bombs;
 mod bucket;
 mod changed;
@@ -43,6 +44,7 @@ usage: cargo xtask <task>
   test --all         all tests
   test --changed     the tests of what depends on the crates that differ from `main`
   test ARGS...       `cargo test` over the workspace with these arguments
+  alone              builds and runs the examples of the crates for other programs, each as a package outside of this workspace
   faults [ARGS]...   kills, starves and damages the engine (`--long`, `--seconds N` each, `--only NAME`, `--seed N`)
   fuzz [ARGS]...     mutated files for every reader (`--seconds N` each, `--only READER`, `--seed N`, `--first N`, `--runs N`, `--jobs N`)
   bombs [ARGS]...    small files that ask for much memory, and the table of what the program takes for them (`--program FILE`;
@@ -102,6 +104,7 @@ fn main() -> ExitCode {
     let done = match (task.as_deref(), rest.as_slice()) {
         (Some("ci"), []) => ci::run(false),
         (Some("ci"), [long]) if long == "--long" => ci::run(true),
+        (Some("alone"), []) => alone::run(),
         (Some("test"), args) => suite::run(args),
         (Some("faults"), args) => faults::run(args),
         (Some("fuzz"), args) => fuzz::run(args),
