@@ -5,6 +5,22 @@
 //! Header and packets are `FlatBuffers` with a few fields, which are laid out here directly;
 //! packets are compressed separately. LZ4 frames are written; plain and Zstandard packets can be
 //! read too. Packets of other streams than the first stream of events are skipped.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::aedat4::{Reader, Writer};
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let mut text = text::Reader::new("# t x y p in us; sensor 4x3\n5 0 1 1\n".as_bytes(), None, None)?;
+//! let (mut written, mut read, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
+//! text.next_chunk(&mut written)?;
+//! let mut writer = Writer::new(&mut bytes, text.header().size)?;
+//! writer.append(&written)?;
+//! writer.finish()?;
+//! Reader::new(&bytes[..])?.next_chunk(&mut read)?;
+//! assert_eq!(read, written);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod buffer;
 mod info;

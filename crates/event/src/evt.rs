@@ -4,6 +4,25 @@
 //!
 //! Both encode a time by its changed parts, so a reader keeps the other parts. Events before the
 //! first complete time of a recording have no time; they are dropped and counted.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::evt::{EvtVersion, Reader, Writer};
+//! use gs2e_event::{Event, EventLabel, EventSink as _, EventSource as _, Polarity};
+//! use gs2e_image::Size;
+//! use gs2e_num::units::Timestamp;
+//!
+//! let t = Timestamp::from_micros(20);
+//! let event = Event { t, x: 3, y: 1, polarity: Polarity::On, label: EventLabel::Signal };
+//! let mut bytes = Vec::new();
+//! let mut writer = Writer::new(&mut bytes, EvtVersion::Evt3, Size { width: 4, height: 3 })?;
+//! writer.append(&[event])?;
+//! writer.finish()?;
+//! let mut events = Vec::new();
+//! Reader::new(&bytes[..])?.next_chunk(&mut events)?;
+//! assert_eq!(events, [event]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod evt2;
 mod evt3;

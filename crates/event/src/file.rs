@@ -1,4 +1,20 @@
 //! Event files of every format, with one interface.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::evt::EvtVersion;
+//! use gs2e_event::file::{EventFormat, ReadHints, open};
+//! use std::path::Path;
+//!
+//! assert_eq!(EventFormat::for_path(Path::new("a.raw"), EvtVersion::Evt3), Some(EventFormat::Evt(EvtVersion::Evt3)));
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("events.txt");
+//! std::fs::write(&path, "# t x y p in us; sensor 4x3\n5 0 1 1\n")?;
+//! let format = EventFormat::for_path(&path, EvtVersion::Evt3).ok_or("no format of events")?;
+//! let opened = open(&path, format, ReadHints::default())?;
+//! assert_eq!((opened.header.size.width, opened.header.size.height), (4, 3));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::evt::{self, EvtVersion};
 use super::text::{self, ColumnSeparator, TextTimeUnit};

@@ -22,6 +22,26 @@
 //! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`ChunkFilter`]
 //! is chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which
 //! every HDF5 reader supports, and contains no time of writing: equal streams are equal bytes.
+//!
+//! # Examples
+//! ```
+//! # #[cfg(feature = "hdf5")] {
+//! use gs2e_event::h5::{Reader, Writer};
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let mut text = text::Reader::new("# t x y p in us; sensor 4x3\n5 0 1 1\n".as_bytes(), None, None)?;
+//! let (mut written, mut read) = (Vec::new(), Vec::new());
+//! text.next_chunk(&mut written)?;
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("events.h5");
+//! let mut writer = Writer::create(&path, &text.header())?;
+//! writer.append(&written)?;
+//! writer.finish(5)?;
+//! Reader::open(&path)?.next_chunk(&mut read)?;
+//! assert_eq!(read, written);
+//! # }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #[cfg(feature = "hdf5")]
 mod attributes;

@@ -1,4 +1,17 @@
 //! Events, their sinks, and their order in files.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::{Event, EventSource as _, Polarity, text};
+//!
+//! let csv = "# t x y p in us; sensor 4x3\n5 0 1 1\n7 3 2 0\n";
+//! let mut reader = text::Reader::new(csv.as_bytes(), None, None)?;
+//! let mut events: Vec<Event> = Vec::new();
+//! assert!(reader.next_chunk(&mut events)?);
+//! assert_eq!(events.len(), 2);
+//! assert_eq!((events[1].x, events[1].y, events[1].polarity), (3, 2, Polarity::Off));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod aedat4;
 pub mod evt;

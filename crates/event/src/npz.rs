@@ -4,6 +4,24 @@
 //!
 //! Entries are deflated and have the date 1980-01-01, the first day of the zip format: equal
 //! streams are equal bytes.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::npz::{Reader, Writer};
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let mut text = text::Reader::new("# t x y p in us; sensor 4x3\n5 0 1 1\n".as_bytes(), None, None)?;
+//! let (mut written, mut read) = (Vec::new(), Vec::new());
+//! text.next_chunk(&mut written)?;
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("events.npz");
+//! let mut writer = Writer::create(&path, &text.header())?;
+//! writer.append(&written)?;
+//! writer.finish()?;
+//! Reader::open(&path)?.next_chunk(&mut read)?;
+//! assert_eq!(read, written);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod reader;
 mod writer;

@@ -1,5 +1,20 @@
 //! The contract of a stream, verified for each chunk before any of it is written: sorted, in the
 //! range of times, on the sensor.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::order::StreamOrder;
+//! use gs2e_event::{Event, EventSource as _, text};
+//! use gs2e_image::Size;
+//!
+//! let mut events: Vec<Event> = Vec::new();
+//! text::Reader::new("# t x y p in us; sensor 4x3\n7 0 1 1\n5 0 1 1\n".as_bytes(), None, None)?
+//!     .next_chunk(&mut events)?;
+//! // The second event is earlier than the first.
+//! let mut order = StreamOrder::new(Size { width: 4, height: 3 }, 1_000_000);
+//! assert!(order.admit(&events).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{Event, EventFileError, Polarity};
 use gs2e_image::Size;

@@ -2,6 +2,23 @@
 //!
 //! The colour of a pixel shows its balance of ON and OFF events in the window: one event gives half
 //! of the full colour, and each further event halves the rest. Pixels whose events cancel are grey.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::picture::WindowCounts;
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let mut reader = text::Reader::new("# t x y p in us; sensor 2x1\n5 0 0 1\n".as_bytes(), None, None)?;
+//! let mut events = Vec::new();
+//! reader.next_chunk(&mut events)?;
+//! let mut counts = WindowCounts::new(reader.header().size, 0..10)?;
+//! counts.append(&events)?;
+//! let picture = counts.image();
+//! // Red where it grew brighter, white where nothing happened.
+//! assert!(picture.pixels()[0][0] > picture.pixels()[0][2]);
+//! assert_eq!(picture.pixels()[1], [255; 3]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod rate;
 pub mod surface;

@@ -1,5 +1,19 @@
 //! Sorts the events of each microsecond into the order of files. A camera delivers them as they
 //! come.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::sorted::SortedEvents;
+//! use gs2e_event::{EventSource as _, text};
+//!
+//! // Two events of one microsecond, the lower row first.
+//! let text = "# t x y p in us; sensor 4x3\n5 0 2 1\n5 0 1 1\n";
+//! let mut reader = text::Reader::new(text.as_bytes(), None, None)?;
+//! let mut events = Vec::new();
+//! SortedEvents::new(&mut reader).next_chunk(&mut events)?;
+//! assert_eq!(events.iter().map(|event| event.y).collect::<Vec<_>>(), [1, 2]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod group;
 

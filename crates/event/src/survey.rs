@@ -1,4 +1,16 @@
 //! Counts of an event stream, taken in one pass.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::survey::EventSurvey;
+//! use gs2e_event::text;
+//!
+//! // Five ON events.
+//! let text = "# t x y p in us; sensor 4x3\n0 0 0 1\n1 0 0 1\n2 0 0 1\n3 0 0 1\n4 0 0 1\n";
+//! let survey = EventSurvey::measure_stream(&mut text::Reader::new(text.as_bytes(), None, None)?)?;
+//! assert_eq!((survey.events, survey.on), (5, 5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{Event, EventFileError, EventLabel, EventSource, Polarity};
 use gs2e_num::units::Timestamp;

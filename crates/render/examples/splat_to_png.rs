@@ -19,11 +19,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let orbit = SceneSurvey::measure_scene(&scene).orbit(&camera);
     let rotation = look_at(orbit.centre - orbit.from, orbit.up).ok_or("the scene has no extent")?;
     let view = CameraView::at_rest(camera, Se3 { rotation, translation: orbit.from });
-    let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
-    let style =
-        RenderStyle { rules, order, antialiased: scene.antialiased == Some(true), background: [0.0; 3] };
+    let (rules, antialiased) = (RenderRules::Exact, scene.antialiased == Some(true));
+    let style = RenderStyle { rules, order: LayerOrder::Depth, antialiased, background: [0.0; 3] };
     let mut images = RenderedImages::default();
+    let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
     CpuRenderer::new(scene, style)?.render(&view, want, &mut images)?;
     let colours = images.rgb.ok_or("the renderer made no colours")?;
-    Ok(png::write_image(&png::to_bytes(&colours), BufWriter::new(File::create(picture)?))?)
+    png::write_image(&png::to_bytes(&colours), BufWriter::new(File::create(picture)?))?;
+    Ok(())
 }

@@ -21,8 +21,8 @@ const MAX_PACKET: usize = 16 << 20;
 
 /// Reads the first stream of events of a file. Its order is not checked.
 #[derive(Debug)]
-pub struct Reader {
-    file: BufReader<File>,
+pub struct Reader<R = BufReader<File>> {
+    input: R,
     compression: PacketCompression,
     stream: StreamInfo,
     /// Offset of the next packet.
@@ -37,16 +37,25 @@ impl Reader {
     /// # Errors
     /// The file is of another version, or its header names no stream of events or no sensor size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = BufReader::new(files::open(path)?);
+        Self::new(BufReader::new(files::open(path)?))
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads the header of a recording.
+    ///
+    /// # Errors
+    /// It is of another version, or its header names no stream of events or no sensor size.
+    pub fn new(mut input: R) -> Result<Self, EventFileError> {
         let mut version = [0; VERSION.len()];
-        let begins = file.read_exact(&mut version).is_ok() && version == *VERSION;
+        let begins = input.read_exact(&mut version).is_ok() && version == *VERSION;
         if !begins {
             return Err(wrong_packet(0, "it does not begin with `#!AER-DAT4.0`"));
         }
         let at = VERSION.len() as u64;
         let cut = || wrong_packet(at, "the header is truncated");
         let mut length = [0; 4];
-        file.read_exact(&mut length).map_err(|_| cut())?;
+        input.read_exact(&mut length).map_err(|_| cut())?;
         let length = u64::from(u32::from_le_bytes(length));
         if length > MAX_HEADER {
             return Err(wrong_packet(
@@ -54,7 +63,7 @@ impl Reader {
                 &format!("a header of {length} bytes, wanted at most {MAX_HEADER}"),
             ));
         }
-        let bytes = read_exactly(&mut file, length)?.ok_or_else(cut)?;
+        let bytes = read_exactly(&mut input, length)?.ok_or_else(cut)?;
         let table =
             BufferTable::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no valid header"))?;
         let number = table.i32(0).unwrap_or(0);
@@ -68,7 +77,7 @@ impl Reader {
         // Without a table of packets, its place is -1, and the packets reach to the end of the
         // file.
         let end = table.i64(1).and_then(|end| u64::try_from(end).ok()).unwrap_or(u64::MAX);
-        Ok(Self { file, compression, stream, offset: at + 4 + length, end })
+        Ok(Self { input, compression, stream, offset: at + 4 + length, end })
     }
 
     /// The properties that the file states.
@@ -81,7 +90,7 @@ impl Reader {
     fn packet(&mut self) -> Result<Option<(i32, Vec<u8>)>, EventFileError> {
         let mut head = Vec::new();
         if self.offset < self.end {
-            self.file.by_ref().take(8).read_to_end(&mut head)?;
+            self.input.by_ref().take(8).read_to_end(&mut head)?;
         }
         if head.is_empty() {
             return Ok(None);
@@ -92,7 +101,7 @@ impl Reader {
         let length = u64::try_from(length).map_err(|_| {
             wrong_packet(self.offset, &format!("a packet of {length} bytes, wanted 0 or more"))
         })?;
-        let bytes = read_exactly(&mut self.file, length)?.ok_or_else(cut)?;
+        let bytes = read_exactly(&mut self.input, length)?.ok_or_else(cut)?;
         self.offset += 8 + length;
         Ok(Some((stream, bytes)))
     }
@@ -151,7 +160,7 @@ impl Reader {
     }
 }
 
-impl EventSource for Reader {
+impl<R: Read> EventSource for Reader<R> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
         // Packets of other streams have no events, so reading goes on until there is one.

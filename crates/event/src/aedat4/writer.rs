@@ -6,7 +6,7 @@ use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use lz4_flex::frame::FrameEncoder;
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Number of events in a packet.
@@ -18,8 +18,8 @@ const STREAM: i32 = 0;
 /// Writes one stream in constant memory. The bytes do not depend on how the stream is divided into
 /// chunks.
 #[derive(Debug)]
-pub struct Writer {
-    file: BufWriter<File>,
+pub struct Writer<W = BufWriter<File>> {
+    out: W,
     order: StreamOrder,
     waiting: Vec<Event>,
 }
@@ -30,14 +30,21 @@ impl Writer {
     /// # Errors
     /// The sensor has more than 32,768 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, size: Size) -> Result<Self, EventFileError> {
-        if size.width > EDGE || size.height > EDGE {
-            let because = format!("a sensor of {size}, but AEDAT 4 allows at most {EDGE} columns and rows");
-            return Err(EventFileError::Container(because));
-        }
-        let mut file = BufWriter::new(File::create(path)?);
-        file.write_all(VERSION)?;
-        file.write_all(&buffer::header_buffer(&info::write_info(size)))?;
-        Ok(Self { file, order: StreamOrder::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
+        check_size(size)?;
+        Self::new(BufWriter::new(File::create(path)?), size)
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes the header of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// The sensor has more than 32,768 columns or rows, or writing fails.
+    pub fn new(mut out: W, size: Size) -> Result<Self, EventFileError> {
+        check_size(size)?;
+        out.write_all(VERSION)?;
+        out.write_all(&buffer::header_buffer(&info::write_info(size)))?;
+        Ok(Self { out, order: StreamOrder::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
     }
 
     /// Completes the file, and returns the number of events.
@@ -46,7 +53,7 @@ impl Writer {
     /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
         self.packet()?;
-        self.file.flush()?;
+        self.out.flush()?;
         Ok(self.order.count())
     }
 
@@ -58,13 +65,21 @@ impl Writer {
         frame.write_all(&buffer::packet_buffer(&self.waiting))?;
         let frame = frame.finish().map_err(std::io::Error::other)?;
         let length = i32::try_from(frame.len()).map_err(std::io::Error::other)?;
-        self.file.write_all(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat())?;
+        self.out.write_all(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat())?;
         self.waiting.clear();
-        self.file.write_all(&frame)
+        self.out.write_all(&frame)
     }
 }
 
-impl EventSink for Writer {
+fn check_size(size: Size) -> Result<(), EventFileError> {
+    if size.width > EDGE || size.height > EDGE {
+        let because = format!("a sensor of {size}, but AEDAT 4 allows at most {EDGE} columns and rows");
+        return Err(EventFileError::Container(because));
+    }
+    Ok(())
+}
+
+impl<W: Write> EventSink for Writer<W> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.order.admit(events)?;
         let mut rest = events;

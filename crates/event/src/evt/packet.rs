@@ -3,6 +3,23 @@
 //!
 //! The time of EVT 3.0 overflows every 16.8 s, and a reader counts the overflows that it sees. Packets that
 //! are lost, and long pauses without a packet, hide some. The times of the packets show them.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::evt::packet::{PacketEncoder};
+//! use gs2e_event::{Event, EventLabel, Polarity};
+//! use gs2e_num::units::Timestamp;
+//!
+//! let mut encoder = PacketEncoder::default();
+//! encoder.begin(20);
+//! let t = Timestamp::from_micros(21);
+//! encoder
+//!     .put(&Event { t, x: 3, y: 1, polarity: Polarity::On, label: EventLabel::Signal })
+//!     .ok_or("the silence is too long")?;
+//! // Words of 16 bits.
+//! assert_eq!(encoder.finish().len() % 2, 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::evt3::{Evt3Decoder, Evt3Encoder, TURN_US};
 use super::reader::{DecodedWords, WordDecoder as _};

@@ -6,7 +6,7 @@ use gs2e_files as files;
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;
 use std::fs::File;
-use std::io::{BufReader, Read as _};
+use std::io::{BufRead, BufReader, Read as _};
 use std::path::Path;
 
 /// Number of bytes read at a time.
@@ -14,8 +14,8 @@ const BLOCK: usize = 1 << 18;
 
 /// Reads one stream. Its order is not checked.
 #[derive(Debug)]
-pub struct Reader {
-    file: BufReader<File>,
+pub struct Reader<R = BufReader<File>> {
+    input: R,
     header: StreamHeader,
     state: WordState,
     /// Offset of the next word.
@@ -77,14 +77,23 @@ impl Reader {
     /// # Errors
     /// The header does not name one of the two formats and the sensor size.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut file = BufReader::with_capacity(BLOCK, files::open(path)?);
-        let (version, size, offset) = header::read_header(&mut file)?;
+        Self::new(BufReader::with_capacity(BLOCK, files::open(path)?))
+    }
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Reads the header of a stream.
+    ///
+    /// # Errors
+    /// The header does not name one of the two formats and the sensor size.
+    pub fn new(mut input: R) -> Result<Self, EventFileError> {
+        let (version, size, offset) = header::read_header(&mut input)?;
         let state = match version {
             EvtVersion::Evt2 => WordState::Evt2(evt2::Evt2Decoder::default()),
             EvtVersion::Evt3 => WordState::Evt3(evt3::Evt3Decoder::default()),
         };
         Ok(Self {
-            file,
+            input,
             header: StreamHeader { size, law: None, labelled: false },
             state,
             offset,
@@ -99,7 +108,7 @@ impl Reader {
     }
 }
 
-impl EventSource for Reader {
+impl<R: BufRead> EventSource for Reader<R> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
         // A block of time words has no events, so reading goes on until there is one.
@@ -107,7 +116,7 @@ impl EventSource for Reader {
             // Blocks are full except at the end of the file, and a multiple of both sizes of words.
             // Only the last word of a file can be cut off.
             let mut block = Vec::with_capacity(BLOCK);
-            self.file.by_ref().take(BLOCK as u64).read_to_end(&mut block)?;
+            self.input.by_ref().take(BLOCK as u64).read_to_end(&mut block)?;
             if block.is_empty() {
                 return Ok(false);
             }

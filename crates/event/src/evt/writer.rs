@@ -5,14 +5,14 @@ use crate::order::StreamOrder;
 use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes one stream in constant memory. The bytes do not depend on how the stream is divided into
 /// chunks.
 #[derive(Debug)]
-pub struct Writer {
-    file: BufWriter<File>,
+pub struct Writer<W = BufWriter<File>> {
+    out: W,
     order: StreamOrder,
     encoder: EvtEncoder,
     words: Vec<u8>,
@@ -30,18 +30,25 @@ impl Writer {
     /// # Errors
     /// The sensor has more than 2,048 columns or rows, or the file cannot be created.
     pub fn create(path: &Path, version: EvtVersion, size: Size) -> Result<Self, EventFileError> {
-        if size.width > EDGE || size.height > EDGE {
-            let because = format!("a sensor of {size}, but EVT allows at most {EDGE} columns and rows");
-            return Err(EventFileError::Container(because));
-        }
+        check_size(size)?;
+        Self::new(BufWriter::new(File::create(path)?), version, size)
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes the header of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// The sensor has more than 2,048 columns or rows, or writing fails.
+    pub fn new(mut out: W, version: EvtVersion, size: Size) -> Result<Self, EventFileError> {
+        check_size(size)?;
         // EVT 3.0 counts overflows without a limit, so only internal times bound it.
         let (encoder, end_us) = match version {
             EvtVersion::Evt2 => (EvtEncoder::Evt2(evt2::Evt2Encoder::default()), evt2::END_US),
             EvtVersion::Evt3 => (EvtEncoder::Evt3(evt3::Evt3Encoder::default()), END_US),
         };
-        let mut file = BufWriter::new(File::create(path)?);
-        header::write_header(&mut file, version, size)?;
-        Ok(Self { file, order: StreamOrder::new(size, end_us), encoder, words: Vec::new() })
+        header::write_header(&mut out, version, size)?;
+        Ok(Self { out, order: StreamOrder::new(size, end_us), encoder, words: Vec::new() })
     }
 
     /// Completes the file, and returns the number of events.
@@ -53,13 +60,13 @@ impl Writer {
         if let EvtEncoder::Evt3(encoder) = &mut self.encoder {
             encoder.flush(&mut self.words);
         }
-        self.file.write_all(&self.words)?;
-        self.file.flush()?;
+        self.out.write_all(&self.words)?;
+        self.out.flush()?;
         Ok(self.order.count())
     }
 }
 
-impl EventSink for Writer {
+impl<W: Write> EventSink for Writer<W> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.order.admit(events)?;
         // `admit` has counted the chunk already.
@@ -72,13 +79,21 @@ impl EventSink for Writer {
                 }
             }
         }
-        self.file.write_all(&self.words)?;
+        self.out.write_all(&self.words)?;
         self.words.clear();
         Ok(())
     }
 }
 
 /// EVT 3.0 has a word for each 4.2 seconds, with or without events.
+fn check_size(size: Size) -> Result<(), EventFileError> {
+    if size.width > EDGE || size.height > EDGE {
+        let because = format!("a sensor of {size}, but EVT allows at most {EDGE} columns and rows");
+        return Err(EventFileError::Container(because));
+    }
+    Ok(())
+}
+
 fn too_silent(event: &Event, index: u64) -> EventFileError {
     let t_us = event.t.floor_micros();
     let because = format!(

@@ -1,4 +1,21 @@
 //! Event rate over time as bars: ON upwards in red, OFF downwards in blue, with one labelled scale.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::picture::rate::RateBars;
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let mut reader = text::Reader::new("# t x y p in us; sensor 2x1\n5 0 0 1\n".as_bytes(), None, None)?;
+//! let mut events = Vec::new();
+//! reader.next_chunk(&mut events)?;
+//! let mut bars = RateBars::new(0..1_000_000);
+//! bars.append(&events)?;
+//! // One ON event and no OFF event in all bars together.
+//! let seconds = bars.bar_us() as f64 * 1e-6;
+//! let counts = bars.per_second().iter().fold([0.0, 0.0], |sum, bar| [sum[0] + bar[0], sum[1] + bar[1]]);
+//! assert!((counts[0] * seconds - 1.0).abs() < 1e-9 && counts[1] == 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::text;
 use crate::{Event, EventSink};

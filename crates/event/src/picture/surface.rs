@@ -2,6 +2,24 @@
 //!
 //! An event of age `a` at the end of the window has `exp(-a/tau)` of the full colour, as in the
 //! surfaces of Lagorce et al. (HOTS, PAMI 2017). Pixels without an event in the window are white.
+//!
+//! # Examples
+//! ```
+//! use gs2e_event::picture::surface::TimeSurface;
+//! use gs2e_event::{EventSink as _, EventSource as _, text};
+//!
+//! let text = "# t x y p in us; sensor 3x1\n0 0 0 1\n900 1 0 1\n";
+//! let mut reader = text::Reader::new(text.as_bytes(), None, None)?;
+//! let mut events = Vec::new();
+//! reader.next_chunk(&mut events)?;
+//! let mut surface = TimeSurface::new(reader.header().size, 0..1000)?;
+//! surface.append(&events)?;
+//! let picture = surface.image(300.0);
+//! // The younger event has more colour, so less blue; the last pixel is white.
+//! assert!(picture.pixels()[1][2] < picture.pixels()[0][2]);
+//! assert_eq!(picture.pixels()[2], [255; 3]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::{Event, EventSink, Polarity};
 use gs2e_image::{Image, Size};

@@ -7,7 +7,7 @@ use gs2e_files::budget::{MAX_LINE, ShortLines};
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 /// Number of events in a chunk.
@@ -43,8 +43,8 @@ impl TextTimeUnit {
 
 /// Reads one stream. Its order is not checked.
 #[derive(Debug)]
-pub struct Reader {
-    lines: Lines,
+pub struct Reader<R = BufReader<File>> {
+    lines: Lines<R>,
     /// The first line of events, which was read with the header.
     first: Option<String>,
     /// Columns of time, column, row and polarity in a line.
@@ -61,8 +61,18 @@ impl Reader {
     /// # Errors
     /// The file is empty, the sensor size is unknown, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
+        Self::new(BufReader::new(files::open(path)?), size, unit)
+    }
+}
+
+impl<R: BufRead> Reader<R> {
+    /// Reads the lines before the events, as [`Reader::open`] does.
+    ///
+    /// # Errors
+    /// The text is empty, the sensor size is unknown, or the line of names lacks a column.
+    pub fn new(input: R, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
         let mut head = TextHead { size, places: [0, 1, 2, 3], states_unit: unit.is_some() };
-        let input = ShortLines::new(BufReader::new(files::open(path)?), MAX_LINE);
+        let input = ShortLines::new(input, MAX_LINE);
         let mut lines = Lines { input, number: 0 };
         let (mut first, mut is_empty) = (None, true);
         while let Some(line) = lines.next()? {
@@ -151,7 +161,7 @@ impl Reader {
     }
 }
 
-impl EventSource for Reader {
+impl<R: BufRead> EventSource for Reader<R> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
         while out.len() < CHUNK {
@@ -167,13 +177,13 @@ impl EventSource for Reader {
 
 /// The lines of a file, each of at most [`MAX_LINE`] bytes, with their numbers.
 #[derive(Debug)]
-struct Lines {
-    input: ShortLines<BufReader<File>>,
+struct Lines<R> {
+    input: ShortLines<R>,
     /// Number of lines so far.
     number: u64,
 }
 
-impl Lines {
+impl<R: BufRead> Lines<R> {
     fn next(&mut self) -> Result<Option<String>, EventFileError> {
         let Some(line) = self.input.next() else { return Ok(None) };
         self.number += 1;

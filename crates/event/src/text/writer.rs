@@ -5,13 +5,13 @@ use crate::order::StreamOrder;
 use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use std::fs::File;
-use std::io::{BufWriter, Write as _};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes one stream in constant memory.
 #[derive(Debug)]
-pub struct Writer {
-    file: BufWriter<File>,
+pub struct Writer<W = BufWriter<File>> {
+    out: W,
     order: StreamOrder,
     separator: char,
 }
@@ -22,16 +22,25 @@ impl Writer {
     /// # Errors
     /// The file cannot be created.
     pub fn create(path: &Path, table: ColumnSeparator, size: Size) -> Result<Self, EventFileError> {
-        let mut file = BufWriter::new(File::create(path)?);
-        writeln!(file, "# {} in us; sensor {size}", NAMES.join(" "))?;
+        Self::new(BufWriter::new(File::create(path)?), table, size)
+    }
+}
+
+impl<W: Write> Writer<W> {
+    /// Writes the head of a stream from a sensor of this size.
+    ///
+    /// # Errors
+    /// Writing fails.
+    pub fn new(mut out: W, table: ColumnSeparator, size: Size) -> Result<Self, EventFileError> {
+        writeln!(out, "# {} in us; sensor {size}", NAMES.join(" "))?;
         let separator = match table {
             ColumnSeparator::Txt => ' ',
             ColumnSeparator::Csv => {
-                writeln!(file, "{}", NAMES.join(","))?;
+                writeln!(out, "{}", NAMES.join(","))?;
                 ','
             }
         };
-        Ok(Self { file, order: StreamOrder::new(size, END_US), separator })
+        Ok(Self { out, order: StreamOrder::new(size, END_US), separator })
     }
 
     /// Completes the file, and returns the number of events.
@@ -39,18 +48,18 @@ impl Writer {
     /// # Errors
     /// Writing fails.
     pub fn finish(mut self) -> Result<u64, EventFileError> {
-        self.file.flush()?;
+        self.out.flush()?;
         Ok(self.order.count())
     }
 }
 
-impl EventSink for Writer {
+impl<W: Write> EventSink for Writer<W> {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         // Before the first line, so that a refused chunk leaves no part of it.
         self.order.admit(events)?;
         let s = self.separator;
         for Event { t, x, y, polarity, .. } in events {
-            writeln!(self.file, "{}{s}{x}{s}{y}{s}{}", t.floor_micros(), *polarity as u8)?;
+            writeln!(self.out, "{}{s}{x}{s}{y}{s}{}", t.floor_micros(), *polarity as u8)?;
         }
         Ok(())
     }
