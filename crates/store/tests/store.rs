@@ -1,5 +1,7 @@
 //! The store through its public interface: publishing, damage, lost indices, locks.
 
+#![expect(clippy::unwrap_used, reason = "test code outside of test functions")]
+
 use gs2e_store::description::describe_value;
 use gs2e_store::gc::GcSweep;
 use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};

@@ -1,7 +1,11 @@
 //! Helpers that the tests of several crates share. They hold no type of another crate, so that the
 //! crates under test can use them too.
 
+pub mod absent;
+pub mod golden;
+pub mod repository;
 pub mod rival;
+pub mod shared;
 
 /// A lens of each model and number of coefficients, as recipes write them.
 pub const LENSES: [&str; 4] = [

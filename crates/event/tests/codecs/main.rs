@@ -6,7 +6,6 @@
 mod hdf5;
 mod labels;
 
-use crate::support::absent::absent;
 use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFormat, ReadHints};
 use gs2e_event::text::ColumnSeparator;
@@ -16,6 +15,7 @@ use gs2e_event::{
 };
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;
+use gs2e_testing::absent::absent;
 use std::io::{Cursor, Write as _};
 use std::path::Path;
 

@@ -21,7 +21,7 @@ struct Frame {
 }
 
 fn data(name: &str) -> Option<PathBuf> {
-    crate::support::shared::path(&format!("data/{name}"))
+    gs2e_testing::shared::path(&format!("data/{name}"))
 }
 
 fn views(path: &Path) -> Views {

@@ -11,10 +11,9 @@ use gs2e_num::se3::spline::{CubicSegment, CubicSpline, CurvePlace};
 use gs2e_trajectory::curve::{CurveKind, PoseCurve};
 use gs2e_trajectory::refine::RefinePath;
 use serde::Deserialize;
-use std::path::Path;
 
 fn golden<T: for<'a> Deserialize<'a>>(name: &str) -> T {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/trajectory").join(name);
+    let path = gs2e_testing::golden::folder("trajectory").join(name);
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 

@@ -1,9 +1,9 @@
 //! Speed laws along a path: lists, frame rates, integrals, and speed in pixels.
 
 use super::{LAW, hertz, law, named, orbit, refined, still, timing};
-use crate::support::absent::is_thorough;
 use glam::{DQuat, DVec3};
 use gs2e_num::se3::{Se3, Twist};
+use gs2e_testing::absent::is_thorough;
 use gs2e_trajectory::flow::FlowMeter;
 use gs2e_trajectory::path::{CameraPath, PathInputs};
 use gs2e_trajectory::refine::{RefinePath, refine_views};
