@@ -38,7 +38,7 @@ impl ConsoleStreams {
 
 impl std::fmt::Debug for ConsoleStreams {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Streams").field("are_process", &self.are_process).finish_non_exhaustive()
+        f.debug_struct("ConsoleStreams").field("are_process", &self.are_process).finish_non_exhaustive()
     }
 }
 

@@ -101,7 +101,7 @@ pub struct OpenEventFile {
 
 impl std::fmt::Debug for OpenEventFile {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Opened").field("header", &self.header).finish_non_exhaustive()
+        f.debug_struct("OpenEventFile").field("header", &self.header).finish_non_exhaustive()
     }
 }
 

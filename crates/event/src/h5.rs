@@ -17,7 +17,7 @@
 //!
 //! Noise events are those that the pixel's brightness did not make: events of hot pixels and shot
 //! noise, and events for which brightness moved less than half the threshold since the pixel's
-//! previous event (see `sensor/label.rs`).
+//! previous event (see `label.rs` of `gs2e-sensor`).
 //!
 //! All columns have chunks of 65,536 elements, shuffled and deflated unless another [`ChunkFilter`]
 //! is chosen. The file has the oldest layout (superblock 0, symbol tables, B-tree indices), which

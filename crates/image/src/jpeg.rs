@@ -3,6 +3,19 @@
 //!
 //! Decoder and encoder are built without their vector instructions, so that a file gives the same
 //! greys, and a picture the same bytes, on every machine.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size, jpeg};
+//!
+//! let image = Image::filled(Size { width: 16, height: 16 }, [128_u8; 3]);
+//! let bytes = jpeg::encode(&image, 90).ok_or("a picture without pixels")?;
+//! let greys = jpeg::read_luminance(&bytes, Some(image.size()))?;
+//! // A JPEG stores the difference from 128, so this grey has no rounding.
+//! assert!(greys.pixels().iter().all(|grey| *grey == 128.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{GreyImage, Image, MAX_PIXELS, Size};
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};

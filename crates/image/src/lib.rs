@@ -1,4 +1,16 @@
 //! Images in memory and the colour arithmetic that all of the program shares.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size, luminance, to_byte};
+//!
+//! let size = Size { width: 2, height: 1 };
+//! let image = Image::from_vec(size, vec![[0.0; 3], [1.0; 3]]);
+//! let greys: Vec<u8> = image.pixels().iter().map(|rgb| to_byte(luminance(*rgb))).collect();
+//! // Black is the darkest grey, and white the brightest one.
+//! assert_eq!(greys, [0, 255]);
+//! ```
 
 pub mod jpeg;
 pub mod light;

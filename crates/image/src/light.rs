@@ -1,5 +1,20 @@
 //! The mean of pictures: in linear light, as a camera with an open shutter records it, or of encoded
 //! values, as some programs take it.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::light::{MeanScale, PictureSum};
+//! use gs2e_image::{Image, Size, srgb};
+//!
+//! let size = Size { width: 1, height: 1 };
+//! let mut sum = PictureSum::empty_sum(size, MeanScale::Linear);
+//! sum.add(&Image::filled(size, [0.0; 3]));
+//! sum.add(&Image::filled(size, [1.0; 3]));
+//! // The mean of black and white has half of the light of white.
+//! let [red, ..] = sum.mean().pixels()[0];
+//! assert!((srgb::decode(red.into()) - 0.5).abs() < 1e-6);
+//! ```
 
 use super::{Image, Size, srgb};
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};

@@ -5,6 +5,19 @@
 //! (2004), for each channel separately. Window and border are those of 3DGS (GitHub
 //! graphdeco-inria/gaussian-splatting, `utils/loss_utils.py`), so that figures compare with its
 //! literature: 11x11 pixels, a Gaussian of 1.5 px, black outside the border.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::likeness::{mean_square, psnr_db, ssim};
+//! use gs2e_image::{Image, Size};
+//!
+//! let size = Size { width: 8, height: 8 };
+//! let (dark, bright) = (Image::filled(size, [0.5; 3]), Image::filled(size, [0.6; 3]));
+//! // A difference of 1/10 everywhere has a mean square of 1/100: 20 dB.
+//! assert!((psnr_db(mean_square(&dark, &bright)) - 20.0).abs() < 1e-4);
+//! assert!((ssim(&dark, &dark) - 1.0).abs() < 1e-12);
+//! ```
 
 use super::Image;
 use rayon::prelude::*;

@@ -3,6 +3,19 @@
 //!
 //! Format: version 1.0 of numpy's `lib/format.py`. The file has no time and no name, so equal
 //! images are equal bytes.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size, npy};
+//!
+//! let image = Image::from_vec(Size { width: 3, height: 2 }, vec![0.0_f32, 1.0, 2.0, 3.0, 4.0, 5.0]);
+//! let mut bytes = Vec::new();
+//! npy::write_image(&image, &mut bytes)?;
+//! // The shape begins with the number of rows.
+//! assert_eq!(npy::read_values(&[2, 3], &mut &bytes[..])?, image.pixels());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod read;
 

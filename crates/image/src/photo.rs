@@ -1,5 +1,20 @@
 //! Photos as cameras and datasets provide them: JPEG or PNG by content, because datasets name one
 //! like the other.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size, photo, png};
+//!
+//! let size = Size { width: 2, height: 1 };
+//! let image = Image::from_vec(size, vec![[255_u8, 0, 0], [0, 0, 255]]);
+//! let mut bytes = Vec::new();
+//! png::write_image(&image, &mut bytes)?;
+//! assert_eq!(photo::read_photo(&bytes, size)?, image);
+//! // A camera of another size did not take it.
+//! assert!(photo::read_photo(&bytes, Size { width: 1, height: 2 }).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{Image, Size, jpeg, png};
 use std::io::Cursor;

@@ -1,4 +1,17 @@
 //! Downscaling: each pixel is the mean of the area that it covers.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size, shrink};
+//!
+//! let row = [10_u8, 30, 200, 100].map(|grey| [grey; 3]);
+//! let image = Image::from_vec(Size { width: 4, height: 2 }, [row, row].concat());
+//! let small = shrink::to_width(&image, 2);
+//! assert_eq!(small.size(), Size { width: 2, height: 1 });
+//! // Each new pixel is the mean of two columns.
+//! assert_eq!(small.pixels(), [[20; 3], [150; 3]]);
+//! ```
 
 use super::{Image, Size};
 use std::ops::Range;

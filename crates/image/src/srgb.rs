@@ -2,6 +2,18 @@
 //!
 //! Above 1, both directions continue the power law; below 0, the linear piece. Renderings leave the
 //! range.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::srgb;
+//!
+//! // Black and white stay, and a grey between them has less light than its display value says.
+//! assert_eq!(srgb::decode(0.0), 0.0);
+//! assert!((srgb::decode(1.0) - 1.0).abs() < 1e-12);
+//! assert!(srgb::decode(0.5) < 0.5);
+//! assert!((srgb::encode(srgb::decode(0.5)) - 0.5).abs() < 1e-12);
+//! ```
 
 use fearless_simd::{Select as _, Simd, SimdBase as _, f64x8};
 use gs2e_num::elementary::{exp_eight, ln_eight};

@@ -209,7 +209,7 @@ impl<'a> StressCase<'a> {
 
 impl fmt::Debug for StressCase<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Case").field("id", &self.id()).finish_non_exhaustive()
+        f.debug_struct("StressCase").field("id", &self.id()).finish_non_exhaustive()
     }
 }
 

@@ -4,6 +4,23 @@
 //! Algorithms and constants are those of FreeBSD's msun (`e_log.c`, `e_exp.c`; Sun Microsystems
 //! 1993, freely distributable). `libm` follows them too, so results agree to the bit where both are
 //! defined. Errors are below 1 ulp.
+//!
+//! # Examples
+//!
+//! ```
+//! use fearless_simd::{Level, dispatch};
+//! use gs2e_num::elementary::{exp_eight, ln_each, load_eight, store_eight};
+//! use std::f64::consts::LN_2;
+//!
+//! let powers = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0];
+//! let mut values = powers;
+//! ln_each(&mut values);
+//! assert!(values.iter().zip(0..).all(|(ln, n)| (ln - f64::from(n) * LN_2).abs() < 1e-14));
+//!
+//! // The exponential leads back.
+//! dispatch!(Level::new(), simd => store_eight(exp_eight(load_eight(simd, &values, 0)), &mut values, 0));
+//! assert!(values.iter().zip(powers).all(|(found, power)| (found / power - 1.0).abs() < 1e-14));
+//! ```
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "constants as published")]
 
 use fearless_simd::{

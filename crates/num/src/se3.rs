@@ -7,6 +7,24 @@
 //!
 //! Angles are in radians. Everything here is `f64`, and every transcendental function comes from
 //! `libm`, so that a path has the same bits on every machine.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec3;
+//! use gs2e_num::se3::{Se3, look_at};
+//!
+//! // A camera that looks along x, with the top of its image towards z.
+//! let rotation = look_at(DVec3::X, DVec3::Z).ok_or("both directions are parallel")?;
+//! let world_from_camera = Se3 { rotation, translation: DVec3::new(2.0, 0.0, 0.0) };
+//! // Its own z axis points forward, and its y axis points down.
+//! assert!((rotation * DVec3::Z).distance(DVec3::X) < 1e-12);
+//! assert!((rotation * DVec3::Y).distance(-DVec3::Z) < 1e-12);
+//! // A motion after its inverse is no motion.
+//! let camera_from_camera = world_from_camera.inverse().compose(&world_from_camera);
+//! assert!(camera_from_camera.translation.length() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod arc_length;
 pub mod rotation;

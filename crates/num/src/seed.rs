@@ -1,5 +1,21 @@
 //! Randomness as a pure function of purpose and place: no generator in the program has a hidden
 //! position.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::seed::{DrawSpace, Seed, SeedCell, StreamPurpose};
+//!
+//! // Each trajectory has a seed of its own.
+//! let seed = Seed::for_stream(1, "garden", "orbit", StreamPurpose::Sensor);
+//! assert_ne!(seed, Seed::for_stream(1, "garden", "dolly", StreamPurpose::Sensor));
+//!
+//! // A draw is found by its address, without the draws before it.
+//! let cell = SeedCell { x: 3, y: 5, level: 0, index: 0 };
+//! let mut draws = seed.draws(cell, DrawSpace::Mismatch);
+//! let in_order = [draws.normal(), draws.normal()];
+//! assert_eq!(in_order[1], seed.normal(cell, DrawSpace::Mismatch, 1));
+//! ```
 
 pub mod eight;
 pub mod ks;

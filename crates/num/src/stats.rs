@@ -1,4 +1,17 @@
 //! Medians, by their rule for an even number of values, and quantiles. Values are ordered by `total_cmp`.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::stats::{lower_median, mean_median, nearest_ranks, upper_median};
+//!
+//! let mut values = [4.0, 1.0, 8.0, 2.0];
+//! assert_eq!(lower_median(&mut values), Some(2.0));
+//! assert_eq!(mean_median(values.to_vec()), Some(3.0));
+//! assert_eq!(upper_median(values.to_vec()), Some(4.0));
+//! // A quarter of four values is the first, and NaN does not count.
+//! assert_eq!(nearest_ranks(vec![3.0, f32::NAN, 1.0, 2.0, 4.0], [25, 100]), Some([1.0, 4.0]));
+//! ```
 
 /// The median: the mean of the middle two for an even number of values. `None` without values.
 #[must_use]

@@ -2,6 +2,21 @@
 //!
 //! Inside the program, time is an integer number of nanoseconds since a trajectory's first stamp.
 //! Files hold integer microseconds. Both conversions are here only.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::units::{Hertz, Ratio, Timestamp, format_amount};
+//!
+//! // Exact, where floats give 56.
+//! assert_eq!("1.1".parse::<Ratio>()?.ceil_times(50), Some(55));
+//! // Frame 1 lies at 416.67 us.
+//! assert_eq!(Hertz("2400".parse()?).stamp_us(1), 417);
+//! // Events are stamped with the microsecond in which they lie.
+//! assert_eq!(Timestamp(1999).floor_micros(), 1);
+//! assert_eq!(format_amount(52_100_000, "B"), "52.1 MB");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod ratio;
 

@@ -1,4 +1,27 @@
 //! Choice of a back end, and the numerical class that it adds to the keys of steps.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+//! use gs2e_render::backend::Backend;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! let backend = Backend::default();
+//! assert!(!backend.takes_gpu() && Backend::is_cpu(&backend.class()));
+//! let renderer = backend.renderer(scene.into(), style)?;
+//! assert_eq!(renderer.fingerprint(), backend.class());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::cpu::{self, CpuRenderer};
 use super::differentiable::DifferentiableRenderer;

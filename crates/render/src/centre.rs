@@ -6,6 +6,24 @@
 //! directions of the two motions are ignored. Their sum is the largest possible motion of the
 //! point, and it contains the motion that a camera hides by looking at the point. Forward motion
 //! and rotation about the optical axis leave the point in place.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! use gs2e_render::centre::centre_px;
+//! use gs2e_scene::camera::Camera;
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! // Two steps to the right, of 1/4 and of 1/2.
+//! let poses = [0.0, 0.25, 0.75].map(|x| Se3 { translation: DVec3::X * x, ..Se3::IDENTITY });
+//! let motion = centre_px(&poses, &camera, 5.0).ok_or("no step")?;
+//! // The larger one moves a point at distance 5 by 100 * 0.5 / 5 px.
+//! assert_eq!(motion.max, 10.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 

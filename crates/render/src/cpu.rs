@@ -5,6 +5,36 @@
 //! `raster` each tile, `resolve` the tiles into images. No pixel depends on a fused multiply-add or
 //! on a transcendental function of the platform, and the order of every sum is fixed. The bytes are
 //! therefore the same on every machine and with any number of threads.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+//! use gs2e_render::cpu::{CpuRenderer, PassKind};
+//! use gs2e_render::{ChannelSet, RenderedImages};
+//! use gs2e_scene::camera::{Camera, view::CameraView};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The only Gaussian of `scene` has an opacity of 1/2, and is seen in the middle pixel.
+//! let view = CameraView::at_rest(camera, Se3::IDENTITY);
+//! let (want, mut images) = (ChannelSet { alpha: true, ..ChannelSet::NONE }, RenderedImages::default());
+//! let mut passes = Vec::new();
+//! let mut renderer = CpuRenderer::new(scene.into(), style)?;
+//! renderer.render_in_passes(&view, want, &mut images, &mut |pass| passes.push(pass))?;
+//! assert_eq!(images.alpha.ok_or("no opacity")?.pixels()[4 * 9 + 4], 0.5);
+//! assert_eq!((passes.first(), passes.last()), (Some(&PassKind::Project), Some(&PassKind::Resolve)));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod activate;
 pub mod backward;

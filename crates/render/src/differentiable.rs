@@ -1,4 +1,33 @@
 //! Renderings of a scene under training, and the gradients of its parameters.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle, cpu::backward::ViewGradients};
+//! # use gs2e_scene::camera::{Camera, view::CameraView};
+//! use gs2e_render::backend::Backend;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The only Gaussian of `scene` is grey, and covers half of the black in the middle pixel.
+//! let mut renderer = Backend::Cpu.differentiable(scene, style)?;
+//! renderer.render(&CameraView::at_rest(camera, Se3::IDENTITY))?;
+//! let (mut by_pixel, mut found) = ([[0.0; 3]; 9 * 9], ViewGradients::default());
+//! by_pixel[4 * 9 + 4] = [1.0, 0.0, 0.0];
+//! renderer.gradients(&by_pixel, &[0.0; 9 * 9], &mut found)?;
+//! // The slope of the sigmoid at 0 is 1/4, and the red of the Gaussian is 1/2.
+//! assert!((found.gradients[0].logit - 0.125).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::cpu::backward::{GradientRenderer, ViewGradients};
 use super::{RenderError, RenderWork};

@@ -1,5 +1,19 @@
 //! The share of images that comes from Gaussians too deep for their distance, for which the affine
 //! approximation of the projection is doubtful.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::{Image, Size};
+//! use gs2e_render::{RenderedImages, doubt::BlendDoubt};
+//!
+//! let image = |value| Some(Image::filled(Size { width: 4, height: 3 }, value));
+//! let mut doubt = BlendDoubt::default();
+//! assert_eq!(doubt.share(), None);
+//! // Half of each pixel is blended, and a quarter of that is doubtful.
+//! doubt.add(&RenderedImages { alpha: image(0.5), doubtful: image(0.125), ..RenderedImages::default() });
+//! assert_eq!(doubt.share(), Some(0.25));
+//! ```
 
 use super::RenderedImages;
 use gs2e_image::Image;

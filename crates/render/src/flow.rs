@@ -1,4 +1,30 @@
 //! Measures optical flow by small renderings.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle, backend::Backend};
+//! use gs2e_render::flow::PixelFlowMeter;
+//! use gs2e_scene::camera::{Camera, view::CameraVelocity};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 4.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! let mut meter = PixelFlowMeter::new(Backend::Cpu.renderer(scene.into(), style)?, camera);
+//! // Sideways by 1 unit per second, past a Gaussian at depth 2: 9 / 2 px/s.
+//! let velocity = CameraVelocity { linear: DVec3::X, angular: DVec3::ZERO };
+//! let speed = meter.speed_px(&Se3::IDENTITY, velocity, 50)?.ok_or("nothing in view")?;
+//! assert!((speed - 4.5).abs() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{ChannelSet, RenderError, RenderedImages, Renderer};
 use gs2e_image::Size;
@@ -41,7 +67,7 @@ impl PixelFlowMeter {
 impl std::fmt::Debug for PixelFlowMeter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let fingerprint = self.renderer.fingerprint();
-        f.debug_struct("Meter")
+        f.debug_struct("PixelFlowMeter")
             .field("renderer", &fingerprint)
             .field("small", &self.small)
             .finish_non_exhaustive()

@@ -10,6 +10,34 @@
 //! cubic is the same at all times, so that rates stay the derivatives of what they belong to. Depth is that of the
 //! nearest pixel, since a mean of a near and a far depth is neither. The flow follows from that depth and the ray of the
 //! pixel, through the derivatives of the lens.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+//! use gs2e_render::{cpu::CpuRenderer, lens::LensRenderer};
+//! use gs2e_scene::camera::{Camera, lens::Distortion, view::CameraView};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 4.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! let fisheye = Camera { lens: Some(Distortion::Fisheye([0.0; 4])), ..camera };
+//! let mut renderer = LensRenderer::new(Box::new(CpuRenderer::new(scene.into(), style)?));
+//! let (want, mut images) = (ChannelSet { depth: true, ..ChannelSet::NONE }, RenderedImages::default());
+//! renderer.render(&CameraView::at_rest(fisheye, Se3::IDENTITY), want, &mut images)?;
+//! // The only Gaussian of `scene` is on the axis at depth 2, and the lens does not bend this ray.
+//! let depth = images.depth.ok_or("no depth")?;
+//! assert!((depth.pixels()[4 * 9 + 4] - 2.0).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::sample::TileSample;
 use super::shared::MAX_EDGE;

@@ -1,4 +1,30 @@
 //! Rendering of Gaussians: the trait of the back ends, their common rules, and their counts.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_render::cpu::CpuRenderer;
+//! use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
+//! use gs2e_scene::camera::{Camera, view::CameraView};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! let view = CameraView::at_rest(camera, Se3::IDENTITY);
+//! let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! let (want, mut images) = (ChannelSet { rgb: true, ..ChannelSet::NONE }, RenderedImages::default());
+//! CpuRenderer::new(scene.into(), style)?.render(&view, want, &mut images)?;
+//! // The only Gaussian is on the axis, has the middle grey, and covers half of the black behind it.
+//! assert_eq!(images.rgb.ok_or("no colours")?.pixels()[4 * 9 + 4], [0.25; 3]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod backend;
 pub mod centre;
@@ -406,6 +432,9 @@ pub trait Renderer {
 }
 
 /// Checks that the style can be rendered.
+///
+/// # Errors
+/// The background is not finite, or the order of the layers does not fit the rules.
 pub fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
     if !style.background.iter().all(|v| v.is_finite()) {
         return Err(RenderError::Style(format!("background {:?} is not finite", style.background)));
@@ -420,6 +449,9 @@ pub fn check_style(style: &RenderStyle) -> Result<(), RenderError> {
 }
 
 /// Checks that the view can be rendered.
+///
+/// # Errors
+/// A value is not finite, or the camera has no pixels or a focal length that is not positive.
 pub fn check_view(view: &CameraView) -> Result<(), RenderError> {
     let camera = view.camera;
     let fail = |because: String| Err(RenderError::View(because));

@@ -8,6 +8,21 @@
 //! display-encoded colours of a rendering, and the curve is that of sRGB. `w` has a mean of 0, so `f` has a mean
 //! of 1 without a level. `d` is the depth of modulation after Michelson, `(max - min) / (max + min)` for a sine or a
 //! square wave. `s` is the level in stops.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+//!
+//! // The light doubles within a second, one stop, and a lamp flickers with a period of 0.1 s.
+//! let level = vec![LevelMoment { t: 0.0, stops: 0.0 }, LevelMoment { t: 1.0, stops: 1.0 }];
+//! let flicker = Flicker { hz: 10.0, depth: 0.5, waveform: Waveform::Square, phase: 0.0 };
+//! let mut lights = SceneLights { flicker: None, level };
+//! assert_eq!(lights.at(1.0).factor, 2.0);
+//! lights.flicker = Some(flicker);
+//! // The bright half of a period after 1 s, and then the dark one.
+//! assert_eq!([1.02, 1.07].map(|seconds| lights.at(seconds).factor), [3.0, 1.0]);
+//! ```
 
 mod lit;
 

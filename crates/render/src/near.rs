@@ -7,6 +7,32 @@
 //! another depth moves the moment. A fade over depth is slower, but no motion makes its change of brightness
 //! either. A Gaussian that is hidden along the whole path changes nothing at any moment, in frames, events,
 //! depth and flow alike.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_render::RenderRules;
+//! use gs2e_render::near::{NearPath, hide_near};
+//! use gs2e_scene::camera::Camera;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let mut scene = collector.finish(DVec3::ZERO, None)?;
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The camera goes along its axis, through the only Gaussian of `scene`, at depth 2.
+//! let poses: Vec<Se3> =
+//!     (0..12).map(|k| Se3 { translation: DVec3::Z * (0.25 * f64::from(k)), ..Se3::IDENTITY }).collect();
+//! let path = NearPath { camera: &camera, rules: RenderRules::Exact, poses: &poses, plane: 0.2 };
+//! assert_eq!(hide_near(&mut scene, &path), [0]);
+//! // What is hidden passes the plane in no picture.
+//! assert!(hide_near(&mut scene, &path).is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod cause;
 mod footprint;

@@ -9,6 +9,26 @@
 //! which is the motion of a point at rest for a camera with the velocities in brackets. The part's projection, the
 //! direction from which its harmonics are seen, and all rates therefore follow from that camera, without a rotation of
 //! covariances or harmonics.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! use gs2e_render::parts::views_of_motions;
+//! use gs2e_scene::camera::{Camera, view::CameraView};
+//! use gs2e_scene::motion::PartMotion;
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! // A part at x = 3, which goes to the right.
+//! let pose = Se3 { translation: DVec3::X * 3.0, ..Se3::IDENTITY };
+//! let part = PartMotion { pose, velocity: DVec3::X, angular: DVec3::ZERO };
+//! let views = views_of_motions(&[part], &CameraView::at_rest(camera, Se3::IDENTITY));
+//! // In its axes, the camera is at x = -3 and goes to the left.
+//! assert_eq!(views[1].world_from_camera.translation, DVec3::X * -3.0);
+//! assert_eq!(views[1].velocity.linear, DVec3::NEG_X);
+//! ```
 
 use super::shared::{GSPLAT_NEAR, NEAR};
 use super::{RenderError, RenderRules};

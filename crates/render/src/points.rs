@@ -3,6 +3,22 @@
 //! The picture is divided into cells. A cell moves as fast as the median of the points in it, and the
 //! picture as the median of its cells, so that a spot with many points counts by its area. Points behind
 //! others are not known to be hidden, which makes the result an estimate.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::{Se3, Twist};
+//! use gs2e_render::points::PointFlowMeter;
+//! use gs2e_scene::camera::Camera;
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! let meter = PointFlowMeter { points: vec![DVec3::Z * 5.0], camera };
+//! let sideways = Twist { linear: DVec3::X, angular: DVec3::ZERO };
+//! // A point at depth 5 moves by 100 / 5 px.
+//! assert_eq!(meter.speed_px(&Se3::IDENTITY, &sideways), Some(20.0));
+//! ```
 
 #![expect(clippy::cast_possible_truncation, reason = "speeds are rounded to 32 bits; cells are few")]
 

@@ -3,6 +3,33 @@
 //!
 //! The rate of the luminance comes from dual numbers: the operations that make the image,
 //! differentiated automatically.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+//! # use gs2e_scene::camera::{Camera, view::CameraView};
+//! use gs2e_render::reference::ReferenceRenderer;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The only Gaussian of `scene` is grey, and covers half of the black in the middle pixel.
+//! let renderer = ReferenceRenderer::new(scene.into(), style)?;
+//! let pixels = renderer.luminance(&CameraView::at_rest(camera, Se3::IDENTITY))?;
+//! let [value, rate] = pixels[4 * 9 + 4];
+//! // Half of a half, and no change for a camera at rest.
+//! assert!((value - 0.25).abs() < 1e-12 && rate == 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![expect(clippy::cast_possible_truncation, reason = "images hold 32 bits")]
 

@@ -1,4 +1,18 @@
 //! A sample of an image's tiles, for measurements that do not need whole frames.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::Size;
+//! use gs2e_render::sample::TileSample;
+//!
+//! // Tiles have 16 px along each edge: there are three in a row.
+//! let size = Size { width: 48, height: 16 };
+//! assert_eq!(TileSample::whole(size).pixels().len(), 48 * 16);
+//! // A square of 4x4 pixels whose upper left corner is the pixel (14, 3) is in the first two tiles.
+//! let sample = TileSample::under(size, [[14, 3]].into_iter(), 4);
+//! assert_eq!([0, 1, 2].map(|tile| sample.has(tile)), [true, true, false]);
+//! ```
 
 use super::shared::TILE;
 use gs2e_image::Size;

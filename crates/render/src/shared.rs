@@ -1,5 +1,17 @@
 //! Constants of all back ends, each defined once. Sources:
 //! graphdeco-inria/diff-gaussian-rasterization, `cuda_rasterizer/forward.cu` and `auxiliary.h`.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_render::RenderRules;
+//! use gs2e_render::shared::{MIN_ALPHA, least_alpha};
+//!
+//! // The smallest opacity that is drawn is a step of an 8-bit picture, and half of it where layers fade in.
+//! assert_eq!(MIN_ALPHA, 1.0 / 255.0);
+//! assert_eq!(least_alpha(RenderRules::Exact), MIN_ALPHA);
+//! assert_eq!(least_alpha(RenderRules::Soft), MIN_ALPHA / 2.0);
+//! ```
 
 use super::RenderRules;
 

@@ -22,7 +22,7 @@ pub struct ScoutRenderer<'a> {
 
 impl std::fmt::Debug for ScoutRenderer<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Scout").field("camera", &self.camera).finish_non_exhaustive()
+        f.debug_struct("ScoutRenderer").field("camera", &self.camera).finish_non_exhaustive()
     }
 }
 

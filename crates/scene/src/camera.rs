@@ -2,6 +2,21 @@
 //!
 //! Pixel `(i, j)` covers `[i, i+1) x [j, j+1)`, and its centre is at `(i+0.5, j+0.5)`. A centred
 //! camera has `cx = width / 2`. Camera axes are OpenCV's: x right, y down, z forward.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec3;
+//! use gs2e_image::Size;
+//! use gs2e_scene::camera::Camera;
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! // Half a unit right of the axis per unit of depth: 100 / 2 px right of the middle.
+//! let point = DVec3::new(1.0, 0.0, 2.0);
+//! assert_eq!(camera.project(point), Some([82.0, 24.0]));
+//! assert_eq!(camera.unproject([82.0, 24.0], 2.0), point);
+//! assert_eq!(camera.project(-point), None);
+//! ```
 
 pub mod flow;
 pub mod lens;

@@ -1,4 +1,21 @@
-//! Collects Gaussians from a file: those that are not finite are dropped and counted.
+//! Collects Gaussians into a scene: those that are not finite are dropped and counted.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec3;
+//! use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//!
+//! let mut collector = GaussianCollector::new(0, 2)?;
+//! let (rotation, sh) = ([1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! let good = Gaussian { position: [0.0; 3], log_scale: [-1.0; 3], rotation, opacity_logit: 0.0, sh };
+//! assert!(collector.push(&good));
+//! assert!(!collector.push(&Gaussian { opacity_logit: f32::NAN, ..good }));
+//! let scene = collector.finish(DVec3::ZERO, None)?;
+//! // One of the two is left.
+//! assert_eq!((scene.len(), scene.screening.read, scene.screening.non_finite), (1, 2, 1));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{Gaussians, SceneError, SceneScreening, sh};
 use glam::DVec3;
@@ -38,7 +55,10 @@ pub struct GaussianCollector {
 
 impl GaussianCollector {
     /// An empty scene with room for `capacity` Gaussians, which the caller has bounded by the
-    /// file's size. There is an error if there is no memory for them.
+    /// file's size.
+    ///
+    /// # Errors
+    /// There is no memory for them.
     pub fn new(sh_degree: u8, capacity: usize) -> Result<Self, SceneError> {
         let scene = Gaussians {
             origin: DVec3::ZERO,
@@ -76,7 +96,10 @@ impl GaussianCollector {
         true
     }
 
-    /// The scene, unless no Gaussian remains.
+    /// The scene.
+    ///
+    /// # Errors
+    /// No Gaussian remains.
     pub fn finish(self, origin: DVec3, antialiased: Option<bool>) -> Result<Gaussians, SceneError> {
         let SceneScreening { read, non_finite, .. } = self.scene.screening;
         if self.scene.is_empty() {

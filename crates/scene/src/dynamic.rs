@@ -13,6 +13,28 @@
 //! ```
 //! Tracks are those of Li et al., "Spacetime Gaussian Feature Splatting", CVPR 2024, equations 2 to 6, as their program
 //! has them (`renderer/__init__.py`, `train_ours_lite`).
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatCourse, SplatTrack};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0; 3], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // The only Gaussian of `scene` begins at the origin, and goes 4 units along x in 2 s.
+//! let track = SplatTrack { motion: [[4.0, 0.0, 0.0], [0.0; 3], [0.0; 3]], ..SplatTrack::STILL };
+//! let time = SceneTime { span: SceneSpan::Duration(2.0), ..SceneTime::default() };
+//! let scene = scene.with_dynamics(time, SplatCourse::Tracks(vec![track]));
+//! let dynamics = scene.dynamics().ok_or("a scene at rest")?;
+//! let splat = dynamics.splat(&scene, 0, dynamics.moment(0.5));
+//! // A position of 1 unit after half a second, and a velocity of 2 units per second.
+//! assert_eq!(splat.position[0], [1.0, 2.0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod file;
 mod frames;

@@ -1,4 +1,26 @@
 //! Formats in which a scene can be written, and the losses of each.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_scene::form::SceneFormat;
+//! use std::path::Path;
+//!
+//! # let mut collector = GaussianCollector::new(1, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.1; 3]; 4]);
+//! # collector.push(&Gaussian { position: [0.0; 3], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // `scene` has one Gaussian with harmonics of degree 1, which a `.splat` file cannot hold.
+//! let format = SceneFormat::for_path(Path::new("scene.splat")).ok_or("another extension")?;
+//! let (bytes, losses) = format.write(&scene)?;
+//! assert_eq!((format, bytes.len()), (SceneFormat::Splat, 32));
+//! assert!(losses.iter().any(|loss| loss.field == "harmonics"));
+//! // A `.ply` file holds everything.
+//! assert!(SceneFormat::Ply.write(&scene)?.1.is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::dynamic::splatv;
 use super::{Gaussians, SceneError, WriteError, ply, rotation, sh, sog, splat, spz};

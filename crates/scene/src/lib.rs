@@ -3,6 +3,26 @@
 //! Fields are stored as trained files store them (log scales, opacity logits, spherical-harmonic
 //! coefficients), so that reading and writing lose nothing. The renderer applies the activations.
 //! Axes are those of the scene's `.ply` form.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_scene::{ply, read_file};
+//!
+//! let mut collector = GaussianCollector::new(0, 1)?;
+//! let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! let scene = collector.finish(DVec3::ZERO, None)?;
+//!
+//! let path = std::env::temp_dir().join(format!("gs2e-scene-root-{}.ply", std::process::id()));
+//! ply::write_ply(&scene, std::fs::File::create(&path)?)?;
+//! // A `.ply` file loses nothing.
+//! assert_eq!(read_file(&path)?, scene);
+//! # std::fs::remove_file(&path)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod camera;
 pub mod collector;

@@ -5,6 +5,23 @@
 //! ```
 //! `d` and `R` are C2, and their derivatives are exact. Nothing of a part is ever rotated: a renderer sees each part
 //! from the camera's place in the part's own axes, where its means, covariances and harmonics are at rest.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::{DQuat, DVec3};
+//! use gs2e_scene::motion::{PartPath, PartRecord, SceneMotion};
+//!
+//! // A part that begins at x = 1, and makes a quarter of a turn about the z axis in a second.
+//! let (name, rotation, translation) = ("moon".to_owned(), DQuat::IDENTITY, DVec3::X);
+//! let path = PartPath::Orbit { centre: DVec3::ZERO, axis: DVec3::Z, degrees_per_second: 90.0 };
+//! let [shift, pivot] = [DVec3::ZERO; 2];
+//! let record = PartRecord { name, first: 0, shift, rotation, translation, pivot, path };
+//! let motion = SceneMotion::prepare(vec![record])?;
+//! let pose = motion.parts[0].at(1.0).pose;
+//! assert!((pose.translation - DVec3::Y).length() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::Gaussians;
 use super::dynamic::SplatDynamics;

@@ -1,4 +1,29 @@
 //! Scenes with objects: parts of a scene, or other scenes that are placed in it, become its moving parts.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_scene::motion::PartPath;
+//! use gs2e_scene::objects::{ObjectSettings, ObjectSource, add_objects};
+//!
+//! # let mut collector = GaussianCollector::new(0, 3)?;
+//! # for position in [[0.0; 3], [5.0, 0.0, 0.0], [6.0, 0.0, 0.0]] {
+//! #     let (rotation, sh) = ([1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! #     collector.push(&Gaussian { position, log_scale: [-1.0; 3], rotation, opacity_logit: 0.0, sh });
+//! # }
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // `scene` has three Gaussians, at x = 0, 5 and 6. The first one rises.
+//! let from = ObjectSource::Sphere { centre: DVec3::ZERO, radius: 1.0 };
+//! let path = PartPath::Straight { velocity: DVec3::NEG_Y, spin: DVec3::ZERO };
+//! let object = ObjectSettings { name: "balloon".into(), from, pivot: None, path };
+//! let scene = add_objects(&scene, &[object])?;
+//! // What moves comes last.
+//! assert_eq!([0, 1, 2].map(|i| scene.part_of(i)), [0, 0, 1]);
+//! assert_eq!(scene.position(2), DVec3::ZERO);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::motion::{MAX_PARTS, PartError, PartPath, PartRecord, SceneMotion};
 use super::{Gaussians, SceneError, read_file};

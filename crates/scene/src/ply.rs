@@ -5,6 +5,23 @@
 //! double. Other properties and other elements are skipped. The body is binary of either byte
 //! order, or ascii. The format does not record antialiasing. Compressed files, recognised by their
 //! elements, are read as well.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_scene::ply;
+//!
+//! let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+//! let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+//! let head = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n");
+//! let scene = ply::read_ply(format!("{head}1 2 3 0 0 0 0 -1 -1 -1 1 0 0 0\n").as_bytes())?;
+//! assert_eq!(scene.positions, [[1.0, 2.0, 3.0]]);
+//! // The canonical form keeps every bit.
+//! let mut bytes = Vec::new();
+//! ply::write_ply(&scene, &mut bytes)?;
+//! assert_eq!(ply::read_ply(&bytes)?, scene);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod body;
 mod header;

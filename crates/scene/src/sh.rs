@@ -6,6 +6,22 @@
 //! `l^2 + l + m` for order `m = -l..=l` of degree `l`. They are orthonormal over the unit sphere. A
 //! colour is `max(0, 0.5 + sum of coefficient x function)`, without an upper clamp, in the
 //! direction from the camera's centre to that of the Gaussian.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_scene::sh;
+//!
+//! let direction = [0.0, 0.0, 1.0];
+//! let basis = sh::basis_values(1, direction);
+//! // The function of degree 0 is the same in all directions.
+//! assert_eq!(basis[0], sh::C0);
+//! // Red has half of the range more than the middle grey, and the others have nothing more.
+//! let coefficients = [[0.5 / sh::C0, 0.0, 0.0]];
+//! let [red, green, blue] = sh::sum_colour(&coefficients, &basis);
+//! assert!((red - 1.0).abs() < 1e-12);
+//! assert_eq!([green, blue], [0.5; 2]);
+//! ```
 
 use std::ops::{Add, Mul, Sub};
 

@@ -5,6 +5,34 @@
 //! entries of codebooks; harmonics use a palette in addition. Rotations are three bytes and the
 //! index of the largest component. Axes are those of `.ply`. In errors, offsets count bytes of the
 //! named part; for images, bytes of the decoded image.
+//!
+//! # Examples
+//!
+//! ```
+//! # use image_webp::{ColorType, WebPEncoder};
+//! use gs2e_scene::sog;
+//!
+//! let folder = std::env::temp_dir().join(format!("gs2e-scene-sog-{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! # let files = ["low", "high", "scales", "quats", "sh0"];
+//! # for name in files {
+//! #     let out = std::fs::File::create(folder.join(name))?;
+//! #     WebPEncoder::new(out).encode(&[0, 0, 0, 252], 1, 1, ColorType::Rgba8)?;
+//! # }
+//! # let coded = |name| serde_json::json!({ "codebook": vec![-3.0; 256], "files": [name] });
+//! # let means = serde_json::json!({ "mins": [0, 0, 0], "maxs": [1, 1, 1], "files": ["low", "high"] });
+//! # let (scales, sh0, quats) = (coded("scales"), coded("sh0"), serde_json::json!({ "files": ["quats"] }));
+//! # let meta = serde_json::json!({
+//! #     "version": 2, "count": 1, "means": means, "scales": scales, "quats": quats, "sh0": sh0,
+//! # });
+//! # std::fs::write(folder.join(sog::META), meta.to_string())?;
+//! // The folder has `meta.json`, and images of one pixel whose bytes are 0. Positions range from 0 to 1 on
+//! // the logarithmic scale, and the codebooks have -3 at the place 0.
+//! let scene = sog::read_sog_folder(&folder)?;
+//! assert_eq!((scene.positions[0], scene.log_scales[0]), ([0.0; 3], [-3.0; 3]));
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod meta;
 mod parts;

@@ -4,6 +4,23 @@
 //! A record contains three floats of position, three of standard deviation (linear), red, green,
 //! blue and opacity as bytes of the displayed colour, and the quaternion `w x y z` as bytes
 //! `(b - 128) / 128`; all little endian.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_scene::splat;
+//!
+//! let position = [1.5_f32, 0.0, -2.0];
+//! let deviations = [1.0_f32; 3];
+//! let floats = position.into_iter().chain(deviations).flat_map(f32::to_le_bytes);
+//! let (colour, quaternion) = ([255, 255, 255, 128], [255, 128, 128, 128]);
+//! let bytes: Vec<u8> = floats.chain(colour).chain(quaternion).collect();
+//! let scene = splat::read_splat(&bytes)?;
+//! assert_eq!(scene.positions, [position]);
+//! // The logarithm of 1, and 127/128.
+//! assert_eq!((scene.log_scales[0], scene.rotations[0][0]), ([0.0; 3], 0.992_187_5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::collector::{Gaussian, GaussianCollector};
 use super::cursor::ByteCursor;

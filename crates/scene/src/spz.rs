@@ -4,6 +4,26 @@
 //! scales, rotations, harmonics). Version 4 is a plain header, a table of sizes, and one zstd
 //! stream per plane. All values are quantised to bytes. Axes are right, up, back unless an
 //! extension states others; they are converted to the axes of `.ply`.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_scene::spz;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [1.0, 2.0, -3.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // `scene` has a Gaussian at [1, 2, -3], whose scales have the logarithm -1.
+//! let mut bytes = Vec::new();
+//! spz::write_spz(&scene, &mut bytes)?;
+//! let read = spz::read_spz(&bytes)?;
+//! // Positions have steps of a power of 2, and logarithms of 1/16, so these numbers are exact.
+//! assert_eq!((read.positions, read.log_scales), (scene.positions, scene.log_scales));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod axes;
 mod container;

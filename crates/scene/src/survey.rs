@@ -4,6 +4,26 @@
 //! Trained scenes have stray Gaussians far from everything else, so nothing here is an extreme
 //! value: all numbers are quantiles weighted by opacity. The `p` quantile is the smallest value at
 //! which the Gaussians up to it hold the share `p` of the opacity.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_scene::survey::SceneSurvey;
+//!
+//! # let mut collector = GaussianCollector::new(0, 5)?;
+//! # for x in [0.0, 1.0, 2.0, 3.0, 100.0] {
+//! #     let (position, rotation, sh) = ([x, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! #     collector.push(&Gaussian { position, log_scale: [-1.0; 3], rotation, opacity_logit: 0.0, sh });
+//! # }
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // `scene` has five Gaussians of equal opacity, at x = 0, 1, 2, 3 and 100.
+//! let survey = SceneSurvey::measure_scene(&scene);
+//! // The centre is the median, so the stray one does not move it.
+//! assert_eq!(survey.centre, DVec3::new(2.0, 0.0, 0.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod axes;
 mod up;

@@ -19,6 +19,27 @@
 //!
 //! With thresholds drawn once and no hot pixels, the stream of a signal that is linear in `V` does
 //! not depend on the frame rate. With `mismatch: per-frame` it does.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::Size;
+//! # use gs2e_num::seed::Seed;
+//! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//! # use std::ops::ControlFlow::Continue;
+//! use gs2e_sensor::esim::EsimModel;
+//! use gs2e_sensor::simulate_one;
+//!
+//! // The brightness of a pixel rises by 1.38, almost ln 4. It then falls to 0.18 above the start.
+//! let samples = ArraySamples::Bytes(vec![50, 200, 60]);
+//! let mut frames = ArrayFrames::new(Size { width: 1, height: 1 }, samples, &[0, 1000, 2000])?;
+//! let mut events = Vec::new();
+//! // Six steps of 0.2 lead up to the level 1.2, and five lead down to 0.2.
+//! let model = EsimModel::trainable();
+//! let account = simulate_one(&mut frames, &model, Seed(1), &mut events, &mut |_| Continue(()))?;
+//! assert_eq!((account.on, account.off), (6, 5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod parameters;
 mod presets;

@@ -1,4 +1,21 @@
 //! Sequences of luminance frames, read one at a time: a sequence is never in memory as a whole.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::Size;
+//! use gs2e_sensor::frames::FrameSequence;
+//! use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//!
+//! let samples = ArraySamples::Bytes(vec![10, 30, 50, 70]);
+//! let mut frames = ArrayFrames::new(Size { width: 2, height: 1 }, samples, &[0, 1000])?;
+//! let mut means = Vec::new();
+//! while let Some(frame) = frames.next()? {
+//!     means.push(frame.luminance.pixels().iter().sum::<f32>() / 2.0);
+//! }
+//! assert_eq!((frames.len(), means), (2, vec![20.0, 60.0]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod anchors;
 pub mod array;

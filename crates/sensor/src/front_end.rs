@@ -13,6 +13,26 @@
 //! The rate of change of a grey frame goes through the same map: it is multiplied by `E f'(L/255)`,
 //! and is 0 where L is clamped. The rate of one weighted sum of colours does not determine the rate
 //! of another sum, or in linear light; in those cases there is no rate.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::{Image, Size};
+//! # use gs2e_num::units::Timestamp;
+//! # use gs2e_sensor::frames::DenseFrame;
+//! use gs2e_sensor::front_end::{FrontEnd, LuminanceWeights};
+//!
+//! // A sensor that sees red only, at half the exposure.
+//! let luminance = LuminanceWeights::from_weights([1.0, 0.0, 0.0])?;
+//! let front_end = FrontEnd { luminance, exposure: 0.5, ..FrontEnd::default() };
+//! assert!(front_end.needs_colour() && !front_end.is_plain());
+//!
+//! let size = Size { width: 1, height: 1 };
+//! let frame = DenseFrame { index: 0, t: Timestamp(0), luminance: Image::filled(size, 80.0), rate: None };
+//! let seen = front_end.see(&frame, Some(&Image::filled(size, [200.0, 10.0, 130.0])));
+//! assert!((seen.luminance.pixels()[0] - 100.0).abs() < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{SensorModel, WHITE, is_default};
 use crate::frames::{DenseFrame, FrameError, FrameSequence};
@@ -385,7 +405,7 @@ pub struct FrontEndFrames<'a> {
 
 impl fmt::Debug for FrontEndFrames<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Seen").field("front_end", &self.front_end).finish_non_exhaustive()
+        f.debug_struct("FrontEndFrames").field("front_end", &self.front_end).finish_non_exhaustive()
     }
 }
 

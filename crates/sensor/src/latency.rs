@@ -12,6 +12,20 @@
 //! A pixel finishes an event before it makes the next: events of a pixel keep their order and their dead
 //! time. Events that would be stamped after the last frame are left out and counted, and the first ones of a
 //! clip come as late as all others.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::latency::PixelLatency;
+//!
+//! let latency = PixelLatency { us: 100.0, jitter_us: 20.0, tau_us: 50.0, max_us: 2000.0 };
+//! // The time constant is ten times as long at a tenth of 1000 lux.
+//! assert_eq!(latency.mean_us(1000.0), 150.0);
+//! assert_eq!(latency.mean_us(100.0), 600.0);
+//! // In darkness, the largest delay holds.
+//! assert_eq!(latency.mean_us(0.0), 2000.0);
+//! assert_eq!(latency.without_jitter().jitter_us, 0.0);
+//! ```
 
 mod light;
 

@@ -2,6 +2,25 @@
 //!
 //! A sensor knows time and the luminance (or the colours) of frames. It knows neither the scene nor
 //! the renderer.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_event::Polarity;
+//! use gs2e_num::seed::Seed;
+//! use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//! use gs2e_sensor::{SensorChoice, simulate_one, voltmeter::VoltmeterPreset};
+//! use std::ops::ControlFlow::Continue;
+//!
+//! // The left pixel becomes four times as bright within a millisecond, and the right one stays.
+//! let samples = ArraySamples::Bytes(vec![50, 90, 200, 90]);
+//! let mut frames = ArrayFrames::new(gs2e_image::Size { width: 2, height: 1 }, samples, &[0, 1000])?;
+//! let sensor = SensorChoice::from(VoltmeterPreset::Davis346.model()).without_noise();
+//! let mut events = Vec::new();
+//! simulate_one(&mut frames, sensor.as_model(), Seed(1), &mut events, &mut |_| Continue(()))?;
+//! assert!(!events.is_empty() && events.iter().all(|e| e.x == 0 && e.polarity == Polarity::On));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod cap;
 mod choice;

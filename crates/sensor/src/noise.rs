@@ -1,6 +1,23 @@
 //! Imperfections of pixels that several sensor models share. Each draw belongs to the pixel's
 //! position on the sensor and to the index of a frame or event, so crops and threads do not change
 //! it.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::SensorChoice;
+//! use gs2e_sensor::esim::EsimModel;
+//! use gs2e_sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod};
+//!
+//! let hot_pixels = HotPixelNoise { share: 0.01, rate: 100.0, spread: 0.0 };
+//! let refractory = RefractoryPeriod { period_us: 50.0, reference: ReferenceRule::Passing };
+//! let sensor = SensorChoice::from(EsimModel { hot_pixels, refractory, ..EsimModel::default() });
+//! assert!(sensor.has_noise());
+//! // The dead time makes no event, so it is no noise.
+//! let quiet = sensor.without_noise();
+//! assert!(!quiet.has_noise() && quiet.hot_pixels().is_absent());
+//! assert_eq!(quiet.dead_us(), 50);
+//! ```
 
 pub mod floor;
 pub mod hot_pixels;

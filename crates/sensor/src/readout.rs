@@ -16,6 +16,30 @@
 //! The bus is a clock: in a busy period from `t0`, event `n` leaves at `t0 + ceil(n / rate)`, in
 //! nanoseconds. Real arbiters need longer for a row with one event than for one of many in a burst;
 //! one rate stands for both.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::Size;
+//! # use gs2e_num::seed::Seed;
+//! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//! # use gs2e_sensor::{esim::EsimModel, simulate_one};
+//! # use std::ops::ControlFlow::Continue;
+//! use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
+//!
+//! let bus = ReadoutBus { rate_mev_s: 1.0, arbiter: ArbiterOrder::Rows, queue: None };
+//! let model = EsimModel { readout: Some(bus), ..EsimModel::default() };
+//! // 64 pixels brighten together: all events of a threshold are made at one time.
+//! let samples = ArraySamples::Bytes([[50; 64], [100; 64]].concat());
+//! let mut frames = ArrayFrames::new(Size { width: 8, height: 8 }, samples, &[0, 1000])?;
+//! let mut events = Vec::new();
+//! let account = simulate_one(&mut frames, &model, Seed(1), &mut events, &mut |_| Continue(()))?;
+//! let counts = account.readout.ok_or("there is no bus")?;
+//! assert_eq!((counts.made, counts.kept + counts.lost()), (3 * 64, 3 * 64));
+//! // A million events per second are one per microsecond.
+//! assert!(events.windows(2).all(|pair| pair[1].t.0 - pair[0].t.0 >= 1000));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod waiting;
 

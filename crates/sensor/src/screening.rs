@@ -1,5 +1,22 @@
 //! Prediction of a sensor's behaviour before anything runs: contrast, leak and noise at a few
 //! greys. Sensors that make no usable stream are refused.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::units::Hertz;
+//! use gs2e_sensor::esim::EsimModel;
+//! use gs2e_sensor::screening::ScreenError;
+//!
+//! let rate = Hertz("100".parse()?);
+//! let screening = EsimModel::trainable().screen(rate)?;
+//! assert_eq!(screening.contrast, [0.2, 0.2]);
+//! // The ideal sensor makes no event in constant light.
+//! assert!(screening.noise.iter().all(|noise| noise.total_hz == 0.0) && screening.warnings.is_empty());
+//! let wrong = EsimModel { eps: 0.0, ..EsimModel::trainable() };
+//! assert!(matches!(wrong.screen(rate), Err(ScreenError::Parameter { name: "eps", .. })));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::noise::HotPixelNoise;
 use gs2e_num::units::Hertz;

@@ -73,7 +73,7 @@ impl<'a> SensorChannel<'a> {
 
 impl std::fmt::Debug for SensorChannel<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Channel").finish_non_exhaustive()
+        f.debug_struct("SensorChannel").finish_non_exhaustive()
     }
 }
 

@@ -1,6 +1,20 @@
 //! Closed forms for a pixel of constant brightness: a Brownian motion with drift between two
 //! barriers that restarts at 0 after each event. The two-barrier exit problem is treated in Darling
 //! and Siegert, Annals of Mathematical Statistics 24, 1953.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::statistics::RenewalProcess;
+//!
+//! // Without drift, the nearer barrier is reached more often, and the mean time is `up down / variance`.
+//! let noise = RenewalProcess { drift: 0.0, variance: 0.5, up: 1.0, down: 3.0 };
+//! assert_eq!(noise.on_share(), 0.75);
+//! assert_eq!(noise.mean_interval(), 6.0);
+//! // Drift alone reaches its barrier at steady intervals.
+//! let leak = RenewalProcess { drift: 0.25, variance: 0.0, ..noise };
+//! assert_eq!((leak.on_share(), leak.rate()), (1.0, 0.25));
+//! ```
 
 /// The voltage of a pixel at constant brightness: drift and variance per unit time, and both
 /// thresholds.

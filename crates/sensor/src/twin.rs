@@ -2,6 +2,21 @@
 //!
 //! A sensor is the twin of another if the other has noise and, without it, equals the sensor.
 //! Labels and parameters without effect do not count.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::{SensorChoice, SensorSet};
+//! use std::collections::BTreeMap;
+//!
+//! let noisy = SensorChoice::by_name("v2e-noisy").ok_or("there is no such sensor")?;
+//! let clean = noisy.without_noise();
+//! let set = SensorSet::Named(BTreeMap::from([("a".to_owned(), noisy), ("b".to_owned(), clean)]));
+//! // The sensor `b` is the noise-free twin of `a`.
+//! assert_eq!(set.twins(), [("b", "a")]);
+//! assert!(set.near_twins().is_empty());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::{SensorChoice, SensorSet};
 use serde_json::Value;

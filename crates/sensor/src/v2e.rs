@@ -29,6 +29,22 @@
 //! and leak without jitter do not depend on the frame rate. With the filter, they depend on it
 //! through the change of its rate between two frames (more with `euler`), and the jitter of the
 //! leak is drawn per frame.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
+//!
+//! let model = V2eModel::from(V2ePreset::Clean);
+//! assert!(model.keeps_balance());
+//! // Leak alone makes ON events at its own rate.
+//! let leak = LeakNoise { rate: 0.5, ..LeakNoise::default() };
+//! let noise = V2eModel { leak, ..model.clone() }.noise(128.0);
+//! assert_eq!((noise.total_hz, noise.on_share), (0.5, Some(1.0)));
+//! // Shot noise at white is a quarter of that in the dark, of either polarity alike.
+//! let noise = V2eModel { shot: 8.0, ..model }.noise(255.0);
+//! assert_eq!((noise.total_hz, noise.on_share), (2.0, Some(0.5)));
+//! ```
 
 mod parameters;
 mod presets;

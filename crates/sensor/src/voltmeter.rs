@@ -17,6 +17,28 @@
 //! times as if there were one threshold (law `official`, `official.rs`). The law `exact` draws the
 //! first passages of this process, whatever the frames (`exact.rs`, `tree.rs`, `leaf.rs`). As
 //! published, both terms of sigma add as standard deviations.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::Size;
+//! # use gs2e_num::seed::Seed;
+//! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//! # use std::ops::ControlFlow::Continue;
+//! use gs2e_sensor::voltmeter::VoltmeterModel;
+//! use gs2e_sensor::{SensorModel, simulate_one};
+//!
+//! // Only k1 and k2: no noise, and no leak. The contrast is 1/k1.
+//! let model = VoltmeterModel::new([5.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
+//! assert_eq!(model.contrast(), (0.2, 0.2));
+//! // From 20 to 140, the voltage rises by 5 ln(160/40) = 6.93, which is six thresholds of 1.
+//! let samples = ArraySamples::Bytes(vec![20, 140]);
+//! let mut frames = ArrayFrames::new(Size { width: 1, height: 1 }, samples, &[0, 1000])?;
+//! let mut events = Vec::new();
+//! let account = simulate_one(&mut frames, &model, Seed(1), &mut events, &mut |_| Continue(()))?;
+//! assert_eq!((account.on, account.off, events.len()), (6, 0, 6));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod band;
 mod bridge;

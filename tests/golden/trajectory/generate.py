@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Goldens of crates/trajectory/tests/trajectories.rs, from SciPy. Run in this folder: python3 generate.py
+"""Goldens of crates/trajectory/tests/trajectories/goldens.rs, from SciPy. Run in this folder: python3 generate.py
 
 Every number is written by repr, so that reading it gives back the same double. See README.md.
 """

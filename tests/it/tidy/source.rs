@@ -66,7 +66,9 @@ fn folder_of(file: &str) -> &str {
 /// compiled for tests.
 pub(super) fn crate_sources() -> Vec<Source> {
     let mut sources = [read_below("crates"), read_below("src")].concat();
-    let is_product = |path: &str| path.ends_with(".rs") && !path.starts_with("crates/testing/");
+    let is_product = |path: &str| {
+        path.ends_with(".rs") && format!("/{path}").contains("/src/") && !path.starts_with("crates/testing/")
+    };
     sources.retain(|source| is_product(&source.path));
     let for_tests: Vec<String> = sources.iter().flat_map(Source::test_modules).collect();
     let for_tests: Vec<&str> = for_tests.iter().map(String::as_str).collect();

@@ -157,7 +157,10 @@ struct ArrayColumn {
 
 impl std::fmt::Debug for ArrayColumn {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Column").field("name", &self.name).field("count", &self.count).finish_non_exhaustive()
+        f.debug_struct("ArrayColumn")
+            .field("name", &self.name)
+            .field("count", &self.count)
+            .finish_non_exhaustive()
     }
 }
 

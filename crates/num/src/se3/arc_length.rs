@@ -18,6 +18,22 @@
 //! through seven values: five at the nodes, which the quadrature has computed already, and two at
 //! the ends. Its integral is inverted by Newton's method, which then evaluates polynomials only,
 //! never the curve.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::se3::arc_length::ArcLength;
+//! use gs2e_num::se3::spline::CurvePlace;
+//!
+//! // With the speed 2x, the length up to x is x^2.
+//! let length = ArcLength::measure_curve(&[3.0], |at: CurvePlace| 2.0 * at.x);
+//! assert!((length.total() - 9.0).abs() < 1e-9);
+//! assert!((length.invert(4.0).x - 2.0).abs() < 1e-9);
+//! // A walk finds the places of growing lengths.
+//! let mut walk = length.walk();
+//! let places = [1.0, 4.0, 9.0].map(|to| walk.to(to).x);
+//! assert!(places.iter().zip([1.0, 2.0, 3.0]).all(|(found, x)| (found - x).abs() < 1e-9));
+//! ```
 
 use super::series::power_sum;
 use super::spline::CurvePlace;

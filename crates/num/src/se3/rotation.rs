@@ -2,6 +2,24 @@
 //!
 //! Rotation vectors point along the axis (right-handed) and are as long as the angle. Products
 //! compose on the right: `a * exp(v)` turns `a` by `v` in its own body frame.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::{DQuat, DVec3};
+//! use gs2e_num::se3::rotation::{exp_vector, karcher_mean, log_vector, relative_angle, slerp};
+//! use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+//!
+//! // A quarter turn about z takes x to y.
+//! let quarter = exp_vector(DVec3::Z * FRAC_PI_2);
+//! assert!((quarter * DVec3::X).distance(DVec3::Y) < 1e-12);
+//! // Half of it is an eighth of a turn, and the mean of both ends.
+//! let eighth = slerp(DQuat::IDENTITY, quarter, 0.5);
+//! assert!(log_vector(eighth).distance(DVec3::Z * FRAC_PI_4) < 1e-12);
+//! let mean = karcher_mean(&[DQuat::IDENTITY, quarter], quarter)?;
+//! assert!(relative_angle(mean, eighth) < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::series::{alternating_series, power_sum};
 use glam::{DQuat, DVec3};

@@ -11,6 +11,23 @@
 //! Newton's method, where scipy takes at most 10 rounds of a fixed-point iteration, which does not
 //! converge for a capture with a turn of 90 degrees and back. The only nonlinear term is a
 //! quadratic form, so its derivative is exact and lies on the diagonal of the system.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec3;
+//! use gs2e_num::se3::rotation::{exp_vector, relative_angle};
+//! use gs2e_num::se3::rotation_spline::RotationSpline;
+//! use gs2e_num::se3::spline::CurvePlace;
+//!
+//! // A steady turn about z: 0.2 rad in every 0.1 of the parameter.
+//! let rotations = [0.0, 0.2, 0.4].map(|angle| exp_vector(DVec3::Z * angle));
+//! let spline = RotationSpline::new(&[0.1, 0.1], &rotations)?;
+//! let middle = CurvePlace { segment: 1, x: 0.05 };
+//! assert!(relative_angle(spline.rotation(middle), exp_vector(DVec3::Z * 0.3)) < 1e-9);
+//! assert!(spline.rate(middle).distance(DVec3::Z * 2.0) < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::rotation::{exp_vector, log_vector, renormalised};
 use super::series::{alternating_series, power_sum};

@@ -1,5 +1,21 @@
 //! Checks of rotations in files: from nine or four numbers to a rotation, or to the reason why they
 //! are not one.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::{DMat3, DQuat, DVec3};
+//! use gs2e_num::se3::{RotationError, rotation_from_matrix, rotation_from_quaternion};
+//!
+//! // A quaternion with few digits is normalised, and gets a positive w. A deviation above 1e-6 is marked.
+//! let screened = rotation_from_quaternion(DQuat::from_xyzw(0.0, 0.0, -0.8, -0.60001))?;
+//! assert!(screened.rotation.w > 0.0 && screened.projected);
+//! assert!((screened.rotation.length() - 1.0).abs() < 1e-12);
+//! // A mirror is no rotation.
+//! let mirror = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+//! assert!(matches!(rotation_from_matrix(&mirror), Err(RotationError::Mirrors { .. })));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use glam::{DMat3, DQuat};
 

@@ -2,6 +2,22 @@
 //!
 //! A place is a segment and the distance from its start, never an absolute parameter. A long path
 //! therefore loses no digits to its length.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec3;
+//! use gs2e_num::se3::spline::CubicSpline;
+//!
+//! // Three points give their parabola, here y = x^2.
+//! let points = [0.0, 1.0, 2.0].map(|x| DVec3::new(x, x * x, 0.0));
+//! let spline = CubicSpline::not_a_knot(&[1.0, 1.0], &points);
+//! // The second segment starts at x = 1, so 0.5 in it is x = 1.5.
+//! let segment = spline.segment(1);
+//! assert!(segment.value(0.5).distance(DVec3::new(1.5, 2.25, 0.0)) < 1e-12);
+//! assert!(segment.slope(0.5).distance(DVec3::new(1.0, 3.0, 0.0)) < 1e-12);
+//! assert!(segment.bend(0.5).distance(DVec3::new(0.0, 2.0, 0.0)) < 1e-12);
+//! ```
 
 use glam::DVec3;
 

@@ -1,4 +1,15 @@
 //! Compensated sums: a million small steps add up to their sum within two roundings.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::se3::sum::NeumaierSum;
+//!
+//! // Next to 1e16, an f64 has no room for 1.
+//! let terms = [1e16, 1.0, -1e16];
+//! assert_eq!(terms.iter().sum::<f64>(), 0.0);
+//! assert_eq!(NeumaierSum::sum_of(terms), 1.0);
+//! ```
 
 /// A running sum with Neumaier's compensation (Neumaier 1974), the variant of Kahan's that
 /// tolerates terms larger than the sum.

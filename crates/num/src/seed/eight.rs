@@ -1,4 +1,19 @@
 //! Eight draws at a time, with the same bits as `Seed::draws` one by one.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::seed::eight::SeedCells;
+//! use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
+//!
+//! let cells = SeedCells { seed: Seed(7), space: DrawSpace::Leak, level: 0, index: 4 };
+//! // Pixels (3, 5) and (4, 5), as `y << 16 | x`.
+//! let mut normals = Vec::new();
+//! cells.first_normals(&[5 << 16 | 3, 5 << 16 | 4], &mut normals);
+//! // The same bits as one by one.
+//! let one = |x| Seed(7).draws(SeedCell { x, y: 5, level: 0, index: 4 }, DrawSpace::Leak).normal();
+//! assert_eq!(normals, [one(3), one(4)]);
+//! ```
 
 use super::{CellDraws, DrawSpace, Seed, SeedCell, normal, philox, space_tag};
 use crate::elementary::{self, load_eight, mask_bits, set_lanes, store_eight, to_float};

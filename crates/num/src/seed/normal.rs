@@ -4,6 +4,20 @@
 //! Statistics 37 (1988), routine PPND16: relative error about 1e-16. One uniform gives one deviate,
 //! and the map is monotonic. The logarithm in the tails is `libm`'s, so the result is the same on
 //! every machine.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::seed::normal::normal_quantile;
+//! use std::f64::consts::SQRT_2;
+//!
+//! // Half of all deviates are below 0, and both tails are alike.
+//! assert_eq!(normal_quantile(0.5), 0.0);
+//! assert_eq!(normal_quantile(0.25), -normal_quantile(0.75));
+//! // The inverse of the distribution function `erfc(-z / sqrt(2)) / 2`.
+//! let below = |z: f64| 0.5 * libm::erfc(-z / SQRT_2);
+//! assert!((normal_quantile(below(-1.5)) + 1.5).abs() < 1e-14);
+//! ```
 #![expect(clippy::excessive_precision, clippy::unreadable_literal, reason = "coefficients as published")]
 
 use fearless_simd::{Simd, f64x8};

@@ -2,6 +2,18 @@
 //!
 //! Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; reference
 //! implementation Random123. Integer arithmetic only, so it is the same on every machine.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::seed::philox::philox_block;
+//!
+//! // The known answer of Random123 for zeros.
+//! let block = philox_block([0; 4], [0; 2]);
+//! assert_eq!(block, [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]);
+//! // Another counter gives another block, without the blocks in between.
+//! assert_ne!(philox_block([1_000_000, 0, 0, 0], [0; 2]), block);
+//! ```
 #![expect(clippy::cast_possible_truncation, reason = "the low halves of products are what the rounds take")]
 
 use fearless_simd::{Simd, SimdBase as _, u64x8};

@@ -2,6 +2,23 @@
 //!
 //! A number is the quantile of one uniform draw, so a stream of one draw gives one number, and the
 //! map is monotonic.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_num::seed::Seed;
+//! use gs2e_num::seed::range::RangeLaw;
+//!
+//! let uniform = RangeLaw::Uniform { low: 2.0, high: 6.0 };
+//! uniform.validate()?;
+//! assert_eq!(uniform.quantile(0.25), 3.0);
+//! // Half of the draws of a log-uniform law are below the geometric mean.
+//! let wide = RangeLaw::LogUniform { low: 1.0, high: 100.0 };
+//! assert!((wide.quantile(0.5) - 10.0).abs() < 1e-12);
+//! assert!((1.0..=100.0).contains(&wide.draw(Seed(5))));
+//! assert!(RangeLaw::LogUniform { low: 0.0, high: 1.0 }.validate().is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::normal::normal_quantile;
 use super::{DrawSpace, Seed, SeedCell};

@@ -1,5 +1,23 @@
 //! View-independent properties of Gaussians (scaled axes, opacity, reach), laid out in blocks for
 //! projection.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! use gs2e_render::cpu::activate::activate_one;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([0.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! // The Gaussian is stored with log scales of 0, no rotation, and an opacity logit of 0.
+//! let active = activate_one(&scene, 0);
+//! assert_eq!(active.axes, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+//! assert_eq!(active.opacity, 0.5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::cull::ALL_LANES;
 use super::extent;

@@ -8,6 +8,35 @@
 //! The gradient is that of the image as it is rendered: a layer that the rules cut off, a capped
 //! opacity and a stopped pixel have no part in it. Depths decide the order of layers, and the order
 //! has no gradient.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+//! # use gs2e_scene::camera::{Camera, view::CameraView};
+//! use gs2e_render::cpu::backward::{GradientRenderer, ViewGradients};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The only Gaussian of `scene` is grey, and covers half of the black in the middle pixel.
+//! let mut renderer = GradientRenderer::new(scene, style)?;
+//! renderer.render(&CameraView::at_rest(camera, Se3::IDENTITY))?;
+//! let (mut by_pixel, mut found) = ([[0.0; 3]; 9 * 9], ViewGradients::default());
+//! by_pixel[4 * 9 + 4] = [1.0, 0.0, 0.0];
+//! renderer.gradients(&by_pixel, &[0.0; 9 * 9], &mut found);
+//! // The red of this pixel is the opacity times the red of the Gaussian.
+//! assert!((found.gradients[0].colour[0] - 0.5).abs() < 1e-6);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod chain;
 mod gather;
@@ -293,6 +322,9 @@ impl GradientRenderer {
 }
 
 /// Refuses a scene or a style that has no gradients, on any back end.
+///
+/// # Errors
+/// The scene has too many Gaussians, or the order of the layers is blended.
 pub fn refuse_without_gradients(scene: &Gaussians, style: RenderStyle) -> Result<(), RenderError> {
     if scene.len() > MAX_GAUSSIANS {
         let because = format!("{} Gaussians, wanted at most {MAX_GAUSSIANS} for gradients", scene.len());

@@ -1,6 +1,20 @@
 //! The view transform: projection of a point and of an ellipsoid. Positions are `f64` up to camera
 //! coordinates, so that scenes far from the world's origin lose no precision; from there on, stable
 //! forms in `f32`.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::Size;
+//! use gs2e_render::{RenderRules, cpu::eye::slope_bounds};
+//! use gs2e_scene::camera::Camera;
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! let [[left, right], [top, bottom]] = slope_bounds(&camera, RenderRules::Exact);
+//! // 1.3 times the slopes at the edges of the picture, which are 0.32 and 0.24.
+//! assert!((right - 1.3 * 0.32).abs() < 1e-12 && (bottom - 1.3 * 0.24).abs() < 1e-12);
+//! assert_eq!([left, top], [-right, -bottom]);
+//! ```
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 

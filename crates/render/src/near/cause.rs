@@ -1,4 +1,33 @@
 //! The Gaussian that makes most of a change between two views.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_render::{LayerOrder, RenderRules, RenderStyle};
+//! # use gs2e_scene::camera::Camera;
+//! use gs2e_render::near::cause::{FlashViews, find_cause};
+//! use gs2e_scene::camera::view::CameraView;
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0, 0.0, 2.0], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! # let (rules, order) = (RenderRules::Exact, LayerOrder::Depth);
+//! # let style = RenderStyle { rules, order, antialiased: false, background: [0.0; 3] };
+//! # let camera = Camera::pinhole(Size { width: 9, height: 9 }, [9.0, 9.0, 4.5, 4.5]);
+//! // The only Gaussian of `scene` is at z = 2: in front of the first view, and behind the second one.
+//! let views = [0.0, 3.0].map(|z| {
+//!     CameraView::at_rest(camera, Se3 { translation: DVec3::Z * z, ..Se3::IDENTITY })
+//! });
+//! let cause = find_cause(&scene.into(), &FlashViews { views, style })?.ok_or("no cause")?;
+//! // Without it, both views are black.
+//! assert_eq!((cause.gaussian, cause.distance, cause.share), (0, 2.0, 1.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::footprint::NearEye;
 use crate::cpu::CpuRenderer;

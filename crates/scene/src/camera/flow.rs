@@ -2,6 +2,22 @@
 //!
 //! The world point of a pixel lies at the pixel's depth along the optical axis. Where depth mixes
 //! near and far at a semi-transparent edge, flow does too.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::{Image, Size};
+//! # use gs2e_num::se3::Se3;
+//! use gs2e_scene::camera::{Camera, flow::flow_between, view::CameraView};
+//!
+//! let camera = Camera::pinhole(Size { width: 4, height: 3 }, [100.0, 100.0, 2.0, 1.5]);
+//! let from = CameraView::at_rest(camera, Se3::IDENTITY);
+//! let to = CameraView::at_rest(camera, Se3 { translation: DVec3::X * 0.25, ..Se3::IDENTITY });
+//! let flow = flow_between(&Image::filled(camera.size, 2.0), &from, &to);
+//! // The camera goes to the right, so a wall at depth 2 goes to the left by 100 / 4 / 2 px.
+//! assert!(flow.pixels().iter().all(|[x, y]| (x + 12.5).abs() < 1e-4 && y.abs() < 1e-4));
+//! ```
 
 #![expect(clippy::cast_possible_truncation, reason = "displacements are rounded to 32 bits at the end")]
 

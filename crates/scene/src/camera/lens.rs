@@ -1,4 +1,20 @@
 //! Lenses that distort, with the models and coefficients of OpenCV.
+//!
+//! # Examples
+//!
+//! ```
+//! use glam::DVec2;
+//! use gs2e_scene::camera::lens::Distortion;
+//! use std::f64::consts::FRAC_PI_4;
+//!
+//! let lens = Distortion::from_parts("fisheye", &[0.0; 4])?;
+//! // Without coefficients, the distance from the axis is the angle of the ray: 45 degrees.
+//! let image = lens.image(DVec2::X).ok_or("the image folds")?;
+//! assert!((image - DVec2::X * FRAC_PI_4).length() < 1e-12);
+//! let ray = lens.undistort(image).ok_or("no ray")?;
+//! assert!((ray - DVec2::X).length() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use glam::{DMat2, DVec2};
 use serde::{Deserialize, Serialize};

@@ -9,6 +9,24 @@
 //!
 //! OpenCV has the centre of the first pixel at (0, 0). Numbers of a [`Rectification`] follow it; those of a [`Camera`]
 //! have the centre at (0.5, 0.5).
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! use gs2e_scene::camera::{Camera, stereo::Rectification};
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! // The second camera is half a unit to the right of the first one.
+//! let second_from_first = Se3 { translation: DVec3::X * -0.5, ..Se3::IDENTITY };
+//! let pair = Rectification::new([camera; 2], &second_from_first)?;
+//! // Focal length times baseline over depth: 100 * 0.5 / 5.
+//! let disparity = pair.disparity([32.0, 24.0], 5.0).ok_or("behind a camera")?;
+//! assert!((disparity - 10.0).abs() < 1e-9);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::Camera;
 use glam::{DMat3, DVec3};

@@ -1,4 +1,21 @@
 //! A camera at a place and a time.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_image::Size;
+//! # use gs2e_num::se3::Se3;
+//! use gs2e_scene::camera::{Camera, view::{CameraVelocity, CameraView}};
+//!
+//! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
+//! let still = CameraView::at_rest(camera, Se3::IDENTITY);
+//! assert_eq!((still.velocity, still.seconds), (CameraVelocity::default(), 0.0));
+//! // The same view half a second later, of a camera that goes forward.
+//! let velocity = CameraVelocity { linear: DVec3::Z, angular: DVec3::ZERO };
+//! let moving = CameraView { velocity, ..still.at_time(0.5) };
+//! assert_eq!((moving.world_from_camera, moving.seconds), (still.world_from_camera, 0.5));
+//! ```
 
 use super::Camera;
 use glam::DVec3;

@@ -1,4 +1,29 @@
 //! Files of scenes that change with time: a scene with tracks, or a folder with a sequence of scene files.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
+//! # use gs2e_scene::ply;
+//! use gs2e_scene::dynamic::file::{read_dynamic, usual_time};
+//!
+//! # let mut collector = GaussianCollector::new(0, 1)?;
+//! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
+//! # collector.push(&Gaussian { position: [0.0; 3], log_scale, rotation, opacity_logit: 0.0, sh });
+//! # let scene = collector.finish(DVec3::ZERO, None)?;
+//! let folder = std::env::temp_dir().join(format!("gs2e-scene-frames-{}", std::process::id()));
+//! std::fs::create_dir_all(&folder)?;
+//! for name in ["frame-0.ply", "frame-1.ply"] {
+//!     ply::write_ply(&scene, std::fs::File::create(folder.join(name))?)?;
+//! }
+//! let time = usual_time(&folder)?.ok_or("a scene at rest")?;
+//! let sequence = read_dynamic(&folder, time)?;
+//! # std::fs::remove_dir_all(&folder)?;
+//! // The usual rate is 30 Hz, and the second frame is the last one.
+//! assert_eq!(sequence.dynamics().map(|dynamics| dynamics.end_s()), Some(1.0 / 30.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::splatv::{self, read_splatv};
 use super::{SceneSpan, SceneTime, SplatCourse, SplatDynamics, SplatFrames, SplatTrack};

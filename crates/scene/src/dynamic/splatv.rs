@@ -7,6 +7,23 @@
 //! ```
 //! All little endian. A texture has more places than Gaussians; those at the end are zero and no Gaussians. Colours are
 //! those of the display. Other chunks are skipped.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_scene::dynamic::splatv::{MAGIC, read_splatv};
+//!
+//! let mut record = [0_u8; 64];
+//! // The upper byte of 1.0 in 16 bits: w of the quaternion, the standard deviations, the width in time.
+//! [12, 20, 22, 24, 62].map(|place| record[place + 1] = 0x3c);
+//! let list = br#"[{"type":"splat","size":64}]"#;
+//! let file = [&MAGIC[..], &u32::try_from(list.len())?.to_le_bytes(), list, &record].concat();
+//! let (scene, tracks) = read_splatv(&file)?;
+//! assert_eq!(scene.rotations, [[1.0, 0.0, 0.0, 0.0]]);
+//! // The logarithm of 1.
+//! assert_eq!((scene.log_scales[0], tracks[0].log_width), ([0.0; 3], 0.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::SplatTrack;
 use crate::collector::{Gaussian, GaussianCollector};

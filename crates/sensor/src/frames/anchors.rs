@@ -1,5 +1,19 @@
 //! Frames kept from a passing sequence, so that checks can compare its events with what the sensor
 //! saw.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::frames::anchors::AnchorChoice;
+//!
+//! // 101 frames, a millisecond apart, in two parts: the ends and the middle. At each quarter, a span of
+//! // three neighbours.
+//! let stamps_us: Vec<i64> = (0..=100).map(|i| 1000 * i).collect();
+//! let choice = AnchorChoice::in_parts(&stamps_us, 1, 2);
+//! assert_eq!(choice.frames, [0, 25, 26, 27, 50, 51, 52, 75, 76, 77, 100]);
+//! // Spans name places in that list.
+//! assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [25, 26, 27]);
+//! ```
 
 use super::DenseFrame;
 use gs2e_image::{Image, npy};

@@ -1,4 +1,22 @@
 //! Frames from an array in memory.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::Size;
+//! use gs2e_num::units::Timestamp;
+//! use gs2e_sensor::frames::FrameSequence;
+//! use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
+//!
+//! // Two frames of one pixel, where white is 1. The first stamp may have any value.
+//! let samples = ArraySamples::Floats(vec![0.0, 0.5], FullScale::One);
+//! let mut frames = ArrayFrames::new(Size { width: 1, height: 1 }, samples, &[5_000_000, 5_000_417])?;
+//! frames.next()?;
+//! let second = frames.next()?.ok_or("there is one frame only")?;
+//! assert_eq!(second.t, Timestamp(417_000));
+//! assert_eq!(second.luminance.pixels(), [127.5]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod scale;
 

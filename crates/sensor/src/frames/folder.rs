@@ -6,6 +6,26 @@
 //! sample. Images are PNG with 8 or 16 bits, grey or RGB, or JPEG. The published reader rounds
 //! colours to 8-bit grey. Here, luminance is not rounded, and colours are kept if they are
 //! requested.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::{Image, Size, png};
+//! # use gs2e_sensor::frames::FrameSequence;
+//! use gs2e_sensor::frames::folder::{FolderFrames, FolderListing};
+//!
+//! let folder = tempfile::tempdir()?;
+//! for grey in [10, 2] {
+//!     let file = std::fs::File::create(folder.path().join(format!("{grey}.png")))?;
+//!     png::write_image(&Image::filled(Size { width: 2, height: 1 }, grey), file)?;
+//! }
+//! // Natural order: 2 comes before 10.
+//! let images = FolderListing::list_folder(folder.path())?.images;
+//! let mut frames = FolderFrames::new(images, &[0, 1000])?;
+//! let first = frames.next()?.ok_or("there is no frame")?;
+//! assert_eq!(first.luminance.pixels(), [2.0, 2.0]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};

@@ -6,6 +6,26 @@
 //! between pixels by a parabola through three costs. A block counts if it is found again with a correlation
 //! of 0.8. Of places that fit equally well, as along an edge or in a repeated texture, the nearest counts:
 //! the estimate is then a lower bound.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::{Image, Size};
+//! use gs2e_num::seed::philox::philox_block;
+//! use gs2e_sensor::frames::motion::FrameMotion;
+//!
+//! // A random texture that moves by 3 px.
+//! let grey = |x: u32, y: u32| (philox_block([x, y, 0, 0], [1, 0])[0] % 256) as f32;
+//! let size = Size { width: 64, height: 48 };
+//! let mut motion = FrameMotion::new(2);
+//! for shift in [3, 0] {
+//!     let pixels = (0..64 * 48).map(|i| grey(i % 64 + shift, i / 64)).collect();
+//!     motion.see(&Image::from_vec(size, pixels));
+//! }
+//! let found = motion.median_px().ok_or("nothing changes")?;
+//! assert!((found - 3.0).abs() < 0.5, "{found}");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use gs2e_image::{Image, Size};
 

@@ -1,4 +1,23 @@
 //! Frames from arrays `[N, H, W]` in `.npy` files, read one by one.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::{Image, Size, npy};
+//! use gs2e_sensor::frames::FrameSequence;
+//! use gs2e_sensor::frames::array::FullScale;
+//! use gs2e_sensor::frames::npy::{FrameStack, NpyFrames, brightest_sample};
+//!
+//! let file = tempfile::NamedTempFile::new()?;
+//! let images = [0.25, 1.0].map(|grey| Image::filled(Size { width: 2, height: 1 }, grey));
+//! npy::write_stack(&images, file.as_file())?;
+//! // The brightest sample is 1, so white is 1 and not 255.
+//! let full_scale = FullScale::decide(brightest_sample(file.path())?).ok_or("both are possible")?;
+//! let mut frames = NpyFrames::new(FrameStack::open(file.path())?, full_scale, &[0, 1000])?;
+//! let first = frames.next()?.ok_or("there is no frame")?;
+//! assert_eq!(first.luminance.pixels(), [63.75, 63.75]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::array::FullScale;
 use super::stamps::{StampError, relative_stamps};
@@ -119,7 +138,7 @@ pub struct FrameStack {
 
 impl std::fmt::Debug for FrameStack {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Stack")
+        f.debug_struct("FrameStack")
             .field("path", &self.array.path)
             .field("size", &self.size)
             .finish_non_exhaustive()

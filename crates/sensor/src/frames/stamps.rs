@@ -1,4 +1,17 @@
 //! Stamps of a sequence: strictly increasing integer microseconds with any first value.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::frames::stamps::relative_stamps;
+//!
+//! // Microseconds become nanoseconds since the first.
+//! assert_eq!(relative_stamps(&[1_000_000, 1_000_417])?, [0, 417_000]);
+//! // A stamp that is not later than the one before is named.
+//! let error = relative_stamps(&[0, 5, 5]).err().ok_or("it was accepted")?;
+//! assert_eq!(error.index(), 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 /// The reason why stamps are not valid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -3,6 +3,21 @@
 //! `ffprobe` lists the stamps of all frames, and `ffmpeg` decodes one frame after the other into a pipe. The
 //! stamps are those of the container, so a variable frame rate is kept. Frames are turned as the video's
 //! metadata says, and have 8 bits per colour.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_files::programs::ProgramFinder;
+//! use gs2e_sensor::frames::video::{VideoError, VideoFrames};
+//! use std::path::Path;
+//!
+//! // FFmpeg is looked for in the folders of `PATH`. The program `gs2e` supervises it.
+//! let programs = ProgramFinder::new(std::env::var_os("PATH").as_deref(), "gs2e".into());
+//! match VideoFrames::open(Path::new("no-such-folder/clip.mp4"), &programs) {
+//!     Ok(video) => panic!("a video with {} frames", video.stamps_us().len()),
+//!     Err(error) => assert!(matches!(error, VideoError::Io { .. })),
+//! }
+//! ```
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};

@@ -5,6 +5,20 @@
 //! the logarithm of the light; outside the table, the rate of the nearest point holds. The events
 //! are an independent Poisson process, as the shot noise of v2e is. They do not change the voltage of
 //! the pixel.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::noise::{FloorPoint, NoiseFloor};
+//!
+//! let point = |lux, on, off| FloorPoint { lux, on, off };
+//! let floor = NoiseFloor(vec![point(1.0, 1.0, 4.0), point(100.0, 0.01, 0.04)]);
+//! // Halfway between 1 and 100 lux on a logarithmic axis is 10 lux.
+//! let [on, off] = floor.rates_hz(10.0);
+//! assert!((on - 0.1).abs() < 1e-12 && (off - 0.4).abs() < 1e-12);
+//! // Outside the table, the nearest point holds.
+//! assert_eq!(floor.rates_hz(0.0), [1.0, 4.0]);
+//! ```
 
 use crate::WHITE;
 use crate::screening::{ScreenError, at_least_zero};

@@ -5,6 +5,22 @@
 //!
 //! The rates of hot pixels may differ. They are then log-normal around the median `rate`, with the
 //! standard deviation `spread` in decades, as the leak rates of v2e are.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::Size;
+//! use gs2e_num::seed::Seed;
+//! use gs2e_sensor::noise::HotPixelNoise;
+//!
+//! // One pixel in a hundred makes 200 events per second: 2 per pixel on average.
+//! let noise = HotPixelNoise { share: 0.01, rate: 200.0, spread: 0.0 };
+//! assert!((noise.mean_hz() - 2.0).abs() < 1e-12);
+//! // Each pixel is hot or silent.
+//! let rates = noise.rates_hz(Seed(1), Size { width: 40, height: 30 });
+//! assert_eq!(rates.len(), 1200);
+//! assert!(rates.iter().all(|rate| *rate == 0.0 || (rate - 200.0).abs() < 1e-9));
+//! ```
 
 use super::PixelSite;
 use super::poisson::PoissonTrain;

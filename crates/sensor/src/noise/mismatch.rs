@@ -4,6 +4,20 @@
 //! separately, as in the programs of ESIM (uzh-rpg/rpg_esim) and v2e (SensorsINI/v2e). v2e draws
 //! once per sensor, ESIM for every pixel and frame. In real pixels, thresholds are fixed at
 //! manufacture.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::esim::EsimModel;
+//! use gs2e_sensor::noise::{RedrawRule, ThresholdMismatch};
+//! use gs2e_sensor::{SensorModel, SensorParameters};
+//!
+//! // Nominal contrasts of 0.25 and 0.5, with a deviation of 0.02 over the pixels.
+//! let threshold = ThresholdMismatch { on: 0.25, off: 0.5, spread: 0.02 };
+//! let model = EsimModel { threshold, mismatch: RedrawRule::PerSensor, ..EsimModel::default() };
+//! assert_eq!(model.contrast(), (0.25, 0.5));
+//! assert_eq!(model.contrast_spread(), 0.02);
+//! ```
 
 use super::PixelSite;
 use crate::screening::{ScreenError, at_least_zero};

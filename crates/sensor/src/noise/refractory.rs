@@ -1,4 +1,25 @@
 //! The dead time after an event, during which a pixel makes no other event.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_image::Size;
+//! # use gs2e_num::seed::Seed;
+//! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
+//! # use gs2e_sensor::{esim::EsimModel, simulate_one};
+//! # use std::ops::ControlFlow::Continue;
+//! use gs2e_sensor::noise::{ReferenceRule, RefractoryPeriod};
+//!
+//! let refractory = RefractoryPeriod { period_us: 200.0, reference: ReferenceRule::AtEvent };
+//! let model = EsimModel { refractory, ..EsimModel::default() };
+//! // A pixel that becomes 25 times as bright within a millisecond.
+//! let samples = ArraySamples::Bytes(vec![10, 250]);
+//! let mut frames = ArrayFrames::new(Size { width: 1, height: 1 }, samples, &[0, 1000])?;
+//! let mut events = Vec::new();
+//! simulate_one(&mut frames, &model, Seed(1), &mut events, &mut |_| Continue(()))?;
+//! assert!(events.len() > 1 && events.windows(2).all(|pair| pair[1].t.0 - pair[0].t.0 >= 200_000));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use crate::screening::ScreenError;
 use serde::{Deserialize, Serialize};

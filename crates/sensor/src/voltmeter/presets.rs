@@ -3,6 +3,22 @@
 //! The sets of the published program have constants in grey: their authors state no light. The
 //! anchored sets have constants in lux, and follow the light on the sensor that a recipe states. What
 //! anchors each number is in `docs/sensors.md`.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::SensorModel;
+//! use gs2e_sensor::voltmeter::VoltmeterPreset;
+//!
+//! let preset = VoltmeterPreset::by_name("davis346").ok_or("there is no such preset")?;
+//! // Half of its pixels make an ON event when the light grows by 14.3 %, and an OFF event when it falls by
+//! // 22.5 %.
+//! let (on, off) = preset.model().contrast();
+//! assert!((on.exp() - 1.143).abs() < 1e-4 && ((-off).exp() - 0.775).abs() < 1e-4);
+//! // Its constants are in lux, so they lead back to it at any light.
+//! assert_eq!(VoltmeterPreset::with_constants_of(&preset.model_at(60.0)), Some(preset));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use super::VoltmeterModel;
 use super::units::{ConstantUnits, TimeUnit, WhiteBrightness};

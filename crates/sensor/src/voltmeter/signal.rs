@@ -1,5 +1,5 @@
 //! The effect of brightness alone on a pixel between two events: the label of an event
-//! (`sensor/label.rs`).
+//! (`label.rs`).
 //!
 //! It is needed only where an event happens, so it works on one pixel at a time and computes its
 //! own logarithms.

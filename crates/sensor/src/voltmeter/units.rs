@@ -2,6 +2,18 @@
 //!
 //! The official system is that of the published program: microseconds and grey 0..255. There k1 is
 //! a pure number, k2 in grey, k3 in grey^.5/us^.5, k4 in 1/us, k5 in 1/(grey us), k6 in 1/us^.5.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sensor::voltmeter::units::{ConstantUnits, TimeUnit, WhiteBrightness};
+//!
+//! let units = ConstantUnits { time: TimeUnit::S, brightness: WhiteBrightness::Unit };
+//! // k1 has no unit, k2 is a brightness, and k4 is a rate.
+//! let k = units.to_official([0.5, 0.1, 0.0, 2.0, 0.0, 0.0]);
+//! assert_eq!(k, [0.5, 25.5, 0.0, 2e-6, 0.0, 0.0]);
+//! assert_eq!(ConstantUnits::OFFICIAL.to_official(k), k);
+//! ```
 
 use serde::{Deserialize, Serialize};
 
