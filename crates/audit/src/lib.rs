@@ -4,6 +4,28 @@
 //! for both hashes, with the files in parallel. It opens events, poses, pictures and reports a
 //! second time. The result is a sorted list of faults, each with a code, the file or scene, and a
 //! remedy. [`AuditReport::covers`] is the whole list of what the audit covers.
+//!
+//! `gs2e-release` composes the files again, from the recipes of `gs2e-recipe` and in the types of
+//! `gs2e-build`. `gs2e-check` judges the data again: events of `gs2e-event`, pictures of `gs2e-image`,
+//! poses of `gs2e-trajectory` and cameras of `gs2e-scene`, with the rules of `gs2e-sensor`,
+//! `gs2e-sampling` and `gs2e-render`. Terms come from `gs2e-source`, digests from `gs2e-store`, units
+//! from `gs2e-num`, and files are opened with `gs2e-files`. `gs2e-publish` audits every tree before it
+//! is put in place.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_audit::{FaultCode, audit_release};
+//!
+//! let folder = tempfile::tempdir()?;
+//! std::fs::write(folder.path().join("events.h5"), "no release")?;
+//! let report = audit_release(folder.path())?;
+//! // Without the list of sums, no file can be trusted.
+//! let fault = report.faults.first().ok_or("no fault")?;
+//! assert_eq!((fault.code, fault.file.as_deref()), (FaultCode::Missing, Some("SHA256SUMS")));
+//! assert_eq!(report.proved(), ["The tree is damaged or inconsistent."]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod again;
 mod bytes;

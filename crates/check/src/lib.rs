@@ -5,6 +5,28 @@
 //! limits, and whether a fault stops a release (a gate) or not (a warning). A limit set by the
 //! recipe is a gate in every pass, because it is intended. What a pass cannot measure, it reports
 //! as [`Verdict::NotRun`] with the reason.
+//!
+//! The values are events of `gs2e-event`, the laws of `gs2e-sensor`, poses of `gs2e-trajectory`, cameras
+//! of `gs2e-scene`, images of `gs2e-image`, captures and the reports of other programs of `gs2e-source`,
+//! and the held-out views of `gs2e-train`; rates come from `gs2e-num`. `gs2e-recipe` reads the limits.
+//! `gs2e-build` judges its products, `gs2e-dataset` the data of others, and `gs2e-audit` and
+//! `gs2e-publish` the files of a release. `gs2e-release` lists the findings.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_check::{Finding, Limits, Verdict, join_findings};
+//!
+//! let limits: Limits = serde_json::from_str(r#"{"event_rate": {"max": 50}}"#)?;
+//! assert_eq!(limits.event_rate.and_then(|rate| rate.max), Some(50.0));
+//!
+//! // The worse verdict counts if a build and the files of its release were both judged.
+//! let built: Finding = serde_json::from_str(r#"{"check": "event_rate", "subject": "table/base",
+//!     "verdict": "pass", "measured": 40, "limit": 50, "unit": "ev/(px s)", "because": "40 of 50"}"#)?;
+//! let files = Finding { verdict: Verdict::Fail, measured: Some(60.0), ..built.clone() };
+//! assert_eq!(join_findings(vec![built], vec![files.clone()]), [files]);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod advice;
 pub mod affine;

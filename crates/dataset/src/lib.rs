@@ -13,6 +13,30 @@
 //! the logarithm of brightness, the offset of the clocks, the resolution of the stamps, the dead time
 //! and the noise. An estimate has no limit and passes; only faults that no camera explains warn or
 //! fail.
+//!
+//! The passes are those of `gs2e-check`. Events come from `gs2e-event`, poses from `gs2e-trajectory`,
+//! the camera from `gs2e-scene`, frames from `gs2e-image` and `gs2e-sensor`, and units from `gs2e-num`;
+//! `gs2e-files` looks for the files of a layout. `gs2e-release` writes a page about the report, and
+//! `gs2e-export` uses the reader of depth images.
+//!
+//! # Examples
+//!
+//! ```
+//! # use gs2e_check::Verdict;
+//! use gs2e_dataset::{EventDataset, check_dataset};
+//! use gs2e_event::{EventSource, text::Reader};
+//! use gs2e_image::Size;
+//!
+//! // The last event is earlier than the event before it.
+//! let csv = "# t x y p in us; sensor 4x3\n5 0 1 1\n9 3 2 0\n7 3 2 1\n";
+//! let events = || Ok(Box::new(Reader::new(csv.as_bytes(), None, None)?) as Box<dyn EventSource>);
+//! let size = Size { width: 4, height: 3 };
+//! let dataset = EventDataset { name: "x", size, events: &events, frames: None, poses: None, views: None };
+//! let report = check_dataset(&dataset)?;
+//! let order = report.findings.iter().find(|f| f.subject.statement == "order").ok_or("not judged")?;
+//! assert_eq!((order.verdict, order.measured), (Verdict::Fail, Some(1.0)));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod alignment;
 mod bursts;

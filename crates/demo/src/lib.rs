@@ -5,6 +5,23 @@
 //! once and stored as colour; the harmonics of glossy objects contain the reflection of the lamp.
 //! The same parameters give the same bits on every machine: all arithmetic is in 64 bits,
 //! transcendental functions come from `libm`, and every draw from ChaCha12.
+//!
+//! The scene is one of `gs2e-scene` and the capture one of `gs2e-source`, as their readers return them.
+//! Poses come from `gs2e-num`, sizes and colours from `gs2e-image`. `gs2e-recipe` reads the parameters and
+//! `gs2e-build` makes the scene; `gs2e-lab` studies it.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_demo::{StillLife, still_capture, still_life};
+//!
+//! let life = StillLife { gaussians: 500, views: 4, ..StillLife::default() };
+//! life.validate()?;
+//! let (scene, capture) = (still_life(&life), still_capture(&life));
+//! assert_eq!((scene.len(), capture.views.len()), (500, 4));
+//! assert_eq!(still_life(&life), scene);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod books;
 mod bouquet;

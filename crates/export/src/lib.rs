@@ -9,6 +9,28 @@
 //! its files.
 //!
 //! Layouts are facts about the loaders of these methods. No code of theirs is in this program.
+//!
+//! It reads the descriptions of scenes with `gs2e-release`, their recipes with `gs2e-recipe`, and their
+//! products as `gs2e-build` and `gs2e-event` define them. Poses, cameras, sensors and images are those
+//! of `gs2e-trajectory`, `gs2e-num`, `gs2e-scene`, `gs2e-sensor` and `gs2e-image`. It writes models of
+//! COLMAP with `gs2e-source`, reads depth with `gs2e-dataset`, and opens files with `gs2e-files`. Only
+//! the program uses it.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_export::{FORMATS, format_named};
+//! use std::collections::BTreeSet;
+//!
+//! // Recordings of ROS have absolute times, and the layout of E-NeRF has not.
+//! let mcap = format_named("mcap").ok_or("no such layout")?;
+//! let e_nerf = format_named("e-nerf").ok_or("no such layout")?;
+//! assert!(mcap.has_epoch() && !e_nerf.has_epoch());
+//! // A name leads to one layout.
+//! let names: BTreeSet<&str> = FORMATS.iter().map(|format| format.name()).collect();
+//! assert_eq!(names.len(), FORMATS.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod brightness;
 mod error;

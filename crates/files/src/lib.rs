@@ -4,6 +4,25 @@
 //! here opens regular files only. It checks the type on the open file, so a swap between check and
 //! use changes nothing, and reads at most the given number of bytes. Only `NotFound` counts as
 //! absent: a dangling link, a loop or a folder without permission is an error.
+//!
+//! It needs no other crate of the workspace. The crates that read or write files use it, from
+//! `gs2e-image` and `gs2e-event` to `gs2e-build` and `gs2e-publish`, and so does the program itself.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_files::{MAX_TEXT, read_below, read_text, write_by_rename};
+//! use std::path::Path;
+//!
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("note.txt");
+//! write_by_rename(&path, |part| std::fs::write(part, "whole or not at all"))?;
+//! assert_eq!(read_text(&path, MAX_TEXT)?, "whole or not at all");
+//! // A file beyond the limit is refused, and so is a path that leads out of its folder.
+//! assert!(read_text(&path, 4).is_err());
+//! assert!(read_below(folder.path(), Path::new("../note.txt"), MAX_TEXT).is_err());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod below;
 pub mod budget;

@@ -9,6 +9,25 @@
 //! capacity, the frame reports it when it is read. It is then rendered again with more capacity, or
 //! in regions if a larger binding is not possible. Announced views are rendered while earlier views
 //! are read.
+//!
+//! It implements the renderer and the back end of `gs2e-render`, for scenes of `gs2e-scene` and images
+//! of `gs2e-image`. From `gs2e-files` it needs the test for the device nodes of a system. Only the
+//! program uses it: the other crates receive it as a `Backend` of `gs2e-render`.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_gpu::{DeviceChoice, FeatureSet, GpuDevice, GpuFeature};
+//!
+//! let without: FeatureSet = "subgroups".parse()?;
+//! assert_eq!(without, FeatureSet::NONE.with(GpuFeature::Subgroups, true));
+//! // There may be no GPU.
+//! match GpuDevice::open_without(&DeviceChoice::Hardware, without) {
+//!     Ok(device) => assert!(!device.features().has(GpuFeature::Subgroups)),
+//!     Err(because) => println!("the CPU renders: {because}"),
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod buffers;
 mod clock;

@@ -3,6 +3,29 @@
 //! A release is written to a folder of its own next to the target, audited there, and put in place
 //! by one rename. Therefore the release's name always leads to a whole release. Only files that
 //! this program wrote and that have not changed since are removed.
+//!
+//! It takes the plan of `gs2e-build` with the recipes of `gs2e-recipe` and the files in `gs2e-store`,
+//! composes the tree with `gs2e-release`, and audits it with `gs2e-audit`. Verdicts are findings of
+//! `gs2e-check`, the terms of `gs2e-source` decide what is withheld, and `gs2e-files` reads and removes
+//! files. Only the program uses it.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_publish::{ReleaseError, ReleaseTarget, TargetClaim};
+//! use std::sync::atomic::AtomicBool;
+//!
+//! // A folder with a file of someone else is refused.
+//! let folder = tempfile::tempdir()?;
+//! let target = folder.path().join("out");
+//! std::fs::create_dir(&target)?;
+//! std::fs::write(target.join("notes.txt"), "not of a release")?;
+//! let (claim, cancel) = (Default::default(), AtomicBool::new(false));
+//! let options = TargetClaim { replace: false, guarded: &[], claim, wait: false, cancel: &cancel };
+//! let refused = ReleaseTarget::claim(&target, options, &mut |_| {});
+//! assert!(matches!(refused, Err(ReleaseError::Foreign { path, .. }) if path == target));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod compose;
 mod exports;

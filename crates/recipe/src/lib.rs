@@ -1,4 +1,28 @@
 //! A recipe: the source of a scene and the products made from it, parsed and validated.
+//!
+//! Each section becomes the settings of the crate that does the work: `gs2e-source`, `gs2e-demo`,
+//! `gs2e-train`, `gs2e-scene`, `gs2e-trajectory`, `gs2e-render`, `gs2e-sampling`, `gs2e-sensor` and
+//! `gs2e-check`. Units come from `gs2e-num`, image sizes from `gs2e-image`, and `gs2e-files` opens the
+//! files. `gs2e-build` plans a recipe. `gs2e-release`, `gs2e-audit`, `gs2e-publish` and `gs2e-export`
+//! use the recipes of a release.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_recipe::read_recipe_text;
+//!
+//! let text = "version: 1
+//! scene: demo/table
+//! seed: 7
+//! source: { procedural: { gaussians: 300 } }
+//! trajectories: [{ name: base, refine: { duration: 1 } }]";
+//! let recipe = read_recipe_text(text.to_owned(), "table.yaml".as_ref())?;
+//! assert_eq!((recipe.scene.as_str(), recipe.seed), ("demo/table", 7));
+//! // A fault has its file, line and column.
+//! let faults = read_recipe_text(text.replace("7", "seven"), "table.yaml".as_ref()).err();
+//! assert_eq!(faults.map(|faults| faults.listed()[0].location()).as_deref(), Some("table.yaml:3:7"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod canonical;
 mod clash;

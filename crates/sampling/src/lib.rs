@@ -9,6 +9,27 @@
 //! there.
 //! The poses, stamps and pictures of a release stay those of the recipe's rate. This module also
 //! chooses the sub-frames of blurred frames ([`exposure`]).
+//!
+//! It renders a scene of `gs2e-scene` with `gs2e-render` along a trajectory of `gs2e-trajectory`, and
+//! knows the interpolations of `gs2e-sensor`, which receives the frames. Colours and seeds come from
+//! `gs2e-image` and `gs2e-num`, and `gs2e-files` removes kept frames. `gs2e-recipe` reads its settings
+//! and `gs2e-build` runs it. `gs2e-release` and `gs2e-audit` use its rules of exposures, and `gs2e-lab`
+//! measures its laws.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_sampling::law::ErrorLaw;
+//!
+//! // Errors of second order, `2 h^2`, at three steps in px.
+//! let points = [(1.0, 2.0), (0.5, 0.5), (0.25, 0.125)];
+//! let law = ErrorLaw::fit_points(&points).ok_or("the points determine no law")?;
+//! assert!((law.p - 2.0).abs() < 1e-4);
+//! // An error of at most 0.08 thresholds needs a step of 0.2 px.
+//! let step = law.step(0.08, [0.01, 1.0]).ok_or("no step is small enough")?;
+//! assert!((step - 0.2).abs() < 1e-4);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod between;
 pub mod choose;

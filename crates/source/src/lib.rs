@@ -4,6 +4,31 @@
 //! read, so that a change in any of them is detected. It refuses data that it cannot read
 //! correctly, with file, record and byte or line. Data that it can read but not guarantee becomes a
 //! [`SourceWarning`].
+//!
+//! Cameras are those of `gs2e-scene`, poses those of `gs2e-num` and photos those of `gs2e-image`, and
+//! `gs2e-files` opens what a stranger names. To ask other programs about poses and events, it needs
+//! `gs2e-trajectory`, `gs2e-event` and `gs2e-sensor`. `gs2e-recipe` names sources and `gs2e-build` reads
+//! them. `gs2e-demo` makes captures, `gs2e-train` learns from them, `gs2e-check` judges them, and
+//! `gs2e-export` writes COLMAP models. The terms of sources bind `gs2e-release`, `gs2e-audit` and
+//! `gs2e-publish`.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_source::{DiskCapture, kind::CaptureKind};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let json = r#"{"w": 64, "h": 48, "fl_x": 50, "fl_y": 50, "cx": 32, "cy": 24, "frames": [{
+//!     "file_path": "a.png", "transform_matrix": [[1,0,0,0], [0,1,0,0], [0,0,1,2], [0,0,0,1]]}]}"#;
+//! std::fs::write(folder.path().join("transforms.json"), json)?;
+//! let kind = CaptureKind::kind_of(folder.path())?;
+//! assert_eq!(kind, CaptureKind::Nerfstudio);
+//! // The pose is known, and there is no photo.
+//! let (capture, _warnings) = DiskCapture::all_views(kind, folder.path().to_owned()).read()?;
+//! assert_eq!(capture.views[0].world_from_camera.translation.z, 2.0);
+//! assert_eq!(capture.views[0].sha256, None);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod captured;
 mod collect;

@@ -11,6 +11,27 @@
 //! the database never has a row that a power cut could undo. A process that is killed loses nothing
 //! that it published: records count without the database. The store knows nothing of scenes, poses
 //! or events.
+//!
+//! It needs `gs2e-files` alone. `gs2e-build` publishes the products of steps here, and `gs2e-release`
+//! and `gs2e-publish` take the files of a release from it. `gs2e-audit` compares their digests.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_store::record::{StepProvenance, StepRecord};
+//! use gs2e_store::{Digest, Key, Store, StoreAccess, description::describe_value};
+//!
+//! let folder = tempfile::tempdir()?;
+//! let store = Store::open(folder.path(), StoreAccess::Write, &mut |_| {})?;
+//! let step = describe_value("a step, its parameters and its inputs");
+//! let workspace = store.workspace()?;
+//! std::fs::write(workspace.path().join("poses.txt"), "0 0 0")?;
+//! let key = Key::of_description(&step);
+//! let record = StepRecord::new(key, "poses", step.lines(), StepProvenance::default());
+//! store.publish(&workspace, record)?;
+//! assert_eq!(store.record(&key)?.ok_or("no record")?.outputs[0].digest, Digest::of_bytes(b"0 0 0"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod blob;
 mod cache;

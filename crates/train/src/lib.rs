@@ -12,6 +12,28 @@
 //! of the seed and its place, and a checkpoint holds all that an iteration leaves behind. A GPU and its
 //! driver have bytes of their own.
 //! `docs/training.md` has the laws, their sources and the trials.
+//!
+//! It takes photos, poses and points from `gs2e-source` and renders with `gs2e-render`; the result is a
+//! scene of `gs2e-scene`. Seeds come from `gs2e-num`, images and their likeness from `gs2e-image`, and
+//! `gs2e-files` writes checkpoints. `gs2e-recipe` reads the settings and `gs2e-build` runs the training.
+//! `gs2e-check` judges the held-out views, and `gs2e-release` contains the record.
+//!
+//! # Examples
+//!
+//! ```
+//! use gs2e_image::Size;
+//! use gs2e_train::{TrainingGoal, TrainingSettings, fidelity::HeldOutViews, photos::trained_size};
+//!
+//! let until = TrainingGoal { minutes: Some(10.0), ..TrainingGoal::default() };
+//! let settings = TrainingSettings { resolution: 320, hold_out: 4, until, ..TrainingSettings::default() };
+//! // A photo of 1280x720 is trained on at a quarter of its width.
+//! let size = trained_size(Size { width: 1280, height: 720 }, settings.resolution);
+//! assert_eq!(size, Size { width: 320, height: 180 });
+//! // The first of every four views only judges.
+//! let held_out = HeldOutViews::by_training(settings.hold_out);
+//! assert!(held_out.holds_out(4) && !held_out.holds_out(5));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod adam;
 mod checkpoint;

@@ -10,6 +10,32 @@
 //! ```
 //! A [`path`] makes a course; [`travel`] follows it, and only travel knows speed and time. Each
 //! step is a file. One [`metric`] measures knots, merges them, and finds gaps.
+//!
+//! Poses and exact rates come from `gs2e-num`, the camera and the survey of a scene from `gs2e-scene`,
+//! and the memory limits of readers from `gs2e-files`. `gs2e-recipe` parses the paths and `gs2e-build`
+//! makes them. `gs2e-render` measures the motion of the picture, and `gs2e-sampling` chooses frames.
+//! The poses are read by `gs2e-source`, `gs2e-check`, `gs2e-dataset`, `gs2e-release`, `gs2e-audit`,
+//! `gs2e-export` and `gs2e-lab`.
+//!
+//! # Examples
+//!
+//! ```
+//! # use glam::DVec3;
+//! # use gs2e_num::units::Hertz;
+//! use gs2e_trajectory::speed::{SpeedChoice, function::SpeedExpression};
+//! use gs2e_trajectory::{PoseTiming, orbit::OrbitPath, path, sample::SummationRule, travel::PoseCount};
+//!
+//! // A quarter turn from x to y about z, in 91 poses at 100 Hz and at a constant speed.
+//! let speed = SpeedChoice::Function(SpeedExpression::parse("1")?);
+//! let timing = PoseTiming { speed: &speed, rate: Hertz("100".parse()?), law: SummationRule::Integral };
+//! let [centre, from, up] = [DVec3::ZERO, DVec3::X, DVec3::Z].map(Some);
+//! let orbit = OrbitPath { centre, from, up, arc: 90.0, count: PoseCount::Frames(91) };
+//! let ground = path::PathInputs { views: &[], base: None, scene: None };
+//! let found = path::CameraPath::Orbit(orbit).make(ground, timing, None)?.trajectory;
+//! assert!((found.world_from_camera[90].translation - DVec3::Y).length() < 1e-9);
+//! assert_eq!(found.stamps_us[90], 900_000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod course;
 pub mod curve;
