@@ -15,8 +15,8 @@
 //! Two ideas carry the rest:
 //!
 //! - **The key and its explanation come from one walk.** A step describes itself as a
-//!   [`DescribedValue`](gs2e_store::description::DescribedValue). Its encoding is hashed into the key, and `gs2e why`
-//!   prints its lines, so the explanation cannot disagree with the key.
+//!   [`DescribedValue`](gs2e_store::description::DescribedValue). Its encoding is hashed into the key,
+//!   and `gs2e why` prints its lines, so the explanation cannot disagree with the key.
 //! - **A scene pays only for what it needs.** The plan has no step without a requested product. A
 //!   stage's key holds only the values that the stage reads. The renderer is asked for one channel
 //!   if one is enough, and a sensor without noise draws no random number. Omitted work is counted,

@@ -1,5 +1,5 @@
-//! The crates for other programs, each taken by a package outside of the workspace: its example is built with path
-//! dependencies alone, and run.
+//! The crates for other programs, each taken by a package outside of the workspace: its example is built
+//! with path dependencies alone, and run.
 
 use crate::command::{Outcome, cargo, program, root, say};
 use crate::folder::Folder;
@@ -7,7 +7,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// A crate, its example, the features that it needs, and the arguments of a run in a folder with [`write_inputs`].
+/// A crate, its example, the features that it needs, and the arguments of a run in the folder of
+/// [`write_inputs`].
 struct Taken {
     name: &'static str,
     example: &'static str,

@@ -41,8 +41,8 @@ fn crates_needed() -> Outcome<BTreeMap<String, BTreeSet<String>>> {
     Ok(needed)
 }
 
-/// What the files ask for. Integration tests and pages ask for themselves; a crate asks for the unit tests of what
-/// depends on it, and for the integration tests; any other file for everything.
+/// The calls that the files ask for. Integration tests and pages ask for themselves; a crate asks for the
+/// unit tests of what depends on it, and for the integration tests; any other file for everything.
 fn calls_for(files: &[String], needed: &BTreeMap<String, BTreeSet<String>>) -> Vec<Vec<String>> {
     let mut crates: BTreeSet<&str> = BTreeSet::new();
     let mut features: BTreeSet<String> = BTreeSet::new();

@@ -7,8 +7,8 @@ use std::ffi::OsStr;
 use std::io::Write as _;
 use std::time::Instant;
 
-/// The packages that are tested, checked and documented together: all. A command that leaves one of them out may
-/// compile others again, because dependencies have fewer features without it.
+/// The packages that are tested, checked and documented together: all. A command that leaves one of them out
+/// may compile others again, because dependencies have fewer features without it.
 pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
 /// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate:
@@ -21,8 +21,8 @@ const SMOKE: [(&str, &str); 5] = [
     ("hostile_files::sources_are_regular_files", "hostile files"),
 ];
 
-/// Runs the tests that `args` ask for: none, a short selection; `--all`; `--changed`, what depends on the crates that
-/// differ from `main`; others go to `cargo test`.
+/// Runs the tests that `args` ask for: none, a short selection; `--all`; `--changed`, what depends on the
+/// crates that differ from `main`; others go to `cargo test`.
 pub(crate) fn run(args: &[String]) -> Outcome {
     match args {
         [] => run_short(),

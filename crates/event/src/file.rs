@@ -6,7 +6,8 @@
 //! use gs2e_event::file::{EventFormat, ReadHints, open};
 //! use std::path::Path;
 //!
-//! assert_eq!(EventFormat::for_path(Path::new("a.raw"), EvtVersion::Evt3), Some(EventFormat::Evt(EvtVersion::Evt3)));
+//! let raw = EventFormat::for_path(Path::new("a.raw"), EvtVersion::Evt3);
+//! assert_eq!(raw, Some(EventFormat::Evt(EvtVersion::Evt3)));
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("events.txt");
 //! std::fs::write(&path, "# t x y p in us; sensor 4x3\n5 0 1 1\n")?;

@@ -88,7 +88,7 @@ impl PartialFile {
     /// Puts the part in place of the file.
     ///
     /// # Errors
-    /// What is there now must not be replaced, or the rename fails.
+    /// The file at the path must not be replaced, or the rename fails.
     pub fn finish(self) -> io::Result<()> {
         // Another file may have been created there while this one was written.
         if let Some(mode) = super::replaceable(&self.path)? {

@@ -20,7 +20,7 @@ use std::fmt::Write as _;
 pub struct ReleaseFacts<'a> {
     /// Its scenes, sorted by id.
     pub scenes: &'a [PublishedScene],
-    /// What `release.yaml` says of it.
+    /// The statements of `release.yaml`.
     pub info: &'a ReleaseInfo,
     /// Number of scenes left out because they are taken down.
     pub taken_down: usize,

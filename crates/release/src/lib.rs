@@ -1,4 +1,4 @@
-//! What a release consists of: its records, documents and files in memory.
+//! The contents of a release: its records, documents and files in memory.
 //!
 //! A release is composed as a list of paths and the sources of their bytes. This crate has the
 //! manifest, the description of each scene, the dataset card, the datasheet, the catalogue record,
