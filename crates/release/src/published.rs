@@ -141,8 +141,8 @@ pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
     read_recipe_text(scene.recipe.to_string(), Path::new("recipe"))
 }
 
-/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is their
-/// readout if their shutter rolls.
+/// `transforms.json` of a trajectory; `sharp` are the names of its sharp frames, sorted, and `readout_us` is
+/// their readout if their shutter rolls.
 pub fn transforms_of(
     camera: &Camera,
     (part, readout_us): (&TrajectoryPart, Option<u32>),

@@ -70,8 +70,8 @@ pub fn displacement_of_parts(
     moved
 }
 
-/// As [`flow_displacement`], of points that move with the velocities of `drift`, in camera axes of `from`, until
-/// the time of `to`.
+/// As [`flow_displacement`], of points that move with the velocities of `drift`, in camera axes of `from`,
+/// until the time of `to`.
 ///
 /// # Panics
 /// If an image does not have the size of `from`'s camera.
@@ -152,8 +152,8 @@ pub fn flow_rates(depth: &Image<f32>, view: &CameraView) -> Image<[f32; 2]> {
     flow_of_parts(depth, None, std::slice::from_ref(view))
 }
 
-/// As [`flow_rates`], where each pixel shows the part of `segments`, by default what is still. `views` are those
-/// of `Renderer::part_views`; the point of a pixel rests in the axes of its part.
+/// As [`flow_rates`], where each pixel shows the part of `segments`, by default what is still. `views` are
+/// those of `Renderer::part_views`; the point of a pixel rests in the axes of its part.
 ///
 /// # Panics
 /// If an image does not have the size of the view's camera, or a part has no view.
