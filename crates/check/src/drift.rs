@@ -7,9 +7,11 @@ use gs2e_image::srgb;
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::esim::{EsimModel, IntensityScale};
 use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
+use gs2e_sensor::noise::HotPixelNoise;
 use gs2e_sensor::statistics::RenewalProcess;
 use gs2e_sensor::v2e::{V2eModel, lin_log};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
+use std::f64::consts::LN_10;
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -30,8 +32,8 @@ pub struct DriftLaw {
     shots: Option<ShotNoise>,
     /// The noise floor of a voltmeter, if it has one.
     floor: Option<FloorRates>,
-    /// Share of pixels with events of their own, and the rate of these, Hz.
-    hot: [f64; 2],
+    /// Pixels with events of their own.
+    hot: HotPixelNoise,
     /// The reason why events need not balance the drift, if there is one. Signs and places can
     /// still be compared.
     pub loose: Option<&'static str>,
@@ -96,11 +98,7 @@ impl DriftLaw {
             SensorChoice::Esim(esim) => of_esim(esim),
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
-        let hot = sensor.hot_pixels();
-        let law = Self {
-            hot: if hot.is_absent() { [0.0; 2] } else { [hot.share, hot.mean_hz() / hot.share] },
-            ..law
-        };
+        let law = Self { hot: sensor.hot_pixels(), ..law };
         let law = match sensor.latency() {
             Some(latency) => {
                 let lux = sensor.as_model().front_end().white_lux() * MEDIUM / 255.0;
@@ -305,28 +303,41 @@ impl DriftLaw {
         self.floor.is_some()
     }
 
-    /// Expected number of events of a pixel in `dt_us` microseconds that move its reference, or are
-    /// made, although its brightness does not move: shots, and the events of hot pixels. The noise
-    /// floor is [`DriftLaw::floor_rates`].
+    /// Expected number of shots of a pixel in `dt_us` microseconds. They move its reference.
+    #[must_use]
+    pub fn shots(&self, luminance: f64, dt_us: f64) -> f64 {
+        self.shots.map_or(0.0, |shots| 1e-6 * shots.at(luminance) * dt_us)
+    }
+
+    /// Chance that shots, or the events of a hot pixel, make the events of a pixel differ from its
+    /// brightness change in `dt_us` microseconds; above 1 if there are several shots. All events of a hot
+    /// pixel count as one, because they spoil one pixel. The noise floor is [`DriftLaw::floor_rates`].
     #[must_use]
     pub fn disturbances(&self, luminance: f64, dt_us: f64) -> f64 {
-        let shots = self.shots.map_or(0.0, |shots| 1e-6 * shots.at(luminance) * dt_us);
-        shots + self.hot[0] * (1e-6 * self.hot[1] * dt_us).min(1.0)
+        self.shots(luminance, dt_us) + (1e-6 * self.hot.mean_hz() * dt_us).min(self.hot.share)
     }
 
     /// Expected number of events of the hot pixels among `pixels` in `dt_us` microseconds, all of
-    /// them ON, and its standard deviation: the number of hot pixels is drawn.
+    /// them ON, and its standard deviation: the number of hot pixels, their rates and their events are
+    /// drawn.
     #[must_use]
     pub fn hot_events(&self, pixels: f64, dt_us: f64) -> [f64; 2] {
-        let [hot, each] = [self.hot[0] * pixels, 1e-6 * self.hot[1] * dt_us];
-        [hot * each, hot.sqrt() * each]
+        if self.hot.is_absent() {
+            return [0.0; 2];
+        }
+        let events = 1e-6 * self.hot.mean_hz() * dt_us * pixels;
+        let each = events / (self.hot.share * pixels);
+        // The mean square of a log-normal factor, in squares of its mean.
+        let deviation = self.hot.spread * LN_10;
+        let unequal = (deviation * deviation).exp();
+        [events, (events * (1.0 + each * unequal)).sqrt()]
     }
 
     /// An upper bound of the events of a pixel of constant luminance in `dt_us` microseconds. The
     /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
     #[must_use]
     pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
-        let own = self.hot[0] * self.hot[1] * 1e-6 * dt_us;
+        let own = self.hot.mean_hz() * 1e-6 * dt_us;
         if self.shots.is_some() {
             return self.noise_events(luminance) * dt_us + own;
         }
@@ -365,7 +376,7 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         from_zero: true,
         shots: None,
         floor: None,
-        hot: [0.0; 2],
+        hot: HotPixelNoise { share: 0.0, rate: 0.0, spread: 0.0 },
         loose: None,
         delay_us: 0.0,
         rounding: None,

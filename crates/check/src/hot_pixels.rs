@@ -3,10 +3,11 @@
 //!
 //! `hot`: a pixel with more events than the mean plus five standard deviations, and five times the count that
 //! all but one in a thousand pixels have. A sensor with hot pixels in its recipe may have that many, plus
-//! five standard deviations. `dead`: a pixel without any event although the frames changed by more than two
-//! thresholds; this needs a law in which frames determine the drift. `stray`, from the files of a release: a
-//! pixel whose events and drift differ by three thresholds more than is possible. It finds clusters that fire
-//! too slowly to be hot, and pixels that lose many of their events.
+//! five standard deviations. `dead`: a pixel that never fires although the frames changed by more than two
+//! thresholds; this needs a law in which frames determine the drift. A pixel that fires later is not dead:
+//! where the recipe states a tolerance, the sensor may not have seen a brief change. `stray`, from the files
+//! of a release: a pixel whose events and drift differ by three thresholds more than is possible. It finds
+//! clusters that fire too slowly to be hot, and pixels that lose many of their events.
 
 use super::event_frame::fit::STRAY;
 use super::subject::{Judgement, LimitSide};
@@ -104,21 +105,16 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if let Err(because) = subject.compared_at_once() {
         return subject.not_run(NAME, "dead", because);
     }
-    // The worst instant decides. A mean over instants would hide pixels that die in the course of a
-    // recording.
-    let share = |fit: &super::event_frame::fit::AnchorFit| fit.silent as f64 / fit.doubled[0] as f64;
-    let enough = tally.compared.fits.iter().filter(|fit| fit.doubled[0] >= MIN_PIXELS);
-    let Some(fit) = enough.max_by(|a, b| share(a).total_cmp(&share(b))) else {
+    let [changed, silent] = tally.compared.must_fire;
+    if changed < MIN_PIXELS {
         let because = format!("fewer than {MIN_PIXELS} pixels changed by more than two thresholds");
         return subject.not_run(NAME, "dead", because);
-    };
+    }
     let limit =
         LimitSide::limit_or(subject.limits.hot_pixels.and_then(|l| l.dead), LimitSide::warning(SHARE));
-    let because = format!(
-        "{} of {} pixels that changed by more than two thresholds have no events",
-        fit.silent, fit.doubled[0]
-    );
-    let measured = share(fit);
+    let because =
+        format!("{silent} of {changed} pixels that changed by more than two thresholds have no events");
+    let measured = silent as f64 / changed as f64;
     subject.finding(
         NAME,
         "dead",

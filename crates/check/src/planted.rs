@@ -315,7 +315,7 @@ fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[
     events
 }
 
-fn event_at(pixel: usize, t_ns: i64, polarity: Polarity) -> Event {
+pub(super) fn event_at(pixel: usize, t_ns: i64, polarity: Polarity) -> Event {
     let (x, y) = (pixel % SIZE.width as usize, pixel / SIZE.width as usize);
     Event { t: Timestamp(t_ns), x: x as u16, y: y as u16, polarity, label: EventLabel::Signal }
 }

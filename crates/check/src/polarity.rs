@@ -82,12 +82,15 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
     let short = tally.compared.intervals.iter().filter(|interval| interval.short);
     let [mut pixels, mut with, mut against, mut noise, mut floor] = [0.0; 5];
     for interval in short {
-        let [from, to] = interval.span_us;
-        pixels += interval.sums.pixels as f64;
+        let length_us = (interval.span_us[1] - interval.span_us[0]) as f64;
+        let changing = interval.sums.pixels as f64;
+        pixels += changing;
         with += interval.sums.events[0] as f64;
         against += interval.sums.events[1] as f64;
-        // The darkest pixels have the most noise of this kind.
-        noise += interval.sums.pixels as f64 * law.disturbances(0.0, (to - from) as f64);
+        // The darkest pixels have the most shots. Each hot pixel makes many events. It may change
+        // steadily in every interval, so the deviations add up.
+        let [hot, scatter] = law.hot_events(changing, length_us);
+        noise += changing * law.shots(0.0, length_us) + hot + 5.0 * scatter;
         floor += interval.sums.floor;
     }
     // The light of these pixels is known, so their floor is expected, with the scatter of a count.

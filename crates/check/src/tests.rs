@@ -1,10 +1,11 @@
 //! Planted faults, each found by its pass; and sound worlds without findings.
 
-use super::planted::{PlantedWorld, WorldSettings};
+use super::planted::{PlantedWorld, SIZE, SplitMixDraws, WorldSettings, event_at};
 use super::*;
 use glam::DVec3;
 use gs2e_event::{Event, Polarity};
 use gs2e_num::units::Timestamp;
+use gs2e_sensor::noise::HotPixelNoise;
 
 #[test]
 fn every_pass_has_a_name_of_the_list_and_says_something() {
@@ -76,6 +77,32 @@ fn flipped_polarity_is_found() {
         "drift_identity#events",
     ];
     check(flip, &wanted);
+}
+
+/// Hot pixels fire ON events whatever the brightness does, and their number is drawn.
+#[test]
+fn hot_pixels_do_not_contradict_a_steady_change() {
+    let hot = HotPixelNoise { share: 0.004, rate: 20_000.0, spread: 0.0 };
+    for seed in 0..12 {
+        let mut world = PlantedWorld::default_world();
+        world.sensor.hot_pixels = hot;
+        let mut draws = SplitMixDraws(seed);
+        let end_us = *world.trajectory.stamps_us.last().unwrap();
+        for pixel in (0..SIZE.pixels()).filter(|_| draws.share() < hot.share).collect::<Vec<_>>() {
+            let mut t_us = 0.0;
+            loop {
+                t_us -= draws.share().ln() * 1e6 / hot.rate;
+                if t_us > end_us as f64 {
+                    break;
+                }
+                world.events.push(event_at(pixel, (1000.0 * t_us) as i64, Polarity::On));
+            }
+        }
+        world.events.sort_by_cached_key(Event::file_order);
+        let found = world.finding("polarity#contrary");
+        println!("{seed}: {:?} {:?} {}", found.measured, found.limit, found.because);
+        assert_eq!(found.verdict, Verdict::Pass, "{seed}: {found:?}");
+    }
 }
 
 #[test]
@@ -335,7 +362,11 @@ fn hot_and_dead_pixels_are_found() {
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
     world.limits.hot_pixels = Some(hot_pixels::Limits { hot: Some(0.0), dead: None });
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);
-    check(|w| w.events.retain(|e| e.y != 30 || e.x / 3 != 9), &["hot_pixels#dead", "drift_identity#events"]);
+    let of_three = |e: &Event| e.y == 30 && e.x / 3 == 9;
+    check(|w| w.events.retain(|e| !of_three(e)), &["hot_pixels#dead", "drift_identity#events"]);
+    // Pixels that fire later have missed a change, and are not dead.
+    let late = |e: &Event| e.t.floor_micros() > 30_000;
+    check(|w| w.events.retain(|e| !of_three(e) || late(e)), &["drift_identity#events"]);
 }
 
 #[test]

@@ -84,7 +84,7 @@ type CheckedInputs =
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 14;
+    const REVISION: u32 = 15;
     type Inputs = (
         StepTarget<TrajectoryProduct>,
         Option<StepTarget<EventStreams>>,

@@ -55,8 +55,6 @@ pub struct AnchorFit {
     pub doubled: [u64; 2],
     /// Number of them whose sign the noise floor may turn.
     pub turned_by_floor: SpoiltPixels,
-    /// Number of the former without any event, where noise cannot be the reason.
-    pub silent: u64,
     /// Number of all compared pixels whose events and drift differ by `STRAY` thresholds more than is
     /// possible.
     pub stray: u64,
@@ -74,6 +72,15 @@ pub struct AnchorFit {
     pub unknown: u64,
     /// Mean number of events per compared pixel that noise makes, and that move its reference.
     pub disturbed: f64,
+}
+
+/// A pixel at an anchor.
+#[derive(Debug, Clone, Copy)]
+struct FittedPixel {
+    /// Its drift minus that of its events.
+    left: f64,
+    /// True if noise cannot be the reason for having no event.
+    must_fire: bool,
 }
 
 /// Sums of `dv` and `s` over pixels.
@@ -163,8 +170,8 @@ impl FitSums {
         }
     }
 
-    /// Adds a pixel, and returns its drift minus that of its events, if its drift is known.
-    fn add(&mut self, change: PixelChange, counts: [u32; 2]) -> Option<f64> {
+    /// Adds a pixel, and returns what it shows, if its drift is known.
+    fn add(&mut self, change: PixelChange, counts: [u32; 2]) -> Option<FittedPixel> {
         let PixelChange { dv, s, blur, error, unequal, disturbed, floor, .. } = change;
         let (law, fit) = (self.law, &mut self.fit);
         if dv.is_nan() {
@@ -196,14 +203,13 @@ impl FitSums {
         if shows_sign {
             fit.doubled[0] += 1;
             fit.doubled[1] += u64::from(s * dv > 0.0);
-            let silent = counts == [0, 0] && dv.abs() > self.most_residual + error;
-            fit.silent += u64::from(silent);
             // A standard deviation of what else is uncertain.
             let size = dv.abs() - unequal / 3.0 - blur;
             fit.turned_by_floor.add(floor.turns_sign(size, side, law.thresholds));
         }
         self.add_near(side, change, counts);
-        Some(dv - s)
+        let must_fire = shows_sign && dv.abs() > self.most_residual + error;
+        Some(FittedPixel { left: dv - s, must_fire })
     }
 
     /// The drift of a pixel minus that of its events, so that its mean over the pixels does not depend

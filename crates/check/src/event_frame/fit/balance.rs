@@ -34,6 +34,8 @@ pub(crate) struct DriftBalance<'a> {
     floor: Vec<FloorCounts>,
     floor_rates: Vec<[f64; 2]>,
     found: FrameComparison,
+    /// True for each pixel that must have fired by an anchor until now.
+    must_fire: Vec<bool>,
     intervals: IntervalWatch,
     places: PlaceWatch,
 }
@@ -46,6 +48,9 @@ pub struct FrameComparison {
     /// `dv - s` of each pixel at the last anchor, in thresholds, or in the largest one that the spread of
     /// thresholds explains; NaN if it is unknown.
     pub residuals: Vec<f32>,
+    /// Number of the pixels that the frames changed so much that they must fire, and of those among them
+    /// without any event until the last anchor.
+    pub must_fire: [u64; 2],
     /// One per pair of neighbouring anchors.
     pub intervals: Vec<ChangeInterval>,
     /// Parts of the sensor, over all intervals.
@@ -102,6 +107,7 @@ impl<'a> DriftBalance<'a> {
             floor: vec![FloorCounts::default(); with_floor.len()],
             floor_rates: with_floor.iter().map(|l| law.floor_rates(f64::from(*l))).collect(),
             found: FrameComparison { residuals: vec![0.0; size.pixels()], ..FrameComparison::default() },
+            must_fire: vec![false; size.pixels()],
             intervals: IntervalWatch::new(size, law, anchors),
             places: PlaceWatch::new(size, law.thresholds),
         })
@@ -137,7 +143,9 @@ impl<'a> DriftBalance<'a> {
         for i in 0..view.now.len() {
             let [on, off] = [counts.on[i], counts.off[i]];
             let change = self.change(&view, i, [on, off]);
-            let left = stock.add(change, [on, off]);
+            let fitted = stock.add(change, [on, off]);
+            let left = fitted.map(|pixel| pixel.left);
+            self.must_fire[i] |= fitted.is_some_and(|pixel| pixel.must_fire);
             if let (Some([from, to]), Some(_)) = (view.around, left) {
                 let left = stock.mean_left(change, [on, off]);
                 let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
@@ -155,6 +163,14 @@ impl<'a> DriftBalance<'a> {
         self.intervals.settle(number);
         if placed {
             self.places.settle();
+        }
+        if is_last {
+            let mut counted = [0; 2];
+            for i in (0..self.must_fire.len()).filter(|i| self.must_fire[*i]) {
+                counted[0] += 1;
+                counted[1] += u64::from([counts.on[i], counts.off[i]] == [0, 0]);
+            }
+            self.found.must_fire = counted;
         }
         self.found.fits.push(stock.fit());
     }
