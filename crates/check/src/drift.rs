@@ -325,8 +325,8 @@ impl DriftLaw {
         if self.hot.is_absent() {
             return [0.0; 2];
         }
-        let events = 1e-6 * self.hot.mean_hz() * dt_us * pixels;
-        let each = events / (self.hot.share * pixels);
+        let of_a_pixel = 1e-6 * self.hot.mean_hz() * dt_us;
+        let (events, each) = (of_a_pixel * pixels, of_a_pixel / self.hot.share);
         // The mean square of a log-normal factor, in squares of its mean.
         let deviation = self.hot.spread * LN_10;
         let unequal = (deviation * deviation).exp();
@@ -598,6 +598,40 @@ mod tests {
         t(SensorChoice::Esim(EsimModel::default()), true, true, true);
         t(SensorChoice::Esim(EsimModel { allow_cap: true, ..EsimModel::default() }), false, false, false);
         t(gs2e_sensor::v2e::V2eModel::from(gs2e_sensor::v2e::V2ePreset::Clean).into(), false, false, false);
+    }
+
+    #[test]
+    fn events_of_hot_pixels_scatter_as_they_are_drawn() {
+        use crate::planted::SplitMixDraws;
+        let model = EsimModel {
+            hot_pixels: HotPixelNoise { share: 0.05, rate: 300.0, spread: 0.2 },
+            ..EsimModel::default()
+        };
+        let law = DriftLaw::for_sensor(&model.into());
+        assert_eq!(law.hot_events(0.0, 1e4), [0.0; 2]);
+        let [mean, deviation] = law.hot_events(400.0, 1e4);
+        let mut draws = SplitMixDraws(3);
+        let sums: Vec<f64> = (0..4000)
+            .map(|_| {
+                let hot = (0..400).filter(|_| draws.share() < 0.05).count();
+                let mut sum = 0.0;
+                for _ in 0..hot {
+                    // The waiting times of a Poisson process.
+                    let expected = 0.01 * 300.0 * (0.2 * LN_10 * draws.normal()).exp();
+                    let mut waited = -draws.share().ln();
+                    while waited < expected {
+                        sum += 1.0;
+                        waited -= draws.share().ln();
+                    }
+                }
+                sum
+            })
+            .collect();
+        let found = sums.iter().sum::<f64>() / 4000.0;
+        let scatter = (sums.iter().map(|sum| (sum - found) * (sum - found)).sum::<f64>() / 4000.0).sqrt();
+        // Four standard deviations of a mean; of a deviation, with room for the heavy tail.
+        assert!((found - mean).abs() < 4.0 * deviation / 4000f64.sqrt(), "{found} for {mean}");
+        assert!((scatter / deviation - 1.0).abs() < 0.08, "{scatter} for {deviation}");
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub struct StreamTally {
     /// Events with the same microsecond and pixel as their predecessor, but with the other
     /// polarity.
     pub contrary: u64,
+    /// Expected number of both if the pixels fire at these mean rates and at random.
+    pub repeats_by_chance: f64,
     /// Pairs of events of one pixel in the same microsecond: three events are three pairs.
     pub pairs: u64,
     /// Different times, in microseconds.
@@ -235,6 +237,9 @@ impl<'a> StreamObserver<'a> {
             self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
         tally.grid = self.grid.finish();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
+        // A pixel with `n` events in `t` microseconds has an event in `n / t` of them.
+        let squares: f64 = totals.iter().map(|n| f64::from(*n) * f64::from(*n)).sum();
+        tally.repeats_by_chance = squares / self.end_us.max(1) as f64;
         tally.busy = BusyPixels::from_counts(totals);
         tally.crowding = self.crowds.finish();
         if let Some(balance) = self.balance {
@@ -332,6 +337,7 @@ impl StreamTally {
             off_time: 0,
             repeated: 0,
             contrary: 0,
+            repeats_by_chance: 0.0,
             pairs: 0,
             distinct_us: 0,
             grid: GridCounter::new().finish(),
