@@ -48,6 +48,7 @@ pub(super) struct PlantedWorld {
     pub(super) coverage: Option<ViewCoverage>,
     pub(super) doubtful_share: Option<f64>,
     pub(super) foreign: ExternalReport,
+    pub(super) light_changes: bool,
     pub(super) limits: Limits,
 }
 
@@ -144,6 +145,7 @@ impl PlantedWorld {
             coverage: Some(ViewCoverage { views: 9, empty: 0, least: 0.9, at_us: 0 }),
             doubtful_share: Some(0.001),
             foreign: agreeing_reports(),
+            light_changes: false,
             limits: Limits::default(),
         }
     }
@@ -189,7 +191,7 @@ impl PlantedWorld {
             disparities: None,
             crossings: None,
             foreign: Some(&self.foreign),
-            light_changes: false,
+            light_changes: self.light_changes,
             own_motion: false,
             is_release: false,
             limits: &self.limits,

@@ -105,6 +105,17 @@ fn hot_pixels_do_not_contradict_a_steady_change() {
     }
 }
 
+/// A lamp changes all pixels in step, and its events do not move with the scene.
+#[test]
+fn a_lamp_leaves_offset_and_sharpness_unjudged() {
+    let mut world = PlantedWorld::default_world();
+    let limit = |world: &PlantedWorld| world.finding("motion#median").limit.unwrap();
+    assert!(limit(&world) > 1.1);
+    world.light_changes = true;
+    assert!(limit(&world) <= 1.0);
+    assert_eq!(world.finding("time_offset").verdict, Verdict::NotRun);
+}
+
 #[test]
 fn misplaced_events_are_found_by_their_place() {
     let t = |wanted: &str, plant: fn(&mut Event)| {
