@@ -9,6 +9,17 @@
 //!
 //! A recording is read from its start to its end, so neither an index nor a summary is needed. Messages of
 //! other types are passed over without being held in memory.
+//!
+//! ```
+//! use gs2e_event::mcap::{MAGIC, Reader, opcode};
+//! use std::io::Cursor;
+//!
+//! // A record of the end of the data: its kind, its length, and a sum that is not stated.
+//! let end = [&[opcode::DATA_END, 4, 0, 0, 0, 0, 0, 0, 0][..], &[0; 4]].concat();
+//! let recording = [&MAGIC[..], &end, MAGIC].concat();
+//! let refusal = Reader::new(Cursor::new(recording), None).unwrap_err();
+//! assert_eq!(refusal.to_string(), "no topic of the type event_camera_msgs/msg/EventPacket");
+//! ```
 
 mod message;
 mod reader;

@@ -7,18 +7,18 @@
 //!
 //! # Examples
 //! ```
-//! use gs2e_event::npz::{Reader, Writer};
+//! use gs2e_event::npz::{Reader, SpooledColumns};
 //! use gs2e_event::{EventSink as _, EventSource as _, text};
+//! use std::io::Cursor;
 //!
 //! let mut text = text::Reader::new("# t x y p in us; sensor 4x3\n5 0 1 1\n".as_bytes(), None, None)?;
 //! let (mut written, mut read) = (Vec::new(), Vec::new());
 //! text.next_chunk(&mut written)?;
-//! let folder = tempfile::tempdir()?;
-//! let path = folder.path().join("events.npz");
-//! let mut writer = Writer::create(&path, &text.header())?;
-//! writer.append(&written)?;
-//! writer.finish()?;
-//! Reader::open(&path)?.next_chunk(&mut read)?;
+//! let mut columns = SpooledColumns::new(&text.header(), &std::env::temp_dir())?;
+//! columns.append(&written)?;
+//! let mut archive = Cursor::new(Vec::new());
+//! columns.write_archive(&mut archive)?;
+//! Reader::new(|| Ok(Cursor::new(archive.get_ref().clone())))?.next_chunk(&mut read)?;
 //! assert_eq!(read, written);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -27,7 +27,7 @@ mod reader;
 mod writer;
 
 pub use reader::Reader;
-pub use writer::Writer;
+pub use writer::{SpooledColumns, Writer};
 
 use super::EventFileError;
 use zip::result::ZipError;

@@ -6,9 +6,12 @@ use super::record::{RecordHead, RecordReader, damaged};
 use super::topics::EventTopics;
 use crate::evt::packet::PacketDecoder;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
+use gs2e_files as files;
 use gs2e_files::budget::MAX_PER_BYTE;
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;
+use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::Path;
 
 /// Maximum size of a message of events, bytes. One in a chunk whose compressed form is large may be larger
@@ -26,8 +29,8 @@ const MESSAGE_HEAD: u64 = 22;
 
 /// Reads the events of one topic. Their order is not checked. Times are those of the sensor: with `evt3`
 /// they count from the last overflow of its clock before the recording, with `mono` they are those of ROS.
-pub struct Reader {
-    records: RecordReader,
+pub struct Reader<R = File> {
+    records: RecordReader<R>,
     topics: EventTopics,
     /// The message that is being decoded, and the place of its next word.
     message: Option<(PlacedMessage, usize)>,
@@ -43,7 +46,7 @@ struct PlacedMessage {
     at: u64,
 }
 
-impl std::fmt::Debug for Reader {
+impl<R> std::fmt::Debug for Reader<R> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Reader")
             .field("topics", &self.topics)
@@ -60,7 +63,17 @@ impl Reader {
     /// The file is no complete MCAP file, has no such topic or several, or the first message is damaged or
     /// of another encoding.
     pub fn open(path: &Path, topic: Option<&str>) -> Result<Self, EventFileError> {
-        let mut records = RecordReader::open(path)?;
+        Self::new(files::open(path)?, topic)
+    }
+}
+
+impl<R: Read + Seek + Send + 'static> Reader<R> {
+    /// Reads a recording up to the first message of the topic, as [`Reader::open`] does.
+    ///
+    /// # Errors
+    /// As those of [`Reader::open`].
+    pub fn new(recording: R, topic: Option<&str>) -> Result<Self, EventFileError> {
+        let mut records = RecordReader::new(recording)?;
         let mut topics = EventTopics::new(topic);
         let Some(first) = next_message(&mut records, &mut topics)? else {
             return Err(EventFileError::Container(topics.explain_absence()));
@@ -121,7 +134,7 @@ impl PlacedMessage {
     }
 }
 
-impl EventSource for Reader {
+impl<R: Read + Seek + Send + 'static> EventSource for Reader<R> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
         while out.len() < CHUNK {
@@ -143,8 +156,8 @@ impl EventSource for Reader {
 }
 
 /// The next message of the chosen topic.
-fn next_message(
-    records: &mut RecordReader,
+fn next_message<R: Read + Seek + Send + 'static>(
+    records: &mut RecordReader<R>,
     topics: &mut EventTopics,
 ) -> Result<Option<PlacedMessage>, EventFileError> {
     while let Some(head) = records.next()? {
@@ -173,7 +186,10 @@ fn next_message(
 }
 
 /// Reads the message of the present record, whose channel was read.
-fn read_message(records: &mut RecordReader, head: RecordHead) -> Result<PlacedMessage, EventFileError> {
+fn read_message<R: Read + Seek + Send + 'static>(
+    records: &mut RecordReader<R>,
+    head: RecordHead,
+) -> Result<PlacedMessage, EventFileError> {
     let _sequence_and_times: [u8; 20] = records.bytes(head)?;
     let stored = usize::try_from(head.stored).unwrap_or(usize::MAX);
     let limit = MAX_MESSAGE.max(stored.saturating_mul(MAX_PER_BYTE)) as u64;

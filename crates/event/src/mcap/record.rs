@@ -3,13 +3,9 @@
 
 use super::{MAGIC, opcode};
 use crate::EventFileError;
-use gs2e_files as files;
 use gs2e_files::budget::MAX_LINE;
-use std::fs::File;
-use std::io::{self, BufReader, Read};
-use std::os::unix::fs::FileExt as _;
-use std::path::Path;
-use std::sync::Arc;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Size of the kind and the length of a record, bytes.
 const HEAD: u64 = 9;
@@ -18,29 +14,38 @@ const HEAD: u64 = 9;
 const MAX_WINDOW: u32 = 25;
 
 /// A file that is read at a place of its own.
-struct FileAt {
-    file: Arc<File>,
+struct FileAt<R> {
+    file: Arc<Mutex<R>>,
     at: u64,
 }
 
-impl Read for FileAt {
+impl<R> FileAt<R> {
+    /// The same file at another place.
+    fn elsewhere(&self, at: u64) -> Self {
+        Self { file: Arc::clone(&self.file), at }
+    }
+}
+
+impl<R: Read + Seek> Read for FileAt<R> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        let count = self.file.read_at(out, self.at)?;
+        // A read that panicked has left no state but the place, which is set here.
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        file.seek(SeekFrom::Start(self.at))?;
+        let count = file.read(out)?;
         self.at += count as u64;
         Ok(count)
     }
 }
 
 /// The records of a file.
-pub(super) struct RecordReader {
-    file: Arc<File>,
+pub(super) struct RecordReader<R> {
     length: u64,
     /// Offset of the next record outside of chunks.
     next: u64,
     /// The chunk that is being read.
     chunk: Option<OpenChunk>,
     /// The content of the present record, if it is outside of chunks.
-    plain: FileAt,
+    plain: FileAt<R>,
     /// Bytes of the present record that were not read yet.
     left: u64,
 }
@@ -70,15 +75,15 @@ struct OpenChunk {
     sum: crc32fast::Hasher,
 }
 
-impl RecordReader {
-    /// Opens a file, and checks that it is complete at both ends.
-    pub(super) fn open(path: &Path) -> Result<Self, EventFileError> {
-        let file = Arc::new(files::open(path)?);
-        let length = file.metadata()?.len();
+impl<R: Read + Seek + Send + 'static> RecordReader<R> {
+    /// Starts at the begin of a file, and checks that it is complete at both ends.
+    pub(super) fn new(mut file: R) -> Result<Self, EventFileError> {
+        let length = file.seek(SeekFrom::End(0))?;
+        let plain = FileAt { file: Arc::new(Mutex::new(file)), at: MAGIC.len() as u64 };
         let edge = MAGIC.len() as u64;
         let magic = |at: u64| {
             let mut bytes = [0; MAGIC.len()];
-            file.read_exact_at(&mut bytes, at).map(|()| bytes == *MAGIC).unwrap_or(false)
+            plain.elsewhere(at).read_exact(&mut bytes).map(|()| bytes == *MAGIC).unwrap_or(false)
         };
         if !magic(0) {
             return Err(damaged(0, "it does not begin as an MCAP file"));
@@ -86,8 +91,7 @@ impl RecordReader {
         if length < 2 * edge || !magic(length - edge) {
             return Err(damaged(length, "it does not end as an MCAP file does: it is truncated"));
         }
-        let plain = FileAt { file: Arc::clone(&file), at: edge };
-        Ok(Self { file, length, next: edge, chunk: None, plain, left: 0 })
+        Ok(Self { length, next: edge, chunk: None, plain, left: 0 })
     }
 
     /// The next record; `None` after the last one that holds data. The rest of the record before it is
@@ -124,7 +128,7 @@ impl RecordReader {
         let cut = || damaged(at, "the file ends without the record of its end: it is truncated");
         let content = at.checked_add(HEAD).filter(|content| *content <= room).ok_or_else(cut)?;
         let mut head = [0; 9];
-        self.file.read_exact_at(&mut head, at)?;
+        self.plain.elsewhere(at).read_exact(&mut head)?;
         let (opcode, length) = parse_head(head);
         self.next = content.checked_add(length).filter(|end| *end <= room).ok_or_else(|| {
             damaged(at, &format!("a record of {length} bytes, and the file has {} left", room - content))
@@ -146,7 +150,7 @@ impl RecordReader {
             let because = format!("a chunk of {stored} bytes in a record with room for {}", self.left);
             return Err(damaged(at, &because));
         }
-        let file = FileAt { file: Arc::clone(&self.file), at: self.plain.at };
+        let file = self.plain.elsewhere(self.plain.at);
         let body = decompressor(&compression, file.take(stored)).map_err(|e| damaged(at, &e.to_string()))?;
         self.left = 0;
         Ok(OpenChunk {
@@ -276,7 +280,7 @@ impl io::Write for SumOnly<'_> {
     }
 }
 
-fn decompressor(name: &str, stored: io::Take<FileAt>) -> io::Result<Box<dyn Read + Send>> {
+fn decompressor(name: &str, stored: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
     let stored = BufReader::new(stored);
     Ok(match name {
         "" => Box::new(stored),

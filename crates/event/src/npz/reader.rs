@@ -8,8 +8,7 @@ use gs2e_files as files;
 use gs2e_image::{Size, npy};
 use gs2e_num::units::Timestamp;
 use npyz::NpyHeader;
-use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 use zip::{CompressionMethod, ZipArchive};
 
@@ -35,13 +34,23 @@ impl Reader {
     /// # Errors
     /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
     pub fn open(path: &Path) -> Result<Self, EventFileError> {
-        let mut archive = ZipArchive::new(BufReader::new(files::open(path)?))?;
-        // Each array has its own file handle, because all of them are read side by side.
-        let [t, x, y, p] = ARRAYS.map(|(name, kind)| ArrayColumn::open(path, &mut archive, name, kind));
+        Self::new(|| files::open(path))
+    }
+
+    /// Reads the headers of the arrays of an archive. Each call of `open` gives the archive from its begin:
+    /// the arrays are read side by side, each by a reader of its own.
+    ///
+    /// # Errors
+    /// It is not a zip archive, an array is missing or of another type, or their lengths differ.
+    pub fn new<R: Read + Seek + 'static>(
+        mut open: impl FnMut() -> io::Result<R>,
+    ) -> Result<Self, EventFileError> {
+        let mut archive = ZipArchive::new(BufReader::new(open()?))?;
+        let [t, x, y, p] = ARRAYS.map(|(name, kind)| ArrayColumn::open(&mut open, &mut archive, name, kind));
         let columns = [t?, x?, y?, p?];
         let (name, kind) = LABEL;
         let labelled = archive.index_for_name(&format!("{name}.npy")).is_some();
-        let labels = labelled.then(|| ArrayColumn::open(path, &mut archive, name, kind)).transpose()?;
+        let labels = labelled.then(|| ArrayColumn::open(&mut open, &mut archive, name, kind)).transpose()?;
         let count = columns[0].count;
         for column in columns.iter().chain(&labels) {
             if column.count != count {
@@ -49,7 +58,7 @@ impl Reader {
                 return Err(EventFileError::Dataset { dataset: column.name, because });
             }
         }
-        let size = stored_size(path, &mut archive)?;
+        let size = stored_size(&mut open, &mut archive)?;
         Ok(Self { columns, labels, size, count, next: 0 })
     }
 
@@ -92,15 +101,15 @@ impl Reader {
 }
 
 /// The array `size`, if there is one.
-fn stored_size(
-    path: &Path,
-    archive: &mut ZipArchive<BufReader<File>>,
+fn stored_size<R: Read + Seek + 'static>(
+    open: impl FnMut() -> io::Result<R>,
+    archive: &mut ZipArchive<BufReader<R>>,
 ) -> Result<Option<Size>, EventFileError> {
     let (name, kind) = SIZE;
     if archive.index_for_name(&format!("{name}.npy")).is_none() {
         return Ok(None);
     }
-    let mut column = ArrayColumn::open(path, archive, name, kind)?;
+    let mut column = ArrayColumn::open(open, archive, name, kind)?;
     if column.count != 2 {
         let because = format!("{} elements, wanted 2: columns and rows", column.count);
         return Err(EventFileError::Dataset { dataset: name, because });
@@ -147,7 +156,7 @@ impl EventSource for Reader {
     }
 }
 
-/// One array, read through its own file handle.
+/// One array, read by a reader of its own.
 struct ArrayColumn {
     name: &'static str,
     count: u64,
@@ -165,9 +174,9 @@ impl std::fmt::Debug for ArrayColumn {
 }
 
 impl ArrayColumn {
-    fn open(
-        path: &Path,
-        archive: &mut ZipArchive<BufReader<File>>,
+    fn open<R: Read + Seek + 'static>(
+        mut open: impl FnMut() -> io::Result<R>,
+        archive: &mut ZipArchive<BufReader<R>>,
         name: &'static str,
         kind: &str,
     ) -> Result<Self, EventFileError> {
@@ -176,7 +185,7 @@ impl ArrayColumn {
         let start =
             entry.data_start().ok_or_else(|| refusal("its offset in the archive is unknown".to_owned()))?;
         let (method, crc32, len) = (entry.compression(), entry.crc32(), entry.compressed_size());
-        let mut file = files::open(path)?;
+        let mut file = open()?;
         file.seek(SeekFrom::Start(start))?;
         // Limited to the entry, so that a damaged stream cannot read into the next one.
         let stored = BufReader::new(file.take(len));
@@ -215,7 +224,7 @@ impl ArrayColumn {
     fn verify(&mut self) -> Result<(), EventFileError> {
         let refusal = |because| EventFileError::Dataset { dataset: self.name, because };
         // Reads to the end of the entry: bytes after the last element are in the checksum too.
-        let extra = std::io::copy(&mut self.data, &mut std::io::sink())?;
+        let extra = io::copy(&mut self.data, &mut io::sink())?;
         if extra > 0 {
             return Err(refusal(format!("{extra} bytes follow its {} elements", self.count)));
         }

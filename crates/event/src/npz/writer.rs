@@ -24,10 +24,7 @@ const LEVEL: i64 = 4;
 #[derive(Debug)]
 pub struct Writer {
     path: PathBuf,
-    size: [i32; 2],
-    order: StreamOrder,
-    columns: [ColumnSpool; 4],
-    labels: Option<ColumnSpool>,
+    columns: SpooledColumns,
 }
 
 impl Writer {
@@ -36,20 +33,16 @@ impl Writer {
     /// # Errors
     /// A file next to `path` cannot be created.
     pub fn create(path: &Path, header: &StreamHeader) -> Result<Self, EventFileError> {
-        let [t, x, y, p] = ARRAYS.map(|_| ColumnSpool::beside(path));
-        let labels = header.labelled.then(|| ColumnSpool::beside(path)).transpose()?;
-        let order = StreamOrder::new(header.size, END_US);
-        let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
-        let size = [side(header.size.width), side(header.size.height)];
-        Ok(Self { path: path.to_owned(), size, order, columns: [t?, x?, y?, p?], labels })
+        let columns = SpooledColumns::new(header, parent_folder(path))?;
+        Ok(Self { path: path.to_owned(), columns })
     }
 
     /// Writes the archive, and returns the number of events.
     ///
     /// # Errors
     /// Writing fails; there is no archive then.
-    pub fn finish(mut self) -> Result<u64, EventFileError> {
-        let written = self.write_archive();
+    pub fn finish(self) -> Result<u64, EventFileError> {
+        let written = self.columns.write_archive(BufWriter::new(File::create(&self.path)?));
         if written.is_err() {
             // If the removal fails, the archive has no directory, so no reader takes it for
             // complete.
@@ -57,10 +50,44 @@ impl Writer {
         }
         written
     }
+}
 
-    fn write_archive(&mut self) -> Result<u64, EventFileError> {
+impl EventSink for Writer {
+    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
+        self.columns.append(events)
+    }
+}
+
+/// The events of one stream until their archive is written, in files without a name.
+#[derive(Debug)]
+pub struct SpooledColumns {
+    size: [i32; 2],
+    order: StreamOrder,
+    columns: [ColumnSpool; 4],
+    labels: Option<ColumnSpool>,
+}
+
+impl SpooledColumns {
+    /// Starts a stream whose columns are kept in `folder`.
+    ///
+    /// # Errors
+    /// A file cannot be created there.
+    pub fn new(header: &StreamHeader, folder: &Path) -> Result<Self, EventFileError> {
+        let [t, x, y, p] = ARRAYS.map(|_| ColumnSpool::within(folder));
+        let labels = header.labelled.then(|| ColumnSpool::within(folder)).transpose()?;
+        let order = StreamOrder::new(header.size, END_US);
+        let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
+        let size = [side(header.size.width), side(header.size.height)];
+        Ok(Self { size, order, columns: [t?, x?, y?, p?], labels })
+    }
+
+    /// Writes the archive, and returns the number of events.
+    ///
+    /// # Errors
+    /// Writing fails; what was written is no archive then.
+    pub fn write_archive(mut self, out: impl Write + Seek) -> Result<u64, EventFileError> {
         let count = self.order.count();
-        let mut archive = ZipWriter::new(BufWriter::new(File::create(&self.path)?));
+        let mut archive = ZipWriter::new(out);
         for ((name, kind), column) in
             ARRAYS.into_iter().chain([LABEL]).zip(self.columns.iter_mut().chain(&mut self.labels))
         {
@@ -77,7 +104,7 @@ impl Writer {
     }
 }
 
-impl EventSink for Writer {
+impl EventSink for SpooledColumns {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         // Before any column is written, so that the columns stay equally long.
         self.order.admit(events)?;
@@ -118,10 +145,9 @@ struct ColumnSpool {
 }
 
 impl ColumnSpool {
-    /// An empty column on the file system of the archive. Its file has no name, so it replaces none and
-    /// is gone when the process ends.
-    fn beside(archive: &Path) -> std::io::Result<Self> {
-        let file = tempfile::tempfile_in(parent_folder(archive))?;
+    /// An empty column. Its file has no name, so it replaces none and is gone when the process ends.
+    fn within(folder: &Path) -> std::io::Result<Self> {
+        let file = tempfile::tempfile_in(folder)?;
         Ok(Self { file: BufWriter::new(file) })
     }
 
