@@ -1,8 +1,8 @@
 //! `gs2e convert`: scenes between file formats, and the reported losses.
 
-use crate::support::ply;
 use crate::support::workspace::Workspace;
 use gs2e_scene as scene;
+use gs2e_testing::ply;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 

@@ -5,12 +5,12 @@ mod builds;
 mod files;
 
 use crate::objects::{ALL, after, crowd, errors, moving_view, style};
-use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use glam::DVec3;
 use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::reference::ReferenceRenderer;
 use gs2e_render::{ChannelSet, RenderRules, RenderedImages, Renderer};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatCourse, SplatFrames, SplatTrack};
 use std::sync::Arc;

@@ -4,7 +4,6 @@
 mod recipes;
 
 use crate::support::absent::absent;
-use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec2, DVec3};
 use gs2e_image::{Image, Size, png};
@@ -13,6 +12,7 @@ use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::lens::LensRenderer;
 use gs2e_render::sample::TileSample;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::blobs::{ColourBlob, blob_scene};
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::lens::Distortion;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};

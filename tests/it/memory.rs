@@ -7,9 +7,9 @@
 //! resident pages, which is never too low.
 
 use crate::support::absent::is_thorough;
-use crate::support::gaussians::{blob_crowd, blob_scene};
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::{Workspace, hidden_gpus};
+use gs2e_scene::blobs::{blob_crowd, blob_scene};
 use gs2e_scene::{Gaussians, ply};
 use serde_json::{Value, json};
 use std::process::{Child, Command, Stdio};

@@ -1,11 +1,11 @@
 //! `--no-omit`: work that is otherwise left out is done, and neither an event nor a frame changes.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ColourBlob, blob_crowd, blob_scene};
 use crate::support::given::{GIVEN, transforms};
 use crate::support::workspace::{TINY, Workspace, tree};
 use gs2e_release::ReleaseManifest;
 use gs2e_release::left_out::OmissionRow;
+use gs2e_scene::blobs::{ColourBlob, blob_crowd, blob_scene};
 use gs2e_scene::{Gaussians, ply, sh};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -3,7 +3,6 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
 
-use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DMat3, DQuat, DVec3};
@@ -14,6 +13,7 @@ use gs2e_num::se3::rotation::exp_vector;
 use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::reference::ReferenceRenderer;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_scene::motion::{PartKeyframe, PartPath, PartRecord, SceneMotion};
 use gs2e_scene::{Gaussians, sh};

@@ -2,9 +2,9 @@
 //! render verb with the formulas of sRGB, and projections of points from consecutive poses.
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal};
-use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::{TINY, Workspace};
 use gs2e_image::png;
+use gs2e_scene::blobs::{ColourBlob, blob_scene};
 use gs2e_scene::ply;
 use serde_json::{Value, json};
 use std::fs;

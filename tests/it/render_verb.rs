@@ -4,9 +4,9 @@ mod goldens;
 mod gpu;
 mod mistakes;
 
-use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
 use gs2e_image::{png, to_byte};
+use gs2e_scene::blobs::{ColourBlob, blob_scene};
 use gs2e_scene::{Gaussians, ply, splat};
 use serde_json::{Value, json};
 use std::fs;

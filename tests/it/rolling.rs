@@ -1,7 +1,6 @@
 //! Rolling shutter: a vertical line under a pan leans by the closed form, and the setting is part of keys, files and
 //! messages.
 
-use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
 use glam::{DQuat, DVec3};
@@ -12,6 +11,7 @@ use gs2e_render::{LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer
 use gs2e_sampling::exposure::{DenseView, ExposureCourse};
 use gs2e_sampling::rolling::{MISS_PX, RowRoller};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, blob_scene};
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::CameraView;
 use serde_json::{Value, json};

@@ -1,10 +1,8 @@
 //! Code shared by the tests of several features.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-pub(crate) mod gaussians;
 pub(crate) mod given;
 pub(crate) mod gpu;
-pub(crate) mod ply;
 pub(crate) mod steps;
 pub(crate) mod workspace;
 

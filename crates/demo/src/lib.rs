@@ -46,7 +46,6 @@ use light::LitPoint;
 use object::{ObjectPart, SurfaceFinish, TableArrangement};
 use serde::{Deserialize, Serialize};
 use shape::{PartShape, SurfelSpot};
-pub use texture::{STEP, finalise_bits};
 
 /// Parameters of the still life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

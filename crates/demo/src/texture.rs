@@ -3,16 +3,7 @@
 
 use super::draw::unit_interval;
 use glam::DVec3;
-
-/// Increment of SplitMix64 (Steele, Lea and Flood 2014).
-pub const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
-
-/// The finaliser of SplitMix64.
-pub fn finalise_bits(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
+use gs2e_num::seed::split_mix::{STEP, finalise_bits};
 
 /// A number from 0 to 1 for the lattice point `(x, y)`.
 pub(super) fn lattice_value(seed: u64, x: i64, y: i64) -> f64 {

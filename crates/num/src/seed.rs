@@ -22,6 +22,7 @@ pub mod ks;
 pub mod normal;
 pub mod philox;
 pub mod range;
+pub mod split_mix;
 
 use serde::{Deserialize, Serialize};
 

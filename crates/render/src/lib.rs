@@ -101,6 +101,16 @@ pub struct RenderStyle {
     pub background: [f32; 3],
 }
 
+impl RenderStyle {
+    /// The published rules over a black background.
+    pub const OFFICIAL: Self = Self {
+        rules: RenderRules::Official,
+        order: LayerOrder::Depth,
+        antialiased: false,
+        background: [0.0; 3],
+    };
+}
+
 /// The rendering of a recipe: a [`RenderStyle`] in which antialiasing may depend on the scene file.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RenderChoice {
@@ -213,6 +223,10 @@ impl ChannelSet {
         segments: false,
         drift: false,
     };
+
+    /// All images of a still scene for a camera at rest.
+    pub const AT_REST: Self =
+        Self { rgb: true, luminance: true, alpha: true, depth: true, doubtful: true, ..Self::NONE };
 
     /// Returns true if no image is requested.
     #[must_use]

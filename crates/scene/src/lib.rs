@@ -24,6 +24,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod blobs;
 pub mod camera;
 pub mod collector;
 mod cursor;

@@ -16,6 +16,8 @@
 //! assert_eq!((leak.on_share(), leak.rate()), (1.0, 0.25));
 //! ```
 
+pub mod interval_law;
+
 /// The voltage of a pixel at constant brightness: drift and variance per unit time, and both
 /// thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]

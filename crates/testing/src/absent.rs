@@ -1,6 +1,7 @@
 //! Tests that do not run because the machine lacks something: named, listed, and failures where the
 //! thing is required.
 
+use std::fmt::Display;
 use std::io::Write as _;
 
 /// Reports that the current test does not run in full, with the reason. `NOT_RUN_LIST` names a file
@@ -40,4 +41,9 @@ pub fn runs_slow_tests() -> bool {
 pub fn absent(require: &str, why: &str) {
     assert!(std::env::var(require).as_deref() != Ok("1"), "{why}, and {require} is 1");
     not_run(why);
+}
+
+/// What was found. If nothing was, reports that it is [`absent`].
+pub fn present<T>(require: &str, found: Result<T, impl Display>) -> Option<T> {
+    found.map_err(|because| absent(require, &because.to_string())).ok()
 }

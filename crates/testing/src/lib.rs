@@ -3,6 +3,8 @@
 
 pub mod absent;
 pub mod golden;
+pub mod planted;
+pub mod ply;
 pub mod repository;
 pub mod rival;
 pub mod shared;

@@ -2,8 +2,8 @@
 //! formats.
 
 use super::single;
-use crate::support::gaussians::{ColourBlob, blob_scene};
 use crate::support::workspace::Workspace;
+use gs2e_scene::blobs::{ColourBlob, blob_scene};
 use gs2e_scene::dynamic::file::read_dynamic;
 use gs2e_scene::dynamic::{SceneSpan, SceneTime};
 use gs2e_scene::{Gaussians, ply, sh};

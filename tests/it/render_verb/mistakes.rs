@@ -1,8 +1,8 @@
 //! Every mistake ends with its exit code and its message, and leaves all files unchanged.
 
 use super::{RIGHT, camera, ply_bytes, transforms, workspace};
-use crate::support::gaussians::blob_scene;
 use crate::support::workspace::{Ended, Workspace, tree};
+use gs2e_scene::blobs::blob_scene;
 use serde_json::{Value, json};
 
 /// The correct workspace, with faulty files of every kind added.

@@ -1,7 +1,6 @@
 //! The law of the sensor: exact probabilities, laws of times, bursts, and units.
 
 mod bursts;
-pub mod interval_law;
 mod passages;
 
 pub use passages::{bridge_off, first_off};

@@ -1,7 +1,6 @@
 //! The renderers at the edges of their arithmetic: needles, giants, stacks, ties, values that are
 //! not finite, and whole pictures.
 
-pub mod blobs;
 mod counting;
 mod needles;
 mod pictures;

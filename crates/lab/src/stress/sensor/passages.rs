@@ -1,12 +1,12 @@
 //! First passages by counting: the barrier, and the time.
 
-use super::interval_law::BarrierExit;
 use crate::stress::answers::{KnownAnswer, find_answers};
 use crate::stress::clips::{Train, by_pixel, ks, make_clip, run_sensor};
 use crate::stress::{CaseResult, StressArea, StressCase, StressPoint, WorstPoint};
 use gs2e_event::Polarity;
 use gs2e_image::Size;
 use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};
+use gs2e_sensor::statistics::interval_law::BarrierExit;
 use gs2e_sensor::voltmeter::{Barriers, ClockLeaf, EmitEvents, LeafSpan, VoltmeterModel};
 use std::ops::ControlFlow;
 

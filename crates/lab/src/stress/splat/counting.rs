@@ -1,12 +1,11 @@
 //! Counts of blended, stopped, culled and doubtful Gaussians, as the rules define them.
 
-use super::blobs::{ALL, OFFICIAL};
 use super::scenes::{self, ALL_RULES, GaussianCounts};
 use super::{CaseRenderer, FloatPrecision, pixel_opacities};
 use crate::stress::{Outcome, StressPoint, WorstPoint};
 use gs2e_image::Size;
 use gs2e_render::backend::Backend;
-use gs2e_render::{RenderRules, RenderStyle, RenderWork};
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle, RenderWork};
 use std::sync::Arc;
 
 /// Layers of equal opacity, clamped at 0.99, are a geometric series up to the layer that would
@@ -29,7 +28,8 @@ pub(super) fn stack_case(by: CaseRenderer<'_>) -> Outcome {
         // Even layers are red, odd ones green.
         let wanted = [sum(0), sum(1), 0.0];
         let (scene, view) = scenes::layer_stack(LAYERS.unsigned_abs() as usize, opacity);
-        let (image, work) = by.picture(&Arc::new(scene), OFFICIAL, &view, ALL)?;
+        let (image, work) =
+            by.picture(&Arc::new(scene), RenderStyle::OFFICIAL, &view, ChannelSet::AT_REST)?;
         let rgb = image.rgb.map_or([f32::NAN; 3], |rgb| rgb.pixels()[0]);
         for (found, wanted) in rgb.into_iter().zip(wanted) {
             let point = StressPoint::absolute_error(f64::from(found), wanted, 1e-4);
@@ -68,7 +68,8 @@ pub(super) fn counted_case(by: CaseRenderer<'_>) -> Outcome {
     let (scene, view, wanted) = scenes::counted_scene();
     let scene = Arc::new(scene);
     for rules in ALL_RULES {
-        let (_, work) = by.picture(&scene, RenderStyle { rules, ..OFFICIAL }, &view, ALL)?;
+        let (_, work) =
+            by.picture(&scene, RenderStyle { rules, ..RenderStyle::OFFICIAL }, &view, ChannelSet::AT_REST)?;
         let point = StressPoint::exact_count(miscounted(gaussian_counts(work), wanted), 0);
         worst.see(point, || format!("{rules:?}: {:?}", gaussian_counts(work)));
     }
@@ -81,9 +82,10 @@ pub(super) fn counted_case(by: CaseRenderer<'_>) -> Outcome {
     let scene = Arc::new(scene);
     for rules in ALL_RULES {
         for antialiased in [false, true] {
-            let style = RenderStyle { rules, antialiased, ..OFFICIAL };
-            let (_, work) = by.picture(&scene, style, &view, ALL)?;
-            let (_, wanted) = CaseRenderer(&Backend::Reference).picture(&scene, style, &view, ALL)?;
+            let style = RenderStyle { rules, antialiased, ..RenderStyle::OFFICIAL };
+            let (_, work) = by.picture(&scene, style, &view, ChannelSet::AT_REST)?;
+            let (_, wanted) =
+                CaseRenderer(&Backend::Reference).picture(&scene, style, &view, ChannelSet::AT_REST)?;
             let at = |what| move || format!("{what}, a crowd, {rules:?}, antialiased {antialiased}");
             // 32 bits widen an extent by 0.02 px against rounding, and few Gaussians are that close
             // to it.
@@ -104,8 +106,12 @@ pub(super) fn near_plane(by: CaseRenderer<'_>) -> Outcome {
         let (near, at) = if rules == RenderRules::Gsplat { (0.01_f32, 0) } else { (0.2, 1) };
         for (z, behind) in [(near.next_down(), 1), (near, at), (near.next_up(), 0), (-1.0, 1), (0.0, 1)] {
             let (scene, view) = scenes::at_depth(z);
-            let (image, work) =
-                by.picture(&Arc::new(scene), RenderStyle { rules, ..OFFICIAL }, &view, ALL)?;
+            let (image, work) = by.picture(
+                &Arc::new(scene),
+                RenderStyle { rules, ..RenderStyle::OFFICIAL },
+                &view,
+                ChannelSet::AT_REST,
+            )?;
             worst.see(StressPoint::exact_count(work.behind, behind), || {
                 format!("{rules:?}, depth {z}: behind")
             });

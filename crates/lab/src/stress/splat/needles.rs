@@ -1,13 +1,12 @@
 //! Long thin Gaussians: preservation of their shape in the projection.
 
-use super::blobs::OFFICIAL;
 use super::scenes::{self, DILATION, NeedleGaussian};
 use super::{CaseRenderer, FloatPrecision, exact_luminance, pixel_opacities};
 use crate::stress::{CaseResult, NotRun, Outcome, StressPoint, WorstPoint};
 use gs2e_render::{ChannelSet, RenderRules, RenderStyle};
 use std::sync::Arc;
 
-const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..OFFICIAL };
+const EXACT: RenderStyle = RenderStyle { rules: RenderRules::Exact, ..RenderStyle::OFFICIAL };
 const ALPHA: ChannelSet = ChannelSet {
     rgb: false,
     luminance: false,

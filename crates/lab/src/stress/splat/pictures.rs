@@ -1,6 +1,5 @@
 //! Whole pictures: 32 bits against 64, one channel against three, and the rate of the luminance.
 
-use super::blobs::{ALL, OFFICIAL};
 use super::{CaseRenderer, FloatPrecision, SplatBench, exact_luminance};
 use crate::stress::{CaseResult, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;
@@ -70,7 +69,11 @@ pub(super) fn user_setup(stage: &SplatBench) -> PictureSetup {
 impl PictureSetup {
     /// The rendering of the scene under each of its rules.
     fn styles(&self) -> impl Iterator<Item = RenderStyle> {
-        self.rules.iter().map(|rules| RenderStyle { rules: *rules, background: [0.1, 0.3, 0.2], ..OFFICIAL })
+        self.rules.iter().map(|rules| RenderStyle {
+            rules: *rules,
+            background: [0.1, 0.3, 0.2],
+            ..RenderStyle::OFFICIAL
+        })
     }
 }
 
@@ -89,8 +92,9 @@ fn image_colours(image: &RenderedImages) -> Vec<[f32; 3]> {
 pub(super) fn value_case(set: &PictureSetup, by: CaseRenderer<'_>) -> Outcome {
     let mut worst = WorstPoint::default();
     for style in set.styles() {
-        let (found, _) = by.picture(&set.scene, style, &set.view, ALL)?;
-        let (wanted, _) = CaseRenderer(&Backend::Reference).picture(&set.scene, style, &set.view, ALL)?;
+        let (found, _) = by.picture(&set.scene, style, &set.view, ChannelSet::AT_REST)?;
+        let (wanted, _) =
+            CaseRenderer(&Backend::Reference).picture(&set.scene, style, &set.view, ChannelSet::AT_REST)?;
         let (found, wanted) = (image_colours(&found), image_colours(&wanted));
         let pairs = found.as_flattened().iter().zip(wanted.as_flattened());
         let [most, largest] = error_quantiles(pairs.map(|(a, b)| f64::from((a - b).abs())).collect());

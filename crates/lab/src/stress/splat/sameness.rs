@@ -1,15 +1,15 @@
 //! Invariance of pictures: under the world's origin, the number of threads, values that are not
 //! finite, and the length of quaternions.
 
-use super::blobs::{ALL, ColourBlob, OFFICIAL, blob_scene, view_ahead};
 use super::scenes::{self, ALL_RULES};
 use super::{CaseRenderer, image_bits, pixel_opacities};
 use crate::stress::{NotRun, Outcome, StressPoint, WorstPoint};
 use glam::DVec3;
 use gs2e_image::Size;
 use gs2e_render::backend::Backend;
-use gs2e_render::{RenderRules, RenderStyle, RenderWork, RenderedImages};
+use gs2e_render::{ChannelSet, RenderRules, RenderStyle, RenderWork, RenderedImages};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, blob_scene, view_ahead};
 use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ fn render_picture(
     rules: RenderRules,
     view: &CameraView,
 ) -> Result<(RenderedImages, RenderWork), NotRun> {
-    by.picture(&Arc::new(scene), RenderStyle { rules, ..OFFICIAL }, view, ALL)
+    by.picture(&Arc::new(scene), RenderStyle { rules, ..RenderStyle::OFFICIAL }, view, ChannelSet::AT_REST)
 }
 
 /// Compares pictures of one scene under shifts that 64 bits represent exactly, together with the

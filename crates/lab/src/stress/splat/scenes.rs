@@ -1,8 +1,8 @@
 //! Scenes at the edges of the arithmetic, with their known properties.
 
-use super::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
 use glam::{DQuat, DVec3};
 use gs2e_render::RenderRules;
+use gs2e_scene::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::{Gaussians, sh};
 

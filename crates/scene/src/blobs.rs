@@ -1,34 +1,12 @@
-//! Small scenes, and views of them.
+//! Small scenes of a few plain Gaussians, and views of them, for stress cases and tests.
 
+use crate::camera::Camera;
+use crate::camera::view::CameraView;
+use crate::{Gaussians, SceneScreening, sh};
 use glam::{DQuat, DVec3};
-use gs2e_demo as procedural;
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
-use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle};
-use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::view::CameraView;
-use gs2e_scene::{Gaussians, SceneScreening, sh};
-
-/// All images of a camera at rest.
-pub const ALL: ChannelSet = ChannelSet {
-    rgb: true,
-    luminance: true,
-    alpha: true,
-    depth: true,
-    flow: false,
-    luminance_rate: false,
-    doubtful: true,
-    segments: false,
-    drift: false,
-};
-
-/// The published rules over a black background.
-pub const OFFICIAL: RenderStyle = RenderStyle {
-    rules: RenderRules::Official,
-    order: LayerOrder::Depth,
-    antialiased: false,
-    background: [0.0; 3],
-};
+use gs2e_num::seed::split_mix::{STEP, finalise_bits};
 
 /// One Gaussian of constant colour.
 #[derive(Debug, Clone, Copy)]
@@ -93,9 +71,9 @@ impl ScatterDraws {
     /// The next number.
     #[expect(clippy::should_implement_trait, reason = "draws never end")]
     pub fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(procedural::STEP);
+        self.0 = self.0.wrapping_add(STEP);
         // 24 bits, which 32-bit floats hold exactly.
-        (procedural::finalise_bits(self.0) >> 40) as f32 / (1 << 24) as f32
+        (finalise_bits(self.0) >> 40) as f32 / (1 << 24) as f32
     }
 
     /// The next number in a range.
