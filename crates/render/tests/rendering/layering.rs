@@ -1,15 +1,14 @@
 //! Layers of nearly the same depth that cover each other in part: rules `soft`, `order: blended`.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
-use crate::support::{ply, shared};
+use super::cases::playbot;
+use super::{ALL, OFFICIAL, render};
 use gs2e_image::Size;
 use gs2e_render::cpu::{CpuRenderer, InstructionSet};
 use gs2e_render::reference::ReferenceRenderer;
 use gs2e_render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
 use gs2e_scene::camera::view::CameraView;
-use gs2e_source::nerfstudio;
 use std::sync::Arc;
 
 const SOFT: RenderStyle = RenderStyle { rules: RenderRules::Soft, background: [0.2, 0.1, 0.4], ..OFFICIAL };
@@ -94,13 +93,8 @@ fn compare(scene: &Arc<Gaussians>, view: &CameraView) -> [[f64; 2]; 2] {
 #[test]
 fn both_back_ends_agree() {
     let mut cases = vec![("crowd", Arc::new(blob_scene(&blob_crowd(3000, 4))), view_ahead(203, 117, 150.0))];
-    let real =
-        [shared::path("data/scenes/playbot_lod3.ply"), shared::path("data/scenes/playbot.transforms.json")];
-    if let [Some(path), Some(views)] = real {
-        let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
-        let view =
-            CameraView::at_rest(key.camera.resized(Size { width: 160, height: 90 }), key.world_from_camera);
-        cases.push(("playbot", Arc::new(ply::read(&path)), view));
+    if let Some((scene, view)) = playbot(Size { width: 160, height: 90 }) {
+        cases.push(("playbot", scene, view));
     }
     for (name, scene, view) in cases {
         let [[mean, most], [moved, furthest]] = compare(&scene, &view);

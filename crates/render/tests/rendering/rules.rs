@@ -1,10 +1,10 @@
 //! The renderer's rules, compared with closed forms.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_scene, render, view_ahead};
+use super::{ALL, OFFICIAL, render};
 use gs2e_image::{Image, luminance};
 use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::{ChannelSet, RenderError, RenderRules, RenderStyle, RenderedImages, Renderer};
+use gs2e_scene::blobs::{ColourBlob, blob_scene, view_ahead};
 use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 

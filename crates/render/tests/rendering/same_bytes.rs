@@ -1,12 +1,12 @@
 //! Circumstances that must not change a rendered bit: threads, earlier frames, other requested
 //! images.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{ALL, ColourBlob, OFFICIAL, blob_crowd, blob_scene, render, view_ahead};
+use super::{ALL, OFFICIAL, render};
 use glam::{DQuat, DVec3};
 use gs2e_image::luminance;
 use gs2e_render::cpu::{CpuRenderer, InstructionSet};
 use gs2e_render::{ChannelSet, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer};
+use gs2e_scene::blobs::{ColourBlob, blob_crowd, blob_scene, view_ahead};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use std::sync::Arc;
 

@@ -1,10 +1,7 @@
 //! Work that the renderer omits changes no bit: Gaussians that no promised view can see, harmonics
 //! that are zero.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::gaussians::{
-    ALL, ColourBlob, OFFICIAL, ScatterDraws, blob_crowd, blob_scene, view_ahead,
-};
+use super::{ALL, OFFICIAL};
 use glam::{DQuat, DVec3};
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::exp_vector;
@@ -12,6 +9,7 @@ use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::{
     ChannelSet, OmissionPolicy, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
+use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_crowd, blob_scene, view_ahead};
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_scene::{Gaussians, sh};

@@ -5,12 +5,9 @@
 //! has no rate. There a difference over h and one over h/2 disagree; such pixels are omitted and
 //! counted.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
-#![expect(clippy::print_stdout, reason = "the figures")]
 #![expect(clippy::cast_possible_truncation, reason = "scenes and images hold 32 bits")]
 
-use crate::support::gaussians::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
-use crate::support::{ply, shared};
+use super::cases::playbot;
 use glam::DVec3;
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
@@ -19,9 +16,9 @@ use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::reference::ReferenceRenderer;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::flow::flow_displacement;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
-use gs2e_source::nerfstudio;
 use std::sync::Arc;
 
 const ALL_RULES: [RenderRules; 4] =
@@ -171,14 +168,8 @@ fn rates_are_differences_in_a_crowd() {
 
 #[test]
 fn rates_are_differences_in_a_real_scene() {
-    let Some(path) = shared::path("data/scenes/playbot_lod3.ply") else { return };
-    let Some(views) = shared::path("data/scenes/playbot.transforms.json") else { return };
-    let scene = Arc::new(ply::read(&path));
-    let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
-    let view = moving(CameraView::at_rest(
-        key.camera.resized(Size { width: 160, height: 90 }),
-        key.world_from_camera,
-    ));
+    let Some((scene, view)) = playbot(Size { width: 160, height: 90 }) else { return };
+    let view = moving(view);
     for rules in ALL_RULES {
         check(&scene, &view, style(rules, false));
     }
