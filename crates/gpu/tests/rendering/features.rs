@@ -1,11 +1,12 @@
 //! Optional features of a GPU change no bit, and the work of a frame is counted as it is.
 
+use super::OFFICIAL;
+use super::gpu;
 use super::{ALL_RULES, by_gpu, images, moving, style};
-use crate::support::gaussians::{OFFICIAL, blob_crowd, blob_scene, view_ahead};
-use crate::support::gpu;
 use gs2e_gpu::{GpuFeature, GpuRenderer, TimedStage};
 use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::{ChannelSet, RenderedImages, Renderer as _};
+use gs2e_scene::blobs::{blob_crowd, blob_scene, view_ahead};
 use std::sync::Arc;
 
 /// Enough for several blocks of each sort, and several groups of each scan.

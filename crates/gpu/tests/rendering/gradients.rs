@@ -8,18 +8,19 @@
 //! terms of a value over the 777 pixels add up like random signs, to about 1/28 of their sum, which
 //! makes 2e-4 of the value; axes of unlike lengths magnify that a few times. Hence 1e-3.
 
-use crate::support::absent::is_thorough;
-use crate::support::gaussians::{ColourBlob, OFFICIAL, ScatterDraws, blob_scene, view_ahead};
-use crate::support::gpu;
+use super::OFFICIAL;
+use super::gpu;
 use glam::{DQuat, DVec3};
 use gs2e_gpu::{GpuDevice, GpuGradientRenderer};
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
 use gs2e_render::{LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
+use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::{Gaussians, SceneScreening};
+use gs2e_testing::absent::is_thorough;
 use std::array::from_fn;
 
 fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {

@@ -4,8 +4,8 @@
 //! same noise a pixel therefore crosses at the same time, within 1e-6 of the time between two
 //! events. An additional or missing crossing needs a tie.
 
+use super::OFFICIAL;
 use super::gpu;
-use crate::support::gaussians::OFFICIAL;
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_event::Event;

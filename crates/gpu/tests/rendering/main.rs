@@ -8,13 +8,14 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table of differences")]
 
+#[path = "../../../render/tests/rendering/cases.rs"]
+mod cases;
 mod events;
 mod features;
+mod gpu;
 mod gradients;
 
-use crate::render_golden::{Case, captured, difference, npy, row, synthetic};
-use crate::support::gaussians::{ALL, OFFICIAL, blob_crowd, blob_scene, view_ahead};
-use crate::support::{gpu, ply, shared};
+use cases::{Case, captured, difference, npy, playbot, row, synthetic};
 use glam::DVec3;
 use gs2e_gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e_image::{Image, Size, luminance, png};
@@ -23,14 +24,18 @@ use gs2e_render::{
     ChannelSet, GpuError, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
 };
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{blob_crowd, blob_scene, view_ahead};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
-use gs2e_source::nerfstudio;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 const ALL_RULES: [RenderRules; 4] =
     [RenderRules::Official, RenderRules::Exact, RenderRules::Gsplat, RenderRules::Soft];
+/// All images of a camera at rest.
+const ALL: ChannelSet = ChannelSet::AT_REST;
+/// The published rules over a black background.
+const OFFICIAL: RenderStyle = RenderStyle::OFFICIAL;
 /// Every image of a moving camera.
 const MOVING: ChannelSet = ChannelSet { flow: true, luminance_rate: true, ..ALL };
 
@@ -226,14 +231,11 @@ fn far_from_the_origin_nothing_is_lost() {
 
 #[test]
 fn a_real_scene_is_as_on_the_cpu() {
-    let (Some(path), Some(device)) = (shared::path("data/scenes/playbot_lod3.ply"), gpu::device()) else {
+    let (Some((scene, view)), Some(device)) = (playbot(Size { width: 320, height: 180 }), gpu::device())
+    else {
         return;
     };
-    let views = shared::path("data/scenes/playbot.transforms.json").unwrap();
-    let key = nerfstudio::read_capture(&views).unwrap().0.views.swap_remove(11);
-    let camera = key.camera.resized(Size { width: 320, height: 180 });
-    let view = moving(CameraView::at_rest(camera, key.world_from_camera));
-    let scene = Arc::new(ply::read(&path));
+    let view = moving(view);
     let fine = ALL_RULES.map(|rules| {
         check(
             &device,
