@@ -76,7 +76,6 @@ mod recipe_keys;
 mod recipes;
 mod release;
 mod release_safety;
-mod render_stress;
 mod render_verb;
 mod report;
 mod restricted;

@@ -1,9 +1,7 @@
-//! `gs2e stress`: every row is within its limit, and naive implementations of the same functions
-//! exceed theirs.
+//! `gs2e stress`: every row is within its limit. `crates/lab/tests/stress/naive.rs` shows that naive
+//! implementations exceed it.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table")]
-
-mod naive;
 
 use crate::support::workspace::{Ended, Workspace};
 use crate::support::{gpu, shared};

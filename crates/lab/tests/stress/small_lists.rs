@@ -1,9 +1,7 @@
 //! The CPU renderer with little room for its lists. The back ends' behaviour at the limits of their
-//! arithmetic is tested in `gs2e stress` (`stress.rs`).
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
+//! arithmetic is tested in `gs2e stress` (`tests/it/stress.rs`).
 #![expect(clippy::cast_possible_truncation, reason = "the counts of these scenes fit every type")]
 
-use crate::support::gaussians::{ALL, OFFICIAL};
 use gs2e_lab::stress::splat::scenes;
 use gs2e_lab::stress::splat::scenes::ALL_RULES;
 use gs2e_render::cpu::CpuRenderer;
@@ -18,7 +16,7 @@ fn cpu(scene: &Gaussians, style: RenderStyle) -> CpuRenderer {
 
 fn image(renderer: &mut dyn Renderer, view: &CameraView) -> (RenderedImages, RenderWork) {
     let mut out = RenderedImages::default();
-    let work = renderer.render(view, ALL, &mut out).unwrap();
+    let work = renderer.render(view, ChannelSet::AT_REST, &mut out).unwrap();
     (out, work)
 }
 
@@ -35,7 +33,7 @@ fn bits(image: &RenderedImages) -> Vec<u32> {
 fn lists_in_bands_give_the_same_bits() {
     let (scene, view) = scenes::askew_crowd(3000);
     for rules in ALL_RULES {
-        let style = RenderStyle { rules, ..OFFICIAL };
+        let style = RenderStyle { rules, ..RenderStyle::OFFICIAL };
         let mut renderer = cpu(&scene, style);
         let whole = image(&mut renderer, &view);
         assert!(whole.1.tile_pairs > 10_000, "the scene is a test: {:?}", whole.1);
@@ -58,7 +56,7 @@ fn giants_over_a_large_picture() {
     let (scene, view) = scenes::giant_scene(n, edge);
     let mut out = RenderedImages::default();
     let want = ChannelSet { luminance: true, ..ChannelSet::default() };
-    let work = cpu(&scene, OFFICIAL).render(&view, want, &mut out).unwrap();
+    let work = cpu(&scene, RenderStyle::OFFICIAL).render(&view, want, &mut out).unwrap();
     assert_eq!(work.tile_pairs, n as u64 * u64::from(edge / 16).pow(2));
     let pixels = u64::from(edge).pow(2);
     // 0.1 cubed is above 1e-4, and its fourth power is just at it: three or four layers
