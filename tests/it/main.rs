@@ -81,7 +81,6 @@ mod report;
 mod restricted;
 mod rigs;
 mod rolling;
-mod scenes;
 mod several_sensors;
 mod shared_store;
 mod signatures;

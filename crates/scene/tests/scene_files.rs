@@ -3,9 +3,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test panics to fail")]
 
-use crate::support::{golden, shared};
 use gs2e_scene as scene;
 use gs2e_scene::Gaussians;
+use gs2e_testing::ply::PlyScene;
+use gs2e_testing::{golden, ply, shared};
 
 /// Reads a scene of `count` Gaussians of this degree. Nine tenths of them lie within `radius` of
 /// the origin along each axis, and scales and quaternions are those of a trained scene.
@@ -93,10 +94,10 @@ fn a_scene_with_nan_equals_its_twin() {
 }
 
 /// Reads a golden scene in a compressed form, and an independent decoder's result.
-fn decoded(name: &str) -> (Gaussians, Gaussians) {
+fn decoded(name: &str) -> (Gaussians, PlyScene) {
     let folder = golden::folder("scenes");
     let expected = folder.join(name).with_extension("expected.ply");
-    (scene::read_file(&folder.join(name)).unwrap(), crate::support::ply::read(&expected))
+    (scene::read_file(&folder.join(name)).unwrap(), ply::read(&expected))
 }
 
 /// Both sides compute in 64 bits and round once to 32. Where their formulas differ, the last bit
