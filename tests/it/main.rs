@@ -25,7 +25,6 @@ mod docs;
 mod doctor;
 mod dynamic;
 mod event_pictures;
-mod event_statistics;
 mod exports;
 mod fidelity;
 mod flash;

@@ -3,11 +3,11 @@
 
 use super::interval_law::BarrierExit;
 use super::{by_pixel, frames, ks, ks_of_two, run};
-use crate::support::absent::runs_slow_tests;
 use gs2e_event::Polarity;
 use gs2e_image::Size;
 use gs2e_sensor::statistics::RenewalProcess;
 use gs2e_sensor::voltmeter::{InitialVoltage, VoltmeterModel};
+use gs2e_testing::absent::runs_slow_tests;
 
 const SIZE: Size = Size { width: 40, height: 25 };
 /// Number of intervals taken from each pixel.

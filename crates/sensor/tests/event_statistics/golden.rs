@@ -2,12 +2,12 @@
 //! law and of the published one.
 
 use super::{by_pixel, mean_and_deviation, run};
-use crate::support::golden;
 use gs2e_event::{Event, Polarity};
 use gs2e_image::Size;
 use gs2e_sensor::SimulationAccount;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
 use gs2e_sensor::voltmeter::{DriftGain, SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e_testing::golden;
 use serde_json::Value;
 use std::fs::File;
 use std::io::Read;

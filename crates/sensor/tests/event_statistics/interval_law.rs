@@ -1,7 +1,7 @@
 //! The law of the time between events of a pixel of constant brightness, as in `gs2e stress`, at
 //! its anchors.
 
-pub(super) use gs2e_lab::stress::sensor::interval_law::BarrierExit;
+pub(super) use gs2e_sensor::statistics::interval_law::BarrierExit;
 
 #[test]
 fn anchors() {
