@@ -10,9 +10,6 @@ use std::thread::sleep;
 #[path = "../../tests/it/sources/datasets.rs"]
 #[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
 mod datasets;
-#[path = "../../tests/it/sources/planted.rs"]
-#[expect(dead_code, clippy::unwrap_used, reason = "it is the tests', which use the rest")]
-mod planted;
 
 /// Number of new instances in the second run.
 const MORE: u32 = 10;

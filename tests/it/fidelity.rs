@@ -1,7 +1,6 @@
 //! Scenes compared with their photos, and captures with themselves, through the program. The photos
 //! are the scene's own renderings, except for planted changes.
 
-use crate::sources::planted::{Camera, Image as Photographed, Planted};
 use crate::support::given::{self, GIVEN};
 use crate::support::workspace::Workspace;
 use gs2e_image::{Size, png};
@@ -10,6 +9,7 @@ use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImag
 use gs2e_scene as scene;
 use gs2e_scene::camera::view::CameraView;
 use gs2e_source as source;
+use gs2e_testing::planted::{Camera, Image as Photographed, Planted};
 use serde_json::Value;
 use std::fs;
 use std::sync::Arc;

@@ -1,27 +1,7 @@
-//! Captured datasets as they lie on disk: the real ones under `../shared`, and small ones with
-//! every known defect.
+//! Captured datasets as they lie on disk, through the program: trees that the tests make, and COLMAP
+//! models in unexpected places.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-mod against_colmap;
 pub(crate) mod datasets;
-mod half_pixel;
 mod model_folders;
-mod models;
-pub(crate) mod planted;
-mod reprojection;
-mod transforms;
-mod undistortion;
-
-use gs2e_image::Size;
-use std::path::PathBuf;
-
-fn size(width: u32, height: u32) -> Size {
-    Size { width, height }
-}
-
-/// A path below `../shared/data`. If it is absent, the test is reported as not run and this is
-/// `None`.
-fn shared(path: &str) -> Option<PathBuf> {
-    crate::support::shared::path(&format!("data/{path}"))
-}

@@ -1,7 +1,7 @@
 //! Dataset trees with the layouts of `MVImgNet` and DL3DV-10K, and with their known defects. Poses
 //! and photos are trivial; only the layout matters. No code of the crate is used.
 
-use super::planted::{Camera, Image, Planted};
+use gs2e_testing::planted::{Camera, Image, Planted};
 use std::fs;
 use std::path::{Path, PathBuf};
 

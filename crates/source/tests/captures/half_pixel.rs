@@ -1,12 +1,13 @@
 //! Half a pixel that is easily lost between conventions: the same camera as COLMAP and as
 //! nerfstudio state it, compared in pictures.
 
-use super::planted::{Camera, Image, Planted};
-use crate::support::gaussians::{ColourBlob, OFFICIAL, blob_crowd, blob_scene, render};
-use gs2e_render::RenderedImages;
+use gs2e_render::cpu::CpuRenderer;
+use gs2e_render::{ChannelSet, RenderStyle, RenderedImages, Renderer as _};
 use gs2e_scene::Gaussians;
+use gs2e_scene::blobs::{ColourBlob, blob_crowd, blob_scene};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_source::{Capture, colmap, nerfstudio};
+use gs2e_testing::planted::{Camera, Image, Planted};
 use serde_json::{Value, json};
 
 /// A camera with an off-centre principal point, turned by 10 degrees about y, 4 units back.
@@ -51,7 +52,11 @@ fn of_nerfstudio(change: impl Fn(&mut Value)) -> Capture {
 
 fn picture(of: Gaussians, capture: &Capture) -> RenderedImages {
     let view = &capture.views[0];
-    render(of, OFFICIAL, &CameraView::at_rest(view.camera, view.world_from_camera)).0
+    let view = CameraView::at_rest(view.camera, view.world_from_camera);
+    let mut out = RenderedImages::default();
+    let mut renderer = CpuRenderer::new(of.into(), RenderStyle::OFFICIAL).unwrap();
+    renderer.render(&view, ChannelSet::AT_REST, &mut out).unwrap();
+    out
 }
 
 #[test]

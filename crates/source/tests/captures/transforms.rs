@@ -1,10 +1,10 @@
 //! nerfstudio's `transforms.json`.
 
-use super::planted::model;
 use super::{shared, size};
 use glam::{DQuat, DVec3};
 use gs2e_scene::camera::Camera;
 use gs2e_source::{Capture, CapturedView, LensModel, SourceError, colmap, nerfstudio};
+use gs2e_testing::planted::model;
 use serde_json::{Value, json};
 
 #[test]

@@ -5,10 +5,10 @@
 //! OpenCV, the test is reported as not run; with `REQUIRE_OPENCV=1` that is a failure.
 
 use super::shared;
-use crate::support::absent::absent;
 use gs2e_image::{Image, jpeg, png};
 use gs2e_source::undistort::undistort_photo;
 use gs2e_source::{CapturedView, colmap};
+use gs2e_testing::absent::absent;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Write as _};
 use std::path::Path;

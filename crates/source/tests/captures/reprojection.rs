@@ -1,9 +1,9 @@
 //! Points and their key points: planted ones with known offsets, and real models compared with
 //! COLMAP's figures.
 
-use super::planted::{Camera, Image, Planted};
 use super::shared;
 use gs2e_source::colmap::{ColmapModel, ReprojectionStats};
+use gs2e_testing::planted::{Camera, Image, Planted};
 use std::path::Path;
 
 /// Images at x = 0, 0.1, 0.2, … that look along z through `camera`.

@@ -1,10 +1,10 @@
 //! COLMAP models.
 
-use super::planted::{self, Planted, model};
 use super::{shared, size};
 use glam::DVec3;
 use gs2e_scene::camera::Camera;
 use gs2e_source::{Capture, CapturedView, LensModel, UnusedReason, colmap};
+use gs2e_testing::planted::{self, Planted, model};
 use std::path::Path;
 
 /// Mean distance in pixels between the key points of a model and its points projected through the

@@ -1,8 +1,8 @@
 //! COLMAP's own figures for real models, compared with the values that are read here.
 
 use super::shared;
-use crate::support::absent::absent;
 use gs2e_source::colmap;
+use gs2e_testing::absent::absent;
 use std::path::Path;
 use std::process::Command;
 
