@@ -13,7 +13,7 @@ import pytest
 import gs2e
 
 ROOT = pathlib.Path(__file__).parents[2]
-FIXTURES = ROOT / "tests/fixtures/recipes"
+FIXTURES = ROOT / "crates/recipe/tests/fixtures/recipes"
 
 SOUND = """\
 version: 1
