@@ -120,8 +120,8 @@ fn rates_are_differences_of_pictures_in_which_camera_and_objects_move() {
         let grey = |seconds: f64| -> Vec<f64> {
             reference.luminance(&after(&view, seconds)).unwrap().iter().map(|[value, _]| *value).collect()
         };
-        // As in `render_rates`: within 2e-7 s nothing moves by 1e-4 px, and pixels whose differences over h and h/2
-        // disagree have a jump.
+        // As in `crates/render/tests/rendering/rates.rs`: within 2e-7 s nothing moves by 1e-4 px, and
+        // pixels whose differences over h and h/2 disagree have a jump.
         let over = |h: f64| -> Vec<f64> {
             grey(h).iter().zip(grey(-h)).map(|(after, before)| (after - before) / (2.0 * h)).collect()
         };

@@ -34,21 +34,25 @@ fn crates_needed() -> Outcome<BTreeMap<String, BTreeSet<String>>> {
         let path = entry.map_err(|e| format!("{}: {e}", folder.display()))?.path();
         let manifest = path.join("Cargo.toml");
         let text = fs::read_to_string(&manifest).map_err(|e| format!("{}: {e}", manifest.display()))?;
-        let names = text.lines().filter_map(|line| line.strip_prefix("gs2e-")?.split('.').next());
+        let names = text.lines().filter_map(|line| line.strip_prefix("gs2e-")?.split(['.', ' ']).next());
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         needed.insert(name, names.map(str::to_owned).collect());
     }
     Ok(needed)
 }
 
-/// The calls that the files ask for. Integration tests and pages ask for themselves; a crate asks for the
-/// unit tests of what depends on it, and for the integration tests; any other file for everything.
+/// The calls that the files ask for. Tests and pages ask for themselves, and tests of a crate for all of its
+/// tests; a crate asks for the tests of what depends on it; any other file for everything.
 fn calls_for(files: &[String], needed: &BTreeMap<String, BTreeSet<String>>) -> Vec<Vec<String>> {
     let mut crates: BTreeSet<&str> = BTreeSet::new();
     let mut features: BTreeSet<String> = BTreeSet::new();
+    let mut tests: BTreeSet<&str> = BTreeSet::new();
     let mut program = false;
     for file in files {
         match file.split('/').collect::<Vec<_>>()[..] {
+            ["crates", name, "tests", ..] if needed.contains_key(name) => {
+                tests.insert(name);
+            }
             ["crates", name, ..] if needed.contains_key(name) => {
                 crates.insert(name);
             }
@@ -68,9 +72,10 @@ fn calls_for(files: &[String], needed: &BTreeMap<String, BTreeSet<String>>) -> V
         crates.insert(name);
     }
     let mut calls = Vec::new();
-    if !crates.is_empty() {
-        let packages = crates.iter().flat_map(|name| ["--package".to_owned(), format!("gs2e-{name}")]);
-        calls.push(packages.chain(["--lib".to_owned()]).collect());
+    tests.extend(crates);
+    if !tests.is_empty() {
+        let packages = tests.iter().flat_map(|name| ["--package".to_owned(), format!("gs2e-{name}")]);
+        calls.push(packages.chain(["--tests".to_owned()]).collect());
     }
     let whole = ["--package", "gs2e"].map(str::to_owned);
     if program {
@@ -99,8 +104,12 @@ mod tests {
             let calls: Vec<String> = calls_for(&files, &needed).iter().map(|call| call.join(" ")).collect();
             assert_eq!(calls, wanted, "{files:?}");
         };
-        t(&["crates/num/src/seed.rs"], &["--package gs2e-num --package gs2e-sensor --lib", "--package gs2e"]);
-        t(&["crates/scene/Cargo.toml"], &["--package gs2e-scene --lib", "--package gs2e"]);
+        t(
+            &["crates/num/src/seed.rs"],
+            &["--package gs2e-num --package gs2e-sensor --tests", "--package gs2e"],
+        );
+        t(&["crates/scene/Cargo.toml"], &["--package gs2e-scene --tests", "--package gs2e"]);
+        t(&["crates/num/tests/draws.rs"], &["--package gs2e-num --tests"]);
         t(&["src/cli.rs"], &["--package gs2e"]);
         t(&["tests/it/why.rs", "tests/it/docs/cli_page.rs"], &["--package gs2e --test it -- docs:: why::"]);
         t(&["README.md"], &["--package gs2e --test it -- docs:: tidy::"]);

@@ -12,14 +12,23 @@ use std::time::Instant;
 pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
 /// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate:
-/// integration tests by name, each with what it shows.
-const SMOKE: [(&str, &str); 5] = [
-    ("golden_digests::", "every step makes its pinned bytes"),
-    ("render_golden::", "pictures equal those of another program"),
-    ("manifest::", "the demo equals its manifest"),
-    ("bad_input::a_recipe_with_faulty_text_is_refused", "a build with a fault"),
-    ("hostile_files::sources_are_regular_files", "hostile files"),
+/// integration tests by package, binary and name, each with what it shows.
+const SMOKE: [(&str, &str, &[(&str, &str)]); 2] = [
+    ("gs2e-render", "rendering", &[("golden::", "pictures equal those of another program")]),
+    (
+        "gs2e",
+        "it",
+        &[
+            ("golden_digests::", "every step makes its pinned bytes"),
+            ("manifest::", "the demo equals its manifest"),
+            ("bad_input::a_recipe_with_faulty_text_is_refused", "a build with a fault"),
+            ("hostile_files::sources_are_regular_files", "hostile files"),
+        ],
+    ),
 ];
+
+/// The integration tests with slow parts: names of binaries.
+const WITH_SLOW: [&str; 5] = ["it", "event_statistics", "recipes", "rendering", "trajectories"];
 
 /// Runs the tests that `args` ask for: none, a short selection; `--all`; `--changed`, what depends on the
 /// crates that differ from `main`; others go to `cargo test`.
@@ -46,14 +55,15 @@ pub(crate) fn run_all() -> Outcome {
 
 fn run_short() -> Outcome {
     say("1 of 2: the unit tests of every crate");
-    for (name, shows) in SMOKE {
-        say(&format!("2 of 2: {name}: {shows}"));
+    let mut calls = vec![to_test(&PACKAGES, &["--lib"])];
+    for (package, binary, tests) in SMOKE {
+        for (name, shows) in tests {
+            say(&format!("2 of 2: {name}: {shows}"));
+        }
+        let names: Vec<&str> = tests.iter().map(|(name, _)| *name).collect();
+        calls.push(to_test(&["--package", package, "--test", binary, "--"], &names));
     }
-    let names = SMOKE.map(|(name, _)| name);
-    let done = run_each(&[
-        to_test(&PACKAGES, &["--lib"]),
-        to_test(&["--package", "gs2e", "--test", "it", "--"], &names),
-    ]);
+    let done = run_each(&calls);
     say(
         "left out: the other integration tests (`cargo xtask test --all`, or `cargo xtask test --test it NAME`),",
     );
@@ -97,7 +107,8 @@ fn run_each(calls: &[Vec<String>]) -> Outcome {
 
 /// Runs the integration tests with those that are slow.
 pub(crate) fn run_slow_tests() -> Outcome {
-    cargo(&["test", "--test", "it"]).args(PACKAGES).env("RUN_SLOW_TESTS", "1").run()
+    let binaries = WITH_SLOW.iter().flat_map(|name| ["--test", name]);
+    cargo(&["test"]).args(PACKAGES).args(binaries).env("RUN_SLOW_TESTS", "1").run()
 }
 
 /// Rewrites the generated parts of the documentation: the tests that compare them do this on

@@ -1,5 +1,5 @@
-//! Images of an independent renderer, through the verb. The limits are those of `render_golden`,
-//! the cameras those of the manifest.
+//! Images of an independent renderer, through the verb. The limits are those of
+//! `crates/render/tests/rendering/cases.rs`, the cameras those of the manifest.
 
 use super::npy;
 use crate::support::workspace::Workspace;
