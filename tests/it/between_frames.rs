@@ -153,8 +153,7 @@ fn a_recipe_chooses_the_brightness_between_frames() {
         place.write("tiny.yaml", TINY.replace("between: linear", &format!("between: {between}")));
         place.ok("release --to tree tiny.yaml");
         place.ok("audit tree");
-        let scene: Value =
-            serde_json::from_slice(&fs::read(place.path("tree/tiny/scene.json")).unwrap()).unwrap();
+        let scene: Value = place.json("tree/tiny/scene.json");
         assert_eq!(scene["trajectories"][0]["sampling"]["between"], between);
         assert_eq!(scene["recipe"]["sampling"]["between"], between);
         streams.push(fs::read(place.path("tree/tiny/base/events.h5")).unwrap());

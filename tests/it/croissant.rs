@@ -2,12 +2,12 @@
 //! of it.
 
 use crate::support::absent::absent;
-use crate::support::workspace::{TINY, Workspace};
+use crate::support::foreign::python;
+use crate::support::workspace::{TINY, Workspace, tiny_with};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 const RELEASE: &str = "\
 name: Example Events
@@ -24,11 +24,9 @@ description: Two scenes of a test.
 fn released() -> Workspace {
     let place = Workspace::new();
     place.write("recipes/release.yaml", RELEASE);
-    let (head, tail) = TINY.split_once("sensor:\n").unwrap();
-    let (_, tail) = tail.split_once('\n').unwrap();
     let sensors = "sensors: { fine: { esim: {} }, usual: { voltmeter: {} } }\n";
     let owned = "licence: { expression: MIT OR Apache-2.0, holder: Example Lab }\n";
-    let several = format!("{head}{sensors}{tail}{owned}");
+    let several = tiny_with(sensors) + owned;
     place.write("recipes/several.yaml", several.replace("scene: tiny", "scene: a/tiny"));
     place.write("recipes/none.yaml", TINY.replace("outputs: [events, sharp]", "outputs: [sharp]"));
     place.ok("release --to out recipes");
@@ -81,10 +79,6 @@ fn one_listed_licence_is_given_by_its_address() {
     let file = described(crate::release::small::release());
     assert_eq!(file["license"], "https://spdx.org/licenses/CC0-1.0.html");
     assert_eq!(file["name"], "gs2e release");
-}
-
-fn python(args: &[&str]) -> Option<Output> {
-    Command::new("python3").args(args).output().ok()
 }
 
 /// Reads the release with an independent reader. If Python lacks it, a message goes to stderr; with

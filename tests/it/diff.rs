@@ -18,7 +18,7 @@ fn diff(place: &Workspace, old: &str, new: &str) -> Value {
 
 /// Applies `change` to a JSON file of a release.
 fn edit(place: &Workspace, path: &str, change: impl FnOnce(&mut Value)) {
-    let mut value: Value = serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap();
+    let mut value: Value = place.json(path);
     change(&mut value);
     // A linked file is read-only, and is the store's own.
     fs::remove_file(place.path(path)).unwrap();

@@ -75,9 +75,7 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     assert_eq!((found["check"].as_str(), found["verdict"].as_str()), (Some("capture"), Some("not-run")));
     assert_eq!(found["because"], "the source is not a COLMAP model");
 
-    let read =
-        |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
-    let reconstruction = &read("tree/given/scene.json")["reconstruction"];
+    let reconstruction = &place.json("tree/given/scene.json")["reconstruction"];
     assert_eq!(
         (&reconstruction["psnr"]["mean"], &reconstruction["psnr"]["views"]),
         (&mean.into(), &6.into())
@@ -93,7 +91,7 @@ fn a_scene_scores_high_on_photos_of_its_own() {
     assert!(columns(132).all(|rgb| rgb.iter().all(|v| *v <= 4)));
     let page = fs::read_to_string(place.path("tree/report.html")).unwrap();
     assert!(page.contains("difference x 4") && page.contains("given/held_out.png"));
-    let findings = read("tree/given/checks.json");
+    let findings = place.json("tree/given/checks.json");
     assert_eq!(findings.as_array().unwrap().len(), 8);
     let card = fs::read_to_string(place.path("tree/README.md")).unwrap();
     assert!(

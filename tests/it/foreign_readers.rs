@@ -6,10 +6,10 @@
 //! with `REQUIRE_READERS=1` that is a failure.
 
 use crate::support::absent::absent;
+use crate::support::foreign::python;
 use crate::support::shared;
 use crate::support::workspace::Workspace;
 use serde_json::Value;
-use std::process::{Command, Output};
 
 /// File, options of its writing, and its readers.
 const WANTED: [(&str, &str, &[&str]); 5] = [
@@ -28,10 +28,6 @@ const FILTERS: [&str; 4] = ["none", "gzip:1", "zstd", "lz4"];
 const WIDTH: u32 = 320;
 const HEIGHT: u32 = 240;
 const EVENTS: u32 = 60_000;
-
-fn python(args: &[&str]) -> Option<Output> {
-    Command::new("python3").args(args).output().ok()
-}
 
 /// Events at places without a pattern, several per microsecond and then none for a long time, in
 /// file order.

@@ -1,6 +1,6 @@
 //! Sensors whose front ends differ, over one rendering.
 
-use crate::support::workspace::{TINY, Workspace};
+use crate::support::workspace::{TINY, Workspace, tiny_with};
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_image::{Size, srgb};
@@ -11,33 +11,22 @@ use gs2e_scene::camera::view::CameraView;
 use gs2e_sensor::frames::FrameSequence as _;
 use gs2e_sensor::front_end::{ChannelDecode, FrontEnd, FrontEndFrames, LuminanceWeights};
 use gs2e_trajectory::Trajectory;
-use serde_json::Value;
 use std::fs;
 use std::sync::Arc;
 
 const SENSOR: &str = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
-
-/// The recipe with these lines instead of its sensor.
-fn recipe(sensors: &str) -> String {
-    assert!(TINY.contains(SENSOR));
-    TINY.replace(SENSOR, sensors)
-}
 
 const LIGHT: &str =
     "voltmeter: { preset: dvs346-paper, front_end: { luminance: rec709, decode: srgb, exposure: 1.5 } }";
 const BRIGHT: &str =
     "voltmeter: { preset: dvs346-paper, front_end: { exposure: 2, range: { min: 10, max: 400 } } }";
 
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
 #[test]
 fn several_sensors_see_the_same_as_each_alone() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
-        recipe(&format!(
+        tiny_with(&format!(
             "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n  bright: {{ {BRIGHT} }}\n"
         )),
     );
@@ -54,7 +43,7 @@ fn several_sensors_see_the_same_as_each_alone() {
             .into_iter()
             .zip(several)
     {
-        place.write("tiny.yaml", recipe(sensor));
+        place.write("tiny.yaml", tiny_with(sensor));
         place.ok("release --replace --to one tiny.yaml");
         assert!(events("one/tiny/base/events.h5") == several, "{sensor}");
     }
@@ -67,12 +56,12 @@ fn each_sensor_is_checked_by_its_own_brightness() {
     let place = Workspace::new();
     place.write(
         "tiny.yaml",
-        recipe(&format!(
+        tiny_with(&format!(
             "sensors:\n  usual: {{ voltmeter: {{ preset: dvs346-paper }} }}\n  light: {{ {LIGHT} }}\n"
         )),
     );
     place.ok("release --to out tiny.yaml");
-    let checks = json(&place, "out/tiny/base/checks.json");
+    let checks = place.json("out/tiny/base/checks.json");
     let judged = |name: &str| -> Vec<(String, f64)> {
         let of = checks.as_array().unwrap().iter().filter(|f| f["check"] == "event_frame");
         let of = of.filter(|f| f["subject"].as_str().unwrap().starts_with(&format!("tiny/base/{name}")));
@@ -90,10 +79,10 @@ fn each_sensor_is_checked_by_its_own_brightness() {
 fn a_release_states_the_brightness_of_each_sensor() {
     let place = Workspace::new();
     let said = |sensors: &str| {
-        place.write("tiny.yaml", recipe(sensors));
+        place.write("tiny.yaml", tiny_with(sensors));
         place.ok("release --replace --to out tiny.yaml");
         place.ok("audit out");
-        let scene = json(&place, "out/tiny/scene.json");
+        let scene = place.json("out/tiny/scene.json");
         let card = fs::read_to_string(place.path("out/README.md")).unwrap();
         // The canonical recipe describes the same sensors.
         place.write("again.yaml", scene["recipe"].to_string());
@@ -142,7 +131,7 @@ fn writing_out_a_default_changes_no_key() {
 fn cubics_see_through_front_ends() {
     let place = Workspace::new();
     for (between, sensor) in [("hermite", BRIGHT), ("catmull", LIGHT)] {
-        let text = recipe(&format!("sensor: {{ {sensor} }}\n"));
+        let text = tiny_with(&format!("sensor: {{ {sensor} }}\n"));
         place.write("tiny.yaml", text.replace("between: linear", &format!("between: {between}")));
         let message = place.ok("build tiny.yaml --json").stdout;
         assert!(message.contains("tiny/base/events"), "{message}");

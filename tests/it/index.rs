@@ -1,7 +1,7 @@
 //! `index.parquet`: its rows match the recipe and the files, and it is the same on every machine.
 
 use crate::release::small::{copy, gs2e, release};
-use crate::support::workspace::{TINY, Workspace};
+use crate::support::workspace::{Workspace, tiny_with};
 use gs2e_event::{EventSource as _, h5};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
@@ -127,10 +127,8 @@ fn the_file_is_one_row_group_of_zstd_without_a_time() {
 #[test]
 fn scenes_and_sensors_are_sorted_and_a_second_release_is_the_same() {
     let place = Workspace::new();
-    let (head, tail) = TINY.split_once("sensor:\n").unwrap();
-    let (_, tail) = tail.split_once('\n').unwrap();
     let sensors = "sensors:\n  usual: { v2e: { preset: clean } }\n  fine: { esim: { threshold: { on: 0.3, off: 0.2 } } }\n";
-    let several = format!("{head}{sensors}{tail}");
+    let several = tiny_with(sensors);
     place.write("recipes/b.yaml", several.replace("scene: tiny", "scene: a/tiny"));
     place.write("recipes/a.yaml", several.replace("outputs: [events, sharp]", "outputs: [sharp]"));
     place.ok("release --to one recipes");

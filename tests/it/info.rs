@@ -286,14 +286,10 @@ fn events_are_counted() {
 
 #[test]
 fn releases_and_stores_are_counted() {
-    let place = Workspace::new();
-    place.write("tiny.yaml", TINY);
-    place.ok("release --to tree tiny.yaml");
+    let place = Workspace::released(TINY, "");
     let found = info_of(&place, "tree");
-    let manifest: Value =
-        serde_json::from_slice(&fs::read(place.path("tree/manifest.json")).unwrap()).unwrap();
-    let scene: Value =
-        serde_json::from_slice(&fs::read(place.path("tree/tiny/scene.json")).unwrap()).unwrap();
+    let manifest: Value = place.json("tree/manifest.json");
+    let scene: Value = place.json("tree/tiny/scene.json");
     assert_eq!((&found["kind"], &found["name"]), (&json!("release"), &manifest["name"]));
     assert_eq!((&found["scenes"], &found["trajectories"]), (&json!(1), &json!(1)));
     assert_eq!(found["events"], scene["trajectories"][0]["statistics"]["events"]);

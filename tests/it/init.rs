@@ -224,9 +224,7 @@ fn views_that_are_not_used_are_listed_with_the_reason() {
     let defaults = "camera: { width: 32, height: 18 }\ntrajectories: [{ name: base, refine: { factor: 2 } }]\noutputs: []\n";
     place.write("recipes/defaults.yaml", defaults);
     place.ok("release --to tree recipes");
-    let scene: Value =
-        serde_json::from_slice(&fs::read(place.path("tree/mvimgnet/7/0000000b/scene.json")).unwrap())
-            .unwrap();
+    let scene: Value = place.json("tree/mvimgnet/7/0000000b/scene.json");
     let images = scene["images"].as_array().unwrap();
     assert_eq!(images.len(), VIEWS as usize + 2);
     let used: Vec<&str> =

@@ -1,12 +1,7 @@
 //! Events that are late, through the binary.
 
 use crate::support::workspace::{TINY, Workspace, same_tree};
-use serde_json::Value;
 use std::fs;
-
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
 
 /// The tiny recipe with this latency.
 fn tiny(latency: &str) -> String {
@@ -14,10 +9,7 @@ fn tiny(latency: &str) -> String {
 }
 
 fn released(latency: &str, threads: u32) -> Workspace {
-    let place = Workspace::new();
-    place.write("tiny.yaml", tiny(latency));
-    place.ok(&format!("release -j {threads} --to tree tiny.yaml"));
-    place
+    Workspace::released(&tiny(latency), &format!("-j {threads}"))
 }
 
 /// The delays are counted, no check takes them for a fault, and threads change no byte.
@@ -27,7 +19,7 @@ fn late_events_are_counted_and_no_fault() {
     let [one, two] = [1, 2].map(|threads| released(latency, threads));
     same_tree(&one.path("tree"), &two.path("tree"));
     one.ok("audit tree");
-    let scene = json(&one, "tree/tiny/scene.json");
+    let scene = one.json("tree/tiny/scene.json");
     let counts = &scene["trajectories"][0]["statistics"];
     let count = |key: &str| counts["latency"][key].as_u64().unwrap();
     assert!(count("kept") > 100 && count("unread") > 0, "{counts}");
@@ -44,7 +36,7 @@ fn late_events_are_counted_and_no_fault() {
 
 /// No pass fails, and those that would take a delay for a fault say that they do not judge it.
 fn place_checks(place: &Workspace) {
-    let mut findings = json(place, "tree/tiny/base/checks.json").as_array().unwrap().clone();
+    let mut findings = place.json("tree/tiny/base/checks.json").as_array().unwrap().clone();
     // One finding a line.
     let all = place.ok("check --tree tree --json").stdout;
     assert!(!all.contains("\"fail\""), "{all}");

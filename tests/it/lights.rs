@@ -1,12 +1,13 @@
 //! Light that changes: the events of a flickering still scene are those of the law's closed form, pictures and
 //! exposures are multiplied in linear light, and the setting is part of keys, messages and releases.
 
+use crate::rolling::picture;
 use crate::support::steps::{keys, recipe, steps};
 use crate::support::workspace::Workspace;
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_event::{Event, Polarity};
-use gs2e_image::{Image, Size, png, srgb};
+use gs2e_image::{Image, Size, srgb};
 use gs2e_num::seed::Seed;
 use gs2e_render::backend::Backend;
 use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
@@ -136,11 +137,6 @@ fn lit(lights: Value) -> Value {
 
 fn flicker() -> Value {
     json!({ "flicker": { "hz": 100, "depth": 0.6, "waveform": "rectified", "phase": 0.25 } })
-}
-
-fn picture(place: &Workspace, name: &str) -> Vec<[u8; 3]> {
-    let bytes = std::fs::read(place.path(name)).unwrap();
-    png::read_sized(std::io::Cursor::new(bytes), Size { width: 48, height: 32 }).unwrap().into_pixels()
 }
 
 #[test]

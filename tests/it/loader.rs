@@ -4,7 +4,7 @@
 
 use crate::release::small::release;
 use crate::support::absent::absent;
-use crate::support::workspace::{TINY, Workspace};
+use crate::support::workspace::{TINY, Workspace, tiny_with};
 use gs2e_image::png;
 use std::fs;
 use std::io::BufReader;
@@ -78,11 +78,9 @@ fn raw(image: &gs2e_image::Image<[u8; 3]>) -> Vec<u8> {
 #[test]
 fn one_of_several_sensors_is_asked_for_by_name() {
     let place = Workspace::new();
-    let (head, tail) = TINY.split_once("sensor:\n").unwrap();
-    let (_, tail) = tail.split_once('\n').unwrap();
     let sensors = "sensors:\n  fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n  \
                    usual: { voltmeter: { preset: dvs346, labels: true } }\n";
-    place.write("tiny.yaml", format!("{head}{sensors}{tail}"));
+    place.write("tiny.yaml", tiny_with(sensors));
     place.ok("release --to tree tiny.yaml");
     let tree = place.path("tree");
     ask(&tree, &["sensors", tree.join("tiny").to_str().unwrap()]);
@@ -147,9 +145,7 @@ fn a_dataset_has_the_scenes_of_a_split() {
 
 #[test]
 fn a_file_of_events_alone_is_read() {
-    let place = Workspace::new();
-    place.write("tiny.yaml", TINY.replace("preset: dvs346,", "preset: dvs346, labels: true,"));
-    place.ok("release --to tree tiny.yaml");
+    let place = Workspace::released(&TINY.replace("preset: dvs346,", "preset: dvs346, labels: true,"), "");
     fs::copy(place.path("tree/tiny/base/events.h5"), place.path("events.h5")).unwrap();
     ask(&place.path("tree"), &["bare", place.path("events.h5").to_str().unwrap()]);
 }

@@ -2,8 +2,8 @@
 //! and OpenCV and h5py, which read the released files. If one is absent, a message goes to stderr;
 //! with `REQUIRE_COLMAP=1` or `REQUIRE_OPENCV=1` that is a failure.
 
-use crate::programs::programs;
 use crate::support::absent::absent;
+use crate::support::foreign::{colmap_is_there, programs};
 use crate::support::shared;
 use crate::support::steps::recipe;
 use crate::support::workspace::Workspace;
@@ -28,10 +28,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 const DEGREE: f64 = std::f64::consts::PI / 180.0;
-
-fn colmap_is_there() -> bool {
-    versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
-}
 
 /// Returns true if Python has OpenCV and h5py.
 fn python_is_there() -> bool {

@@ -17,16 +17,12 @@ fn place() -> Workspace {
     place
 }
 
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
 fn text(place: &Workspace, path: &str) -> String {
     fs::read_to_string(place.path(path)).unwrap()
 }
 
 fn scenes(place: &Workspace, tree: &str) -> Vec<String> {
-    let manifest = json(place, &format!("{tree}/manifest.json"));
+    let manifest = place.json(&format!("{tree}/manifest.json"));
     let scenes = manifest["scenes"].as_array().unwrap().iter();
     scenes.map(|scene| scene["id"].as_str().unwrap().to_owned()).collect()
 }
@@ -67,7 +63,7 @@ fn a_partial_release_has_the_sound_scenes_and_names_the_others() {
     assert!(said.contains("error: lab/b is held back\n because event_rate failed: lab/b/base"), "{said}");
     assert_eq!(scenes(&place, "out"), ["lab/a", "lab/c"]);
     assert!(!place.path("out/lab/b").exists());
-    let held_back = &json(&place, "out/manifest.json")["held_back"];
+    let held_back = &place.json("out/manifest.json")["held_back"];
     assert_eq!(
         (&held_back[0]["id"], &held_back[0]["checks"][0]["check"]),
         (&"lab/b".into(), &"event_rate".into())
@@ -95,7 +91,7 @@ fn a_partial_release_has_the_sound_scenes_and_names_the_others() {
     let difference: Value = serde_json::from_str(&place.ok("diff --json out whole").stdout).unwrap();
     assert_eq!(difference["added"][0]["id"], "lab/b", "{difference}");
     assert_eq!(difference["unchanged"], 2);
-    assert!(json(&place, "whole/manifest.json").get("held_back").is_none());
+    assert!(place.json("whole/manifest.json").get("held_back").is_none());
     // A release of sound scenes has the same bytes with and without the option.
     place.ok("release --to plain recipes");
     crate::support::workspace::same_tree(&place.path("whole"), &place.path("plain"));
@@ -113,7 +109,7 @@ fn splits_of_a_partial_release_are_those_of_the_whole() {
     place.write("recipes/b.yaml", text(&place, "recipes/b.yaml").replace(UNSOUND, ""));
     place.ok("release --to whole recipes");
     for scene in ["a", "c"] {
-        let split = |tree: &str| json(&place, &format!("{tree}/lab/{scene}/scene.json"))["split"].clone();
+        let split = |tree: &str| place.json(&format!("{tree}/lab/{scene}/scene.json"))["split"].clone();
         assert_eq!(split("out"), split("whole"));
     }
 }

@@ -67,10 +67,6 @@ fn place(recipe: &Value) -> Workspace {
     place
 }
 
-fn read(place: &Workspace, name: &str) -> Value {
-    serde_json::from_slice(&std::fs::read(place.path(name)).unwrap()).unwrap()
-}
-
 fn poses(place: &Workspace, trajectory: &str) -> Trajectory {
     let file = File::open(place.path(&format!("out/{trajectory}/poses.txt"))).unwrap();
     Trajectory::read_poses(BufReader::new(file)).unwrap()
@@ -123,7 +119,7 @@ fn each_path_takes_only_its_inputs() {
 fn all_kinds_of_paths_are_released() {
     let place = place(&all_kinds());
     place.ok("release -q --to out recipe.yaml");
-    let scene = read(&place, "out/paths/scene.json");
+    let scene = place.json("out/paths/scene.json");
     let part = |i: usize| &scene["trajectories"][i];
     let kinds: Vec<_> = (0..4).map(|i| part(i)["kind"].as_str().unwrap()).collect();
     assert_eq!(kinds, ["refine", "orbit", "keyframes", "refine"]);
@@ -161,7 +157,7 @@ fn all_kinds_of_paths_are_released() {
 
 /// A flow determines the duration of the path.
 fn flows(place: &Workspace, trajectory: &str, px_s: f64) {
-    let speed = read(place, &format!("out/{trajectory}/speed.json"));
+    let speed = place.json(&format!("out/{trajectory}/speed.json"));
     let px = speed["flow"]["px"].as_f64().unwrap();
     let frames = 1.0 + (px / px_s * 2400.0).ceil();
     assert_eq!(speed["M"].as_f64(), Some(frames), "{px} px");
@@ -175,7 +171,7 @@ fn a_scene_file_needs_no_capture() {
     place.ok("audit out");
     assert_eq!(inputs(&place, "bare/round/trajectory"), [""; 0]);
     assert_eq!(inputs(&place, "bare/past/trajectory"), ["capture", "gaussians"]);
-    let scene = read(&place, "out/bare/scene.json");
+    let scene = place.json("out/bare/scene.json");
     let source = (&scene["source"]["kind"], &scene["reconstruction"]["kind"]);
     assert_eq!(source, (&json!("none"), &json!("given")));
     assert_eq!(scene["attributes"]["data_source"], "none");
@@ -244,7 +240,7 @@ fn a_varied_frame_rate_is_released() {
     // Four steps of 1/2400 s, then four of half that: a step belongs to the level at its start.
     let wanted = [0, 417, 833, 1250, 1667, 1875, 2083, 2292, 2500];
     assert_eq!(poses(&place, "bare/round").stamps_us, wanted);
-    assert_eq!(read(&place, "out/bare/scene.json")["attributes"]["speed_profile"], "uniform");
+    assert_eq!(place.json("out/bare/scene.json")["attributes"]["speed_profile"], "uniform");
 }
 
 /// A base of 30 poses and two groups of three key poses that are drawn from it.
@@ -274,7 +270,7 @@ fn key_poses_are_drawn_from_the_base() {
     let place = place(&with_novel());
     place.ok("release -q --to out recipe.yaml");
     assert_eq!(inputs(&place, "paths/mini-0/trajectory"), ["trajectory"]);
-    let scene = read(&place, "out/paths/scene.json");
+    let scene = place.json("out/paths/scene.json");
     let seeds: Vec<&String> = scene["seeds"].as_object().unwrap().keys().collect();
     let wanted = ["base/sensor", "mini-0/sensor", "mini-1/sensor", "mini/curve", "mini/keyframes"];
     assert_eq!(seeds, wanted);

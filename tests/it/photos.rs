@@ -6,14 +6,12 @@ mod planted;
 mod scripted;
 mod video;
 
-use crate::programs::programs;
-use crate::support::absent::absent;
+use crate::support::foreign::{colmap_is_there, programs};
 use crate::support::workspace::Workspace;
 use gs2e_num::se3::Se3;
 use gs2e_source::colmap::ColmapModel;
 use gs2e_source::foreign::align::{CameraPair, pose_distances};
 use gs2e_source::foreign::photos::{SolvedPhotos, solve_photos};
-use gs2e_source::foreign::versions;
 use gs2e_source::reconstruct::ProgramWorkspace;
 use gs2e_source::solving::{PoseSolving, SolvedLens};
 use planted::Corner;
@@ -22,10 +20,6 @@ use std::path::{Path, PathBuf};
 
 /// Few key points: tests match them without optimisation.
 const FEATURES: u32 = 600;
-
-fn colmap_is_there() -> bool {
-    versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
-}
 
 /// Finds poses in a new folder.
 fn solve(place: &Workspace, photos: &[(String, PathBuf)], to: &str) -> SolvedPhotos {

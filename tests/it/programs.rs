@@ -1,17 +1,13 @@
 //! Programs under the supervisor: their output, the reports of their ends, and their leftover
 //! processes.
 
+use crate::support::foreign::programs;
 use gs2e_files::programs::{
     EndKind, ProgramCall, ProgramEnd, ProgramFinder, last_lines, length, run, run_within, says,
 };
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::Path;
-
-/// The programs of this machine.
-pub(crate) fn programs() -> ProgramFinder {
-    ProgramFinder::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
-}
 
 fn shell(script: &str, folder: &Path) -> ProgramCall {
     ProgramCall {

@@ -1,21 +1,10 @@
 //! Sensors with numbers that are drawn for each trajectory.
 
-use crate::support::workspace::{TINY, Workspace, same_tree};
+use crate::support::workspace::{Workspace, same_tree, tiny_with};
 use gs2e_recipe::{Recipe, read_all};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::fs;
-
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
-/// The tiny recipe with these lines instead of its sensor.
-fn tiny(sensors: &str) -> String {
-    let own = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
-    assert!(TINY.contains(own));
-    TINY.replace(own, sensors)
-}
 
 fn load(yaml: &str) -> Result<Recipe, String> {
     let folder = tempfile::tempdir().unwrap();
@@ -163,12 +152,12 @@ fn draws_are_in_the_release_and_in_the_key() {
     let place = Workspace::new();
     let write = |high: &str| {
         let ranges = format!("sensor: {{ v2e: {{ threshold: {{ on: {{ uniform: [0.1, {high}] }} }} }} }}\n");
-        place.write("tiny.yaml", tiny(&ranges));
+        place.write("tiny.yaml", tiny_with(&ranges));
     };
     write("0.3");
     place.ok("release --to tree tiny.yaml");
     place.ok("audit tree");
-    let scene = json(&place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let part = &scene["trajectories"][0];
     let found = part["drawn"]["v2e.threshold.on"].as_f64().unwrap();
     assert!((0.1..=0.3).contains(&found) && part["sensor"]["threshold"]["on"] == found, "{part}");
@@ -183,18 +172,18 @@ fn draws_are_in_the_release_and_in_the_key() {
 fn threads_and_other_trajectories_change_no_byte() {
     let sensors = "sensor: { v2e: { preset: randomised, max_events_per_pixel_frame: 100000 } }\n";
     let [one, two, more] = [Workspace::new(), Workspace::new(), Workspace::new()];
-    one.write("tiny.yaml", tiny(sensors));
-    two.write("tiny.yaml", tiny(sensors));
+    one.write("tiny.yaml", tiny_with(sensors));
+    two.write("tiny.yaml", tiny_with(sensors));
     one.ok("release -j 1 --to out tiny.yaml");
     two.ok("release -j 2 --to out tiny.yaml");
     same_tree(&one.path("out"), &two.path("out"));
     let other = "trajectories:\n  - { name: another, refine: { window: 3 } }\n";
-    more.write("tiny.yaml", tiny(sensors).replace("trajectories:\n", other));
+    more.write("tiny.yaml", tiny_with(sensors).replace("trajectories:\n", other));
     more.ok("release -j 2 --to out tiny.yaml");
     let events = |place: &Workspace| fs::read(place.path("out/tiny/base/events.h5")).unwrap();
     assert!(events(&one) == events(&more));
     let drawn = |place: &Workspace, name: &str| {
-        let scene = json(place, "out/tiny/scene.json");
+        let scene = place.json("out/tiny/scene.json");
         let of_it = scene["trajectories"].as_array().unwrap().iter().find(|t| t["name"] == name).unwrap();
         of_it["drawn"].clone()
     };

@@ -1,41 +1,27 @@
 //! A bus of limited rate behind the pixels, through the binary.
 
 use crate::support::workspace::{TINY, Workspace};
-use serde_json::Value;
 use std::fs;
-
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
 
 /// The tiny recipe with this readout.
 fn tiny(readout: &str) -> String {
     TINY.replace("off: 1.0 } }", &format!("off: 1.0 }}, readout: {readout} }}"))
 }
 
-/// What the program prints when it refuses a command.
-fn refused(place: &Workspace, args: &str) -> String {
-    let ended = place.gs2e(args);
-    assert_eq!(ended.code, 2, "{}", ended.stderr);
-    ended.stderr
-}
-
 /// 20,000 events per second are fewer than the scene makes. The counts are in the release, agree
 /// with the stream, and no check takes the late events for a fault.
 #[test]
 fn a_slow_bus_is_counted_and_no_fault() {
-    let place = Workspace::new();
-    place.write("tiny.yaml", tiny("{ rate_mev_s: 0.02, queue: 100 }"));
-    place.ok("release --to tree tiny.yaml");
+    let place = Workspace::released(&tiny("{ rate_mev_s: 0.02, queue: 100 }"), "");
     place.ok("audit tree");
-    let scene = json(&place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let counts = &scene["trajectories"][0]["statistics"];
     let bus = |key: &str| counts["readout"][key].as_u64().unwrap();
     let lost = bus("lost_in_pixel") + bus("lost_in_queue") + bus("unread");
     assert!(lost > 0 && bus("kept") > 0, "{counts}");
     assert_eq!((bus("kept"), bus("kept") + lost), (counts["events"].as_u64().unwrap(), bus("made")));
     assert_eq!(scene["trajectories"][0]["sensor"]["readout"]["rate_mev_s"], 0.02);
-    let findings = json(&place, "tree/tiny/base/checks.json");
+    let findings = place.json("tree/tiny/base/checks.json");
     for finding in findings.as_array().unwrap() {
         assert_ne!(finding["verdict"], "fail", "{finding}");
     }
@@ -51,7 +37,7 @@ fn a_fast_bus_changes_no_event() {
     let events = |recipe: String, tree: &str| {
         place.write("tiny.yaml", recipe);
         place.ok(&format!("release --to {tree} tiny.yaml"));
-        let part = json(&place, &format!("{tree}/tiny/scene.json"))["trajectories"][0].clone();
+        let part = place.json(&format!("{tree}/tiny/scene.json"))["trajectories"][0].clone();
         (fs::read(place.path(&format!("{tree}/tiny/base/events.h5"))).unwrap(), part)
     };
     let (without, _) = events(TINY.to_owned(), "without");
@@ -68,7 +54,7 @@ fn a_bus_without_a_rate_is_refused() {
     let place = Workspace::new();
     let t = |readout: &str, wanted: &str| {
         place.write("tiny.yaml", tiny(readout));
-        let message = refused(&place, "plan tiny.yaml");
+        let message = place.refused("plan tiny.yaml");
         assert!(message.contains("tiny.yaml:12:") && message.contains(wanted), "{message}");
     };
     t("{ rate_mev_s: 0 }", "\"sensor.voltmeter.readout.rate_mev_s\" is 0, wanted a number from 0.000001");

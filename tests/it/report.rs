@@ -3,7 +3,7 @@
 
 use crate::release::small;
 use crate::restricted;
-use crate::support::workspace::{TINY, Workspace, same_tree};
+use crate::support::workspace::{Workspace, same_tree, tiny_with};
 use roxmltree::{Document, Node, ParsingOptions};
 use std::fs;
 use std::path::Path;
@@ -160,13 +160,11 @@ fn tables_have_boxes_and_heads_are_words() {
 #[test]
 fn sensors_of_a_trajectory_can_be_compared() {
     let place = Workspace::new();
-    let sensor = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
-    let (head, tail) = TINY.split_once(sensor).unwrap();
     let sensors = "sensors:\n  fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n  \
                    coarse: { voltmeter: { preset: dvs346-paper, threshold: { on: 2.0, off: 2.0 } } }\n\
                    checks: { event_rate: { max: 0.001 }, waive: \
                    [{ check: event_rate, because: \"the limit is `max: 0.001`\" }] }\n";
-    place.write("tiny.yaml", format!("{head}{sensors}{tail}"));
+    place.write("tiny.yaml", tiny_with(sensors));
     place.ok("release --to tree tiny.yaml");
     place.ok("audit tree");
     let source = sound(&place.path("tree"));

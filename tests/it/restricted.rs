@@ -207,7 +207,7 @@ fn an_address_names_its_upstream() {
     place.write("recipes/mine.yaml", recipe);
     let ended = place.ok("release --to tree recipes/mine.yaml");
     assert!(ended.stderr.contains("colmap (MVImgNet) forbids redistribution"), "{}", ended.stderr);
-    let file: Value = serde_json::from_slice(&fs::read(place.path("tree/mine/scene.json")).unwrap()).unwrap();
+    let file: Value = place.json("tree/mine/scene.json");
     assert_eq!(file["licence"]["expression"], "CC-BY-NC-4.0 AND LicenseRef-MVImgNet-ToU AND MIT");
     assert_eq!(file["licence"]["withheld"], true);
     place.ok("audit tree");

@@ -56,21 +56,12 @@ licence: { expression: CC0-1.0, holder: Nobody }
 /// The release of [`RIG`], made once and never changed.
 fn released() -> &'static Workspace {
     static RELEASED: OnceLock<Workspace> = OnceLock::new();
-    RELEASED.get_or_init(|| {
-        let place = Workspace::new();
-        place.write("tiny.yaml", RIG);
-        place.ok("release --copy --to tree tiny.yaml");
-        place
-    })
+    RELEASED.get_or_init(|| Workspace::released(RIG, "--copy"))
 }
 
 fn poses(place: &Workspace, folder: &str) -> Trajectory {
     let file = File::open(place.path(&format!("tree/tiny/{folder}/poses.txt"))).unwrap();
     Trajectory::read_poses(BufReader::new(file)).unwrap()
-}
-
-fn json(place: &Workspace, name: &str) -> Value {
-    serde_json::from_slice(&std::fs::read(place.path(name)).unwrap()).unwrap()
 }
 
 /// The numbers of an array.
@@ -145,7 +136,7 @@ fn each_camera_is_at_its_place() {
             assert!((own.translation - centre).length() < 1e-15, "{name}");
         }
     }
-    let scene = json(place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let parts = scene["trajectories"].as_array().unwrap();
     let names: Vec<&str> = parts.iter().map(|part| part["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["base", "base/left", "base/right", "base/frames"]);
@@ -297,7 +288,7 @@ fn sampled(map: &[f32], channels: usize, channel: usize, [x, y]: [f64; 2]) -> Op
 #[test]
 fn the_rectified_pair_reprojects_within_a_twentieth_of_a_pixel() {
     let place = released();
-    let scene = json(place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let part = |i: usize| Seen::of(&scene["trajectories"][i]["mounted"]["camera"]);
     let (left, right) = (part(1), part(2));
     let maps = ["left", "right"].map(|name| {
@@ -493,7 +484,7 @@ fn faulty_rigs_are_named() {
 #[test]
 fn the_full_form_is_a_recipe() {
     let place = released();
-    let recipe = json(place, "tree/tiny/scene.json")["recipe"].clone();
+    let recipe = place.json("tree/tiny/scene.json")["recipe"].clone();
     place.write("again.yaml", recipe.to_string());
     assert_eq!(place.stale("again.yaml"), [""; 0]);
 }

@@ -80,7 +80,7 @@ fn rolling(readout_us: Value) -> Value {
     value
 }
 
-fn picture(place: &Workspace, name: &str) -> Vec<[u8; 3]> {
+pub(crate) fn picture(place: &Workspace, name: &str) -> Vec<[u8; 3]> {
     let bytes = std::fs::read(place.path(name)).unwrap();
     png::read_sized(std::io::Cursor::new(bytes), Size { width: 48, height: 32 }).unwrap().into_pixels()
 }

@@ -1,17 +1,9 @@
 //! Several sensors that see one rendering.
 
-use crate::support::workspace::{Ended, TINY, Workspace};
+use crate::support::workspace::{Ended, Workspace, tiny_with};
 use gs2e_event::h5;
 use serde_json::Value;
 use std::fs;
-
-/// The recipe with these lines instead of its sensor.
-fn recipe(sensors: &str) -> String {
-    let (head, tail) = TINY
-        .split_once("sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n")
-        .unwrap();
-    format!("{head}{sensors}{tail}")
-}
 
 const THREE: &str = "sensors:
   fine: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }
@@ -19,20 +11,16 @@ const THREE: &str = "sensors:
   coarse: { voltmeter: { preset: dvs346-paper, threshold: { on: 2.0, off: 2.0 } } }
 ";
 
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
 #[test]
 fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
     let place = Workspace::new();
-    place.write("tiny.yaml", recipe(THREE));
+    place.write("tiny.yaml", tiny_with(THREE));
     let message = place.ok("release --to tree tiny.yaml").stderr;
     for name in ["coarse", "fine", "usual"] {
         assert!(message.contains(&format!("sensor of tiny/{name}: ")), "{message}");
     }
     place.ok("audit tree");
-    let scene = json(&place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let part = &scene["trajectories"][0];
     assert_eq!((&part["sensor"], &part["statistics"]["events"]), (&Value::Null, &Value::Null));
     let events = |name: &str| part["sensors"][name]["statistics"]["events"].as_u64().unwrap();
@@ -49,7 +37,7 @@ fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
         ["coarse", "fine", "usual"].iter().all(|name| card.contains(&format!("| tiny/base/{name} |"))),
         "{card}"
     );
-    let checks = json(&place, "tree/tiny/base/checks.json");
+    let checks = place.json("tree/tiny/base/checks.json");
     let subjects = |check: &str| -> Vec<String> {
         let of = checks.as_array().unwrap().iter().filter(|f| f["check"] == check);
         of.map(|f| f["subject"].as_str().unwrap().to_owned()).collect()
@@ -75,11 +63,11 @@ fn each_has_its_stream_its_checks_and_its_place_in_the_release() {
 #[test]
 fn a_sensor_makes_the_same_events_alone() {
     let place = Workspace::new();
-    place.write("tiny.yaml", recipe(THREE));
+    place.write("tiny.yaml", tiny_with(THREE));
     place.ok("release --to several tiny.yaml");
     place.write(
         "tiny.yaml",
-        recipe("sensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n"),
+        tiny_with("sensor: { voltmeter: { preset: dvs346-paper, threshold: { on: 0.5, off: 0.5 } } }\n"),
     );
     place.ok("release --to one tiny.yaml");
     let [several, one] = ["several/tiny/base/events/fine.h5", "one/tiny/base/events.h5"]
@@ -100,10 +88,10 @@ fn a_sensor_without_noise_is_the_twin_of_the_one_with_it() {
          noisy: {{ voltmeter: {{ preset: dvs346, labels: true }} }}\n  \
          v2e-clean: {{ v2e: {{ preset: clean }} }}\n"
     );
-    place.write("tiny.yaml", recipe(&sensors));
+    place.write("tiny.yaml", tiny_with(&sensors));
     place.ok("release --to tree tiny.yaml");
     place.ok("audit tree");
-    let scene = json(&place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let twin_of = |name: &str| scene["trajectories"][0]["sensors"][name]["twin_of"].clone();
     assert_eq!(
         ["clean", "finer", "noisy", "v2e-clean"].map(twin_of),
@@ -119,14 +107,14 @@ fn a_twin_is_the_same_sensor_without_its_noise() {
     let by_hand = "by-hand: { v2e: { preset: noisy, leak: { rate: 0 }, shot: 0 } }";
     place.write(
         "tiny.yaml",
-        recipe(&format!("sensors:\n  clean: {{ twin_of: noisy }}\n  {by_hand}\n  {noisy}\n")),
+        tiny_with(&format!("sensors:\n  clean: {{ twin_of: noisy }}\n  {by_hand}\n  {noisy}\n")),
     );
     let message = place.ok("release --to tree tiny.yaml").stderr;
     let line = "twins of tiny: by-hand is noisy without its noise, clean is noisy without its noise";
     assert_eq!(message.lines().filter(|found| *found == line).count(), 1, "{message}");
     assert!(!message.contains("no twin"), "{message}");
     place.ok("audit tree");
-    let scene = json(&place, "tree/tiny/scene.json");
+    let scene = place.json("tree/tiny/scene.json");
     let part = &scene["trajectories"][0]["sensors"];
     let twin_of = |name: &str| part[name]["twin_of"].clone();
     assert_eq!(["by-hand", "clean", "noisy"].map(twin_of), ["noisy".into(), "noisy".into(), Value::Null]);
@@ -142,7 +130,7 @@ fn a_twin_is_the_same_sensor_without_its_noise() {
 fn parameters_that_keep_a_sensor_from_being_a_twin_are_named() {
     let place = Workspace::new();
     let message = |sensors: &str| {
-        place.write("tiny.yaml", recipe(sensors).replace("outputs: [events, sharp]", "outputs: []"));
+        place.write("tiny.yaml", tiny_with(sensors).replace("outputs: [events, sharp]", "outputs: []"));
         place.ok("build tiny.yaml").stderr
     };
     let near = message("sensors:\n  a: { v2e: { preset: clean } }\n  b: { v2e: { preset: noisy } }\n");
@@ -156,7 +144,7 @@ fn parameters_that_keep_a_sensor_from_being_a_twin_are_named() {
 fn ambiguous_and_invalid_sensors_are_refused() {
     let place = Workspace::new();
     let refused = |sensors: &str, wanted: &str| {
-        place.write("tiny.yaml", recipe(sensors));
+        place.write("tiny.yaml", tiny_with(sensors));
         let Ended { code, stderr, .. } = place.gs2e("build tiny.yaml");
         assert_eq!(code, 2, "{stderr}");
         assert!(stderr.contains(wanted), "{sensors}: {stderr}");

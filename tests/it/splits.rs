@@ -8,7 +8,6 @@ use crate::support::workspace::{TINY, Workspace};
 use gs2e_audit::audit_release;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
-use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -20,13 +19,9 @@ fn place_of(salt: &str, key: &str) -> f64 {
     (bits / 2048) as f64 / 9_007_199_254_740_992.0
 }
 
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
 /// Split and group of a scene.
 fn split_of(place: &Workspace, scene: &str) -> (String, String) {
-    let split = json(place, &format!("out/{scene}/scene.json"))["split"].clone();
+    let split = place.json(&format!("out/{scene}/scene.json"))["split"].clone();
     let text = |key: &str| split[key].as_str().unwrap().to_owned();
     (text("name"), text("group"))
 }
@@ -67,14 +62,13 @@ fn the_split_of_a_scene_depends_only_on_its_own_key() {
     let before: Vec<(String, String)> = ids.iter().map(|id| split_of(&place, id)).collect();
     let rows = indexed(&place);
     for (id, (split, group)) in ids.iter().zip(&before) {
-        let gaussians =
-            json(&place, &format!("out/{id}/scene.json"))["reconstruction"]["scene_sha256"].clone();
+        let gaussians = place.json(&format!("out/{id}/scene.json"))["reconstruction"]["scene_sha256"].clone();
         assert_eq!(*group, format!("gaussians/{}", gaussians.as_str().unwrap()));
         // In the order of the splits' names: test has [0, 0.4).
         let wanted = if place_of("", group) < 0.4 { "test" } else { "train" };
         assert_eq!((split.as_str(), rows[*id].as_deref()), (wanted, Some(wanted)), "{id}");
     }
-    let manifest = json(&place, "out/manifest.json");
+    let manifest = place.json("out/manifest.json");
     let rule = serde_json::json!({ "by": "object", "shares": { "test": 0.4, "train": 0.6 }, "salt": "" });
     assert_eq!(manifest["splits"], rule);
     place.ok("audit out");

@@ -136,8 +136,7 @@ fn work_and_precision_of_a_built_scene() {
     let words = fs::read_to_string(place.path("out/summary.md")).unwrap();
     assert!(words.contains("## Rule sets") && words.contains("| luminance in f64 |"), "{words}");
     told_in_short(&words, &head, &rows);
-    let json: Value =
-        serde_json::from_slice(&fs::read(place.path("out/work_precision.json")).unwrap()).unwrap();
+    let json: Value = place.json("out/work_precision.json");
     let [value, rated] = ["value", "rated"].map(|kind| json["rules"][0]["costs"][kind].clone());
     assert!(value["pairs"].as_f64() > Some(1000.0) && value["pairs"] == rated["pairs"], "{value} {rated}");
     let pictures = json["pictures"].as_array().unwrap();

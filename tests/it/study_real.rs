@@ -34,13 +34,6 @@ fn write_frames(place: &Workspace) {
 
 const INPUTS: &str = "--frames frames.npy --stamps stamps.npy --full-scale 1";
 
-/// What the program prints when it refuses a command.
-fn refused(place: &Workspace, args: &str) -> String {
-    let ended = place.gs2e(args);
-    assert_eq!(ended.code, 2, "{}", ended.stderr);
-    ended.stderr
-}
-
 #[test]
 fn the_sensor_of_the_recording_is_the_nearest() {
     let place = Workspace::new();
@@ -77,9 +70,9 @@ fn other_clocks_and_pixels_are_refused() {
     let place = Workspace::new();
     write_frames(&place);
     place.ok(&format!("simulate {INPUTS} --sensor dvs346 --out a.h5"));
-    let message = refused(&place, "study real --frames frames.npy --fps 500 --full-scale 1 --events a.h5");
+    let message = place.refused("study real --frames frames.npy --fps 500 --full-scale 1 --events a.h5");
     assert!(message.contains("events is between the first frame, 0 us"), "{message}");
     place.write("b.csv", "t,x,y,p\n5000100,3,4,1\n");
-    let message = refused(&place, &format!("study real {INPUTS} --events b.csv --size 32x16"));
+    let message = place.refused(&format!("study real {INPUTS} --events b.csv --size 32x16"));
     assert!(message.contains("events of 32x16 and frames of 24x16"), "{message}");
 }

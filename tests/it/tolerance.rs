@@ -21,7 +21,6 @@ use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
 use gs2e_trajectory::sampled::SampledPath;
-use serde_json::Value;
 use std::fs;
 use std::sync::Arc;
 
@@ -40,10 +39,6 @@ fn recipe(sampling: &str) -> String {
     )
 }
 
-fn json(place: &Workspace, path: &str) -> Value {
-    serde_json::from_slice(&fs::read(place.path(path)).unwrap()).unwrap()
-}
-
 #[test]
 fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
     let place = Workspace::new();
@@ -52,8 +47,7 @@ fn a_recipe_may_ask_for_an_error_in_place_of_a_rate() {
     place.ok("release --to tolerant tolerant.yaml");
     place.ok("release --to plain plain.yaml");
     place.ok("audit tolerant");
-    let [tolerant, plain] =
-        ["tolerant", "plain"].map(|tree| json(&place, &format!("{tree}/tiny/scene.json")));
+    let [tolerant, plain] = ["tolerant", "plain"].map(|tree| place.json(&format!("{tree}/tiny/scene.json")));
     let [part, other] = [&tolerant, &plain].map(|scene| &scene["trajectories"][0]);
 
     // Poses, stamps and pictures are those of the rate.

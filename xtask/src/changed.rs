@@ -109,7 +109,7 @@ mod tests {
             &["--package gs2e-num --package gs2e-sensor --tests", "--package gs2e"],
         );
         t(&["crates/scene/Cargo.toml"], &["--package gs2e-scene --tests", "--package gs2e"]);
-        t(&["crates/num/tests/draws.rs"], &["--package gs2e-num --tests"]);
+        t(&["crates/scene/tests/scene_files.rs"], &["--package gs2e-scene --tests"]);
         t(&["src/cli.rs"], &["--package gs2e"]);
         t(&["tests/it/why.rs", "tests/it/docs/cli_page.rs"], &["--package gs2e --test it -- docs:: why::"]);
         t(&["README.md"], &["--package gs2e --test it -- docs:: tidy::"]);

@@ -43,8 +43,7 @@ fn a_release_shows_the_fountain_and_its_checks_pass() {
     let said = place.ok("check --tree out").stdout;
     let order = said.lines().find(|line| line.contains("base#order")).unwrap_or_default();
     assert!(order.starts_with("not run") && order.contains("the scene changes with time"), "{said}");
-    let scene: Value =
-        serde_json::from_slice(&std::fs::read(place.path("out/tiny/scene.json")).unwrap()).unwrap();
+    let scene: Value = place.json("out/tiny/scene.json");
     let events = scene["trajectories"][0]["statistics"]["events"].as_u64().unwrap();
     // Nothing but the drops moves.
     println!("{events} events of drops in front of a still camera");

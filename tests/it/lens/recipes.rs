@@ -7,7 +7,6 @@ use gs2e_image::{npy, png};
 use gs2e_source::LensModel;
 use gs2e_source::undistort::undistort_photo;
 use gs2e_trajectory::Trajectory;
-use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{BufReader, Cursor};
 use std::sync::OnceLock;
@@ -33,12 +32,7 @@ licence: { expression: CC0-1.0, holder: Nobody }
 /// The release of [`RECIPE`], made once and never changed.
 fn released() -> &'static Workspace {
     static RELEASED: OnceLock<Workspace> = OnceLock::new();
-    RELEASED.get_or_init(|| {
-        let place = Workspace::new();
-        place.write("tiny.yaml", RECIPE);
-        place.ok("release --copy --to tree tiny.yaml");
-        place
-    })
+    RELEASED.get_or_init(|| Workspace::released(RECIPE, "--copy"))
 }
 
 #[test]
@@ -46,14 +40,12 @@ fn files_of_a_release_name_the_lens() {
     let place = released();
     place.ok("audit tree");
     place.ok("check --tree tree");
-    let json =
-        |name: &str| -> Value { serde_json::from_slice(&fs::read(place.path(name)).unwrap()).unwrap() };
-    let transforms = json("tree/tiny/base/transforms.json");
+    let transforms = place.json("tree/tiny/base/transforms.json");
     assert_eq!(transforms["camera_model"], "OPENCV");
     for (name, k) in ["k1", "k2", "p1", "p2", "k3"].iter().zip(RADIAL) {
         assert_eq!(transforms[name], k, "{name}");
     }
-    assert_eq!(json("tree/tiny/scene.json")["camera"]["lens"]["opencv"][4], RADIAL[4]);
+    assert_eq!(place.json("tree/tiny/scene.json")["camera"]["lens"]["opencv"][4], RADIAL[4]);
 
     let said = fs::read_to_string(place.path("tree/README.md")).unwrap();
     assert!(said.contains("| tiny |  | opencv:-0.28,"), "{said}");

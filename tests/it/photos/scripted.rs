@@ -2,6 +2,7 @@
 //! vocabulary tree, COLMAP itself matches, so the script needs no database.
 
 use super::planted;
+use crate::command;
 use crate::support::workspace::{Ended, Workspace};
 use glam::{DQuat, DVec3};
 use gs2e_image::Size;
@@ -95,12 +96,6 @@ fn made(place: &Workspace) -> Vec<String> {
     made.map(|line| line["step"].as_str().unwrap().to_owned()).collect()
 }
 
-fn edit(place: &Workspace, from: &str, to: &str) {
-    let recipe = fs::read_to_string(place.path("recipe.yaml")).unwrap();
-    assert!(recipe.contains(from), "{from}");
-    place.write("recipe.yaml", recipe.replace(from, to));
-}
-
 /// COLMAP prints a line for each photo. The progress goes to a file too, not only to a terminal.
 #[test]
 fn a_search_for_poses_reports_its_progress() {
@@ -134,16 +129,16 @@ fn poses_are_found_once_and_the_model_decides_what_follows() {
     assert_eq!(runs(), 3, "key points, pairs and models");
     assert_eq!(made(&place), [""; 0]);
     // The same model comes out, so nothing after it is made.
-    edit(&place, "registered: 0.6", "registered: 0.6, lens: radial");
+    command::edit(&place, "registered: 0.6", "registered: 0.6, lens: radial");
     assert_eq!(made(&place), ["lab/corner/poses"]);
     // A limit refuses a result and changes none.
-    edit(&place, "registered: 0.6", "registered: 0.7");
+    command::edit(&place, "registered: 0.6", "registered: 0.7");
     assert_eq!(made(&place), [""; 0]);
     assert_eq!(runs(), 6);
     place.write("tree.bin", "another tree");
     assert_eq!(made(&place), ["lab/corner/poses"]);
     plant(&place, 0, 0..7, SIZE);
-    edit(&place, "lens: radial", "lens: opencv");
+    command::edit(&place, "lens: radial", "lens: opencv");
     assert!(made(&place).contains(&"lab/corner/reconstruct".to_owned()), "another model");
 }
 
@@ -226,7 +221,7 @@ fn recipes_that_cannot_work_are_refused() {
     let place = scripted(6, "");
     let t = |from: &str, to: &str, wanted: &str| {
         let before = fs::read_to_string(place.path("recipe.yaml")).unwrap();
-        edit(&place, from, to);
+        command::edit(&place, from, to);
         let ended = gs2e(&place, "plan recipe.yaml");
         place.write("recipe.yaml", before);
         assert_eq!(ended.code, 2, "{}", ended.stderr);

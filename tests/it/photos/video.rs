@@ -1,8 +1,8 @@
 //! Frames of videos that ffmpeg has encoded without loss.
 
 use super::planted::Corner;
-use crate::programs::programs;
 use crate::support::absent::absent;
+use crate::support::foreign::programs;
 use crate::support::workspace::Workspace;
 use gs2e_source::foreign::versions;
 use gs2e_source::foreign::video::{FrameError, TakenFrames, take_frames};

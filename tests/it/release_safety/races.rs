@@ -1,10 +1,11 @@
 //! Two releases to one folder, and releases that are stopped.
 
 use super::{POSES, neighbours, out, place, released};
+use crate::release::small::said;
 use crate::support::workspace::{Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::{Child, ChildStderr, Output, Stdio};
+use std::process::{Child, ChildStderr, Stdio};
 use std::time::Duration;
 
 const ROUNDS: u32 = 20;
@@ -13,10 +14,6 @@ const ROUNDS: u32 = 20;
 fn start(place: &Workspace, which: &str) -> Child {
     let mut command = place.command(&format!("release --store {which}.store --to out {which}.yaml"));
     command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]

@@ -39,8 +39,7 @@ fn a_model_folder_is_its_poses_and_its_newest_gaussians() {
     let place = place();
     place.ok("release --to tree recipe.yaml");
     place.ok("audit tree");
-    let scene: Value =
-        serde_json::from_slice(&fs::read(place.path("tree/given/scene.json")).unwrap()).unwrap();
+    let scene: Value = place.json("tree/given/scene.json");
     assert_eq!(scene["source"]["kind"], "model");
     assert_eq!(scene["images"].as_array().unwrap().len(), 6);
     assert_eq!(scene["recipe"]["source"], json!({ "model": { "path": "trained" } }));

@@ -25,6 +25,13 @@ sensor:
 outputs: [events, sharp]
 ";
 
+/// [`TINY`] with these lines instead of its sensor.
+pub(crate) fn tiny_with(sensors: &str) -> String {
+    let own = "sensor:\n  voltmeter: { preset: dvs346, threshold: { on: 1.0, off: 1.0 } }\n";
+    let (head, tail) = TINY.split_once(own).expect("it has a sensor");
+    format!("{head}{sensors}{tail}")
+}
+
 /// A temporary folder in which the program is run.
 pub(crate) struct Workspace {
     folder: tempfile::TempDir,
@@ -57,6 +64,21 @@ impl Workspace {
         let path = self.path(name);
         fs::create_dir_all(path.parent().expect("it lies in the folder")).expect("folders can be made");
         fs::write(path, content).expect("files can be written");
+    }
+
+    /// A workspace with the release `tree` of a recipe, which lies in `tiny.yaml`. `options` are separated by
+    /// spaces.
+    pub(crate) fn released(recipe: &str, options: &str) -> Self {
+        let place = Self::new();
+        place.write("tiny.yaml", recipe);
+        place.ok(&format!("release {options} --to tree tiny.yaml"));
+        place
+    }
+
+    /// A JSON file of the folder.
+    pub(crate) fn json(&self, name: &str) -> Value {
+        let bytes = fs::read(self.path(name)).unwrap_or_else(|because| panic!("{name}: {because}"));
+        serde_json::from_slice(&bytes).unwrap_or_else(|because| panic!("{name}: {because}"))
     }
 
     /// Runs `gs2e` in the folder, with `args` separated by spaces.
@@ -93,6 +115,13 @@ impl Workspace {
         let ended = self.gs2e(args);
         assert_eq!(ended.code, 0, "gs2e {args}\n{}{}", ended.stdout, ended.stderr);
         ended
+    }
+
+    /// Runs `gs2e`, which must refuse the command. Returns what it says.
+    pub(crate) fn refused(&self, args: &str) -> String {
+        let ended = self.gs2e(args);
+        assert_eq!(ended.code, 2, "gs2e {args}\n{}", ended.stderr);
+        ended.stderr
     }
 
     /// The actions of a run now: (scene/step, `run`, `may-run` or `keep`), in the plan's order.

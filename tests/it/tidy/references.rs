@@ -22,13 +22,15 @@ const UNREAD: [&str; 6] = [
 ];
 
 /// Names that are not files of the repository.
-const ELSEWHERE: [(&str, &str); 9] = [
+const ELSEWHERE: [(&str, &str); 11] = [
     ("DATASHEET.md", "a file of a release"),
     ("summary.md", "a file that a study writes"),
     ("LICENSE.md", "a file of the repositories of trainers"),
     ("readme.md", "a name that a scene must not have"),
     ("datasheet.md", "a name that a scene must not have"),
     ("t.md", "a file that a test writes"),
+    ("tests/fixtures/recipes", "a folder of crates/recipe, where its tests run"),
+    ("tests/snapshots/recipes", "the same"),
     ("src/simulator_utils.py", "a file of Lynn0306/DVS-Voltmeter"),
     ("src/colmap/sensor/models.h", "a file of colmap/colmap"),
     ("src/colmap/scene/reconstruction_io_binary.cc", "a file of colmap/colmap"),

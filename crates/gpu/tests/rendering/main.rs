@@ -15,7 +15,7 @@ mod features;
 mod gpu;
 mod gradients;
 
-use cases::{Case, captured, difference, npy, playbot, row, synthetic};
+use cases::{Case, captured, difference, moving, npy, playbot, row, synthetic};
 use glam::DVec3;
 use gs2e_gpu::{DeviceChoice, GpuDevice, GpuRenderer, TimedStage};
 use gs2e_image::{Image, Size, luminance, png};
@@ -25,7 +25,7 @@ use gs2e_render::{
 };
 use gs2e_scene::Gaussians;
 use gs2e_scene::blobs::{blob_crowd, blob_scene, view_ahead};
-use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::camera::view::CameraView;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -38,11 +38,6 @@ const ALL: ChannelSet = ChannelSet::AT_REST;
 const OFFICIAL: RenderStyle = RenderStyle::OFFICIAL;
 /// Every image of a moving camera.
 const MOVING: ChannelSet = ChannelSet { flow: true, luminance_rate: true, ..ALL };
-
-fn moving(view: CameraView) -> CameraView {
-    let velocity = CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
-    CameraView { velocity, ..view }
-}
 
 fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {
     RenderStyle { rules, antialiased, background: [0.1, 0.3, 0.2], ..OFFICIAL }

@@ -5,7 +5,7 @@ use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer};
 use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_scene::{Gaussians, SceneScreening};
 use gs2e_testing::{golden, ply, shared};
 use serde::Deserialize;
@@ -149,6 +149,12 @@ fn read_ply(path: &Path) -> Gaussians {
         screening: SceneScreening::default(),
         motion: None,
     }
+}
+
+/// A view that moves in every direction at once.
+pub(crate) fn moving(view: CameraView) -> CameraView {
+    let velocity = CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
+    CameraView { velocity, ..view }
 }
 
 #[derive(Deserialize)]

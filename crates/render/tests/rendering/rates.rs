@@ -7,7 +7,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "scenes and images hold 32 bits")]
 
-use super::cases::playbot;
+use super::cases::{moving, playbot};
 use glam::DVec3;
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
@@ -30,12 +30,6 @@ fn style(rules: RenderRules, antialiased: bool) -> RenderStyle {
 
 fn blended_order() -> RenderStyle {
     RenderStyle { order: LayerOrder::Blended, ..style(RenderRules::Soft, false) }
-}
-
-/// A view that moves in every direction at once.
-fn moving(view: CameraView) -> CameraView {
-    let velocity = CameraVelocity { linear: DVec3::new(0.6, -0.3, 0.8), angular: DVec3::new(0.2, 0.7, -0.5) };
-    CameraView { velocity, ..view }
 }
 
 /// The view after `seconds`, to the first order of its velocity.

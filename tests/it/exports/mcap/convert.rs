@@ -3,6 +3,7 @@
 pub(super) mod builder;
 
 use super::all_events;
+use crate::convert_events::words16;
 use crate::release::small::{gs2e, said};
 use builder::{Packet, channel, chunk, complete, message, packets, recording, schema};
 use gs2e_event::mcap::Reader;
@@ -12,12 +13,8 @@ use std::path::Path;
 /// Words of two events at 5,000 us in row 7: ON at column 3, OFF at column 9.
 const WORDS: [u16; 5] = [0x8001, 0x6388, 0x0007, 0x2803, 0x2009];
 
-fn words(words: &[u16]) -> Vec<u8> {
-    words.iter().flat_map(|word| word.to_le_bytes()).collect()
-}
-
 fn packet() -> Packet {
-    Packet { events: words(&WORDS), ..Packet::default() }
+    Packet { events: words16(&WORDS), ..Packet::default() }
 }
 
 /// Reads a recording to its end, and returns the number of events.
@@ -91,7 +88,7 @@ fn mono_has_times_of_ros() {
 
 #[test]
 fn a_topic_is_chosen_by_name() {
-    let other = Packet { events: words(&[0x8000, 0x6000, 0x0000, 0x2001]), ..Packet::default() };
+    let other = Packet { events: words16(&[0x8000, 0x6000, 0x0000, 0x2001]), ..Packet::default() };
     let bytes = complete(&[
         schema(1, "event_camera_msgs/msg/EventPacket"),
         schema(2, "sensor_msgs/msg/Image"),
@@ -114,7 +111,7 @@ fn a_topic_is_chosen_by_name() {
 #[test]
 fn other_contents_are_named() {
     let one = |packet: Packet| recording(&[packet]);
-    let events = |list: &[u16]| one(Packet { events: words(list), ..Packet::default() });
+    let events = |list: &[u16]| one(Packet { events: words16(list), ..Packet::default() });
     refused(
         &one(Packet { encoding: "libcaer", ..packet() }),
         "events encoded as `libcaer`, wanted `evt3` or `mono`",
@@ -151,7 +148,8 @@ fn other_contents_are_named() {
 /// Events without a time or a row are dropped by name.
 #[test]
 fn events_without_a_time_need_a_permission() {
-    let bytes = recording(&[Packet { events: words(&[0x2801, 0x8000, 0x2802, 0x0001, 0x2803]), ..packet() }]);
+    let bytes =
+        recording(&[Packet { events: words16(&[0x2801, 0x8000, 0x2802, 0x0001, 0x2803]), ..packet() }]);
     let (code, said, _) = convert(&bytes, &[]);
     assert!(code == Some(2) && said.contains("events: 2 "), "{said}");
     assert_eq!(convert(&bytes, &["--lossy"]).2, ["0 3 1 1"]);

@@ -8,13 +8,9 @@ use super::recording::{Fields, McapFile, Message, crc};
 use super::{Exported, NS_PER_US, plane, recorded};
 use crate::release::small::{gs2e, said};
 use crate::support::absent::absent;
+use crate::support::foreign::python;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn python(args: &[&str]) -> Option<Output> {
-    Command::new("python3").args(args).output().ok()
-}
 
 /// Findings of both libraries in the recording of an export; `None` if they are absent.
 fn found(exported: &Exported, events: &Path) -> Option<Value> {
