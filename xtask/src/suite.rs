@@ -11,20 +11,31 @@ use std::time::Instant;
 /// may compile others again, because dependencies have fewer features without it.
 pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
-/// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate:
-/// integration tests by package, binary and name, each with what it shows.
-const SMOKE: [(&str, &str, &[(&str, &str)]); 2] = [
-    ("gs2e-render", "rendering", &[("golden::", "pictures equal those of another program")]),
-    (
-        "gs2e",
-        "it",
-        &[
+/// Integration tests of one binary.
+struct TestChoice {
+    package: &'static str,
+    binary: &'static str,
+    /// Names, each with what the tests show.
+    tests: &'static [(&'static str, &'static str)],
+}
+
+/// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate.
+const SMOKE: [TestChoice; 2] = [
+    TestChoice {
+        package: "gs2e-render",
+        binary: "rendering",
+        tests: &[("golden::", "pictures equal those of another program")],
+    },
+    TestChoice {
+        package: "gs2e",
+        binary: "it",
+        tests: &[
             ("golden_digests::", "every step makes its pinned bytes"),
             ("manifest::", "the demo equals its manifest"),
             ("bad_input::a_recipe_with_faulty_text_is_refused", "a build with a fault"),
             ("hostile_files::sources_are_regular_files", "hostile files"),
         ],
-    ),
+    },
 ];
 
 /// The integration tests with slow parts: names of binaries.
@@ -56,7 +67,7 @@ pub(crate) fn run_all() -> Outcome {
 fn run_short() -> Outcome {
     say("1 of 2: the unit tests of every crate");
     let mut calls = vec![to_test(&PACKAGES, &["--lib"])];
-    for (package, binary, tests) in SMOKE {
+    for TestChoice { package, binary, tests } in SMOKE {
         for (name, shows) in tests {
             say(&format!("2 of 2: {name}: {shows}"));
         }

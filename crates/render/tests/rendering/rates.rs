@@ -8,7 +8,6 @@
 #![expect(clippy::cast_possible_truncation, reason = "scenes and images hold 32 bits")]
 
 use super::cases::{moving, playbot};
-use glam::DVec3;
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::exp_vector;
@@ -18,7 +17,7 @@ use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImag
 use gs2e_scene::Gaussians;
 use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::flow::flow_displacement;
-use gs2e_scene::camera::view::{CameraVelocity, CameraView};
+use gs2e_scene::camera::view::CameraView;
 use std::sync::Arc;
 
 const ALL_RULES: [RenderRules; 4] =
