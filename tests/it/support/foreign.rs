@@ -10,8 +10,8 @@ pub(crate) fn programs() -> ProgramFinder {
     ProgramFinder::new(std::env::var_os("PATH").as_deref(), env!("CARGO_BIN_EXE_gs2e").into())
 }
 
-/// Returns true if COLMAP is there. If not, the test is reported as not run; with `REQUIRE_COLMAP=1` that is a
-/// failure.
+/// Returns true if COLMAP is there. If not, the test is reported as not run; with `REQUIRE_COLMAP=1`
+/// that is a failure.
 pub(crate) fn colmap_is_there() -> bool {
     versions::colmap(&programs()).map_err(|because| absent("REQUIRE_COLMAP", &because)).is_ok()
 }
