@@ -329,7 +329,7 @@ impl DriftLaw {
         let (events, each) = (of_a_pixel * pixels, of_a_pixel / self.hot.share);
         // The mean square of a log-normal factor, in squares of its mean.
         let deviation = self.hot.spread * LN_10;
-        let unequal = (deviation * deviation).exp();
+        let unequal = libm::exp(deviation * deviation);
         [events, (events * (1.0 + each * unequal)).sqrt()]
     }
 

@@ -1,4 +1,12 @@
 //! Small scenes of a few plain Gaussians, and views of them, for stress cases and tests.
+//!
+//! ```
+//! use gs2e_scene::blobs::{ColourBlob, blob_scene};
+//!
+//! let far = ColourBlob { position: [0.0, 0.0, 40.0], ..ColourBlob::default() };
+//! let scene = blob_scene(&[ColourBlob::default(), far]);
+//! assert_eq!(scene.positions, [[0.0, 0.0, 4.0], [0.0, 0.0, 40.0]]);
+//! ```
 
 use crate::camera::Camera;
 use crate::camera::view::CameraView;

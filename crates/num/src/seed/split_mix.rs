@@ -1,4 +1,11 @@
 //! The parts of SplitMix64 (Steele, Lea and Flood 2014), for patterns that need no independent draws.
+//!
+//! ```
+//! use gs2e_num::seed::split_mix::{STEP, finalise_bits};
+//!
+//! // The first number of the generator with the seed 0.
+//! assert_eq!(finalise_bits(STEP), 0xe220_a839_7b1d_cdaf);
+//! ```
 
 /// Increment of the state.
 pub const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
