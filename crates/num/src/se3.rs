@@ -58,6 +58,7 @@ impl Se3 {
 
     /// The inverse: `b_from_a` for this `a_from_b`.
     #[must_use]
+    #[inline]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self { rotation, translation: -(rotation * self.translation) }
@@ -66,6 +67,7 @@ impl Se3 {
     /// This motion after another: `a_from_c` for this `a_from_b` and a `b_from_c`. Nothing is renormalised, so that a
     /// motion without a rotation leaves the bits of the other rotation.
     #[must_use]
+    #[inline]
     pub fn compose(&self, b_from_c: &Self) -> Self {
         Self {
             rotation: self.rotation * b_from_c.rotation,

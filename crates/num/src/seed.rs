@@ -133,6 +133,7 @@ pub struct SeedCell {
 impl Seed {
     /// The draws of one cell, from index 0.
     #[must_use]
+    #[inline]
     pub fn draws(self, cell: SeedCell, space: DrawSpace) -> CellDraws {
         CellDraws {
             key: self.key(),
@@ -213,6 +214,7 @@ pub struct CellDraws {
 
 impl CellDraws {
     /// The next draw as a number strictly between 0 and 1.
+    #[inline]
     pub fn uniform(&mut self) -> f64 {
         to_uniform(self.bits())
     }
@@ -240,6 +242,7 @@ impl CellDraws {
         }
     }
 
+    #[inline]
     fn bits(&mut self) -> u64 {
         if self.next < self.known {
             self.next += 1;

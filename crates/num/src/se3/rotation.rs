@@ -81,6 +81,7 @@ pub fn relative_angle(a: DQuat, b: DQuat) -> f64 {
 
 /// The rotation at share `t` of the shorter arc from `a` to `b`.
 #[must_use]
+#[inline]
 pub fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     renormalised(a * exp_vector(log_vector(a.conjugate() * b) * t))
 }
@@ -98,6 +99,7 @@ pub fn canonical_sign(q: DQuat) -> DQuat {
 
 /// `q` or `-q`, whichever lies in the hemisphere of `of`.
 #[must_use]
+#[inline]
 pub fn same_hemisphere(q: DQuat, of: DQuat) -> DQuat {
     if q.dot(of) < 0.0 { -q } else { q }
 }

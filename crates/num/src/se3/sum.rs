@@ -21,6 +21,7 @@ pub struct NeumaierSum {
 
 impl NeumaierSum {
     /// Adds `term`.
+    #[inline]
     pub fn add(&mut self, term: f64) {
         let next = self.sum + term;
         // The smaller of the two loses its low bits in the sum, so they are recovered from it.
@@ -31,6 +32,7 @@ impl NeumaierSum {
 
     /// The sum so far.
     #[must_use]
+    #[inline]
     pub fn value(&self) -> f64 {
         self.sum + self.lost
     }

@@ -24,6 +24,7 @@ const ROUNDS: usize = 10;
 
 /// The block at `counter` of the sequence `key`.
 #[must_use]
+#[inline]
 pub fn philox_block(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let (mut c, mut k) = (counter, key);
     for _ in 0..ROUNDS {
