@@ -126,6 +126,8 @@ impl ValidationPass for EventFrame {
 struct PixelShare {
     part: u64,
     of: u64,
+    /// All pixels that are compared.
+    compared: u64,
     /// Number of the others that noise may keep out.
     spoilt: SpoiltPixels,
 }
@@ -218,6 +220,7 @@ impl EventFramePass<'_> {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             part: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
+            compared: fit.compared,
             spoilt: fit.maybe_impossible,
         });
         let usual = (self.limits().residual, RESIDUAL);
@@ -228,6 +231,7 @@ impl EventFramePass<'_> {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             part: fit.doubled[1],
             of: fit.doubled[0],
+            compared: fit.compared,
             spoilt: fit.turned_by_floor,
         });
         self.share("sign", (self.limits().sign, SIGN), shares, "have events of the same sign")
@@ -248,11 +252,16 @@ impl EventFramePass<'_> {
         let (asked, usual) = limit;
         let least = |share: &PixelShare| {
             let noise = 2.0 * self.disturbed() + share.spoilt.most(share.of);
-            asked.unwrap_or_else(|| usual - noise - self.beyond_tolerance())
+            asked.unwrap_or_else(|| usual - noise - self.beyond_tolerance(share))
         };
-        let enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
+        let mut enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
         if enough.is_empty() {
             return self.too_few(part);
+        }
+        enough.retain(|share| self.beyond_tolerance(share) <= MAX_DISTURBED);
+        if enough.is_empty() {
+            let because = "too few pixels changed by more than their threshold at once, for frames that the recipe's tolerance chose";
+            return self.subject.not_run(NAME, part, because);
         }
         let clear = enough.into_iter().filter(|share| share.spoilt.share(share.of) <= MAX_DISTURBED);
         let Some(worst) =
@@ -276,9 +285,14 @@ impl EventFramePass<'_> {
     }
 
     /// Share of the pixels whose frames may miss what the sensor saw by more than is added for a tolerance:
-    /// five times its root mean square, hence at most a 25th by Chebyshev's inequality.
-    fn beyond_tolerance(&self) -> f64 {
-        if self.subject.is_release && self.subject.tolerance.is_some() { 1.0 / 25.0 } else { 0.0 }
+    /// five times its root mean square, hence at most a 25th of all pixels by Chebyshev's inequality. Any of
+    /// them may be among those that changed.
+    fn beyond_tolerance(&self, share: &PixelShare) -> f64 {
+        if self.subject.is_release && self.subject.tolerance.is_some() {
+            share.compared as f64 / (25.0 * share.of as f64)
+        } else {
+            0.0
+        }
     }
 
     /// Number of events per pixel that move its reference although its brightness does not change.

@@ -49,6 +49,7 @@ pub(super) struct PlantedWorld {
     pub(super) doubtful_share: Option<f64>,
     pub(super) foreign: ExternalReport,
     pub(super) light_changes: bool,
+    pub(super) is_release: bool,
     pub(super) limits: Limits,
 }
 
@@ -146,6 +147,7 @@ impl PlantedWorld {
             doubtful_share: Some(0.001),
             foreign: agreeing_reports(),
             light_changes: false,
+            is_release: false,
             limits: Limits::default(),
         }
     }
@@ -193,7 +195,7 @@ impl PlantedWorld {
             foreign: Some(&self.foreign),
             light_changes: self.light_changes,
             own_motion: false,
-            is_release: false,
+            is_release: self.is_release,
             limits: &self.limits,
         };
         judge_trajectory(&subject, &[subject])

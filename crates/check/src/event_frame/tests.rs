@@ -1,8 +1,9 @@
 //! Sound and planted streams of unequal pixels with a noise floor.
 
 use crate::Verdict;
-use crate::planted::{PlantedWorld, SplitMixDraws, WorldSettings};
+use crate::planted::{PlantedWorld, SIZE, SplitMixDraws, WorldSettings};
 use gs2e_event::{Event, Polarity};
+use gs2e_num::units::Timestamp;
 use gs2e_sensor::noise::NoiseFloor;
 
 /// Thresholds of a DAVIS346, their spread, and its noise at these rates.
@@ -98,4 +99,32 @@ fn a_floor_that_is_not_stated_is_found() {
 fn noise_that_spoils_most_pixels_leaves_residuals_unjudged() {
     let world = PlantedWorld::new(uneven([60.0, 60.0]));
     assert_eq!(verdicts(&world)[5..], [Verdict::NotRun, Verdict::Pass]);
+}
+
+/// Frames that a tolerance chose show a brief change late, at a few of all pixels. These may be most of the
+/// pixels that have changed yet.
+#[test]
+fn pixels_that_a_tolerance_may_miss_are_not_among_those_of_the_wrong_sign() {
+    let at = |e: &Event| usize::from(e.y) * SIZE.width as usize + usize::from(e.x);
+    let mut world = PlantedWorld { is_release: true, tolerance: Some(0.1), ..PlantedWorld::default_world() };
+    let early = |e: &Event| e.t.floor_micros() < 20_000;
+    let mut counts = vec![0; SIZE.pixels()];
+    world.events.iter().filter(|e| early(e)).for_each(|e| counts[at(e)] += 1);
+    let mut order: Vec<usize> = (0..SIZE.pixels()).collect();
+    order.sort_by_key(|i| std::cmp::Reverse(counts[*i]));
+    // Fewer than a 25th.
+    let missed: Vec<usize> = order[..250].to_vec();
+    for event in world.events.iter_mut().filter(|e| early(e) && missed.contains(&at(e))) {
+        event.t = Timestamp::from_micros(20_000);
+    }
+    world.events.sort_by_cached_key(Event::file_order);
+    assert_eq!(world.finding("event_frame#sign").verdict, Verdict::Pass);
+    // Without a tolerance they are wrong, and with one, turned events are.
+    let exact = PlantedWorld { tolerance: None, ..world.clone() };
+    assert_eq!(exact.finding("event_frame#sign").verdict, Verdict::Fail);
+    for event in world.events.iter_mut().filter(|e| at(e).is_multiple_of(6)) {
+        event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+    }
+    world.events.sort_by_cached_key(Event::file_order);
+    assert_eq!(world.finding("event_frame#sign").verdict, Verdict::Fail);
 }
