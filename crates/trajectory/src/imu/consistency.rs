@@ -193,12 +193,13 @@ fn against_poses(
         let Some(i) = after.checked_sub(1).filter(|i| *i < intervals.len()) else { continue };
         let (a, b, h) = (states[i], states[i + 1], intervals[i].length);
         let s = (t - a.seconds) / h;
-        // The changes from the intervals around.
+        // The changes between the intervals around; at an end, those of the three there: two of them may have
+        // the same mean on both sides of a peak.
+        let last = intervals.len() - 1;
+        let first = i.saturating_sub(1).min(last.saturating_sub(2));
         let around = |of: &dyn Fn(&StatedInterval) -> DVec3| {
-            let own = of(&intervals[i]);
-            let before = i.checked_sub(1).map_or(own, |j| of(&intervals[j]));
-            let next = intervals.get(i + 1).map_or(own, of);
-            (own - before).length() + (next - own).length()
+            let pairs = intervals[first..=last.min(first + 2)].windows(2);
+            pairs.map(|pair| (of(&pair[1]) - of(&pair[0])).length()).sum::<f64>()
         };
         // A cubic through values and slopes errs by at most h^2/32 of the range of the second derivative, and a turn at
         // a constant rate by h^2/8 of the derivative of the rate. Twice that, since both are estimates.

@@ -136,9 +136,18 @@ mod against_poses {
         Se3 { rotation: exp_vector(turn), translation: place }
     }
 
-    /// Samples, states and poses of a second, as the files have them.
+    /// Samples, states and poses of a second of the walk, as the files have them.
     fn written(rate: u64, axes: AxisModel) -> (ImuModel, [InertialLines; 2], Trajectory) {
-        let seconds: Vec<f64> = (0..=240).map(|j| f64::from(j) / 240.0).collect();
+        written_along(walk, 240, rate, axes)
+    }
+
+    fn written_along(
+        walk: impl Fn(f64) -> Se3,
+        poses_hz: u32,
+        rate: u64,
+        axes: AxisModel,
+    ) -> (ImuModel, [InertialLines; 2], Trajectory) {
+        let seconds: Vec<f64> = (0..=poses_hz).map(|j| f64::from(j) / f64::from(poses_hz)).collect();
         let poses: Vec<Se3> = seconds.iter().map(|t| walk(*t)).collect();
         #[expect(clippy::cast_possible_truncation, reason = "a second")]
         let stamps_us = seconds.iter().map(|t| (t * 1e6).round() as i64).collect();
@@ -173,6 +182,22 @@ mod against_poses {
             for axes in [AxisModel::IDEAL, NOISY, AxisModel { range: Some(9.81), ..NOISY }] {
                 let (model, lines, poses) = written(rate, axes);
                 assert_eq!(faults(&model, &lines, &poses), [""; 0], "{rate} {axes:?}");
+            }
+        }
+    }
+
+    /// The first two intervals may have the same mean rate, and yet turn at a changing one.
+    #[test]
+    fn a_peak_of_the_rate_near_an_end_is_allowed() {
+        for step in 0..40 {
+            let peak = 1e-4 * f64::from(step);
+            let turn = |t: f64| {
+                let angle = 0.01 * libm::sin(200.0 * (t - peak));
+                Se3 { rotation: DQuat::from_rotation_x(angle), translation: DVec3::X * t }
+            };
+            for turn in [&turn as &dyn Fn(f64) -> Se3, &|t| turn(1.0 - t)] {
+                let (model, lines, poses) = written_along(turn, 2400, 1000, AxisModel::IDEAL);
+                assert_eq!(faults(&model, &lines, &poses), [""; 0], "{step}");
             }
         }
     }
