@@ -2,7 +2,7 @@
 //!
 //! The delay of the events follows from the pixels with steady drift at some instants, see
 //! [`LagSums`].
-//! It may be at most half of a frame step. The pass needs a sensor whose drift is determined by
+//! It may be at most half of a frame step, and four standard deviations of the estimate more. The pass needs a sensor whose drift is determined by
 //! frames, and is not run if noise hides an eighth of a step. Unequal thresholds and a noise floor count by
 //! their means over the pixels. Residuals are half of a threshold on average only if pixels change one by
 //! one, so the pass is not run where the light changes.
@@ -16,13 +16,16 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Largest time offset between events and frames. Unit: us. Default: half a step between poses.
+    /// Largest time offset between events and frames. Unit: us. Default: half a step between poses, and four
+    /// standard deviations of the estimate.
     #[serde(deserialize_with = "limits::parse_positive", skip_serializing_if = "Option::is_none")]
     pub max_us: Option<f64>,
 }
 
 /// Largest offset, in steps between poses.
 const STEPS: f64 = 0.5;
+/// How far the estimate may be from the offset, in its standard deviations.
+const SIGMAS: f64 = 4.0;
 /// Largest standard deviation of a reported offset, in the same unit.
 const UNSURE: f64 = 0.125;
 /// Minimum number of pixels with steady drift.
@@ -70,8 +73,8 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
             "the offset can be measured only to {deviation:.0} us, from {pixels} pixels with a steady change"
         ));
     }
-    let limit =
-        LimitSide::limit_or(subject.limits.time_offset.and_then(|l| l.max_us), LimitSide::gate(STEPS * step));
+    let stated = subject.limits.time_offset.and_then(|l| l.max_us);
+    let limit = LimitSide::limit_or(stated, LimitSide::gate(STEPS * step + SIGMAS * deviation));
     // The limit is on the size; the finding keeps the sign.
     let verdict = limit.at_most(lag.abs());
     let because = format!(

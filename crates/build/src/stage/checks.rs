@@ -84,7 +84,7 @@ type CheckedInputs =
 
 impl Stage for ChecksStage {
     const NAME: &'static str = NAME;
-    const REVISION: u32 = 15;
+    const REVISION: u32 = 16;
     type Inputs = (
         StepTarget<TrajectoryProduct>,
         Option<StepTarget<EventStreams>>,
