@@ -6,8 +6,9 @@
 //! come at that instant. The variances of both counts are compared. ON and OFF are counted
 //! separately, and places are rounded to whole pixels in both, so that neither image is smoother.
 //! Wrong depths, stamps or axes blur the moved image. A ratio below 1 by more than noise is a gate;
-//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. Where noise or a lamp makes
-//! a share of the events, or a filter delays them, the median may be closer to 1.
+//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. Where noise makes a share of
+//! the events, or a filter delays them, the median may be closer to 1. The events of a lamp show the picture in
+//! place, and the pass is not run.
 //!
 //! Events between two frames fade instead of moving. If the image moves by several px per frame,
 //! the pass makes no statement (see `sampling`).
@@ -68,6 +69,9 @@ impl ValidationPass for MotionCompensation {
                 "the picture moves by {:.1} px between frames, too far for interpolated events to follow the motion",
                 flow.median
             );
+            return vec![subject.not_run(NAME, "", because)];
+        }
+        if let Some(because) = subject.moved_together() {
             return vec![subject.not_run(NAME, "", because)];
         }
         if subject.compared_sensor().is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
@@ -132,10 +136,6 @@ fn delayed_px(subject: &TrajectorySubject<'_>) -> Option<f64> {
 /// adds to both variances. A low-pass filter delays the events of dark pixels more than others, so
 /// that they do not meet at one place.
 fn sharp_share(subject: &TrajectorySubject<'_>) -> f64 {
-    // The events of a lamp do not move either, and their share is not known.
-    if subject.light_changes {
-        return 0.0;
-    }
     let (Ok(law), Some(tally)) = (subject.drift_law(), subject.tally) else { return 1.0 };
     let noise = law.noise_events(GREY) * 1e6 * subject.seconds() * tally.size.pixels() as f64;
     let signal = (1.0 - noise / tally.events.max(1) as f64).clamp(0.0, 1.0);
