@@ -108,6 +108,10 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     if tally.events == 0 {
         return subject.not_run(NAME, "flow", empty(subject.seconds()));
     }
+    // Light that changes makes events without motion.
+    if let Some(because) = subject.moved_together() {
+        return subject.not_run(NAME, "flow", because);
+    }
     // The median over pixels: a near object in a corner moves far, but makes few of the events.
     let (Some(moved), Some(sensor)) = (subject.moved_px, subject.sensor) else {
         return subject.not_run(NAME, "flow", "there is no optical flow to compare the rate with");

@@ -102,13 +102,15 @@ fn hot_pixels_do_not_contradict_a_steady_change() {
     }
 }
 
-/// A lamp changes all pixels in step, and its events show the picture where it stands.
+/// A lamp changes all pixels in step and without motion, and its events show the picture where it stands.
 #[test]
-fn a_lamp_leaves_offset_and_sharpness_unjudged() {
+fn a_lamp_leaves_offset_motion_and_rate_unjudged() {
     let mut world = PlantedWorld::default_world();
-    assert_eq!(world.finding("motion#median").verdict, Verdict::Pass);
+    for check in ["motion#median", "event_rate#flow"] {
+        assert_eq!(world.finding(check).verdict, Verdict::Pass);
+    }
     world.light_changes = true;
-    for check in ["motion", "time_offset"] {
+    for check in ["motion", "event_rate#flow", "time_offset"] {
         assert_eq!(world.finding(check).verdict, Verdict::NotRun);
     }
 }
