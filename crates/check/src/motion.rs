@@ -6,9 +6,9 @@
 //! come at that instant. The variances of both counts are compared. ON and OFF are counted
 //! separately, and places are rounded to whole pixels in both, so that neither image is smoother.
 //! Wrong depths, stamps or axes blur the moved image. A ratio below 1 by more than noise is a gate;
-//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. Where noise makes a share of
-//! the events, or a filter delays them, the median may be closer to 1. The events of a lamp show the picture in
-//! place, and the pass is not run.
+//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. The median may be closer to 1
+//! where noise makes a share of the events, a filter delays them, or fewer than three windows tell. The events
+//! of a lamp show the picture in place, and the pass is not run.
 //!
 //! Events between two frames fade instead of moving. If the image moves by several px per frame,
 //! the pass makes no statement (see `sampling`).
@@ -33,6 +33,8 @@ pub struct Limits {
 const MEDIAN: f64 = 1.2;
 /// Smallest share of windows with a ratio above 1.
 const WINDOWS: f64 = 0.95;
+/// Minimum number of windows from which a median shows the usual gain.
+const MIN_WINDOWS: usize = 3;
 /// Minimum image motion in a window, px. Below it, moving the events changes little.
 const MIN_MOVED: f64 = 3.0;
 /// Minimum number of events in a window.
@@ -109,7 +111,8 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     // The median is at most as noisy as its noisiest window.
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = LimitSide::gate(1.0 - CERTAIN * noise);
-    let default = LimitSide::warning(1.0 + (MEDIAN - 1.0) * sharp_share(subject));
+    let usual = if windows.len() < MIN_WINDOWS { 1.0 } else { 1.0 + (MEDIAN - 1.0) * sharp_share(subject) };
+    let default = LimitSide::warning(usual);
     let wanted = LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), default);
     // The gate holds even where the recipe asks for less.
     let (verdict, limit) = match gate.at_least(measured) {

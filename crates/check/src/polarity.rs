@@ -41,7 +41,7 @@ const WIDTH: f64 = 0.15;
 const MIN_EVENTS: u64 = 400;
 /// Pixels at thin lines brighten and darken within a pixel of motion.
 const CONTRARY: f64 = 0.05;
-/// Minimum number of events for it: 200 have a standard deviation of 0.015.
+/// Minimum number of events for it.
 const MIN_STEADY: f64 = 200.0;
 
 /// The pass.
@@ -102,7 +102,9 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
         return subject.not_run(NAME, "contrary", because);
     }
     let asked = subject.limits.polarity.and_then(|l| l.contrary);
-    let limit = LimitSide::limit_or(asked, LimitSide::gate(CONTRARY + noise / events));
+    // A share of few events scatters about its mean.
+    let scatter = 5.0 * (CONTRARY * (1.0 - CONTRARY) / events).sqrt();
+    let limit = LimitSide::limit_or(asked, LimitSide::gate(CONTRARY + scatter + noise / events));
     let measured = against / events;
     let because = format!(
         "{against} of {events} events have the wrong polarity, at {pixels} pixels that brighten or darken steadily"

@@ -102,6 +102,23 @@ fn hot_pixels_do_not_contradict_a_steady_change() {
     }
 }
 
+/// A share of few events scatters.
+#[test]
+fn a_few_contrary_events_are_no_share() {
+    let contrary = |share: f64| {
+        let mut world = PlantedWorld::new(WorldSettings { thresholds: [1.7; 2], ..WorldSettings::default() });
+        let mut draws = SplitMixDraws(7);
+        for event in &mut world.events {
+            if draws.share() < share {
+                event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+            }
+        }
+        world.events.sort_by_cached_key(Event::file_order);
+        world.finding("polarity#contrary").verdict
+    };
+    assert_eq!([0.0, 0.065, 0.2].map(contrary), [Verdict::Pass, Verdict::Pass, Verdict::Fail]);
+}
+
 /// A lamp changes all pixels in step and without motion, and its events show the picture where it stands.
 #[test]
 fn a_lamp_leaves_offset_motion_and_rate_unjudged() {
@@ -407,6 +424,12 @@ fn events_that_do_not_move_with_the_scene_are_found() {
     let mut world = PlantedWorld::default_world();
     world.flow.as_mut().unwrap().median = 3.0;
     assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
+    // A single window has no median.
+    let mut world = PlantedWorld::default_world();
+    let limit = |world: &PlantedWorld| world.finding("motion#median").limit.unwrap();
+    assert!(limit(&world) > 1.1);
+    world.flows.truncate(1);
+    assert!((limit(&world) - 1.0).abs() < 1e-9);
 }
 
 #[test]
@@ -430,7 +453,8 @@ fn an_offset_of_half_a_frame_passes_where_few_pixels_measure_it() {
     for (late_us, verdict) in
         [(417, Verdict::Fail), (-417, Verdict::Fail), (208, Verdict::Pass), (-208, Verdict::Pass)]
     {
-        let mut world = PlantedWorld::new(WorldSettings { thresholds: [1.75; 2], ..WorldSettings::default() });
+        let mut world =
+            PlantedWorld::new(WorldSettings { thresholds: [1.75; 2], ..WorldSettings::default() });
         world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
         let found = world.finding("time_offset");
         assert_eq!(found.verdict, verdict, "{late_us}: {found:?}");
