@@ -13,7 +13,6 @@ pub(crate) const PACKAGES: [&str; 1] = ["--workspace"];
 
 /// Integration tests of one binary.
 struct TestChoice {
-    package: &'static str,
     binary: &'static str,
     /// Names, each with what the tests show.
     tests: &'static [(&'static str, &'static str)],
@@ -21,13 +20,8 @@ struct TestChoice {
 
 /// What tells in minutes whether a checkout is sound on this machine, besides the unit tests of every crate.
 const SMOKE: [TestChoice; 2] = [
+    TestChoice { binary: "rendering", tests: &[("golden::", "pictures equal those of another program")] },
     TestChoice {
-        package: "gs2e-render",
-        binary: "rendering",
-        tests: &[("golden::", "pictures equal those of another program")],
-    },
-    TestChoice {
-        package: "gs2e",
         binary: "it",
         tests: &[
             ("golden_digests::", "every step makes its pinned bytes"),
@@ -67,12 +61,13 @@ pub(crate) fn run_all() -> Outcome {
 fn run_short() -> Outcome {
     say("1 of 2: the unit tests of every crate");
     let mut calls = vec![to_test(&PACKAGES, &["--lib"])];
-    for TestChoice { package, binary, tests } in SMOKE {
+    for TestChoice { binary, tests } in SMOKE {
         for (name, shows) in tests {
             say(&format!("2 of 2: {name}: {shows}"));
         }
         let names: Vec<&str> = tests.iter().map(|(name, _)| *name).collect();
-        calls.push(to_test(&["--package", package, "--test", binary, "--"], &names));
+        let chosen = PACKAGES.into_iter().chain(["--test", binary, "--"]);
+        calls.push(to_test(&chosen.collect::<Vec<_>>(), &names));
     }
     let done = run_each(&calls);
     say(
@@ -125,7 +120,8 @@ pub(crate) fn run_slow_tests() -> Outcome {
 /// Rewrites the generated parts of the documentation: the tests that compare them do this on
 /// request.
 pub(crate) fn rewrite_docs() -> Outcome {
-    cargo(&["test", "--quiet", "--test", "it", "--", "docs::the_reference"]).env("WRITE_DOCS", "1").run()
+    let reference = ["--test", "it", "--", "docs::the_reference"];
+    cargo(&["test", "--quiet"]).args(PACKAGES).args(reference).env("WRITE_DOCS", "1").run()
 }
 
 /// The closing line: the tests of a list with lines `TEST (WHY)`, grouped by the reason why they
