@@ -28,7 +28,6 @@ mod input;
 mod left_out;
 mod machine;
 mod message;
-mod open;
 mod output;
 mod plan;
 mod problem;
@@ -88,8 +87,6 @@ enum VerbCommand {
     Plan(plan::PlanArgs),
     /// Show the parts of a step's key, and the changes since the step was last made
     Why(why::WhyArgs),
-    /// Print the paths of what was built
-    Open(open::OpenArgs),
     /// Show the verdicts of the validation passes
     Check(check::CheckArgs),
     /// Build the stale steps, check the results, and write the release
@@ -200,7 +197,6 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Plan(verb) => verb.run(common, console),
         VerbCommand::Why(verb) => verb.run(common, console),
         VerbCommand::Check(verb) => verb.run(common, console),
-        VerbCommand::Open(verb) => verb.run(common, console),
         VerbCommand::Release(verb) => verb.run(common, console),
         VerbCommand::Submit(verb) => verb.run(common, console),
         VerbCommand::Status(verb) => verb.run(common, console),

@@ -20,7 +20,7 @@ const RELEVANT: [(&str, &[&str]); 10] = [
     (
         "store",
         &[
-            "build", "plan", "why", "check", "release", "open", "gc", "study", "info", "submit", "status",
+            "build", "plan", "why", "check", "release", "gc", "study", "info", "submit", "status",
             "cancel",
         ],
     ),
@@ -46,7 +46,7 @@ const RELEVANT: [(&str, &[&str]); 10] = [
     (
         "no_omit",
         &[
-            "build", "plan", "why", "check", "release", "open", "gc", "render", "study", "submit", "status",
+            "build", "plan", "why", "check", "release", "gc", "render", "study", "submit", "status",
             "cancel",
         ],
     ),
@@ -63,7 +63,6 @@ const RENDERING: &[&str] = &[
     "why",
     "check",
     "release",
-    "open",
     "gc",
     "render",
     "study",

@@ -190,7 +190,7 @@ impl BuildArgs {
         match &self.to {
             Some(to) => link_outputs(to, &store, &outputs, console)?,
             None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.say(
-                "`gs2e open` prints the paths of the files; `gs2e release --to DIR` writes them as a dataset",
+                "`gs2e build --to DIR` links the files there; `gs2e release --to DIR` writes them as a dataset",
             ),
             None => {}
         }

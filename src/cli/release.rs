@@ -67,8 +67,6 @@ pub(super) struct ReleaseArgs {
 enum LinkArg {
     /// Share blocks until one side is changed, if the file system can; else copy
     Reflink,
-    /// Make second names of the store's files: a change to one changes both
-    Hard,
     /// Copy every byte
     Copy,
 }
@@ -151,7 +149,6 @@ impl ReleaseArgs {
         match self.link {
             _ if self.copy => LinkMode::Copy,
             LinkArg::Reflink => LinkMode::Reflink,
-            LinkArg::Hard => LinkMode::Hard,
             LinkArg::Copy => LinkMode::Copy,
         }
     }

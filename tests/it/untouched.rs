@@ -138,7 +138,6 @@ const SOUND: &[(&str, &str)] = &[
     ("build", "tiny.yaml"),
     ("plan", "tiny.yaml"),
     ("why", "tiny/base/events --recipes tiny.yaml"),
-    ("open", "tiny.yaml"),
     ("check", "--recipes tiny.yaml"),
     ("release", "--to rel tiny.yaml"),
     ("submit", "--dry-run --shared-store shared --to slurm tiny.yaml"),

@@ -64,7 +64,8 @@ pub enum LinkMode {
     /// that. Otherwise they are copies.
     #[default]
     Reflink,
-    /// They are the store's files under a second name: a write to one changes both.
+    /// They are the store's files under a second name: a write to one changes both. For a release that is
+    /// deleted together with its store.
     Hard,
     /// Copies.
     Copy,
@@ -260,7 +261,7 @@ impl<'a> JudgedRelease<'a> {
             composed: Some(&pictures),
         };
         let tree::TreeOutcome { files, bytes, stood } =
-            tree::write_tree(target, &tree, (store, options), link, cancel)?;
+            tree::write_tree(target, &tree, options, link, cancel)?;
         let warnings = scenes.iter().flat_map(|s| s.licence.warnings.iter().cloned());
         // A set, because all scenes of one source have the same warning.
         let warnings: BTreeSet<String> = warnings.chain(empty_splits(&scenes, &context.info)).collect();

@@ -13,7 +13,7 @@ use gs2e_files::{LinkRule, Removal};
 use gs2e_release::checksum;
 use gs2e_release::composed::{FileContent, ReleaseTree};
 use gs2e_release::manifest::ManifestFile;
-use gs2e_store::{Digest, Store};
+use gs2e_store::Digest;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -36,21 +36,21 @@ pub(super) struct TreeOutcome {
 pub(super) fn write_tree(
     target: &mut ReleaseTarget,
     tree: &ReleaseTree,
-    (store, options): (&Store, AuditOptions<'_>),
+    options: AuditOptions<'_>,
     link: LinkMode,
     cancel: &AtomicBool,
 ) -> Result<TreeOutcome, ReleaseError> {
     let listing = tree.listing();
-    // A release that shares files with the store is not what the other modes ask for.
+    // A write to a release that shares files with something else would change that too.
     let shares = target.standing().is_some_and(StandingTree::shares_files);
     // `B3SUMS` covers all files but the sums, so an equal text means an equal release.
-    if (link == LinkMode::Hard || !shares) && target.holds(&b3_sums(&listing))? {
+    if !shares && target.holds(&b3_sums(&listing))? {
         let (files, bytes) = target.standing().map(StandingTree::size).unwrap_or_default();
         return Ok(TreeOutcome { files, bytes, stood: true });
     }
     let work = WorkFolder::create(target.path(), &sizes(&listing))?;
     let root = work.tree();
-    let placing = FilePlacing { root: &root, standing: target.standing(), store, link, cancel };
+    let placing = FilePlacing { root: &root, standing: target.standing(), link, cancel };
     let mut written: BTreeMap<&str, checksum::FileHashes> = tree
         .par_contents()
         .map(|(path, content)| Ok((path, placing.place(path, content)?)))
@@ -65,11 +65,6 @@ pub(super) fn write_tree(
     // The audit may take long, and the rename after it cannot be undone.
     placing.go_on()?;
     target.put(work)?;
-    if link == LinkMode::Hard {
-        // The names that were removed with the old release have changed the blobs' ctimes once
-        // more.
-        tree.blobs().try_for_each(|digest| store.settle(digest))?;
-    }
     let bytes = written.values().map(|hashes| hashes.size).sum();
     Ok(TreeOutcome { files: written.len(), bytes, stood: false })
 }
@@ -114,7 +109,6 @@ struct FilePlacing<'a> {
     root: &'a Path,
     /// The release that is about to be replaced.
     standing: Option<&'a StandingTree>,
-    store: &'a Store,
     link: LinkMode,
     cancel: &'a AtomicBool,
 }
@@ -147,8 +141,6 @@ impl FilePlacing<'_> {
         materialise_blob(blob, &path, self.link).map_err(failed(&path))?;
         let hashes = hash()?;
         if hashes.blake3 == *digest {
-            // A link to the blob has changed its ctime, by which the store knows it.
-            self.store.settle(digest)?;
             return Ok(hashes);
         }
         // It may be longer than the list in the work folder says, and would then be left there.
@@ -160,8 +152,7 @@ impl FilePlacing<'_> {
     /// content. The first name is removed when the tree is in place, so the new release shares the
     /// file with nothing.
     fn take_over(&self, name: &str, digest: &Digest, path: &Path) -> bool {
-        let standing = self.standing.filter(|_| self.link != LinkMode::Hard);
-        let file = standing.and_then(|standing| standing.unshared(name, digest));
+        let file = self.standing.and_then(|standing| standing.unshared(name, digest));
         file.is_some_and(|file| fs::hard_link(file, path).is_ok())
     }
 }

@@ -70,14 +70,6 @@ impl ReleaseTree {
         self.files.par_iter().map(|(path, content)| (path.as_str(), content))
     }
 
-    /// The blobs that files are made from, one per file.
-    pub fn blobs(&self) -> impl Iterator<Item = &Digest> {
-        self.files.values().filter_map(|content| match content {
-            FileContent::Blob { digest, .. } => Some(digest),
-            FileContent::Bytes(_) => None,
-        })
-    }
-
     /// The content of the file at a path.
     pub fn content(&self, path: &str) -> Option<&FileContent> {
         self.files.get(path)

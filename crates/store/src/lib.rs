@@ -403,7 +403,7 @@ impl Store {
     ///
     /// # Errors
     /// The blob cannot be accessed.
-    pub fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
+    pub(crate) fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
         let stat = self.disk.stat(&path).map_err(disk::disk_error("reading", &path))?;
         self.enter(&path, StatEntry { seen: StatSighting::settled_file(stat), digest: *digest });

@@ -53,7 +53,7 @@ pub(super) fn run(options: &Options) -> Outcome {
             let recipe =
                 |sampling: &str, outputs: &str| scene.sampled(options.quick, trajectory, sampling, outputs);
             build.run(&recipe(RATE, ""))?;
-            let seconds = build.duration()?;
+            let seconds = build.duration(trajectory)?;
             let mut add = |sampling: &str, made: &MadeEvents| {
                 let MadeEvents { core_seconds, events, frames } = made;
                 let name = scene.name;
@@ -135,17 +135,16 @@ impl EventBuild<'_> {
     }
 
     /// Duration of the path, s: the last time stamp of its poses.
-    fn duration(&self) -> Outcome<f64> {
-        let mut open = Command::new(self.gs2e);
-        open.args(["open", "--store"]).arg(self.work.join("store")).arg(self.recipe());
-        let output = open.output().map_err(|e| format!("gs2e open: {e}"))?;
-        let listed = String::from_utf8_lossy(&output.stdout).into_owned();
-        let stamps = listed.lines().find(|line| line.contains("timestamps_us.txt"));
-        let path =
-            stamps.and_then(|line| line.split_whitespace().last()).ok_or("gs2e open lists no time stamps")?;
-        let text = fs::read_to_string(path).map_err(|e| format!("{path}: {e}"))?;
+    fn duration(&self, trajectory: &str) -> Outcome<f64> {
+        let links = self.work.join("links");
+        let mut build = Command::new(self.gs2e);
+        build.args(["build", "--backend", "cpu", "--store"]).arg(self.work.join("store"));
+        build.arg("--to").arg(&links).arg(self.recipe());
+        build.output().map_err(|e| format!("gs2e build: {e}"))?;
+        let path = links.join(self.scene).join(trajectory).join("trajectory/timestamps_us.txt");
+        let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let last = text.lines().last().and_then(|line| line.trim().parse::<f64>().ok());
-        Ok(last.ok_or(format!("{path}: no time stamp in the last line"))? * 1e-6)
+        Ok(last.ok_or_else(|| format!("{}: no time stamp in the last line", path.display()))? * 1e-6)
     }
 }
 
