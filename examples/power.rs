@@ -2,8 +2,8 @@
 //! `gs2e check --tree` finds, by size, and whether the stated power is right.
 //!
 //! `cargo xtask power` makes releases of many kinds and runs this example on them; it prints the
-//! table of docs/checks.md. `cargo run --release --example power -- RELEASE...` takes other releases;
-//! `--stated` plants the faults of the stated sizes alone.
+//! table of crates/lab/results/checks.md. `cargo run --release --example power -- RELEASE...` takes
+//! other releases; `--stated` plants the faults of the stated sizes alone.
 //! Faults are planted in copies. Only trajectories with sharp frames and events at every pose count;
 //! without depth, the faults that it shows are left out.
 

@@ -1,7 +1,7 @@
 //! The command line: the arguments of the user, the output, and the exit code.
 //!
 //! This is the only module that prints, reads the environment, or looks at a clock for people.
-//! Results go to stdout, and all other text to stderr. `docs/command-line.md` lists the parts that
+//! Results go to stdout, and all other text to stderr. `docs/building.md` lists the parts that
 //! programs may rely on.
 
 mod arguments;

@@ -20,11 +20,16 @@ use recipe_page::{Reference, Words};
 /// All pages, written by hand or by the program, as paths from the repository's root.
 fn pages() -> Vec<String> {
     let top = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"].map(str::to_owned);
-    top.into_iter().chain(files_below("docs", "md")).collect()
+    let folders = ["docs", "crates/lab/results"];
+    top.into_iter().chain(folders.into_iter().flat_map(|folder| files_below(folder, "md"))).collect()
 }
 
 /// Pages that a run of the program writes as a whole. Their lines may have any length.
-const WRITTEN_BY_RUNS: [&str; 3] = ["docs/work-precision.md", "docs/tolerance.md", "docs/stress.md"];
+const WRITTEN_BY_RUNS: [&str; 3] = [
+    "crates/lab/results/work-precision.md",
+    "crates/lab/results/tolerance.md",
+    "crates/lab/results/stress.md",
+];
 
 const BEGIN: &str = "<!-- generated: `cargo xtask docs` writes the rest of this page -->\n";
 

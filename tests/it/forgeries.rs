@@ -44,7 +44,7 @@ fn judge(forgery: &Forgery) -> (Vec<AuditFault>, Vec<AuditFault>) {
     let folder = copy();
     (forgery.forge)(folder.path());
     if forgery.found == Found::Rebuild {
-        assert_eq!(unlisted(folder.path()), [""; 0], "{}: docs/audit.md does not list it", forgery.name);
+        assert_eq!(unlisted(folder.path()), [""; 0], "{}: docs/publish.md does not list it", forgery.name);
     }
     if forgery.whole {
         reseal(folder.path());
@@ -125,7 +125,7 @@ fn every_forgery_is_found_as_the_table_states() {
 
 #[test]
 fn the_page_lists_the_values_that_an_audit_cannot_know() {
-    let page = include_str!("../../docs/audit.md");
+    let page = include_str!("../../docs/publish.md");
     let values = VALUES.iter().flat_map(|(_, pointers)| *pointers).map(|pointer| {
         pointer.rsplit_once("*/").map_or_else(|| pointer.trim_start_matches('/'), |(_, below)| below)
     });

@@ -50,6 +50,7 @@ fn calls_for(files: &[String], needed: &BTreeMap<String, BTreeSet<String>>) -> V
     let mut program = false;
     for file in files {
         match file.split('/').collect::<Vec<_>>()[..] {
+            ["crates", _, "results", ..] => features.extend(["docs::", "tidy::"].map(str::to_owned)),
             ["crates", name, "tests", ..] if needed.contains_key(name) => {
                 tests.insert(name);
             }
@@ -110,6 +111,7 @@ mod tests {
         );
         t(&["crates/scene/Cargo.toml"], &["--package gs2e-scene --tests", "--package gs2e"]);
         t(&["crates/scene/tests/scene_files.rs"], &["--package gs2e-scene --tests"]);
+        t(&["crates/lab/results/tolerance.md"], &["--package gs2e --test it -- docs:: tidy::"]);
         t(&["src/cli.rs"], &["--package gs2e"]);
         t(&["tests/it/why.rs", "tests/it/docs/cli_page.rs"], &["--package gs2e --test it -- docs:: why::"]);
         t(&["README.md"], &["--package gs2e --test it -- docs:: tidy::"]);

@@ -72,10 +72,10 @@ usage: cargo xtask <task>
   bench peers [ARGS]...
                      CPU time of the published programs DVS-Voltmeter and v2e, where they are installed, next to `gs2e simulate` on
                      the same frames (`--dvs-voltmeter DIR`, `--v2e DIR`, `--python FILE`, `--frames N`, `--runs N`, `--program FILE`)
-  report [ARGS]...   studies of three scenes, and how run time grows, as docs/work-precision.md (`--scene NAME`; `--quick` tries it);
-                     and a tolerance against a rate, as docs/tolerance.md (`report tolerance`: that alone); a part of them goes to
-                     target/report
-  power [ARGS]...    the share of planted faults that the checks find from files, by size, as the table of docs/checks.md
+  report [ARGS]...   studies of three scenes, and how run time grows, as work-precision.md (`--scene NAME`; `--quick` tries it); and
+                     a tolerance against a rate, as tolerance.md (`report tolerance`: that alone), in crates/lab/results; a part
+                     of them goes to target/report
+  power [ARGS]...    the share of planted faults that the checks find from files, by size, as the table of crates/lab/results/checks.md
                      (`--releases N`, `--program FILE`; `--stated` plants the faults of the stated sizes alone)
   sound [ARGS]...    sound releases of many kinds: no check may fail, and release and check agree (`--scenes N`, `--first N`,
                      `--program FILE`)

@@ -1,4 +1,4 @@
-//! Power of the checks on releases of many kinds, as the table of docs/checks.md.
+//! Power of the checks on releases of many kinds, as the table of crates/lab/results/checks.md.
 //!
 //! Each release varies the scene, the sensor, the path, the size, the rate and the rules of
 //! rendering. All of them have sharp frames and depth at every pose. Streams of other thresholds are

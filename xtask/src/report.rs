@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The page, below `docs/` or, for a part of the runs, `target/report/`; its pictures are in a
+/// The page, below `crates/lab/results/` or, for a part of the runs, `target/report/`; its pictures are in a
 /// folder of its name.
 const PAGE: &str = "work-precision.md";
 const PICTURES: &str = "work-precision";
@@ -32,7 +32,7 @@ linear interpolation of 2,400 frames per second under the rules `official`; each
 same errors, rendering and sensor together. `soft` renders Gaussians that fade in and out instead of ending at an alpha of
 1/255; `blended` is `soft` with layers of nearly the same depth that cover each other in part. In the pictures a curve is a
 method: rules by colour, `hermite` solid, `catmull` dashed, `linear` dotted, flow steps with hollow marks.
-[studies.md](studies.md) explains the errors and the costs.
+[docs/sampling.md](../../../docs/sampling.md#how-many-frames-and-which) explains the errors and the costs.
 ";
 
 const GROWTH: &str = "
@@ -128,7 +128,7 @@ fn present(options: &Options) -> (Vec<&'static Scene>, PathBuf) {
         say(&format!("left out: {}, since ../shared is absent", scene.name));
     }
     let whole = present.len() == SCENES.len() && !options.quick;
-    (present, root().join(if whole { "docs" } else { "target/report" }))
+    (present, root().join(if whole { "crates/lab/results" } else { "target/report" }))
 }
 
 fn studies(options: &Options) -> Outcome {

@@ -15,7 +15,7 @@
 //! poses is COLMAP's own error: on renderings of 640x360, the median was 0.02 to 0.12 degrees and
 //! the largest 0.03 to 0.40, growing with the arc; centres agreed within 0.003 of the path. A path
 //! of more than half a turn can exceed the limit of `rotation` and be sound
-//! (`docs/other-programs.md`).
+//! (`docs/checks.md`).
 
 use super::subject::{Judgement, LimitSide};
 use super::{Finding, TrajectorySubject, ValidationPass, limits};

@@ -1,7 +1,7 @@
 //! Memory budget of an input.
 //!
 //! A number in a file that leads to an allocation is a claim. It is compared with a limit before
-//! anything is allocated for it. `docs/limits.md` lists the limits. An input that is refused takes
+//! anything is allocated for it. `docs/files.md` lists the limits. An input that is refused takes
 //! at most 64 MB and four times its own size: one time for the input itself, [`MAX_PER_BYTE`] times
 //! for the values made from it, and [`MAX_FREE`], apart from the program's own memory.
 

@@ -243,7 +243,7 @@ fn changes(source: Option<&SceneSource>, reconstruct: &Option<Option<Reconstruct
 }
 
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
-/// alpha (docs/design/numerics-sampling.md, "Jumps of the renderer"). Otherwise they are the rules
+/// alpha (docs/design/numerics-path.md, "Jumps of the renderer"). Otherwise they are the rules
 /// of the reference implementation.
 fn usual_rules(sampling: &Field<schema::SamplingSection>) -> RenderRules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());

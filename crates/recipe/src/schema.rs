@@ -160,11 +160,11 @@ pub(super) struct CameraSection {
     /// Principal point by name, for `gs2e export`. Other than `given`, it excludes `cx` and `cy`. Default:
     /// `given`.
     pub principal: Field<PrincipalPoint>,
-    /// Lens that distorts the pictures and the events. [lenses.md](lenses.md) describes it. Default: none, a pinhole.
+    /// Lens that distorts the pictures and the events. [scene.md](scene.md#lenses) describes it. Default: none, a pinhole.
     pub lens: Field<LensSection>,
 }
 
-/// Model of a lens with its coefficients, as in OpenCV. [lenses.md](lenses.md) describes it.
+/// Model of a lens with its coefficients, as in OpenCV. [scene.md](scene.md#lenses) describes it.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum LensSection {
@@ -265,7 +265,7 @@ pub(super) struct BlurSection {
     pub mean: Field<MeanScale>,
 }
 
-/// [imu.md](imu.md) describes the measurements.
+/// [scene.md](scene.md#inertial-data) describes the measurements.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ImuSection {
@@ -306,8 +306,8 @@ pub(super) struct ScaleSection {
     pub metres_per_unit: Field<f64>,
 }
 
-/// Light that changes with time. It lights the whole scene alike, in all events and pictures. [lights.md](lights.md)
-/// describes it.
+/// Light that changes with time. It lights the whole scene alike, in all events and pictures.
+/// [scene.md](scene.md#light-that-changes) describes it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct LightsSection {
@@ -350,7 +350,7 @@ pub(super) struct AttributesSection {
     pub scene_scale: Field<SceneScale>,
 }
 
-/// The program adds the terms of the source. [releases.md](releases.md) explains both.
+/// The program adds the terms of the source. [publish.md](publish.md) explains both.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct LicenceSection {

@@ -23,7 +23,7 @@ const BYTES_A_TAKEN_PIXEL: f64 = 8.0;
 const BYTES_A_STRAIGHTENED_PIXEL: f64 = 12.0;
 
 /// Memory of a training on these views, bytes, without the program itself. The factors were
-/// measured: `docs/training.md` compares.
+/// measured: `crates/lab/results/training.md` compares.
 #[must_use]
 pub fn memory_needed(settings: &TrainingSettings, views: &[CapturedView]) -> u64 {
     let pixels = |size: Size| f64::from(size.width) * f64::from(size.height);

@@ -2,8 +2,8 @@
 //! training.
 //!
 //! Rates are those of B. Kerbl et al. 2023 (GitHub graphdeco-inria/gaussian-splatting,
-//! `arguments/__init__.py`) for 30,000 iterations, and larger for fewer: `docs/training.md` has the
-//! trials.
+//! `arguments/__init__.py`) for 30,000 iterations, and larger for fewer:
+//! `crates/lab/results/training.md` has the trials.
 
 use gs2e_scene::sh;
 
@@ -33,7 +33,7 @@ const FALL: f64 = 0.1;
 const FALL_FROM: f64 = 0.5;
 
 /// Time of a Gaussian in an iteration, in the time that a pixel takes; measured, see
-/// `docs/training.md`.
+/// `crates/lab/results/training.md`.
 const PIXELS_A_GAUSSIAN: f64 = 2.0;
 
 /// Step sizes of Adam, by group of parameters.

@@ -31,8 +31,7 @@ fn motion_warning(px: f32, rate: f64, input: &Path) -> Option<String> {
     if px <= SOUND_PX {
         return None;
     }
-    let scene =
-        "or make a scene of the frames (`gs2e train`) and render as many as you need (docs/sensors.md)";
+    let scene = "or make a scene of the frames (`gs2e train`) and render as many as you need (docs/video.md)";
     if px.is_infinite() {
         return Some(format!(
             "warning: the frames are too far apart: most parts of one are not found in the next, so events between \

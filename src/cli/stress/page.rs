@@ -12,7 +12,7 @@ pub(super) fn write_page(rows: &[StressRow], out: &mut dyn Write) -> io::Result<
         out,
         "`gs2e stress` compares the result of each case with an independent answer: a closed form, a series, a number \
          of 120 digits,\nor an equivalent input without extremes. This page is its output, written by \
-         `gs2e stress --markdown docs/stress.md`.\n"
+         `gs2e stress --markdown crates/lab/results/stress.md`.\n"
     )?;
     writeln!(
         out,

@@ -1,4 +1,4 @@
-//! The recipes of `docs/trainers.md` are valid.
+//! The recipes for other trainers in `docs/training.md` are valid.
 
 use crate::support::workspace::Workspace;
 use gs2e_recipe as recipe;
@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// The YAML blocks of the page.
 fn blocks() -> Vec<String> {
-    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/trainers.md")).unwrap();
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/training.md")).unwrap();
     let after = page.split("```yaml\n").skip(1);
     after.map(|rest| rest.split("```").next().unwrap().to_owned()).collect()
 }
@@ -39,9 +39,9 @@ fn every_template_is_a_recipe() {
         programs.push(format!("{} {}", command.name(), command.licence));
     }
     let wanted = [
+        "opensplat AGPL-3.0-only",
         "python LicenseRef-Gaussian-Splatting",
         "python Apache-2.0",
-        "opensplat AGPL-3.0-only",
         "brush-cli Apache-2.0",
     ];
     assert_eq!(programs, wanted);

@@ -182,7 +182,7 @@ fn files_of_events_have_the_objects_of_the_format_alone() {
     ]);
 }
 
-/// Changes that a tree does not show. `docs/audit.md` lists each.
+/// Changes that a tree does not show. `docs/publish.md` lists each.
 #[test]
 fn what_a_tree_does_not_show_is_on_the_page() {
     let swapped = |tree: &Path| {
@@ -197,7 +197,7 @@ fn what_a_tree_does_not_show_is_on_the_page() {
         (picture(ALONE, |v| 1.01 * v).forge)(&tree.join(ALONE));
     });
     assert_eq!(found.into_iter().collect::<Vec<_>>(), [""; 0]);
-    let page = include_str!("../../../docs/audit.md");
+    let page = include_str!("../../../docs/publish.md");
     let (_, unproved) = page.split_once("## Not proved").unwrap();
     for row in
         ["`segmentation/*.png`", "`disparity/*.npy`", "`imu/sensor.yaml`", "`segmentation/objects.csv`"]

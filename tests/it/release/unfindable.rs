@@ -1,4 +1,4 @@
-//! Changes that an audit cannot find from a tree, as `docs/audit.md` lists them: values that no
+//! Changes that an audit cannot find from a tree, as `docs/publish.md` lists them: values that no
 //! other file of the tree repeats, and data that only a rebuilt scene can confirm.
 
 use serde_json::Value;

@@ -9,7 +9,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The page, below `docs/` or, for a part of the runs, `target/report/`.
+/// The page, below `crates/lab/results/` or, for a part of the runs, `target/report/`.
 const PAGE: &str = "tolerance.md";
 
 const INTRODUCTION: &str = "\

@@ -16,7 +16,7 @@
 use super::super::field::Field;
 use serde::Deserialize;
 
-/// An object: its Gaussians, by `select` or `scene`, and its path. [objects.md](objects.md) describes them.
+/// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectSection {

@@ -13,7 +13,7 @@ pub(crate) enum ReconstructSection {
     /// Training on the photos, inside the program. See [training.md](training.md).
     Builtin(Field<BuiltinSection>),
     /// A program that trains the scene; runs only with `--allow-commands`. See
-    /// [trainers.md](trainers.md).
+    /// [training.md](training.md#training-with-another-program).
     Command(Field<Box<CommandSection>>),
 }
 
@@ -24,7 +24,7 @@ pub(crate) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
     /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene files. See
-    /// [dynamic.md](dynamic.md). Default: none, a scene at rest.
+    /// [scene.md](scene.md#scenes-that-change-with-time). Default: none, a scene at rest.
     pub time: Field<TimeSection>,
     /// True if the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<UnsupportedField>,
@@ -75,8 +75,8 @@ pub(crate) struct UntilSection {
     pub minutes: Field<f64>,
 }
 
-/// Arguments, `probe` and `program` may contain names in braces; [trainers.md](trainers.md) lists
-/// the names.
+/// Arguments, `probe` and `program` may contain names in braces;
+/// [training.md](training.md#training-with-another-program) lists the names.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct CommandSection {

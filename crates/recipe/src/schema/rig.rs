@@ -17,7 +17,7 @@ use super::{CameraSection, SensorSection};
 use crate::OutputKind;
 use serde::Deserialize;
 
-/// Cameras on one body that follows each trajectory. [rigs.md](rigs.md) describes them.
+/// Cameras on one body that follows each trajectory. [scene.md](scene.md#rigs) describes them.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigSection {

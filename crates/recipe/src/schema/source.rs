@@ -51,7 +51,7 @@ pub(crate) struct ProceduralSection {
     pub fountain: Field<FountainSection>,
 }
 
-/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [dynamic.md](dynamic.md).
+/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [scene.md](scene.md#scenes-that-change-with-time).
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FountainSection {

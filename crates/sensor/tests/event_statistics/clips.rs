@@ -1,5 +1,5 @@
 //! Clips made from formulas, and their event counts under both laws, as other programs measured
-//! them (docs/design/oracles.md, "clip counts").
+//! them (docs/evidence.md, "clip counts").
 
 use super::{frames, run};
 use gs2e_image::Size;
