@@ -19,10 +19,7 @@ pub fn command_line() -> clap::Command {
 const RELEVANT: [(&str, &[&str]); 10] = [
     (
         "store",
-        &[
-            "build", "plan", "why", "check", "release", "gc", "study", "info", "submit", "status",
-            "cancel",
-        ],
+        &["build", "plan", "why", "check", "release", "gc", "study", "info", "submit", "status", "cancel"],
     ),
     (
         "jobs",
@@ -45,10 +42,7 @@ const RELEVANT: [(&str, &[&str]); 10] = [
     ("gpu_without", RENDERING),
     (
         "no_omit",
-        &[
-            "build", "plan", "why", "check", "release", "gc", "render", "study", "submit", "status",
-            "cancel",
-        ],
+        &["build", "plan", "why", "check", "release", "gc", "render", "study", "submit", "status", "cancel"],
     ),
     ("allow_commands", &["build", "release", "submit"]),
     ("no_wait", &["build", "release", "gc", "submit"]),
