@@ -6,9 +6,9 @@
 //! come at that instant. The variances of both counts are compared. ON and OFF are counted
 //! separately, and places are rounded to whole pixels in both, so that neither image is smoother.
 //! Wrong depths, stamps or axes blur the moved image. A ratio below 1 by more than noise is a gate;
-//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. The median may be closer to 1
-//! where noise makes a share of the events, a filter delays them, or fewer than three windows tell. The events
-//! of a lamp show the picture in place, and the pass is not run.
+//! a median below 1.2, or a ratio below 1 in one window of twenty, is a warning. The median may be
+//! closer to 1 where noise makes a share of the events, a filter delays them, or fewer than three
+//! windows tell. The events of a lamp show the picture in place, and the pass is not run.
 //!
 //! Events between two frames fade instead of moving. If the image moves by several px per frame,
 //! the pass makes no statement (see `sampling`).

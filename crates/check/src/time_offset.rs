@@ -2,10 +2,10 @@
 //!
 //! The delay of the events follows from the pixels with steady drift at some instants, see
 //! [`LagSums`].
-//! It may be at most half of a frame step, and four standard deviations of the estimate more. The pass needs a sensor whose drift is determined by
-//! frames, and is not run if noise hides an eighth of a step. Unequal thresholds and a noise floor count by
-//! their means over the pixels. Residuals are half of a threshold on average only if pixels change one by
-//! one, so the pass is not run where the light changes.
+//! It may be at most half of a frame step, and four standard deviations of the estimate more. The pass
+//! needs a sensor whose drift is determined by frames, and is not run if noise hides an eighth of a step.
+//! Unequal thresholds and a noise floor count by their means over the pixels. Residuals are half of a
+//! threshold on average only if pixels change one by one, so the pass is not run where the light changes.
 
 use super::event_frame::fit::LagSums;
 use super::subject::{Judgement, LimitSide};
