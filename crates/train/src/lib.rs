@@ -11,8 +11,8 @@
 //! threads and any instruction set, and after any number of interruptions: every draw is a function
 //! of the seed and its place, and a checkpoint holds all that an iteration leaves behind. A GPU and its
 //! driver have bytes of their own.
-//! `docs/design/numerics-rendering.md`, "Training" has the laws and their sources, `crates/lab/results/training.md`
-//! the trials.
+//! `docs/design/numerics-rendering.md`, "Training" has the laws and their sources,
+//! `crates/lab/results/training.md` the trials.
 //!
 //! It takes photos, poses and points from `gs2e-source` and renders with `gs2e-render`; the result is a
 //! scene of `gs2e-scene`. Seeds come from `gs2e-num`, images and their likeness from `gs2e-image`, and

@@ -8,7 +8,8 @@
 //! A parent becomes two along its longest axis, at `+-s sqrt(1 - k^2)` with `k = sqrt(1/2)`. That
 //! axis shrinks by `k`, so the two together keep the parent's variance along it; the other axes
 //! shrink the less the shorter they are. Each gets the opacity `1 - (1 - o)^k`. The second one takes
-//! the place of a dead Gaussian, or a new place. Why a split and no copy: `docs/design/numerics-rendering.md`.
+//! the place of a dead Gaussian, or a new place. Why a split and no copy:
+//! `docs/design/numerics-rendering.md`.
 
 #![expect(clippy::cast_possible_truncation, reason = "parameters are stored in 32 bits")]
 
