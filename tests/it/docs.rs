@@ -12,7 +12,7 @@ mod markdown;
 mod probe;
 mod recipe_page;
 
-use crate::support::repository::{files_below, root, text_of};
+use crate::support::repository::{files_below, root, sources_below, text_of};
 use declared::Crate;
 use markdown::Page;
 use recipe_page::{Reference, Words};
@@ -98,6 +98,56 @@ fn stated_defaults_are_those_of_the_loader() {
         }
     }
     assert!(verified > 90, "only {verified} keys were verified");
+}
+
+/// Words in backticks that have the form of a type's name and are none of ours.
+const FOREIGN_NAMES: [&str; 6] = ["DataLoader", "Dataset", "Phi", "Tdot", "Th", "Ti"];
+
+/// The name of a type in a span of code, and its member: `Type` or `Type::member`.
+fn type_and_member(span: &str) -> Option<(&str, Option<&str>)> {
+    let (name, member) = span.split_once("::").map_or((span, None), |(name, member)| (name, Some(member)));
+    let camel = name.starts_with(|c: char| c.is_ascii_uppercase())
+        && name.chars().any(|c| c.is_ascii_lowercase())
+        && name.chars().all(|c| c.is_ascii_alphanumeric());
+    camel.then_some((name, member))
+}
+
+/// Whether a file declares or implements the type and names the member, where one is given.
+fn is_in(text: &str, name: &str, member: Option<&str>) -> bool {
+    let words = |line: &str| -> Vec<String> {
+        line.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect()
+    };
+    let holds = |line: &str| {
+        let kind = |pair: &[String]| {
+            ["struct", "enum", "trait", "type", "impl", "class", "for"].contains(&pair[0].as_str())
+        };
+        words(line).windows(2).any(|pair| kind(pair) && pair[1] == name)
+    };
+    text.contains(name)
+        && text.lines().any(holds)
+        && member.is_none_or(|member| text.lines().any(|line| words(line).iter().any(|w| w == member)))
+}
+
+#[test]
+fn types_in_the_glossary_and_the_design_exist() {
+    let sources: Vec<String> = sources_below("crates").iter().map(|path| text_of(path)).collect();
+    let mut missing = Vec::new();
+    let mut found = 0;
+    for page in
+        pages().into_iter().filter(|page| page == "docs/glossary.md" || page.starts_with("docs/design/"))
+    {
+        let text = text_of(&page);
+        for (name, member) in text.split('`').skip(1).step_by(2).filter_map(type_and_member) {
+            let known = sources.iter().any(|source| is_in(source, name, member));
+            found += usize::from(known);
+            if !known && !FOREIGN_NAMES.contains(&name) {
+                missing
+                    .push(format!("{page}: {name}{}", member.map_or_else(String::new, |m| format!("::{m}"))));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "no such type in crates/:\n{}", missing.join("\n"));
+    assert!(found > 60, "only {found} types were recognised");
 }
 
 #[test]
