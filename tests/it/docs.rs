@@ -100,8 +100,8 @@ fn stated_defaults_are_those_of_the_loader() {
     assert!(verified > 90, "only {verified} keys were verified");
 }
 
-/// Words in backticks that have the form of a type's name and are none of ours.
-const FOREIGN_NAMES: [&str; 6] = ["DataLoader", "Dataset", "Phi", "Tdot", "Th", "Ti"];
+/// Symbols of the numerics pages, which look like names of types.
+const SYMBOLS: [&str; 4] = ["Phi", "Tdot", "Th", "Ti"];
 
 /// The name of a type in a span of code, and its member: `Type` or `Type::member`.
 fn type_and_member(span: &str) -> Option<(&str, Option<&str>)> {
@@ -140,14 +140,14 @@ fn types_in_the_glossary_and_the_design_exist() {
         for (name, member) in text.split('`').skip(1).step_by(2).filter_map(type_and_member) {
             let known = sources.iter().any(|source| is_in(source, name, member));
             found += usize::from(known);
-            if !known && !FOREIGN_NAMES.contains(&name) {
+            if !known && !SYMBOLS.contains(&name) {
                 missing
                     .push(format!("{page}: {name}{}", member.map_or_else(String::new, |m| format!("::{m}"))));
             }
         }
     }
     assert!(missing.is_empty(), "no such type in crates/:\n{}", missing.join("\n"));
-    assert!(found > 60, "only {found} types were recognised");
+    assert!(found > 40, "only {found} types were recognised");
 }
 
 #[test]
