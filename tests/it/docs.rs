@@ -52,6 +52,11 @@ fn the_reference_of_the_recipe_is_current() {
 }
 
 #[test]
+fn the_list_of_ablations_is_current() {
+    generated("docs/ablations.md", &Reference::of(&Crate::read()).ablations());
+}
+
+#[test]
 fn the_reference_of_the_command_line_is_current() {
     generated("docs/cli.md", &cli_page::markdown());
 }

@@ -18,7 +18,12 @@ pub(super) struct Words {
     pub(super) range: String,
     pub(super) default: String,
     pub(super) required: bool,
+    ablation: bool,
 }
+
+/// Last word of the comment on a key or a choice that only comparisons with other programs need. It is listed in
+/// `docs/ablations.md` instead of the reference.
+const ABLATION: &str = "Ablation.";
 
 impl Words {
     pub(super) fn of(doc: &str) -> Self {
@@ -28,8 +33,12 @@ impl Words {
         };
         let (rest, default) = part(rest, "Default: ");
         let (rest, range) = part(rest, "Range: ");
-        let (meaning, unit) = part(rest, "Unit: ");
-        Self { meaning: meaning.to_owned(), unit, range, default, required }
+        let (rest, unit) = part(rest, "Unit: ");
+        let (meaning, ablation) = match rest.strip_suffix(ABLATION) {
+            Some(meaning) => (meaning.trim_end(), true),
+            None => (rest, false),
+        };
+        Self { meaning: meaning.to_owned(), unit, range, default, required, ablation }
     }
 
     /// The default, if it is written as YAML: in backticks, and nothing else.
@@ -59,6 +68,12 @@ pub(super) struct Key<'c> {
 struct Section<'c> {
     paths: Vec<String>,
     declared: &'c Declared,
+}
+
+/// A key, or a choice of one, as the page of ablations lists it.
+struct Ablation<'c> {
+    of: &'c Member,
+    value: String,
 }
 
 /// The reference: sections in the order in which a reader of the schema meets them.
@@ -131,11 +146,31 @@ impl<'c> Reference<'c> {
             let _ = write!(out, "\n## {heading}\n\n");
             let used = used_in(&section.paths).map(|list| format!("Used in {list}. ")).unwrap_or_default();
             let _ = write!(out, "{}\n\n{HEAD}", wrapped(&format!("{used}{}", section.declared.doc)));
-            for member in &section.declared.members {
+            for member in section.declared.members.iter().filter(|member| !Words::of(&member.doc).ablation) {
                 out.push_str(&self.row(&section.paths[0], member, &section.declared.file));
             }
         }
         out + &self.checks()
+    }
+
+    /// The generated part of the page of ablations: keys, and choices of keys.
+    pub(super) fn ablations(&self) -> String {
+        let mut out = "\n| key | value | meaning |\n|---|---|---|\n".to_owned();
+        for section in &self.sections {
+            let file = &section.declared.file;
+            for member in &section.declared.members {
+                let key = Ablation { of: member, value: self.kind(member, file) };
+                let choices = self.enumeration(member, file).map_or(&[][..], |found| &found.members);
+                let choice = |of| Ablation { of, value: format!("`{}`", of.name) };
+                for Ablation { of, value } in std::iter::once(key).chain(choices.iter().map(choice)) {
+                    if let Words { meaning, ablation: true, .. } = Words::of(&of.doc) {
+                        let path = join(&section.paths[0], &member.name);
+                        let _ = writeln!(out, "| `{path}` | {value} | {meaning} |");
+                    }
+                }
+            }
+        }
+        out
     }
 
     fn row(&self, within: &str, member: &Member, file: &str) -> String {
@@ -182,14 +217,17 @@ impl<'c> Reference<'c> {
         slug(&heading(&section.expect("every mapping has a section").paths))
     }
 
-    /// Choices of an enumeration, one per line.
-    fn choices(&self, path: &str, member: &Member, file: &str) -> String {
+    /// The enumeration that a key takes its value from.
+    fn enumeration(&self, member: &Member, file: &str) -> Option<&'c Declared> {
         let (name, _) = core(&member.ty);
         // White is written as a number, and the same choices stand with `sensor`.
-        if matches!(name, "WhiteBrightness" | "Limits") || member.ty.contains("BTreeMap") {
-            return String::new();
-        }
-        let Some(found) = self.krate.named(name, file).filter(|found| found.is_enum) else {
+        let elsewhere = matches!(name, "WhiteBrightness" | "Limits") || member.ty.contains("BTreeMap");
+        self.krate.named(name, file).filter(|found| found.is_enum && !elsewhere)
+    }
+
+    /// Choices of an enumeration, one per line.
+    fn choices(&self, path: &str, member: &Member, file: &str) -> String {
+        let Some(found) = self.enumeration(member, file) else {
             return String::new();
         };
         let choice = |choice: &Member| {
@@ -202,7 +240,7 @@ impl<'c> Reference<'c> {
             assert!(!choice.doc.is_empty(), "`{}` of {path} has no comment", choice.name);
             format!("<br>{name}: {}{later}", choice.doc)
         };
-        found.members.iter().map(choice).collect()
+        found.members.iter().filter(|choice| !Words::of(&choice.doc).ablation).map(choice).collect()
     }
 
     /// The section `checks`, whose limits are declared with the checks that read them.
@@ -338,6 +376,8 @@ fn comments_have_parts() {
     let words = Words::of("Days. Range: `Y`. Default: `[0, 1]`.");
     assert_eq!((words.range.as_str(), words.yaml_default()), ("`Y`", Some("[0, 1]")));
     assert_eq!(Words::of("A. Default: `a` for `b`.").yaml_default(), None);
+    let words = Words::of("The paper's equation. Ablation. Default: `false`.");
+    assert_eq!((words.meaning.as_str(), words.ablation), ("The paper's equation.", true));
     assert_eq!(core("Field<BTreeMap<String, Field<Sensor>>>"), ("Sensor", ""));
     assert_eq!(core("Field<Vec<Field<Trajectory>>>"), ("Trajectory", "[]"));
     assert_eq!(core("Field<[Field<f64>; 3]>"), ("f64", ""));

@@ -103,7 +103,6 @@ fn read(path: &Path) -> Option<Source> {
 }
 
 /// The text, with comments and the insides of string and character literals replaced by spaces.
-/// spaces.
 fn without_literals(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
@@ -185,7 +184,6 @@ fn block_comment_end(chars: &[char], mut i: usize) -> usize {
 const TEST_MARK: &str = "#[cfg(test)]";
 
 /// The code with each item after `#[cfg(test)]` blanked. Literals are already blank, so braces
-/// balance.
 /// balance.
 fn without_tests(code: &str) -> String {
     let mut rest = code;
