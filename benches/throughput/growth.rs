@@ -5,12 +5,12 @@
 //! and dropped. Rounds are interleaved, as in the other parts. The fit uses the fastest run of each
 //! size.
 
+use crate::laws::GrowthLaws;
 use glam::DQuat;
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_event::{Event, EventSink};
 use gs2e_image::{Image, Size};
-use gs2e_lab::growth::GrowthLaws;
 use gs2e_num::se3::Se3;
 use gs2e_num::seed::Seed;
 use gs2e_num::units::{Hertz, Timestamp};

@@ -6,6 +6,7 @@
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the figures are printed")]
 
 mod growth;
+mod laws;
 mod measure;
 mod training;
 mod workloads;

@@ -6,10 +6,10 @@
 
 pub(crate) mod memory;
 
+use crate::laws::GrowthLaws;
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_image::{Size, png};
-use gs2e_lab::growth::GrowthLaws;
 use gs2e_render::backend::Backend;
 use gs2e_render::cpu::CpuRenderer;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer as _};
@@ -123,7 +123,7 @@ fn iteration_seconds(gaussians: u32, photos: &Photos) -> f64 {
         }
     };
     let watch = TrainingWatch { goes_on: &|| true, news: &mut news, clock: None, checkpoint: None };
-    training::train_capture(&photos.capture, &photos.files, (&settings, &Backend::Cpu), watch)
+    training::train_capture(&photos.capture, &photos.files, &settings, &Backend::Cpu, watch)
         .expect("it trains");
     let first = marks.iter().find(|(iteration, _)| *iteration >= FROM).expect("a report every 2 iterations");
     let last = marks.last().expect("a report at the end");

@@ -204,9 +204,10 @@ impl RenderArgs {
 
     /// The view with the requested index, and warnings about it.
     fn chosen(&self) -> Result<(source::CapturedView, Vec<source::SourceWarning>), VerbError> {
-        let read = view::read_views(&self.view).map_err(|e| input::no_source("view", &e, &self.view))?;
-        let count = read.0.views.len();
-        let chosen = view::choose_view(read, self.index).ok_or_else(|| {
+        let read = view::read_views(&self.view);
+        let (capture, warnings) = read.map_err(|e| input::no_source("view", &e, &self.view))?;
+        let count = capture.views.len();
+        let chosen = view::choose_view(capture, warnings, self.index).ok_or_else(|| {
             let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
             let what = format!("{} has {views}, but none with index {}", self.view.display(), self.index);
             VerbError::usage("no-view", what)

@@ -190,7 +190,7 @@ impl TrainArgs {
             clock: Some(run::monotonic_seconds),
             checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
         };
-        training::train_capture(capture, files, (&self.settings(), backend), watch)
+        training::train_capture(capture, files, &self.settings(), backend, watch)
             .map_err(|e| self.to_error(&e))
     }
 

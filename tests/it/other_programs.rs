@@ -102,10 +102,12 @@ impl Filmed {
 
     /// OpenCV's measurements of another trajectory's released files.
     fn seen(&self, name: &str, released: &ReleasedPoses, pictures: &[TrajectoryPicture]) -> OpencvGeometry {
-        let own = (&self.camera, &self.trajectory);
-        self.in_workspace(name, |workspace| opencv::measure_released(released, own, pictures, workspace))
-            .unwrap()
-            .unwrap()
+        let (camera, trajectory) = (&self.camera, &self.trajectory);
+        self.in_workspace(name, |workspace| {
+            opencv::measure_released(released, camera, trajectory, pictures, workspace)
+        })
+        .unwrap()
+        .unwrap()
     }
 }
 
@@ -194,9 +196,11 @@ fn a_failed_program_is_reported_with_its_output() {
         .collect();
     std::fs::write(filmed.folder.path().join("none"), "no picture").unwrap();
     let released = ReleasedPoses::from_trajectory(&filmed.camera, &filmed.trajectory, &filmed.pictures);
-    let own = (&filmed.camera, &filmed.trajectory);
+    let (camera, trajectory) = (&filmed.camera, &filmed.trajectory);
     let error = filmed
-        .in_workspace("b", |workspace| opencv::measure_released(&released, own, &broken, workspace))
+        .in_workspace("b", |workspace| {
+            opencv::measure_released(&released, camera, trajectory, &broken, workspace)
+        })
         .unwrap_err();
     assert_eq!(error.to_string(), "run python3: it ended with exit code 1");
     let gs2e_source::foreign::ForeignError::Failed(failed) = error else { panic!("{error}") };

@@ -96,7 +96,7 @@ mod tests {
         let dynamics = scene.dynamics().unwrap();
         assert_eq!((scene.len(), dynamics.end_s().to_bits()), (250, 3_f64.to_bits()));
         let place = |i: usize, seconds: f64| {
-            let splat = dynamics.splat(&scene, i, dynamics.moment(seconds));
+            let splat = scene.at(seconds).unwrap().splat(i);
             (DVec3::from_array(splat.position.map(|[value, _]| value)), DVec3::from_array(splat.velocity()))
         };
         for i in 200..250 {
@@ -116,7 +116,7 @@ mod tests {
         // The table rests.
         let [(a, u), (b, _)] = [0.0, 1.2].map(|t| place(7, t));
         assert!(a == b && u == DVec3::ZERO);
-        let rest = dynamics.splat(&scene, 7, dynamics.moment(1.2)).opacity;
+        let rest = scene.at(1.2).unwrap().splat(7).opacity;
         let full = 1.0 / (1.0 + libm::exp(-f64::from(scene.opacity_logits[7])));
         assert!(rest[0].to_bits() == full.to_bits() && rest[1].abs() < 1e-20, "{rest:?}");
     }

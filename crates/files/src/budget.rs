@@ -9,7 +9,7 @@ use std::collections::TryReserveError;
 use std::io::{self, BufRead, Read as _};
 
 /// Bytes that any input may take, however small: a plain picture compresses to almost nothing.
-pub const MAX_FREE: usize = 24 << 20;
+pub(crate) const MAX_FREE: usize = 24 << 20;
 
 /// Bytes that an input may take for each of its own bytes, apart from those that hold the input.
 pub const MAX_PER_BYTE: usize = 3;

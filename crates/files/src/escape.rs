@@ -40,7 +40,7 @@ pub fn is_hidden(c: char) -> bool {
 /// Returns true for a noncharacter: the last two code points of a plane (U+FFFE, U+FFFF, U+1FFFE, …),
 /// and U+FDD0 to U+FDEF. Unicode will never assign them, and many parsers refuse them.
 #[must_use]
-pub fn is_noncharacter(c: char) -> bool {
+pub(crate) fn is_noncharacter(c: char) -> bool {
     u32::from(c) & 0xfffe == 0xfffe || matches!(c, '\u{fdd0}'..='\u{fdef}')
 }
 

@@ -234,7 +234,7 @@ impl GpuGradientRenderer {
             }
             if splats > 0 {
                 self.make_room()?;
-                self.give_pixels((by_pixel, score), region, size);
+                self.give_pixels(by_pixel, score, region, size);
                 self.backward(region, splats, out)?;
             }
         }
@@ -245,10 +245,10 @@ impl GpuGradientRenderer {
     /// Renders one region of a view again.
     fn trace_again(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
         let renderer = &mut self.renderer;
-        let mut shots = Vec::new();
-        renderer.shoot(view, COLOUR, region, &mut shots)?;
+        let mut pending = PendingView { view: *view, want: COLOUR, shots: Vec::new() };
+        renderer.shoot(&mut pending, region)?;
         renderer.traced = Some(Vec::new());
-        renderer.finish(PendingView { view: *view, want: COLOUR, shots }, &mut self.images)?;
+        renderer.finish(pending, &mut self.images)?;
         // The region was rendered with these capacities or less before.
         match renderer.traced.as_deref() {
             Some([again]) if again.region == region => Ok(()),
@@ -267,7 +267,7 @@ impl GpuGradientRenderer {
     }
 
     /// Uploads the gradient and the score of each pixel of a region.
-    fn give_pixels(&self, (by_pixel, score): (&[[f32; 3]], &[f32]), region: TileRegion, size: Size) {
+    fn give_pixels(&self, by_pixel: &[[f32; 3]], score: &[f32], region: TileRegion, size: Size) {
         let Some(buffers) = &self.buffers else { return };
         let ([x, y], [columns, rows]) = (region.origin(), region.extent(size));
         let mut bytes = Vec::with_capacity(16 * columns * rows);
@@ -293,7 +293,7 @@ impl GpuGradientRenderer {
         let size = (GRADIENT * splats as usize) as u64;
         let staging = buffers.staging(device, size)?;
         let mut encoder = device.device.create_command_encoder(&CommandEncoderDescriptor::default());
-        record(&mut encoder, &self.renderer, (&self.pipelines, buffers), region);
+        record(&mut encoder, &self.renderer, &self.pipelines, buffers, region);
         encoder.copy_buffer_to_buffer(&buffers.gradients, 0, &staging, 0, size);
         let copy = Copy::submit(device, encoder, staging, size);
         let (found, staging) = copy.read(device, size, read_gradients)?;
@@ -312,7 +312,8 @@ impl GpuGradientRenderer {
 fn record(
     encoder: &mut CommandEncoder,
     renderer: &GpuRenderer,
-    (pipelines, buffers): (&BackwardPipelines, &GradientBuffers),
+    pipelines: &BackwardPipelines,
+    buffers: &GradientBuffers,
     region: TileRegion,
 ) {
     // Tiles do not visit the slots behind their last layer.

@@ -62,7 +62,7 @@ use gs2e_scene::Gaussians;
 use gs2e_scene::camera::flow::flow_rates;
 use gs2e_scene::camera::view::CameraView;
 use passes::{BindingLayouts, FramePipelines, RegionPasses};
-use readback::{Copy, Ring};
+use readback::{Copy, RegionImages, Ring};
 use scene::ScenePart;
 use shader::{DIGIT_BITS, GRADIENT_ROWS, ImageLayout, SUMS, ShaderVariant, Total, splat_rows};
 use std::collections::VecDeque;
@@ -205,24 +205,28 @@ impl GpuRenderer {
     /// Submits a view.
     fn begin(&mut self, view: &CameraView, want: ChannelSet) -> Result<PendingView, RenderError> {
         gs2e_render::check_view(view)?;
-        let mut shots = Vec::new();
         if let Some(traced) = &mut self.traced {
             traced.clear();
         }
-        self.shoot(view, want, TileRegion::whole_image(view.camera.size), &mut shots)?;
-        Ok(PendingView { view: *view, want, shots })
+        let mut pending = PendingView { view: *view, want, shots: Vec::new() };
+        self.shoot(&mut pending, TileRegion::whole_image(view.camera.size))?;
+        Ok(pending)
     }
 
     /// Waits for a view, and returns its images.
-    fn finish(&mut self, pending: PendingView, out: &mut RenderedImages) -> Result<RenderWork, RenderError> {
-        let PendingView { view, want, mut shots } = pending;
+    fn finish(
+        &mut self,
+        mut pending: PendingView,
+        out: &mut RenderedImages,
+    ) -> Result<RenderWork, RenderError> {
+        let PendingView { view, want, .. } = pending;
         let (size, layout) = (view.camera.size, self.layout(want));
         let mut work: Option<RenderWork> = None;
         let mut checked = Ok(());
         (self.times, self.work) = (None, FrameWork::default());
         // The capacities of the submission, not those of now: an earlier region may have raised
         // them.
-        while let Some(GpuShot { region, room, copy }) = shots.pop() {
+        while let Some(GpuShot { region, room, copy }) = pending.shots.pop() {
             let floats = region.pixels(size) as u64 * u64::from(layout.floats);
             let gaussians = self.gaussians;
             let clock = self.clock.as_ref();
@@ -232,8 +236,9 @@ impl GpuRenderer {
                     let fits = totals.of_count(Total::Splats) <= room.splats
                         && totals.of_count(Total::Pairs) <= room.pairs;
                     if fits {
-                        readback::place_region(images, region, size, (want, layout), out);
-                        if !is_checked && !readback::is_finite(images) {
+                        let images = RegionImages { bytes: images, layout, region, size };
+                        images.place(out);
+                        if !is_checked && !images.is_finite() {
                             checked = Err(());
                         }
                     }
@@ -249,7 +254,7 @@ impl GpuRenderer {
                         traced.push(TracedRegion { region, splats: totals.of_count(Total::Splats) });
                     }
                 }
-                None => self.again(&view, want, (region, totals), &mut shots)?,
+                None => self.again(&mut pending, region, &totals)?,
             }
         }
         checked.map_err(|()| self.device.not_finite())?;
@@ -263,13 +268,8 @@ impl GpuRenderer {
     }
 
     /// Submits a region, or its halves if its images exceed a binding.
-    fn shoot(
-        &mut self,
-        view: &CameraView,
-        want: ChannelSet,
-        region: TileRegion,
-        shots: &mut Vec<GpuShot>,
-    ) -> Result<(), RenderError> {
+    fn shoot(&mut self, pending: &mut PendingView, region: TileRegion) -> Result<(), RenderError> {
+        let PendingView { view, want, .. } = *pending;
         let layout = self.layout(want);
         let pixels = region.pixels(view.camera.size) as u64;
         let needed = buffers::room_of(region, pixels, layout.floats_on_device());
@@ -277,26 +277,23 @@ impl GpuRenderer {
         if readback::transfer_bytes(needed.floats).max(8 * u64::from(needed.tiles)) > self.device.limit {
             let [one, other] = region.halves().ok_or_else(|| self.device.too_small("images"))?;
             // `finish` takes regions from the end, so the first half is pushed last.
-            self.shoot(view, want, other, shots)?;
-            return self.shoot(view, want, one, shots);
+            self.shoot(pending, other)?;
+            return self.shoot(pending, one);
         }
         let splat_rows = splat_rows(want.luminance_rate);
         self.make_room(BufferCapacity { splat_rows, ..needed })?;
         let at = self.compiled(layout)?;
         let room = self.buffers.room;
         let style = self.device.spoilt_style(self.style);
-        let bytes = frame::frame_bytes(view, self.origin, &style, region, [room.splats, room.pairs]);
+        let bytes = frame::frame_bytes(&view, self.origin, &style, region, [room.splats, room.pairs]);
         // The queue keeps the order of writes and submissions, so frames under way see their own
         // values.
         self.device.queue.write_buffer(&self.buffers.frame, 0, &bytes);
-        let mut encoder =
-            self.device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let (pipelines, buffers) = (&self.pipelines[at].1, &self.buffers);
         let clock = self.clock.as_ref();
-        RegionPasses { pipelines, buffers, parts: &self.parts, region, clock }.record(&mut encoder);
-        let floats = pixels * u64::from(layout.floats);
-        let copy = self.ring.submit(&self.device, encoder, (buffers, floats), clock)?;
-        shots.push(GpuShot { region, room, copy });
+        let passes = RegionPasses { pipelines, buffers, parts: &self.parts, region, clock };
+        let copy = self.ring.submit(&self.device, &passes, pixels * u64::from(layout.floats))?;
+        pending.shots.push(GpuShot { region, room, copy });
         Ok(())
     }
 
@@ -330,10 +327,9 @@ impl GpuRenderer {
     /// Submits a region again that exceeded the capacity: with more, or in halves.
     fn again(
         &mut self,
-        view: &CameraView,
-        want: ChannelSet,
-        (region, totals): (TileRegion, readback::Totals),
-        shots: &mut Vec<GpuShot>,
+        pending: &mut PendingView,
+        region: TileRegion,
+        totals: &readback::Totals,
     ) -> Result<(), RenderError> {
         let (splats, pairs) = (totals.of_count(Total::Splats), totals.of_count(Total::Pairs));
         let splat_rows = self.buffers.room.splat_rows;
@@ -341,7 +337,7 @@ impl GpuRenderer {
         if splats > most[0] || pairs > most[1] {
             let what = if splats > most[0] { "splats" } else { "pairs" };
             let halves = region.halves().ok_or_else(|| self.device.too_small(what))?;
-            return halves.into_iter().try_for_each(|half| self.shoot(view, want, half, shots));
+            return halves.into_iter().try_for_each(|half| self.shoot(pending, half));
         }
         // A margin, so that the next view does not exceed it again.
         let more = |count: u32, most: u32| (count + count / 4).min(most);
@@ -351,7 +347,7 @@ impl GpuRenderer {
             ..BufferCapacity::default()
         };
         self.make_room(room)?;
-        self.shoot(view, want, region, shots)
+        self.shoot(pending, region)
     }
 
     /// Makes sure that the capacities suffice. Frames under way keep the buffers with which they

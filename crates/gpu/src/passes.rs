@@ -183,6 +183,17 @@ impl<'a> ShaderCompiler<'a> {
     }
 }
 
+/// A sort by digits.
+struct DigitSort<'a> {
+    /// The uniform entry of the lowest digit.
+    first: u32,
+    digits: u32,
+    /// From the first buffer to the second, and back.
+    ways: &'a [BindGroup; 2],
+    by: Dispatch,
+    scan: &'a ComputePipeline,
+}
+
 /// The inputs for the passes of one region.
 pub(super) struct RegionPasses<'a> {
     pub(super) pipelines: &'a FramePipelines,
@@ -205,14 +216,14 @@ impl RegionPasses<'_> {
         let bound = &buffers.bound;
         // `DIGITS` is even, so the order is back in its first buffer, which the later passes bind.
         let (by, scan) = (Dispatch::SplatBlocks, &self.pipelines.scan_splat_digits);
-        self.stage(encoder, TimedStage::Sort, |pass| {
-            self.sort(pass, (0, DIGITS), &bound.sort_splats, (by, scan))
-        });
+        let splats = DigitSort { first: 0, digits: DIGITS, ways: &bound.sort_splats, by, scan };
+        self.stage(encoder, TimedStage::Sort, |pass| self.sort(pass, splats));
         self.stage(encoder, TimedStage::List, |pass| self.list(pass));
         let digits = self.region.tile_digits();
         let (by, scan) = (Dispatch::PairBlocks, &self.pipelines.scan_pair_digits);
+        let pairs = DigitSort { first: DIGITS, digits, ways: &bound.sort_pairs, by, scan };
         self.stage(encoder, TimedStage::Bin, |pass| {
-            self.sort(pass, (DIGITS, digits), &bound.sort_pairs, (by, scan));
+            self.sort(pass, pairs);
             self.indirect(
                 pass,
                 &self.pipelines.bound,
@@ -276,15 +287,9 @@ impl RegionPasses<'_> {
         self.pipelines.slots.as_ref().zip(self.buffers.traced.as_ref().map(|traced| &traced.slots))
     }
 
-    /// Records a sort by `digits` digits. `first` is the uniform entry of the lowest digit. After
-    /// an even number of digits, the keys are back in their first buffer.
-    fn sort(
-        &self,
-        pass: &mut ComputePass<'_>,
-        (first, digits): (u32, u32),
-        ways: &[BindGroup; 2],
-        (by, scan): (Dispatch, &ComputePipeline),
-    ) {
+    /// Records a sort. After an even number of digits, the keys are back in their first buffer.
+    fn sort(&self, pass: &mut ComputePass<'_>, sort: DigitSort<'_>) {
+        let DigitSort { first, digits, ways, by, scan } = sort;
         let sizes = &self.buffers.groups;
         for digit in 0..digits {
             // Digits sort in turn from the first buffer to the second and back.

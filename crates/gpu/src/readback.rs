@@ -1,15 +1,16 @@
 //! Transfer of images and counts from the device.
 
-use super::clock::{self, DeviceClock};
+use super::clock;
 use super::device::GpuDevice;
 use super::shader::{ImageLayout, TOTALS, Total, UNDEFINED};
-use super::{TileRegion, buffers::FrameBuffers};
+use super::{TileRegion, passes::RegionPasses};
 use gs2e_image::{Image, Size};
-use gs2e_render::{ChannelSet, GpuError, RenderWork, RenderedImages};
+use gs2e_render::{GpuError, RenderWork, RenderedImages};
 use rayon::prelude::*;
 use std::sync::mpsc;
 use wgpu::{
-    Buffer, BufferDescriptor, BufferUsages, BufferView, CommandEncoder, MapMode, PollType, SubmissionIndex,
+    Buffer, BufferDescriptor, BufferUsages, BufferView, CommandEncoder, CommandEncoderDescriptor, MapMode,
+    PollType, SubmissionIndex,
 };
 
 /// Staging buffers for reuse by later frames.
@@ -36,13 +37,12 @@ pub(super) fn transfer_bytes(floats: u64) -> u64 {
 }
 
 impl Ring {
-    /// Submits the encoder's commands, then a copy of the counts and of this many floats of images.
+    /// Submits passes, then a copy of their counts and of this many floats of images.
     pub(super) fn submit(
         &mut self,
         device: &GpuDevice,
-        mut encoder: CommandEncoder,
-        (from, floats): (&FrameBuffers, u64),
-        clock: Option<&DeviceClock>,
+        passes: &RegionPasses<'_>,
+        floats: u64,
     ) -> Result<Copy, GpuError> {
         let size = transfer_bytes(floats);
         let at = self.idle.iter().position(|b| b.size() >= size);
@@ -61,12 +61,14 @@ impl Ring {
                 })?
             }
         };
-        encoder.copy_buffer_to_buffer(&from.totals, 0, &buffer, 0, COUNTS as u64);
-        if let Some(clock) = clock {
+        let mut encoder = device.device.create_command_encoder(&CommandEncoderDescriptor::default());
+        passes.record(&mut encoder);
+        encoder.copy_buffer_to_buffer(&passes.buffers.totals, 0, &buffer, 0, COUNTS as u64);
+        if let Some(clock) = passes.clock {
             clock.copy(&mut encoder, &buffer, COUNTS as u64);
         }
         if floats > 0 {
-            encoder.copy_buffer_to_buffer(&from.images, 0, &buffer, HEAD as u64, 4 * floats);
+            encoder.copy_buffer_to_buffer(&passes.buffers.images, 0, &buffer, HEAD as u64, 4 * floats);
         }
         Ok(Copy::submit(device, encoder, buffer, size))
     }
@@ -154,70 +156,72 @@ impl Totals {
     }
 }
 
-/// Copies a region's images into those of the whole image.
-pub(super) fn place_region(
-    images: &[u8],
-    region: TileRegion,
-    size: Size,
-    (want, layout): (ChannelSet, ImageLayout),
-    out: &mut RenderedImages,
-) {
-    let pixels = region.pixels(size);
-    let from = |at: Option<u32>, floats: usize| {
-        let first = at.unwrap_or(0) as usize * pixels * 4;
-        &images[first..first + if at.is_some() { floats * pixels * 4 } else { 0 }]
-    };
-    let float = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
-    let depth = |bytes: &[u8; 4]| {
-        let z = float(bytes);
-        // Defined depths are positive, so a negative number marks undefined ones.
-        if z <= UNDEFINED { f32::NAN } else { z }
-    };
-    let colour = |bytes: &[u8; 12]| {
-        let (channels, _) = bytes.as_chunks();
-        [float(&channels[0]), float(&channels[1]), float(&channels[2])]
-    };
-    let at = (region, size);
-    fill_region(&mut out.rgb, want.rgb, from(layout.rgb, 3), at, colour);
-    fill_region(&mut out.luminance, want.luminance, from(layout.grey, 1), at, float);
-    fill_region(&mut out.alpha, want.alpha, from(layout.alpha, 1), at, float);
-    fill_region(&mut out.depth, want.depth || want.flow, from(layout.depth, 1), at, depth);
-    fill_region(&mut out.doubtful, want.doubtful, from(layout.doubtful, 1), at, float);
-    fill_region(&mut out.luminance_rate, want.luminance_rate, from(layout.rate, 1), at, float);
+/// The transferred images of a region.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RegionImages<'a> {
+    pub(super) bytes: &'a [u8],
+    pub(super) layout: ImageLayout,
+    pub(super) region: TileRegion,
+    /// Size of the whole image.
+    pub(super) size: Size,
 }
 
-/// Returns true if all floats of the images are finite. Undefined depths are marked by a number.
-pub(super) fn is_finite(images: &[u8]) -> bool {
-    images.as_chunks().0.iter().all(|bytes| f32::from_le_bytes(*bytes).is_finite())
+impl RegionImages<'_> {
+    /// Copies the images into those of the whole image, and removes the others.
+    pub(super) fn place(self, out: &mut RenderedImages) {
+        let Self { layout, .. } = self;
+        let float = |bytes: &[u8; 4]| f32::from_le_bytes(*bytes);
+        let depth = |bytes: &[u8; 4]| {
+            let z = float(bytes);
+            // Defined depths are positive, so a negative number marks undefined ones.
+            if z <= UNDEFINED { f32::NAN } else { z }
+        };
+        let colour = |bytes: &[u8; 12]| {
+            let (channels, _) = bytes.as_chunks();
+            [float(&channels[0]), float(&channels[1]), float(&channels[2])]
+        };
+        self.fill(&mut out.rgb, layout.rgb, colour);
+        self.fill(&mut out.luminance, layout.grey, float);
+        self.fill(&mut out.alpha, layout.alpha, float);
+        self.fill(&mut out.depth, layout.depth, depth);
+        self.fill(&mut out.doubtful, layout.doubtful, float);
+        self.fill(&mut out.luminance_rate, layout.rate, float);
+    }
+
+    /// Returns true if all floats are finite. Undefined depths are marked by a number.
+    pub(super) fn is_finite(self) -> bool {
+        self.bytes.as_chunks().0.iter().all(|bytes| f32::from_le_bytes(*bytes).is_finite())
+    }
+
+    /// Fills the region of an image from values of `N` bytes behind this many planes of floats, or removes the
+    /// image.
+    ///
+    /// All cores copy: one core moves some 5 GB/s, and the link to a device brings ten times as much.
+    fn fill<T: std::marker::Copy + Default + Send, const N: usize>(
+        self,
+        image: &mut Option<Image<T>>,
+        planes: Option<u32>,
+        value: impl Fn(&[u8; N]) -> T + Sync,
+    ) {
+        let Self { bytes, region, size, .. } = self;
+        let Some(planes) = planes else {
+            *image = None;
+            return;
+        };
+        // An image of another size is replaced; one of this size keeps the regions placed before.
+        let reused = image.take().filter(|i| i.size() == size);
+        let mut filled = reused.unwrap_or_else(|| Image::filled(size, T::default()));
+        let [x, y] = region.origin();
+        let ([columns, _], pixels) = (region.extent(size), region.pixels(size));
+        let width = size.width as usize;
+        let (values, _) = bytes[4 * planes as usize * pixels..][..N * pixels].as_chunks::<N>();
+        let rows = filled.pixels_mut()[y * width..].par_chunks_mut(width).with_min_len(ROWS_AT_A_TIME);
+        rows.zip(values.par_chunks_exact(columns)).for_each(|(to, from)| {
+            to[x..][..columns].iter_mut().zip(from).for_each(|(to, from)| *to = value(from));
+        });
+        *image = Some(filled);
+    }
 }
 
 /// Rows that a thread copies at a time, at least: fewer are faster than a second thread wakes up.
 const ROWS_AT_A_TIME: usize = 16;
-
-/// Fills a region of an image, or removes the image if it is not requested.
-///
-/// All cores copy: one core moves some 5 GB/s, and the link to a device brings ten times as much.
-fn fill_region<T: std::marker::Copy + Default + Send, const N: usize>(
-    image: &mut Option<Image<T>>,
-    wanted: bool,
-    bytes: &[u8],
-    (region, size): (TileRegion, Size),
-    value: impl Fn(&[u8; N]) -> T + Sync,
-) {
-    if !wanted {
-        *image = None;
-        return;
-    }
-    // An image of another size is replaced; one of this size keeps the regions placed before.
-    let reused = image.take().filter(|i| i.size() == size);
-    let mut filled = reused.unwrap_or_else(|| Image::filled(size, T::default()));
-    let [x, y] = region.origin();
-    let [columns, _] = region.extent(size);
-    let width = size.width as usize;
-    let (values, _) = bytes.as_chunks::<N>();
-    let rows = filled.pixels_mut()[y * width..].par_chunks_mut(width).with_min_len(ROWS_AT_A_TIME);
-    rows.zip(values.par_chunks_exact(columns)).for_each(|(to, from)| {
-        to[x..][..columns].iter_mut().zip(from).for_each(|(to, from)| *to = value(from));
-    });
-    *image = Some(filled);
-}

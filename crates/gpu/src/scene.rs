@@ -107,14 +107,14 @@ impl ScenePart {
         let (first, n) = ((range.start - self.range.start) as u64, scene.sh_len());
         let each = || range.clone().zip(&activated);
         let means = each().map(|(i, activated)| mean_row(scene.positions[i], activated));
-        write_rows(device, (&self.means, first), means);
-        write_rows(device, (&self.axes, first), activated.iter().map(axes_of));
+        write_rows(device, &self.means, first, means);
+        write_rows(device, &self.axes, first, activated.iter().map(axes_of));
         let kept = sh::function_count(degree);
         let coefficients = scene.sh[range.start * n..range.end * n].iter().enumerate();
         let coefficients = coefficients.map(|(k, value)| if k % n < kept { *value } else { [0.0; 3] });
-        write_rows(device, (&self.harmonics, first * n as u64), coefficients);
+        write_rows(device, &self.harmonics, first * n as u64, coefficients);
         if let Some(rotations) = &self.rotations {
-            write_rows(device, (rotations, first), scene.rotations[range.clone()].iter().copied());
+            write_rows(device, rotations, first, scene.rotations[range.clone()].iter().copied());
         }
     }
 }
@@ -138,7 +138,8 @@ fn axes_of(activated: &ActivatedGaussian) -> [f32; 9] {
 /// Uploads rows in chunks of some MiB, from a row of the buffer on.
 fn write_rows<const N: usize>(
     device: &GpuDevice,
-    (buffer, first): (&Buffer, u64),
+    buffer: &Buffer,
+    first: u64,
     rows: impl Iterator<Item = [f32; N]>,
 ) {
     const ENOUGH: usize = 4 << 20;

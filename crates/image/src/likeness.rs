@@ -23,7 +23,7 @@ use super::Image;
 use rayon::prelude::*;
 
 /// Highest reported PSNR, dB: an error of 1e-5 of the range, at which 32-bit pictures are equal.
-pub const MAX_DB: f64 = 100.0;
+pub(crate) const MAX_DB: f64 = 100.0;
 
 /// Pixels of the window on each side of its centre.
 const REACH: usize = 5;

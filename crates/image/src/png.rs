@@ -30,8 +30,6 @@ use std::io::{self, BufRead, Cursor, Seek, SeekFrom, Write};
 
 /// A pixel in the form in which a PNG stores it.
 pub trait PngPixel: Copy {
-    /// Number of bytes.
-    const CHANNELS: usize;
     /// Colour type of the PNG.
     const COLOUR: ColorType;
     /// The bytes of a row of pixels.
@@ -39,7 +37,6 @@ pub trait PngPixel: Copy {
 }
 
 impl PngPixel for u8 {
-    const CHANNELS: usize = 1;
     const COLOUR: ColorType = ColorType::Grayscale;
     fn bytes(pixels: &[Self]) -> &[u8] {
         pixels
@@ -47,7 +44,6 @@ impl PngPixel for u8 {
 }
 
 impl PngPixel for [u8; 3] {
-    const CHANNELS: usize = 3;
     const COLOUR: ColorType = ColorType::Rgb;
     fn bytes(pixels: &[Self]) -> &[u8] {
         pixels.as_flattened()
@@ -107,17 +103,18 @@ pub fn write_image<P: PngPixel>(image: &Image<P>, out: impl Write) -> std::io::R
 /// `out` fails, or the image has no pixels.
 pub fn write_wide(image: &Image<[u16; 3]>, out: impl Write) -> std::io::Result<()> {
     let bytes: Vec<u8> = image.pixels().as_flattened().iter().flat_map(|v| v.to_be_bytes()).collect();
-    write_depth(image.size(), (ColorType::Rgb, BitDepth::Sixteen), &bytes, out)
+    write_depth(image.size(), ColorType::Rgb, BitDepth::Sixteen, &bytes, out)
 }
 
 /// Writes the rows of an image of 8 bits.
 fn write_rows(size: Size, colour: ColorType, rows: &[u8], out: impl Write) -> std::io::Result<()> {
-    write_depth(size, (colour, BitDepth::Eight), rows, out)
+    write_depth(size, colour, BitDepth::Eight, rows, out)
 }
 
 fn write_depth(
     size: Size,
-    (colour, depth): (ColorType, BitDepth),
+    colour: ColorType,
+    depth: BitDepth,
     rows: &[u8],
     out: impl Write,
 ) -> std::io::Result<()> {
@@ -154,7 +151,7 @@ fn colours(stored: StoredImage) -> Result<Image<[u8; 3]>, PngError> {
     let pixels = match (depth, colour) {
         (BitDepth::Eight, ColorType::Grayscale) => bytes.iter().map(|&v| [v; 3]).collect(),
         (BitDepth::Eight, ColorType::Rgb) => bytes.as_chunks().0.to_vec(),
-        kind => return Err(other_kind(kind, "grey or RGB of 8 bits")),
+        _ => return Err(other_kind(depth, colour, "grey or RGB of 8 bits")),
     };
     Ok(Image::from_vec(size, pixels))
 }
@@ -256,13 +253,13 @@ fn read_samples(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Grey
     let samples = match depth {
         BitDepth::Eight => StoredSamples::Bytes(bytes),
         BitDepth::Sixteen => StoredSamples::Pairs(bytes),
-        depth => return Err(other_kind((depth, colour), GREY_OR_RGB)),
+        depth => return Err(other_kind(depth, colour, GREY_OR_RGB)),
     };
     match colour {
         ColorType::Grayscale | ColorType::Rgb => {
             Ok(GreySamples { size, coloured: colour == ColorType::Rgb, samples })
         }
-        colour => Err(other_kind((depth, colour), GREY_OR_RGB)),
+        colour => Err(other_kind(depth, colour, GREY_OR_RGB)),
     }
 }
 
@@ -278,7 +275,7 @@ pub fn read_wide(input: impl BufRead + Seek, wanted: Option<Size>) -> Result<Ima
             let pixels = bytes.as_chunks().0.iter().map(|pair| u16::from_be_bytes(*pair)).collect();
             Ok(Image::from_vec(size, pixels))
         }
-        kind => Err(other_kind(kind, "grey of 16 bits")),
+        _ => Err(other_kind(depth, colour, "grey of 16 bits")),
     }
 }
 
@@ -384,7 +381,7 @@ fn check_claim(size: Size, bytes_a_pixel: usize, file: u64, wanted: Option<Size>
     Ok(claimed)
 }
 
-fn other_kind((depth, colour): (BitDepth, ColorType), wanted: &'static str) -> PngError {
+fn other_kind(depth: BitDepth, colour: ColorType, wanted: &'static str) -> PngError {
     PngError::Kind { found: format!("{colour:?} of {} bits", depth as u8), wanted }
 }
 

@@ -18,7 +18,6 @@
 //! assert!(!turns_case(|_| DVec3::ZERO).holds());
 //! ```
 
-pub mod growth;
 pub mod real;
 pub mod sensor;
 pub mod stress;

@@ -100,18 +100,28 @@ pub fn profile_recording(
     Ok(profile)
 }
 
+/// A recording.
+#[derive(Debug)]
+pub struct ProfiledRecording {
+    /// Its profile.
+    pub profile: StreamProfile,
+    /// The profile of an empty stream whose times count from the first frame.
+    pub empty: StreamProfile,
+}
+
 /// Simulates every sensor on the frames, which are read once, and compares the streams with the
-/// recording. `empty` is the profile of a stream whose times count from the first frame.
+/// recording.
 ///
 /// # Errors
 /// A frame cannot be read, a sensor fails, or `tap` stops.
 pub fn compare_sensors(
     frames: &mut dyn FrameSequence,
     sensors: &[StudiedSensor],
-    (real, empty): (StreamProfile, &StreamProfile),
+    recording: ProfiledRecording,
     seed: Seed,
     tap: &mut dyn FnMut(&DenseFrame) -> ControlFlow<()>,
 ) -> Result<RealStudy, SimulateError> {
+    let ProfiledRecording { profile: real, empty } = recording;
     let mut profiles = vec![empty.clone(); sensors.len()];
     let capped: Vec<SensorChoice> = sensors.iter().map(|studied| with_cap(&studied.sensor)).collect();
     let size = frames.size();
@@ -125,7 +135,7 @@ pub fn compare_sensors(
     drop(channels);
     let seconds = empty.seconds();
     let compared = sensors.iter().zip(accounts).zip(profiles).map(|((studied, account), profile)| {
-        (compare(&studied.name, &account, (&real, &profile), seconds), profile)
+        (compare(&studied.name, &account, &real, &profile, seconds), profile)
     });
     let mut all: Vec<(ComparedSensor, StreamProfile)> = compared.collect();
     // Ties by name, so that the order of the arguments does not matter.
@@ -144,7 +154,8 @@ fn with_cap(sensor: &SensorChoice) -> SensorChoice {
 fn compare(
     name: &str,
     account: &SimulationAccount,
-    (real, made): (&StreamProfile, &StreamProfile),
+    real: &StreamProfile,
+    made: &StreamProfile,
     seconds: f64,
 ) -> ComparedSensor {
     let (ks_counts, ks_intervals) = (real.count_distance(made), real.intervals().distance(made.intervals()));
@@ -198,7 +209,8 @@ mod tests {
             let mut real = empty.clone();
             let model = with_cap(&planted.sensor);
             simulate_one(&mut frames(), model.as_model(), Seed(99), &mut real, &mut go_on).unwrap();
-            let found = compare_sensors(&mut frames(), &all_presets(), (real, &empty), Seed(1), &mut go_on);
+            let recording = ProfiledRecording { profile: real, empty: empty.clone() };
+            let found = compare_sensors(&mut frames(), &all_presets(), recording, Seed(1), &mut go_on);
             let found = found.unwrap();
             let seen: Vec<String> =
                 found.rows.iter().map(|row| format!("{} {:.4}", row.sensor, row.distance)).collect();

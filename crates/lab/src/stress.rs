@@ -65,7 +65,7 @@ pub struct StressPoint {
 impl StressPoint {
     /// An absolute error.
     #[must_use]
-    pub fn absolute_error(computed: f64, answer: f64, limit: f64) -> Self {
+    pub(crate) fn absolute_error(computed: f64, answer: f64, limit: f64) -> Self {
         Self { computed, answer, error: (computed - answer).abs(), limit }
     }
 
@@ -77,13 +77,13 @@ impl StressPoint {
 
     /// An error in a unit of its own: units in the last place, standard errors, or nanoseconds.
     #[must_use]
-    pub fn scaled_error(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
+    pub(crate) fn scaled_error(computed: f64, answer: f64, unit: f64, limit: f64) -> Self {
         Self { computed, answer, error: ((computed - answer) / unit).abs(), limit }
     }
 
     /// A count that must be exact.
     #[must_use]
-    pub fn exact_count(computed: u64, answer: u64) -> Self {
+    pub(crate) fn exact_count(computed: u64, answer: u64) -> Self {
         Self::absolute_error(computed as f64, answer as f64, 0.0)
     }
 
@@ -144,7 +144,7 @@ impl WorstPoint {
     }
 
     /// Adds a comparison of bits: `differing` of `all` values differ.
-    pub fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
+    pub(crate) fn see_same(&mut self, differing: usize, all: usize, at: impl FnOnce() -> String) {
         assert!(all > 0, "there is something to compare");
         self.see(StressPoint::exact_count(differing as u64, 0), at);
     }

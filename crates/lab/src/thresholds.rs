@@ -25,7 +25,7 @@ use std::ops::ControlFlow;
 
 /// Change of the difference of the renderings between two frames, in thresholds, that counts as a
 /// jump.
-pub const JUMP: f64 = 0.1;
+pub(crate) const JUMP: f64 = 0.1;
 
 /// Share of smooth events from which on a threshold is recommended.
 pub const ENOUGH: f64 = 0.95;
@@ -160,7 +160,8 @@ impl SweepResult {
 /// The sequences differ in size or number of frames.
 pub fn sweep_thresholds(
     sweep: &ThresholdSweep,
-    (released, smooth): (&mut dyn FrameSequence, &mut dyn FrameSequence),
+    released: &mut dyn FrameSequence,
+    smooth: &mut dyn FrameSequence,
     tap: &mut dyn FnMut(usize) -> ControlFlow<()>,
 ) -> Result<SweepResult, SimulateError> {
     let size = released.size();
@@ -381,7 +382,7 @@ mod tests {
             window_us: 0..1000,
         };
         let (mut a, mut b) = (frames(released), frames(smooth));
-        sweep_thresholds(&asked, (&mut a, &mut b), &mut |_| ControlFlow::Continue(())).unwrap()
+        sweep_thresholds(&asked, &mut a, &mut b, &mut |_| ControlFlow::Continue(())).unwrap()
     }
 
     /// Brightness such that `k1 ln(L + k2)` rises or falls by half a threshold per frame.

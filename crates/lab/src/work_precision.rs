@@ -38,7 +38,7 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 
 /// Frame rate of the reference setting, if it is among the requested ones: the rate of the
 /// published datasets.
-pub const BASE_RATE: u32 = 2400;
+pub(crate) const BASE_RATE: u32 = 2400;
 
 /// Time spent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -191,7 +191,7 @@ pub struct PicturePrecision {
 /// # Panics
 /// The images differ in number or size.
 #[must_use]
-pub fn image_differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f64>, f64) {
+pub(crate) fn image_differences(found: &[Image<f32>], reference: &[Image<f32>]) -> (Option<f64>, f64) {
     assert_eq!(found.len(), reference.len(), "one reference an image");
     let (mut squares, mut count, mut worst) = (0.0, 0usize, 0.0f64);
     for (a, b) in found.iter().zip(reference) {
@@ -235,7 +235,7 @@ pub struct StudyResult {
 
 /// The rows of a pass, and the results for its rule set.
 #[must_use]
-pub fn judge_pass(
+pub(crate) fn judge_pass(
     passed: &PassResult,
     grids: &[grid::FrameGrid],
     rules: &str,
@@ -278,7 +278,7 @@ fn finest_steps(rows: &[SettingRow]) -> Vec<(f64, f64)> {
 
 /// The error law of `hermite` at the three finest uniform rates, and the finest step, s.
 #[must_use]
-pub fn finest_law(rows: &[SettingRow]) -> (Option<ErrorLaw>, Option<f64>) {
+pub(crate) fn finest_law(rows: &[SettingRow]) -> (Option<ErrorLaw>, Option<f64>) {
     let points = finest_steps(rows);
     (ErrorLaw::fit_points(&points), points.first().map(|(step, _)| *step))
 }
@@ -287,7 +287,7 @@ impl OfRules {
     /// Error that jumps of the renderer leave at the finest rate, thresholds. No interpolation gets
     /// below it there.
     #[must_use]
-    pub fn left_by_jumps(&self) -> Option<f64> {
+    pub(crate) fn left_by_jumps(&self) -> Option<f64> {
         let (law, step) = self.law.zip(self.finest_s)?;
         // The part `J h` of the squared error, which no interpolation removes.
         Some((law.jumps * step).sqrt())
@@ -325,7 +325,7 @@ impl StudyResult {
     /// The cheapest setting of another rule set that is nearer to its limit than the first rule set
     /// gets at these rates, and the lowest error of the first.
     #[must_use]
-    pub fn below_the_first(&self) -> Option<(f64, Option<&SettingRow>)> {
+    pub(crate) fn below_the_first(&self) -> Option<(f64, Option<&SettingRow>)> {
         let first = self.rules.first()?;
         let own = self.rows.iter().filter(|row| row.rules == first.rules).map(|row| row.rms_th);
         let lowest = own.fold(f64::INFINITY, f64::min);

@@ -63,20 +63,18 @@ use activate::{GaussianBlock, PROMISES};
 use bin::{OrderedSplats, TileGrid, TileLists};
 use cull::CullCounts;
 use eye::ViewTransform;
-use gs2e_image::{Image, Size};
+use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::dynamic::SceneMoment;
 use gs2e_scene::{Gaussians, sh};
-use project::{ProjectedChunk, ProjectionInput};
+use project::{ProjectedSplats, ProjectionInput};
 use raster::RasterInput;
 use rayon::prelude::*;
 use resolve::BlendedTiles;
-use segments::SegmentPass;
+use segments::{BlendBuffers, SegmentPass};
 use sort::DepthSorter;
-use splat::{Splat, SplatRates};
 use std::sync::Arc;
 
 /// A scene ready for rendering, and the buffers of its last frame.
@@ -108,13 +106,7 @@ const ONE_READER: usize = 1;
 /// The buffers of a frame's passes, kept for the next frame.
 #[derive(Debug)]
 struct FrameBuffers {
-    splats: Vec<Splat>,
-    /// Depth of each splat, for the sort.
-    depths: Vec<f32>,
-    /// Index in the scene of each splat.
-    numbers: Vec<u32>,
-    rates: Vec<SplatRates>,
-    chunks: Vec<ProjectedChunk>,
+    projected: ProjectedSplats,
     sorter: DepthSorter,
     lists: TileLists,
     tiles: Vec<f32>,
@@ -123,11 +115,7 @@ struct FrameBuffers {
 impl FrameBuffers {
     fn new() -> Self {
         Self {
-            splats: Vec::new(),
-            depths: Vec::new(),
-            numbers: Vec::new(),
-            rates: Vec::new(),
-            chunks: Vec::new(),
+            projected: ProjectedSplats::default(),
             sorter: DepthSorter::default(),
             lists: TileLists::new(bin::BUDGET),
             tiles: Vec::new(),
@@ -136,23 +124,22 @@ impl FrameBuffers {
 
     /// Projects every Gaussian. Returns the work, with the culled Gaussians of the first promise.
     fn project(&mut self, input: &ProjectionInput<'_>) -> RenderWork {
-        let drawn = (&mut self.splats, &mut self.depths, &mut self.numbers);
-        input.run(drawn, &mut self.rates, &mut self.chunks);
+        input.run(&mut self.projected);
         let mut work = RenderWork { gaussians: input.scene.len() as u64, ..RenderWork::default() };
-        self.chunks.iter().for_each(|chunk| work += chunk.work);
+        self.projected.chunks.iter().for_each(|chunk| work += chunk.work);
         self.culled(ALL_FRAMES).within(work)
     }
 
     /// The culled Gaussians of the last frame for a promise.
     fn culled(&self, promise: usize) -> CullCounts {
         let mut sum = CullCounts::default();
-        self.chunks.iter().for_each(|chunk| sum += chunk.culled[promise]);
+        self.projected.chunks.iter().for_each(|chunk| sum += chunk.culled[promise]);
         sum
     }
 
     /// Number of splats of the last frame.
     fn drawn(&self) -> usize {
-        self.chunks.iter().map(|chunk| chunk.drawn).sum()
+        self.projected.chunks.iter().map(|chunk| chunk.drawn).sum()
     }
 }
 
@@ -240,75 +227,75 @@ impl CpuRenderer {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
         let views = parts::part_views(&self.scene, view)?;
-        let moment = self.advance(view.seconds);
-        let sample = self.sample.as_deref().filter(|sample| sample.size() == view.camera.size);
-        let eyes = self.eyes(&views);
+        self.advance(view.seconds);
+        let mut work = self.project(&views, asked);
+        done(PassKind::Project);
+
+        let FrameBuffers { projected, sorter, lists, tiles } = &mut self.frame;
+        // One order serves the whole frame, so ties do not depend on tiles or threads.
+        let sorted = sorter.run(&projected.depths, &projected.chunks);
+        done(PassKind::Sort);
+        let grid = TileGrid::new(view.camera.size);
+        let sample = self.sample.as_deref().filter(|sample| sample.size() == grid.size);
+        let (splats, rates) = (&projected.splats, &projected.rates);
+        let (RenderStyle { rules, order, .. }, level, omit) =
+            (self.style, self.instructions.level, self.omit);
+        let features = feature_count(asked);
+        work.tile_pairs = lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
+            done(PassKind::Bin);
+            let input = RasterInput { splats, rates, lists, grid, sample, rules, order, omit, level };
+            work += raster_pass(features, asked.luminance_rate, input, tiles);
+            done(PassKind::Raster);
+        });
+        let blended = BlendedTiles { tiles, features, grid };
+        resolve::resolve_tiles(blended, asked, self.style.background, out);
+        let pass = SegmentPass {
+            scene: &self.scene,
+            views: &views,
+            moment: self.scene.at(view.seconds),
+            order: sorted,
+            numbers: &projected.numbers,
+            chunks: &projected.chunks,
+            grid,
+            style: self.style,
+            omit,
+            level,
+        };
+        pass.add_motion(BlendBuffers { splats: &mut projected.splats, lists, tiles }, want, out);
+        done(PassKind::Resolve);
+        Ok(work)
+    }
+
+    /// Projects the scene for a view, from what is still and from each part.
+    fn project(&mut self, views: &[CameraView], want: ChannelSet) -> RenderWork {
+        let CameraView { camera, seconds, .. } = views[0];
+        let eyes = self.eyes(views);
         let projection = ProjectionInput {
             scene: &self.scene,
             blocks: &self.blocks,
             sh_degree: self.sh_degree,
             style: self.style,
             eyes: &eyes,
-            want: asked,
-            sample,
-            moment,
+            want,
+            sample: self.sample.as_deref().filter(|sample| sample.size() == camera.size),
+            moment: self.scene.at(seconds),
             level: self.instructions.level,
         };
-        let frame = &mut self.frame;
-        let mut work = frame.project(&projection);
-        let drawn = frame.drawn();
+        let mut work = self.frame.project(&projection);
         work.unseen = work.gaussians - self.promised[ALL_FRAMES] as u64;
-        work.zero_harmonics = (drawn * (self.scene.sh_len() - sh::function_count(self.sh_degree))) as u64;
-        done(PassKind::Project);
-
-        // One order serves the whole frame, so ties do not depend on tiles or threads.
-        let sorted = frame.sorter.run(&frame.depths, &frame.chunks);
-        done(PassKind::Sort);
-        let grid = TileGrid::new(view.camera.size);
-        let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
-        let (RenderStyle { rules, order, .. }, level, omit) =
-            (self.style, self.instructions.level, self.omit);
-        let features = feature_count(asked);
-        work.tile_pairs = frame.lists.run(OrderedSplats { order: sorted, splats, grid }, |lists| {
-            done(PassKind::Bin);
-            let input = RasterInput { splats, rates, lists, grid, sample, rules, order, omit, level };
-            work += raster_pass(features, asked.luminance_rate, input, tiles);
-            done(PassKind::Raster);
-        });
-        resolve::resolve_tiles(
-            BlendedTiles { tiles: &frame.tiles, features, grid },
-            asked,
-            self.style.background,
-            out,
-        );
-        let pass = SegmentPass {
-            scene: &self.scene,
-            order: sorted,
-            numbers: &frame.numbers,
-            chunks: &frame.chunks,
-            grid,
-            style: self.style,
-            omit,
-            level,
-        };
-        let buffers = (&mut frame.splats[..], &mut frame.lists, &mut frame.tiles);
-        add_motion(pass, buffers, (&views, moment), want, out);
-        done(PassKind::Resolve);
-        Ok(work)
+        let zero = self.scene.sh_len() - sh::function_count(self.sh_degree);
+        work.zero_harmonics = (self.frame.drawn() * zero) as u64;
+        work
     }
 }
 
 impl CpuRenderer {
-    /// Brings Gaussians that change to the time of a view. Returns the moment of the scene.
-    fn advance(&mut self, seconds: f64) -> Option<SceneMoment> {
-        let dynamics = self.scene.dynamics()?;
-        let moment = dynamics.moment(seconds);
-        if self.moment != Some(moment) {
-            let (scene, rules) = (&self.scene, self.style.rules);
-            self.blocks.par_iter_mut().for_each(|block| block.advance(scene, rules, (dynamics, moment)));
-            self.moment = Some(moment);
-        }
-        Some(moment)
+    /// Brings Gaussians that change to the time of a view.
+    fn advance(&mut self, seconds: f64) {
+        let Some(at) = self.scene.at(seconds).filter(|at| self.moment != Some(at.moment)) else { return };
+        let rules = self.style.rules;
+        self.blocks.par_iter_mut().for_each(|block| block.advance(at, rules));
+        self.moment = Some(at.moment);
     }
 
     fn eyes(&self, views: &[CameraView]) -> Vec<ViewTransform> {
@@ -402,12 +389,8 @@ impl Renderer for CpuRenderer {
         self.sample = sample;
     }
 
-    fn has_parts(&self) -> bool {
-        self.scene.part_count() > 0
-    }
-
-    fn is_dynamic(&self) -> bool {
-        self.scene.dynamics().is_some()
+    fn motion_channels(&self) -> ChannelSet {
+        ChannelSet::of_motion(&self.scene)
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
@@ -427,32 +410,6 @@ impl Renderer for CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         self.render_in_passes(view, want, out, &mut |_| ())
     }
-}
-
-/// Adds the parts, velocities and flow of a frame to its images, and removes what was made for flow alone.
-fn add_motion(
-    pass: SegmentPass<'_>,
-    (splats, lists, tiles): (&mut [Splat], &mut TileLists, &mut Vec<f32>),
-    (views, moment): (&[CameraView], Option<SceneMoment>),
-    want: ChannelSet,
-    out: &mut RenderedImages,
-) {
-    let CameraView { camera, world_from_camera, .. } = &views[0];
-    out.segments = (want.segments || want.flow && views.len() > 1).then(|| pass.run(splats, lists, tiles));
-    let changing = pass.scene.dynamics().zip(moment).filter(|_| want.drift || want.flow);
-    let camera_from_world = world_from_camera.rotation_matrix().transpose();
-    out.drift = match changing {
-        Some(changing) => Some(pass.drift(camera_from_world, changing, (splats, lists, tiles))),
-        None => want.drift.then(|| Image::filled(camera.size, [0.0; 3])),
-    };
-    let depth = out.depth.as_ref().filter(|_| want.flow);
-    out.flow = depth.map(|depth| {
-        let flow = flow_of_parts(depth, out.segments.as_ref(), views);
-        with_drift(flow, depth, out.drift.as_ref(), camera)
-    });
-    out.depth = out.depth.take().filter(|_| want.depth);
-    out.segments = out.segments.take().filter(|_| want.segments);
-    out.drift = out.drift.take().filter(|_| want.drift);
 }
 
 /// Number of feature values per splat for these channels. Alpha needs none.

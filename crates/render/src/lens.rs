@@ -186,9 +186,10 @@ impl LensMap {
         })
     }
 
-    /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the axes
-    /// of its part, which has one of `views`; without parts, it is still. What changes adds its velocity.
-    fn flow(&self, (depth, segments, drift): SeenMotion<'_>, views: &[CameraView]) -> Image<[f32; 2]> {
+    /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the
+    /// axes of its part, which has one of `views`; without parts, it is still. What changes adds its velocity.
+    fn flow(&self, depth: &Image<f32>, seen: &RenderedImages, views: &[CameraView]) -> Image<[f32; 2]> {
+        let (segments, drift) = (seen.segments.as_ref(), seen.drift.as_ref());
         self.each(|i| {
             let velocity = views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))].velocity;
             let point = self.rays[i].extend(1.0) * f64::from(depth.pixels()[i]);
@@ -243,9 +244,6 @@ fn index(at: f64) -> usize {
 fn single(value: f64) -> f32 {
     value as f32
 }
-
-/// Depth, parts and velocities of an image.
-type SeenMotion<'a> = (&'a Image<f32>, Option<&'a Image<u8>>, Option<&'a Image<[f32; 3]>>);
 
 /// A renderer that sees cameras with a lens through it, and others as they are.
 pub struct LensRenderer {
@@ -336,14 +334,6 @@ impl Renderer for LensRenderer {
         self.inner.sample(mapped);
     }
 
-    fn has_parts(&self) -> bool {
-        self.inner.has_parts()
-    }
-
-    fn is_dynamic(&self) -> bool {
-        self.inner.is_dynamic()
-    }
-
     fn motion_channels(&self) -> ChannelSet {
         self.inner.motion_channels()
     }
@@ -375,23 +365,19 @@ impl Renderer for LensRenderer {
         let map = map.as_ref().expect("it was made above");
         let wide = CameraView { camera: map.wide, ..*view };
         let work = inner.render(&wide, asked, seen)?;
-        let depth = seen.depth.as_ref().map(|depth| map.nearest(depth));
-        let segments = seen.segments.as_ref().map(|segments| map.nearest(segments));
-        let drift = seen.drift.as_ref().map(|drift| map.nearest(drift));
-        let moving = depth.as_ref().filter(|_| want.flow);
-        let flow = moving
-            .map(|depth| map.flow((depth, segments.as_ref(), drift.as_ref()), &inner.part_views(&wide)));
         *out = RenderedImages {
             rgb: seen.rgb.as_ref().map(|rgb| Image::from_vec(map.camera.size, map.resampled(rgb.pixels()))),
             luminance: seen.luminance.as_ref().map(|image| map.single_resampled(image)),
             alpha: seen.alpha.as_ref().map(|image| map.share_resampled(image)),
-            flow,
-            depth: depth.filter(|_| want.depth),
+            flow: None,
+            depth: seen.depth.as_ref().map(|depth| map.nearest(depth)),
             luminance_rate: seen.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
             doubtful: seen.doubtful.as_ref().map(|image| map.share_resampled(image)),
-            segments,
-            drift,
+            segments: seen.segments.as_ref().map(|segments| map.nearest(segments)),
+            drift: seen.drift.as_ref().map(|drift| map.nearest(drift)),
         };
+        let depth = out.depth.as_ref().filter(|_| want.flow);
+        out.flow = depth.map(|depth| map.flow(depth, out, &inner.part_views(&wide)));
         out.clear_all_but(want);
         Ok(work)
     }

@@ -47,6 +47,7 @@ pub use gpu_error::GpuError;
 
 use gs2e_image::Image;
 use gs2e_num::se3::Se3;
+use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::CameraView;
 use sample::TileSample;
@@ -83,7 +84,7 @@ pub enum LayerOrder {
 impl LayerOrder {
     /// Returns true if this is the default.
     #[must_use]
-    pub fn is_depth(&self) -> bool {
+    pub(crate) fn is_depth(&self) -> bool {
         *self == Self::Depth
     }
 }
@@ -227,6 +228,11 @@ impl ChannelSet {
     /// All images of a still scene for a camera at rest.
     pub const AT_REST: Self =
         Self { rgb: true, luminance: true, alpha: true, depth: true, doubtful: true, ..Self::NONE };
+
+    /// The moving parts and the velocities of a scene that has them.
+    pub(crate) fn of_motion(scene: &Gaussians) -> Self {
+        Self { segments: scene.part_count() > 0, drift: scene.dynamics().is_some(), ..Self::NONE }
+    }
 
     /// Returns true if no image is requested.
     #[must_use]
@@ -405,20 +411,10 @@ pub trait Renderer {
         let _ = sample;
     }
 
-    /// Returns true if parts of the scene move.
-    fn has_parts(&self) -> bool {
-        false
-    }
-
-    /// Returns true if the Gaussians of the scene change with time by themselves.
-    fn is_dynamic(&self) -> bool {
-        false
-    }
-
     /// The images that say how the points of an image move, in addition to depth and the views of
-    /// [`Renderer::part_views`].
+    /// [`Renderer::part_views`]; none if the scene is still.
     fn motion_channels(&self) -> ChannelSet {
-        ChannelSet { segments: self.has_parts(), drift: self.is_dynamic(), ..ChannelSet::NONE }
+        ChannelSet::NONE
     }
 
     /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in order:

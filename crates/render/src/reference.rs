@@ -109,14 +109,10 @@ impl ReferenceRenderer {
     }
 
     /// Colour of every pixel and its rate, row by row, in f64, while the parameters of the scene
-    /// change and the camera moves. `rates` has one entry per Gaussian; a scene that changes with time has its own.
-    ///
-    /// # Errors
-    /// The view cannot be rendered.
-    ///
-    /// # Panics
-    /// There is not one entry per Gaussian.
-    pub fn colour_rates(
+    /// change and the camera moves. `rates` has one entry per Gaussian; a scene that changes with time has
+    /// its own.
+    #[cfg(test)]
+    pub(super) fn colour_rates(
         &self,
         view: &CameraView,
         rates: &[GaussianRates],
@@ -146,9 +142,9 @@ impl ReferenceRenderer {
         let views = parts::part_views(&self.scene, view)?;
         let eyes: Vec<ReferenceView<'_>> =
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
-        let changing = self.scene.dynamics().map(|dynamics| (dynamics, dynamics.moment(view.seconds)));
+        let changing = self.scene.at(view.seconds);
         let gaussian = |i: usize| match changing {
-            Some(changing) => MovingGaussian::at_moment(&self.scene, i, changing),
+            Some(at) => MovingGaussian::at_moment(&self.scene, i, at),
             None => MovingGaussian::new(&self.scene, i, &rates(i)),
         };
         let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
@@ -190,12 +186,8 @@ impl Renderer for ReferenceRenderer {
         FINGERPRINT
     }
 
-    fn has_parts(&self) -> bool {
-        self.scene.part_count() > 0
-    }
-
-    fn is_dynamic(&self) -> bool {
-        self.scene.dynamics().is_some()
+    fn motion_channels(&self) -> ChannelSet {
+        ChannelSet::of_motion(&self.scene)
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
@@ -227,7 +219,7 @@ impl Renderer for ReferenceRenderer {
         let drift = Image::from_vec(size, pixels.iter().map(ReferencePixel::drift).collect());
         let flow = |depth| {
             let still = flow_of_parts(depth, Some(&segments), &views);
-            with_drift(still, depth, Some(&drift).filter(|_| self.is_dynamic()), &view.camera)
+            with_drift(still, depth, Some(&drift).filter(|_| self.scene.dynamics().is_some()), &view.camera)
         };
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
         out.drift = want.drift.then_some(drift);

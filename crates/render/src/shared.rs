@@ -26,7 +26,7 @@ pub const DILATION: f32 = 0.3;
 
 /// The affine approximation is taken at directions clamped to this multiple of half the field of
 /// view.
-pub const FRUSTUM_SLACK: f64 = 1.3;
+pub(crate) const FRUSTUM_SLACK: f64 = 1.3;
 
 /// Largest opacity of one layer at one pixel.
 pub const MAX_ALPHA: f32 = 0.99;
@@ -35,7 +35,7 @@ pub const MAX_ALPHA: f32 = 0.99;
 pub const MIN_ALPHA: f32 = 1.0 / 255.0;
 
 /// Opacity below which a layer is skipped under the rules `soft`, where layers fade in.
-pub const SOFT_MIN_ALPHA: f32 = 0.5 / 255.0;
+pub(crate) const SOFT_MIN_ALPHA: f32 = 0.5 / 255.0;
 
 /// Opacity below which a layer is skipped under these rules.
 #[must_use]
@@ -47,7 +47,7 @@ pub fn least_alpha(rules: RenderRules) -> f32 {
 }
 
 /// Blended order: relative difference of depth below which two layers cover each other in part.
-pub const BLENDED_DEPTHS: f64 = 5e-4;
+pub(crate) const BLENDED_DEPTHS: f64 = 5e-4;
 
 /// A pixel stops before the layer that would reduce its transmittance below this.
 pub const STOP: f32 = 1e-4;
@@ -81,7 +81,7 @@ pub const GSPLAT_FAR: f32 = 1e10;
 
 /// Rules `gsplat`: the affine approximation is taken at directions within the image extended by
 /// this share of its edges.
-pub const GSPLAT_SLACK: f64 = 0.15;
+pub(crate) const GSPLAT_SLACK: f64 = 0.15;
 
 /// Rules `gsplat`: largest half extent along an axis, in standard deviations.
 pub const GSPLAT_SIGMAS: f32 = 3.33;

@@ -202,7 +202,7 @@ impl KeptRenderer {
         hasher.update(&self.promise);
         hash_camera(&mut hasher, &view.camera);
         hash_pose(&mut hasher, &view.world_from_camera);
-        if self.inner.has_parts() || self.inner.is_dynamic() {
+        if !self.inner.motion_channels().is_empty() {
             // Only then does a view depend on its time.
             hash_numbers(&mut hasher, &[view.seconds]);
         }
@@ -254,12 +254,8 @@ impl Renderer for KeptRenderer {
         self.inner.keep_to(camera, poses);
     }
 
-    fn has_parts(&self) -> bool {
-        self.inner.has_parts()
-    }
-
-    fn is_dynamic(&self) -> bool {
-        self.inner.is_dynamic()
+    fn motion_channels(&self) -> ChannelSet {
+        self.inner.motion_channels()
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {

@@ -241,19 +241,9 @@ impl SplatDynamics {
     }
 
     /// The moment at this time after the first pose, s. Beyond its ends, the scene stays as it is there.
-    #[must_use]
-    pub fn moment(&self, seconds: f64) -> SceneMoment {
+    fn moment(&self, seconds: f64) -> SceneMoment {
         let (SceneTime { start, speed, .. }, unit) = (self.time, self.time.unit_s());
         SceneMoment { u: ((start + speed * seconds) / unit).clamp(0.0, self.last()), rate: speed / unit }
-    }
-
-    /// The values of Gaussian `i`.
-    #[must_use]
-    pub fn splat(&self, scene: &Gaussians, i: usize, moment: SceneMoment) -> MomentSplat {
-        match &self.course {
-            SplatCourse::Tracks(tracks) => tracks[i].splat(scene, i, moment),
-            SplatCourse::Frames(frames) => frames.splat(i, moment),
-        }
     }
 
     /// Returns true if harmonics change.
@@ -261,12 +251,32 @@ impl SplatDynamics {
     pub fn has_harmonics(&self) -> bool {
         matches!(&self.course, SplatCourse::Frames(frames) if frames.has_harmonics())
     }
+}
+
+/// A scene that changes, at a moment.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneAt<'a> {
+    scene: &'a Gaussians,
+    course: &'a SplatCourse,
+    /// The moment.
+    pub moment: SceneMoment,
+}
+
+impl SceneAt<'_> {
+    /// The values of Gaussian `i`.
+    #[must_use]
+    pub fn splat(&self, i: usize) -> MomentSplat {
+        match self.course {
+            SplatCourse::Tracks(tracks) => tracks[i].splat(self.scene, i, self.moment),
+            SplatCourse::Frames(frames) => frames.splat(i, self.moment),
+        }
+    }
 
     /// The harmonics of Gaussian `i` and their rates, if they change. Functions that the scene lacks are 0.
     #[must_use]
-    pub fn harmonics(&self, i: usize, moment: SceneMoment) -> Option<Box<[[Rated; 3]; sh::MAX_LEN]>> {
-        match &self.course {
-            SplatCourse::Frames(frames) if frames.has_harmonics() => Some(frames.harmonics(i, moment)),
+    pub fn harmonics(&self, i: usize) -> Option<Box<[[Rated; 3]; sh::MAX_LEN]>> {
+        match self.course {
+            SplatCourse::Frames(frames) if frames.has_harmonics() => Some(frames.harmonics(i, self.moment)),
             SplatCourse::Tracks(_) | SplatCourse::Frames(_) => None,
         }
     }
@@ -303,5 +313,13 @@ impl Gaussians {
     #[must_use]
     pub fn dynamics(&self) -> Option<&SplatDynamics> {
         self.motion.as_ref()?.dynamics.as_ref()
+    }
+
+    /// The scene at this time after the first pose, s, if its Gaussians change. Beyond its ends, it stays as
+    /// it is there.
+    #[must_use]
+    pub fn at(&self, seconds: f64) -> Option<SceneAt<'_>> {
+        let SplatDynamics { course, .. } = self.dynamics()?;
+        Some(SceneAt { scene: self, course, moment: self.dynamics()?.moment(seconds) })
     }
 }

@@ -289,7 +289,7 @@ impl MovingPart {
 }
 
 /// Columns of [`write_places`].
-pub const PLACES_HEAD: &str = "#stamp_us,id,name,tx,ty,tz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
+pub(crate) const PLACES_HEAD: &str = "#stamp_us,id,name,tx,ty,tz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
 
 /// Writes the motion of every part at these stamps: number and name, pose `world_from_part`, velocity of the part's
 /// origin and angular velocity, both in world axes. The axes of a part are those of its scene file.

@@ -38,7 +38,8 @@ use super::{Gaussians, SceneError, SceneScreening, sh};
 use body::{ElementRows, VertexColumn};
 use glam::DVec3;
 use header::{BodyEncoding, NumberType, PlyElement, PlyHeader, PropertyKind};
-pub use tracks::{TrackColours, has_tracks_at, read_tracks, write_tracks};
+pub use tracks::{TrackColours, read_tracks};
+pub(crate) use tracks::{has_tracks_at, write_tracks};
 pub use write::write_ply;
 
 /// Reads a `.ply` scene. Positions of 32 bits are kept unchanged; positions of 64 bits are taken

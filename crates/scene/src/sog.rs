@@ -51,7 +51,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
 /// First bytes of a zip archive.
-pub const ZIP_MAGIC: [u8; 4] = *b"PK\x03\x04";
+pub(crate) const ZIP_MAGIC: [u8; 4] = *b"PK\x03\x04";
 /// Name of the file that describes the other files of a folder.
 pub const META: &str = "meta.json";
 

@@ -57,7 +57,7 @@ pub fn read_splat(bytes: &[u8]) -> Result<Gaussians, SceneError> {
 ///
 /// # Errors
 /// Writing to `out` fails.
-pub fn write_splat(scene: &Gaussians, out: impl Write) -> io::Result<()> {
+pub(crate) fn write_splat(scene: &Gaussians, out: impl Write) -> io::Result<()> {
     let mut out = BufWriter::new(out);
     for i in 0..scene.len() {
         out.write_all(&splat_record(scene, i))?;

@@ -41,7 +41,7 @@ pub use write::write_spz;
 /// First bytes of a version 4 file, and of the decompressed content of earlier versions.
 pub const MAGIC: [u8; 4] = *b"NGSP";
 /// First bytes of a gzip stream.
-pub const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+pub(crate) const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// Reads a `.spz` scene of version 2, 3 or 4 and harmonics of degree 0 to 3.
 ///

@@ -97,11 +97,21 @@ impl CaptureLayout for ColmapLayout {
     }
 
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        source_files(&captured.path)
+        let model = ColmapModel::find_model(&captured.path)?;
+        files_of(&model, model.photos().as_deref())
     }
 
     fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
-        source_folders(&captured.path)
+        // A model lies in `sparse/0` of the deepest folder that is looked into, and no deeper.
+        let mut folders: Vec<PathBuf> = folders_below(&captured.path, DEEPEST + 2).collect();
+        if let Ok(model) = ColmapModel::find_model(&captured.path) {
+            folders.extend(model.bases().into_iter().map(photo::or_here));
+            let photos = model.photos().into_iter();
+            folders.extend(photos.flat_map(|images| folders_below(&images, MAX_DEPTH).collect::<Vec<_>>()));
+        }
+        folders.sort();
+        folders.dedup();
+        folders
     }
 
     fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
@@ -126,32 +136,6 @@ pub(super) fn look_at(dir: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<S
     read_model(&model, ModelPhotos { from, sizing: PhotoSizing::AsStated, look })
 }
 
-/// Returns the files that [`read_capture`] reads, each with its name within the source: the files
-/// of the model's form, and the existing photos, with or without a pose.
-///
-/// # Errors
-/// The model is absent, or the images that name the photos cannot be read; see [`read_capture`].
-pub fn source_files(dir: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let model = ColmapModel::find_model(dir)?;
-    let folder = model.photos();
-    files_of(&model, folder.as_deref())
-}
-
-/// Returns the folders whose listing determines [`source_files`].
-#[must_use]
-pub fn source_folders(dir: &Path) -> Vec<PathBuf> {
-    // A model lies in `sparse/0` of the deepest folder that is looked into, and no deeper.
-    let mut folders: Vec<PathBuf> = folders_below(dir, DEEPEST + 2).collect();
-    if let Ok(model) = ColmapModel::find_model(dir) {
-        folders.extend(model.bases().into_iter().map(photo::or_here));
-        let photos = model.photos().into_iter();
-        folders.extend(photos.flat_map(|images| folders_below(&images, MAX_DEPTH).collect::<Vec<_>>()));
-    }
-    folders.sort();
-    folders.dedup();
-    folders
-}
-
 /// A folder and the folders below it, down to a depth. Folders that cannot be walked are left out.
 pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = PathBuf> {
     let entries = FolderWalk::new(root).to_depth(depth).entries(|_| true).filter_map(Result::ok);
@@ -162,7 +146,7 @@ pub(super) fn folders_below(root: &Path, depth: usize) -> impl Iterator<Item = P
 ///
 /// # Errors
 /// The file is absent or damaged.
-pub fn read_points(file: &Path) -> Result<Vec<ColmapPoint>, SourceError> {
+pub(crate) fn read_points(file: &Path) -> Result<Vec<ColmapPoint>, SourceError> {
     let is_text = file.extension().is_some_and(|extension| extension == "txt");
     let points = if is_text { text::read_points(file) } else { binary::read_points(file) }?;
     Ok(points.into_values().collect())

@@ -50,19 +50,39 @@ impl CaptureLayout for Dl3dvLayout {
         captured: &DiskCapture,
         look: PhotoScrutiny,
     ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-        read_capture(&captured.path, captured.selection.poses, look)
+        let Dl3dvFiles { poses, photos } = Dl3dvFiles::of(captured)?;
+        let (capture, mut warnings) = match poses {
+            PoseSource::Colmap(model) => {
+                let from = photos.as_deref().map(PhotoPlace::Folder);
+                let photos = colmap::ModelPhotos { from, sizing: PhotoSizing::ToPhoto, look };
+                colmap::read_model(&model, photos)
+            }
+            PoseSource::Transforms(file) => {
+                nerfstudio::read_file(&file, named_photos(photos.as_deref()), look)
+            }
+        }?;
+        // The layout of the dataset always has this difference, so a warning would be noise.
+        warnings.retain(|warning| !matches!(warning, SourceWarning::PhotoSize { .. }));
+        Ok((capture, warnings))
     }
 
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        source_files(&captured.path, captured.selection.poses)
+        let Dl3dvFiles { poses, photos } = Dl3dvFiles::of(captured)?;
+        match poses {
+            PoseSource::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
+            PoseSource::Transforms(file) => nerfstudio::files_of(&file, named_photos(photos.as_deref())),
+        }
     }
 
     fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
-        source_folders(&captured.path)
+        colmap::folders_below(&captured.path, MAX_DEPTH).collect()
     }
 
     fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
-        pose_model(&captured.path, captured.selection.poses)
+        match Dl3dvFiles::of(captured).ok()?.poses {
+            PoseSource::Colmap(model) => Some(model),
+            PoseSource::Transforms(_) => None,
+        }
     }
 
     fn scenes(&self, root: &Path, _: &BTreeSet<String>) -> Result<Vec<ScenePath>, SourceError> {
@@ -97,7 +117,8 @@ enum PoseSource {
 
 impl Dl3dvFiles {
     /// Finds the requested poses; by default the COLMAP model, and otherwise `transforms.json`.
-    fn find_files(scene: &Path, wanted: Option<PoseFile>) -> Result<Self, SourceError> {
+    fn of(captured: &DiskCapture) -> Result<Self, SourceError> {
+        let (scene, wanted) = (captured.path.as_path(), captured.selection.poses);
         std::fs::read_dir(scene).map_err(SourceError::io_error(scene))?;
         let homes = || HOMES.iter().map(|home| or_here(&scene.join(home)));
         let transforms = homes().map(|home| home.join("transforms.json")).find(|file| is_there(file));
@@ -127,45 +148,6 @@ impl Dl3dvFiles {
         let photos = homes().flat_map(|home| PHOTOS.map(|name| home.join(name))).find(|dir| dir.is_dir());
         Ok(Self { poses, photos })
     }
-}
-
-fn read_capture(
-    scene: &Path,
-    wanted: Option<PoseFile>,
-    look: PhotoScrutiny,
-) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-    let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
-    let (capture, mut warnings) = match poses {
-        PoseSource::Colmap(model) => {
-            let from = photos.as_deref().map(PhotoPlace::Folder);
-            let photos = colmap::ModelPhotos { from, sizing: PhotoSizing::ToPhoto, look };
-            colmap::read_model(&model, photos)
-        }
-        PoseSource::Transforms(file) => nerfstudio::read_file(&file, named_photos(photos.as_deref()), look),
-    }?;
-    // The layout of the dataset always has this difference, so a warning would be noise.
-    warnings.retain(|warning| !matches!(warning, SourceWarning::PhotoSize { .. }));
-    Ok((capture, warnings))
-}
-
-fn source_files(scene: &Path, wanted: Option<PoseFile>) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let Dl3dvFiles { poses, photos } = Dl3dvFiles::find_files(scene, wanted)?;
-    match poses {
-        PoseSource::Colmap(model) => colmap::files_of(&model, photos.as_deref()),
-        PoseSource::Transforms(file) => nerfstudio::files_of(&file, named_photos(photos.as_deref())),
-    }
-}
-
-/// Returns the COLMAP model of the poses, if they come from a model.
-fn pose_model(scene: &Path, wanted: Option<PoseFile>) -> Option<ColmapModel> {
-    match Dl3dvFiles::find_files(scene, wanted).ok()?.poses {
-        PoseSource::Colmap(model) => Some(model),
-        PoseSource::Transforms(_) => None,
-    }
-}
-
-fn source_folders(scene: &Path) -> Vec<PathBuf> {
-    colmap::folders_below(scene, MAX_DEPTH).collect()
 }
 
 fn named_photos(photos: Option<&Path>) -> nerfstudio::PhotoLocation<'_> {

@@ -16,7 +16,7 @@ use super::LensModel;
 use gs2e_scene::camera::Camera;
 
 /// Displacement in pixels below which distortion is ignored.
-pub const NEGLIGIBLE_PX: f64 = 0.1;
+pub(crate) const NEGLIGIBLE_PX: f64 = 0.1;
 
 /// Points along each side of the grid on which displacements are measured, border included.
 const GRID: u32 = 65;

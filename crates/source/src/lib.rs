@@ -49,7 +49,7 @@ mod node;
 mod photo;
 pub mod photos;
 pub mod reconstruct;
-pub mod same_camera;
+mod same_camera;
 pub mod solving;
 pub mod undistort;
 mod video;

@@ -80,11 +80,14 @@ impl CaptureLayout for ModelLayout {
     }
 
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        source_files(&captured.path)
+        let file = locate_cameras(&captured.path);
+        let exposures = file.with_file_name(EXPOSURES);
+        let exposures = is_there(&exposures).then(|| (EXPOSURES.to_owned(), exposures));
+        Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
     }
 
     fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
-        source_folders(&captured.path)
+        vec![or_here(locate_cameras(&captured.path).parent().unwrap_or(Path::new("")))]
     }
 
     fn has_gaussians(&self) -> bool {
@@ -113,23 +116,6 @@ pub fn read_capture(path: &Path) -> Result<(Capture, Vec<SourceWarning>), Source
         warnings.extend(exposure_warning(&exposures)?);
     }
     Ok((collect_views(&file, found)?, warnings))
-}
-
-/// Returns the files that [`read_capture`] reads, each with its name within the source.
-///
-/// # Errors
-/// This function does not fail: missing files are found when they are read.
-pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    let file = locate_cameras(path);
-    let exposures = file.with_file_name(EXPOSURES);
-    let exposures = is_there(&exposures).then(|| (EXPOSURES.to_owned(), exposures));
-    Ok([(CAMERAS.to_owned(), file)].into_iter().chain(exposures).collect())
-}
-
-/// Returns the folders whose listing determines [`source_files`].
-#[must_use]
-pub fn source_folders(path: &Path) -> Vec<PathBuf> {
-    vec![or_here(locate_cameras(path).parent().unwrap_or(Path::new("")))]
 }
 
 /// Returns the newest Gaussians of a model folder, given the folder or its `cameras.json`. The
@@ -211,6 +197,7 @@ fn exposure_warning(file: &Path) -> Result<Option<SourceWarning>, SourceError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kind::CaptureKind;
     use serde_json::{Value, json};
 
     /// Rotations of 90 degrees about y and about z, and centres. The training order differs from
@@ -267,13 +254,15 @@ mod tests {
 
     #[test]
     fn what_is_read_is_listed() {
-        let names =
-            |dir: &Path| source_files(dir).unwrap().into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let model = |path: &Path| DiskCapture::all_views(CaptureKind::Model, path.to_owned());
+        let names = |dir: &Path| -> Vec<String> {
+            model(dir).files().unwrap().into_iter().map(|(name, _)| name).collect()
+        };
         let dir = folder("[]", Some("{}"));
         assert_eq!(names(dir.path()), [CAMERAS, EXPOSURES]);
         assert_eq!(names(folder("[]", None).path()), [CAMERAS]);
-        assert_eq!(source_folders(dir.path()), [dir.path()]);
-        assert_eq!(source_folders(Path::new(CAMERAS)), [Path::new(".")]);
+        assert_eq!(model(dir.path()).folders(), [dir.path()]);
+        assert_eq!(model(Path::new(CAMERAS)).folders(), [Path::new(".")]);
     }
 
     #[test]

@@ -39,15 +39,21 @@ impl CaptureLayout for MvimgnetLayout {
         captured: &DiskCapture,
         look: PhotoScrutiny,
     ) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-        read_capture(&captured.path, look)
+        let folder = photo_folder(&captured.path);
+        let from = Some(PhotoPlace::Folder(&folder));
+        let photos = ModelPhotos { from, sizing: PhotoSizing::AsStated, look };
+        colmap::read_model(&instance_model(&captured.path)?, photos)
     }
 
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        source_files(&captured.path)
+        colmap::files_of(&instance_model(&captured.path)?, Some(&photo_folder(&captured.path)))
     }
 
     fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
-        source_folders(&captured.path)
+        let path = &captured.path;
+        let own = [path.clone(), path.join("sparse"), path.join("sparse/0")];
+        let own = own.into_iter().filter(|dir| dir.is_dir());
+        own.chain(colmap::folders_below(&photo_folder(path), MAX_DEPTH)).collect()
     }
 
     fn model(&self, captured: &DiskCapture) -> Option<ColmapModel> {
@@ -100,27 +106,6 @@ fn instance_model(instance: &Path) -> Result<ColmapModel, SourceError> {
 
 fn photo_folder(instance: &Path) -> PathBuf {
     instance.join("images")
-}
-
-fn read_capture(instance: &Path, look: PhotoScrutiny) -> Result<(Capture, Vec<SourceWarning>), SourceError> {
-    let folder = photo_folder(instance);
-    colmap::read_model(
-        &instance_model(instance)?,
-        ModelPhotos { from: Some(PhotoPlace::Folder(&folder)), sizing: PhotoSizing::AsStated, look },
-    )
-}
-
-fn source_files(instance: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    colmap::files_of(&instance_model(instance)?, Some(&photo_folder(instance)))
-}
-
-fn source_folders(instance: &Path) -> Vec<PathBuf> {
-    let sparse = [instance.to_owned(), instance.join("sparse"), instance.join("sparse/0")];
-    sparse
-        .into_iter()
-        .filter(|dir| dir.is_dir())
-        .chain(colmap::folders_below(&photo_folder(instance), MAX_DEPTH))
-        .collect()
 }
 
 /// Finds `class/instance` folders. Classes are numbers; other folders are ignored.

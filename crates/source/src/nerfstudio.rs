@@ -57,11 +57,25 @@ impl CaptureLayout for NerfstudioLayout {
     }
 
     fn files(&self, captured: &DiskCapture) -> Result<Vec<(String, PathBuf)>, SourceError> {
-        source_files(&captured.path)
+        files_of(&locate_transforms(&captured.path), PhotoLocation::AsNamed)
     }
 
+    /// The folder of the file, and the folders of existing or missing photos.
     fn folders(&self, captured: &DiskCapture) -> Vec<PathBuf> {
-        source_folders(&captured.path)
+        let file = locate_transforms(&captured.path);
+        let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
+        let mut folders = vec![home.clone()];
+        // A document that cannot be read names no photos. Its fault is reported by the reader.
+        let document = load_document(&file).unwrap_or_default();
+        let top = JsonNode::top_node(&file, &document);
+        for frame in top.list("frames").unwrap_or_default() {
+            let photo = home.join(frame.text("file_path").unwrap_or_default());
+            // The nearest existing folder: a missing folder of photos would appear in it.
+            folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
+        }
+        folders.sort();
+        folders.dedup();
+        folders
     }
 }
 
@@ -135,15 +149,6 @@ pub(super) fn read_file(
     Ok((collect_views(file, found)?, warnings))
 }
 
-/// Returns the files that [`read_capture`] reads, each with its name within the source: the file,
-/// and the existing photos.
-///
-/// # Errors
-/// The document cannot be read, or a frame has no `file_path`; see [`read_capture`].
-pub fn source_files(path: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
-    files_of(&locate_transforms(path), PhotoLocation::AsNamed)
-}
-
 /// Returns the files that [`read_file`] reads.
 pub(super) fn files_of(
     file: &Path,
@@ -156,26 +161,6 @@ pub(super) fn files_of(
         files.extend(photos.find(file, name).map(|path| (name.to_owned(), path)));
     }
     Ok(files)
-}
-
-/// Returns the folders whose listing determines [`source_files`]: the folder of the file, and the
-/// folders of existing or missing photos.
-#[must_use]
-pub fn source_folders(path: &Path) -> Vec<PathBuf> {
-    let file = locate_transforms(path);
-    let home = photo::or_here(file.parent().unwrap_or(Path::new("")));
-    let mut folders = vec![home.clone()];
-    // A document that cannot be read names no photos. Its fault is reported by the reader.
-    let document = load_document(&file).unwrap_or_default();
-    let top = JsonNode::top_node(&file, &document);
-    for frame in top.list("frames").unwrap_or_default() {
-        let photo = home.join(frame.text("file_path").unwrap_or_default());
-        // The nearest existing folder: a missing folder of photos would appear in it.
-        folders.extend(photo.ancestors().skip(1).find(|folder| folder.is_dir()).map(Path::to_owned));
-    }
-    folders.sort();
-    folders.dedup();
-    folders
 }
 
 fn read_frame(

@@ -17,18 +17,18 @@ const HEAD: u64 = 1 << 17;
 
 /// Photos of one camera.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CameraGroup {
+pub(crate) struct CameraGroup {
     /// Size of the photos, px.
-    pub size: Size,
+    pub(crate) size: Size,
     /// Indices of the photos, ascending.
-    pub photos: Vec<usize>,
+    pub(crate) photos: Vec<usize>,
 }
 
 /// Groups photos by camera, in the order of the first photo of each group.
 ///
 /// # Errors
 /// A photo cannot be read, or its size is unknown.
-pub fn camera_groups(photos: &[(String, PathBuf)]) -> Result<Vec<CameraGroup>, SourceError> {
+pub(crate) fn camera_groups(photos: &[(String, PathBuf)]) -> Result<Vec<CameraGroup>, SourceError> {
     let marks: Vec<(Size, Option<Vec<u8>>)> =
         photos.par_iter().map(|(_, path)| marks_of(path)).collect::<Result<_, _>>()?;
     let mut groups: Vec<CameraGroup> = Vec::new();

@@ -57,7 +57,7 @@ pub enum SolvedLens {
 impl SolvedLens {
     /// COLMAP's name of the model.
     #[must_use]
-    pub fn colmap_name(self) -> &'static str {
+    pub(crate) fn colmap_name(self) -> &'static str {
         match self {
             Self::Pinhole => "PINHOLE",
             Self::SimpleRadial => "SIMPLE_RADIAL",
@@ -86,7 +86,7 @@ const OVERLAP: usize = 10;
 impl PairRule {
     /// The default rule for this number of photos.
     #[must_use]
-    pub fn for_count(photos: usize) -> Self {
+    pub(crate) fn for_count(photos: usize) -> Self {
         if photos < MANY_PHOTOS { Self::Exhaustive } else { Self::Sequential }
     }
 

@@ -40,7 +40,8 @@ pub fn read_views(path: &Path) -> Result<(Capture, Vec<SourceWarning>), SourceEr
 /// Returns `None` if the index is out of range.
 #[must_use]
 pub fn choose_view(
-    (capture, warnings): (Capture, Vec<SourceWarning>),
+    capture: Capture,
+    warnings: Vec<SourceWarning>,
     index: usize,
 ) -> Option<(CapturedView, Vec<SourceWarning>)> {
     let view = capture.views.into_iter().nth(index)?;
@@ -99,7 +100,11 @@ mod tests {
     #[test]
     fn a_camera_json_is_one_view() {
         let (_dir, path) = written("camera.json", &planted());
-        let (view, message) = choose_view(read_views(&path).unwrap(), 0).unwrap();
+        let view_at = |index: usize| {
+            let (capture, warnings) = read_views(&path).unwrap();
+            choose_view(capture, warnings, index)
+        };
+        let (view, message) = view_at(0).unwrap();
         let size = Size { width: 64, height: 48 };
         assert_eq!(view.camera, Camera { size, fx: 60.0, fy: 61.5, cx: 31.5, cy: 24.0, lens: None });
         assert_eq!((view.name.as_str(), view.lens, message), ("camera.json", LensModel::Pinhole, Vec::new()));
@@ -114,7 +119,7 @@ mod tests {
             let found = camera_from_world.rotation * DVec3::new(x, y, z) + camera_from_world.translation;
             assert!((found - DVec3::from_array(wanted)).length() < 1e-14, "{found}");
         }
-        assert!(choose_view(read_views(&path).unwrap(), 1).is_none());
+        assert!(view_at(1).is_none());
     }
 
     #[test]
@@ -122,7 +127,8 @@ mod tests {
         let mut camera = planted();
         camera["R"][1][1] = json!(1.0001);
         let (_dir, path) = written("camera.json", &camera);
-        let found = choose_view(read_views(&path).unwrap(), 0).unwrap().1;
+        let (capture, warnings) = read_views(&path).unwrap();
+        let (_, found) = choose_view(capture, warnings, 0).unwrap();
         assert!(
             matches!(&found[..], [SourceWarning::Projected { image, .. }] if image == "camera.json"),
             "{found:?}"

@@ -76,6 +76,8 @@ struct AdamRange<'a> {
     geometry: [&'a mut [[f32; GEOMETRY]]; 2],
     harmonics: [&'a mut [[f32; 3]]; 2],
     ages: &'a mut [u32],
+    /// Number of harmonics of a Gaussian.
+    sh_len: usize,
 }
 
 impl AdamMeans {
@@ -108,8 +110,7 @@ impl AdamMeans {
         &mut self,
         scene: &mut Gaussians,
         found: &ViewGradients,
-        (rates, degree): (&LearningRates, u8),
-        bias: &BiasTable,
+        steps: &StepSizes<'_>,
     ) -> Result<(), NotFinite> {
         let sh_len = scene.sh_len();
         // All arrays are cut at the same Gaussians. A task then owns every parameter of its range,
@@ -140,14 +141,14 @@ impl AdamMeans {
                 geometry: [g0, g1],
                 harmonics: [h0, h1],
                 ages,
+                sh_len,
             };
             let first = k * RANGE;
             // The drawn Gaussians ascend, so those of a range are found by halving.
             let at = |number: usize| found.numbers.partition_point(|n| (*n as usize) < number);
             let mine = at(first)..at(first + RANGE);
             let entries = found.numbers[mine.clone()].iter().zip(&found.gradients[mine]);
-            let steps = StepSizes { rates, degree, sh_len };
-            dispatch!(level, _simd => range.step_all(entries, first, &steps, bias))
+            dispatch!(level, _simd => range.step_all(entries, first, steps))
         });
         // The least index over all tasks, not that of the task that ends first: each run names the
         // same Gaussian.
@@ -158,11 +159,12 @@ impl AdamMeans {
     }
 }
 
-/// Common parameters of the steps of a range.
-struct StepSizes<'a> {
-    rates: &'a LearningRates,
-    degree: u8,
-    sh_len: usize,
+/// Common parameters of the steps of all Gaussians.
+pub(super) struct StepSizes<'a> {
+    pub(super) rates: &'a LearningRates,
+    /// Highest degree of harmonics that is evaluated.
+    pub(super) degree: u8,
+    pub(super) bias: &'a BiasTable,
 }
 
 impl AdamRange<'_> {
@@ -173,24 +175,23 @@ impl AdamRange<'_> {
         entries: impl Iterator<Item = (&'g u32, &'g GaussianGradient)>,
         first: usize,
         steps: &StepSizes<'_>,
-        bias: &BiasTable,
     ) -> Option<u32> {
         for (&number, gradient) in entries {
             if !is_finite(gradient) {
                 return Some(number);
             }
-            self.step_one(number as usize - first, gradient, steps, bias);
+            self.step_one(number as usize - first, gradient, steps);
         }
         None
     }
 
     #[inline(always)]
-    fn step_one(&mut self, i: usize, g: &GaussianGradient, steps: &StepSizes<'_>, bias: &BiasTable) {
+    fn step_one(&mut self, i: usize, g: &GaussianGradient, steps: &StepSizes<'_>) {
         let r = steps.rates;
         // The age counts the views that draw this Gaussian. The number of the iteration would take
         // the bias of a new Gaussian's means for removed.
         self.ages[i] = self.ages[i].saturating_add(1);
-        let corrections = bias.at(self.ages[i]);
+        let corrections = steps.bias.at(self.ages[i]);
         let ([a, b, c], [d, e, f], [h, j, k, l]) = (g.position, g.log_scale, g.rotation);
         let gradient = [a, b, c, d, e, f, h, j, k, l, g.logit];
         let (p, s, q) = (r.position, r.log_scale, r.rotation);
@@ -219,9 +220,9 @@ impl AdamRange<'_> {
         steps: &StepSizes<'_>,
         corrections: [f32; 2],
     ) {
-        let count = sh::function_count(steps.degree).min(steps.sh_len);
+        let count = sh::function_count(steps.degree).min(self.sh_len);
         let basis = g.harmonics(steps.degree);
-        let range = i * steps.sh_len..i * steps.sh_len + count;
+        let range = i * self.sh_len..i * self.sh_len + count;
         let [m, v] = &mut self.harmonics;
         let (m, v) = (m[range.clone()].as_flattened_mut(), v[range.clone()].as_flattened_mut());
         let values = self.sh[range].as_flattened_mut();

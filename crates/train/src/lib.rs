@@ -111,14 +111,15 @@ pub struct TrainedGaussians {
 pub fn train_capture(
     capture: &Capture,
     files: &[(String, PathBuf)],
-    (settings, backend): (&TrainingSettings, &Backend),
+    settings: &TrainingSettings,
+    backend: &Backend,
     watch: TrainingWatch<'_>,
 ) -> Result<TrainedGaussians, TrainingError> {
-    let views = TrainingViews::read(capture, files, (settings.resolution, settings.hold_out), watch.goes_on)?;
+    let views = TrainingViews::read(capture, files, settings.resolution, settings.hold_out, watch.goes_on)?;
     let points = model_points(files).map_err(|cause| TrainingError::Points(Box::new(cause)))?;
     let [shown, held_out] = [views.shown.len(), views.held_out.len()];
     (watch.news)(&TrainingNews::Read { shown, held_out, points: points.len() });
-    let mut trainer = SceneTrainer::new(&views, &points, (settings, backend))?;
+    let mut trainer = SceneTrainer::new(&views, &points, settings, backend)?;
     let ended = trainer.run(watch)?;
     trainer.finish(ended)
 }
@@ -148,7 +149,8 @@ impl<'a> SceneTrainer<'a> {
     fn new(
         views: &'a TrainingViews,
         points: &[ColmapPoint],
-        (settings, backend): (&TrainingSettings, &Backend),
+        settings: &TrainingSettings,
+        backend: &Backend,
     ) -> Result<Self, TrainingError> {
         let budget = settings.gaussians as usize;
         if budget == 0 || budget > MAX_GAUSSIANS {
@@ -210,9 +212,9 @@ impl<'a> SceneTrainer<'a> {
             self.scores[number as usize] += gradient.score;
         }
         let rates = self.schedule.rates(self.iteration);
-        let (means, found, bias) = (&mut self.means, &self.found, &self.bias);
-        let stepped =
-            self.renderer.change(&found.numbers, |scene| means.step(scene, found, (&rates, degree), bias));
+        let steps = adam::StepSizes { rates: &rates, degree, bias: &self.bias };
+        let (means, found) = (&mut self.means, &self.found);
+        let stepped = self.renderer.change(&found.numbers, |scene| means.step(scene, found, &steps));
         stepped
             .map_err(|adam::NotFinite { gaussian }| not_finite(format!("gradient of Gaussian {gaussian}")))?;
         self.iteration += 1;

@@ -34,7 +34,7 @@ use rayon::prelude::*;
 use window::{CHANNELS, PaddedRow, REACH, RowRing, window_weights};
 
 /// Share of SSIM in the loss.
-pub const SIMILARITY_SHARE: f32 = 0.2;
+pub(crate) const SIMILARITY_SHARE: f32 = 0.2;
 
 /// Rows of a band. Each band computes the rows of its windows beyond its ends again.
 const BAND: usize = 40;
@@ -89,7 +89,9 @@ impl ImageLoss {
             self.gradient.par_chunks_mut(BAND * width).zip(self.residual.par_chunks_mut(BAND * width));
         let distance: Vec<f64> = bands
             .enumerate()
-            .map(|(k, out)| dispatch!(level, _simd => pair.gradient_band(k * BAND, slopes, out)))
+            .map(|(k, (gradient, residual))| {
+                dispatch!(level, _simd => pair.gradient_band(k * BAND, slopes, gradient, residual))
+            })
             .collect();
         let count = (size.pixels() * CHANNELS) as f64;
         let [distance, similarity] = [distance, similarity].map(|bands| bands.iter().sum::<f64>() / count);
@@ -198,7 +200,8 @@ impl PhotoPair<'_> {
         &self,
         first: usize,
         slopes: &[Vec<f32>; 3],
-        (gradient, residual): (&mut [[f32; 3]], &mut [f32]),
+        gradient: &mut [[f32; 3]],
+        residual: &mut [f32],
     ) -> f64 {
         let n = self.row_len();
         let width = self.size.width as usize;
@@ -219,7 +222,7 @@ impl PhotoPair<'_> {
                 ring.mean_into(q, y, &self.weights, mean);
             }
             self.rows(y, &mut shown, &mut photo);
-            sum += self.row_gradient((&shown, &photo), &means, gradient.as_flattened_mut());
+            sum += self.row_gradient(&shown, &photo, &means, gradient.as_flattened_mut());
             for (to, (a, b)) in residual.iter_mut().zip(shown.chunks_exact(3).zip(photo.chunks_exact(3))) {
                 *to = ((a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs()) * (1.0 / 3.0);
             }
@@ -232,7 +235,7 @@ impl PhotoPair<'_> {
     #[inline(always)]
     #[expect(clippy::cast_precision_loss, reason = "a scale, rounded once")]
     #[expect(clippy::float_cmp, reason = "only equal values have no slope")]
-    fn row_gradient(&self, (a, b): (&[f32], &[f32]), means: &[Vec<f32>; 3], out: &mut [f32]) -> f64 {
+    fn row_gradient(&self, a: &[f32], b: &[f32], means: &[Vec<f32>; 3], out: &mut [f32]) -> f64 {
         let count = (self.size.pixels() * CHANNELS) as f32;
         let (near, alike) = ((1.0 - SIMILARITY_SHARE) / count, SIMILARITY_SHARE / count);
         let n = out.len();

@@ -1,5 +1,7 @@
 //! Distances to the nearest other points, by a k-d tree.
 
+use std::ops::Range;
+
 /// Points of a leaf.
 const LEAF: usize = 8;
 /// Number of neighbours.
@@ -54,23 +56,23 @@ impl<'a> PointTree<'a> {
 
     fn mean_square(&self, i: usize) -> f64 {
         let mut nearest = [f64::INFINITY; NEIGHBOURS];
-        self.search(i, (0, self.points.len()), &mut nearest);
+        self.search(i, 0..self.points.len(), &mut nearest);
         let (sum, count) =
             nearest.iter().filter(|d| d.is_finite()).fold((0.0, 0.0), |(s, n), d| (s + d, n + 1.0));
         sum / count
     }
 
     /// Takes the nearest of a range into `nearest`, which ascends.
-    fn search(&self, of: usize, (first, end): (usize, usize), nearest: &mut [f64; NEIGHBOURS]) {
-        if end - first <= LEAF {
-            self.order[first..end].iter().for_each(|&i| self.take(of, i as usize, nearest));
+    fn search(&self, of: usize, range: Range<usize>, nearest: &mut [f64; NEIGHBOURS]) {
+        if range.len() <= LEAF {
+            self.order[range].iter().for_each(|&i| self.take(of, i as usize, nearest));
             return;
         }
-        let middle = first + (end - first) / 2;
+        let middle = range.start + range.len() / 2;
         let (at, axis) = (self.order[middle] as usize, usize::from(self.axes[middle]));
         self.take(of, at, nearest);
         let beyond = f64::from(self.points[of][axis]) - f64::from(self.points[at][axis]);
-        let (low, high) = ((first, middle), (middle + 1, end));
+        let (low, high) = (range.start..middle, middle + 1..range.end);
         let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
         self.search(of, near, nearest);
         if beyond * beyond < nearest[NEIGHBOURS - 1] {

@@ -56,7 +56,8 @@ impl TrainingViews {
     pub fn read(
         capture: &Capture,
         files: &[(String, PathBuf)],
-        (width, hold_out): (u32, u32),
+        width: u32,
+        hold_out: u32,
         goes_on: &(dyn Fn() -> bool + Sync),
     ) -> Result<Self, TrainingError> {
         let found: Vec<(usize, &CapturedView, &Path)> = capture
@@ -116,7 +117,7 @@ impl TrainingView {
 
     /// The view and its photo at a level; the smallest one if there are fewer.
     #[must_use]
-    pub fn at_level(&self, level: usize) -> (CameraView, &TrainingPhoto) {
+    pub(crate) fn at_level(&self, level: usize) -> (CameraView, &TrainingPhoto) {
         let (camera, photo) = &self.levels[level.min(self.levels.len() - 1)];
         (CameraView::at_rest(*camera, self.world_from_camera), photo)
     }

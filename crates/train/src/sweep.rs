@@ -101,7 +101,7 @@ impl PlaneSweep {
         let own = &self.views[view];
         let square = own.square(pixel)?;
         let rays: Vec<OtherRays<'_>> =
-            own.others.iter().map(|&i| OtherRays::new(own, (i, &self.views[i]), pixel)).collect();
+            own.others.iter().map(|&i| OtherRays::new(own, i, &self.views[i], pixel)).collect();
         let inverse_at = |step: f64| INVERSE_DEPTHS[0] / own.typical + step * own.step();
         let costs: Vec<Option<(f32, usize)>> =
             (0..STEPS).map(|k| cost_at(&rays, &square, inverse_at(k as f64))).collect();
@@ -208,7 +208,7 @@ struct OtherRays<'a> {
 }
 
 impl<'a> OtherRays<'a> {
-    fn new(own: &SweptView, (index, view): (usize, &'a SweptView), [x, y]: [usize; 2]) -> Self {
+    fn new(own: &SweptView, index: usize, view: &'a SweptView, [x, y]: [usize; 2]) -> Self {
         let turn = view.world_from_camera.rotation.conjugate();
         let ray = |pixel| turn * (own.world_from_camera.rotation * own.ray(pixel));
         let rays = [ray([x, y]), ray([x + 1, y]), ray([x, y + 1])];
@@ -329,7 +329,7 @@ mod tests {
             views.push(CapturedView { name, world_from_camera, camera, lens, sha256: None });
         }
         let capture = Capture { views, unused: Vec::new() };
-        let read = TrainingViews::read(&capture, &files, (SIZE.width, 0), &|| true).unwrap();
+        let read = TrainingViews::read(&capture, &files, SIZE.width, 0, &|| true).unwrap();
         (folder, read)
     }
 

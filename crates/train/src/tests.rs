@@ -51,7 +51,7 @@ fn trained(
     let mut heard = Vec::new();
     let mut news = |news: &TrainingNews| heard.push(news.clone());
     let watch = TrainingWatch { goes_on: &goes_on, news: &mut news, clock, checkpoint };
-    (train_capture(capture, files, (&settings(until), &Backend::Cpu), watch), heard)
+    (train_capture(capture, files, &settings(until), &Backend::Cpu, watch), heard)
 }
 
 const NO_GOAL: TrainingGoal = TrainingGoal { psnr: None, minutes: None };
@@ -120,8 +120,8 @@ fn a_resumed_training_has_the_record_of_an_uninterrupted_one() {
 fn a_value_that_is_not_finite_is_named() {
     let (_folder, capture, files) = striped();
     let settings = settings(NO_GOAL);
-    let views = TrainingViews::read(&capture, &files, (48, 8), &|| true).unwrap();
-    let mut trainer = SceneTrainer::new(&views, &[], (&settings, &Backend::Cpu)).unwrap();
+    let views = TrainingViews::read(&capture, &files, 48, 8, &|| true).unwrap();
+    let mut trainer = SceneTrainer::new(&views, &[], &settings, &Backend::Cpu).unwrap();
     for _ in 0..3 {
         trainer.step().unwrap();
     }
@@ -140,8 +140,8 @@ fn a_value_that_is_not_finite_is_named() {
 fn a_state_that_is_not_finite_is_named() {
     let (_folder, capture, files) = striped();
     let settings = settings(NO_GOAL);
-    let views = TrainingViews::read(&capture, &files, (48, 8), &|| true).unwrap();
-    let mut trainer = SceneTrainer::new(&views, &[], (&settings, &Backend::Cpu)).unwrap();
+    let views = TrainingViews::read(&capture, &files, 48, 8, &|| true).unwrap();
+    let mut trainer = SceneTrainer::new(&views, &[], &settings, &Backend::Cpu).unwrap();
     trainer.check_state().unwrap();
     trainer.renderer.rebuild(|scene| scene.log_scales[3][1] = f32::INFINITY).unwrap();
     match trainer.check_state() {

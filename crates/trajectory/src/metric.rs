@@ -14,7 +14,7 @@ use gs2e_num::stats::mean_median;
 /// Weight of rotation, per radian.
 pub const ALPHA: f64 = 1.0;
 /// Weight of translation, per scale distance.
-pub const BETA: f64 = 1.0;
+pub(crate) const BETA: f64 = 1.0;
 /// Smallest eigenvalue of `mean(I - d d^T)` over the optical axes `d` for which a point nearest to
 /// the axes is computed. Below it they are nearly parallel.
 const MIN_SPREAD: f64 = 1e-3;

@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 /// Natural order of file names: runs of digits compare as numbers, everything else byte by byte.
 /// Names that differ only in leading zeros compare by their bytes, so the order is total.
 #[must_use]
-pub fn natural_order(a: &str, b: &str) -> Ordering {
+pub(crate) fn natural_order(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
     while let (Some(p), Some(q)) = (x.first(), y.first()) {
         let order = if p.is_ascii_digit() && q.is_ascii_digit() {

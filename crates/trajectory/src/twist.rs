@@ -32,7 +32,7 @@ pub fn pose_twists(poses: &[Se3], seconds: &[f64]) -> Vec<Twist> {
 /// # Panics
 /// There is no pose, or not one time a pose.
 #[must_use]
-pub fn end_twists(poses: &[Se3], seconds: &[f64]) -> [Twist; 2] {
+pub(crate) fn end_twists(poses: &[Se3], seconds: &[f64]) -> [Twist; 2] {
     assert_eq!(poses.len(), seconds.len(), "one time a pose");
     [0, poses.len() - 1].map(|at| pose_twist(poses, seconds, at))
 }

@@ -12,7 +12,8 @@ use gs2e_event::sorted::SortedEvents;
 use gs2e_lab::real::picture::intervals_svg;
 use gs2e_lab::real::profile::StreamProfile;
 use gs2e_lab::real::{
-    ComparedSensor, RealStudy, StudiedSensor, all_presets, compare_sensors, profile_recording,
+    ComparedSensor, ProfiledRecording, RealStudy, StudiedSensor, all_presets, compare_sensors,
+    profile_recording,
 };
 use gs2e_num::seed::Seed;
 use gs2e_num::units::Hertz;
@@ -72,12 +73,12 @@ impl RealArgs {
             fps: self.fps,
             full_scale: self.full_scale,
         })?;
-        let real = self.recording(&sequence)?;
+        let profile = self.recording(&sequence)?;
         let (first_us, last_us) = sequence.span_us();
         let empty = StreamProfile::new(sequence.frames.size(), first_us..=last_us, first_us);
+        let recording = ProfiledRecording { profile, empty };
         let mut tap = |_: &_| go_unless(&cancel);
-        let found =
-            compare_sensors(&mut *sequence.frames, &sensors, (real, &empty), Seed(self.seed), &mut tap);
+        let found = compare_sensors(&mut *sequence.frames, &sensors, recording, Seed(self.seed), &mut tap);
         let found = found.map_err(end_problem)?;
         self.write(&found)?;
         tell(&found, console);

@@ -102,7 +102,7 @@ fn check_tracks(scene: &Gaussians, opacity: f64) {
             assert!((colour - v(format!("f_dc_{c}"))).abs() < 1e-6);
         }
         for seconds in [0.0, 0.7, 2.0] {
-            let splat = dynamics.splat(scene, i.into(), dynamics.moment(seconds));
+            let splat = scene.at(seconds).unwrap().splat(i.into());
             let d = seconds / 2.0 - planted(i, "trbf_center");
             for (k, axis) in ["x", "y", "z"].into_iter().enumerate() {
                 let m = |power: usize| v(format!("motion_{}", 3 * power + k));

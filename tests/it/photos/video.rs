@@ -56,7 +56,7 @@ fn take(place: &Workspace, name: &str, picking: FramePicking) -> Result<TakenFra
     [&to, &folder].into_iter().for_each(|folder| fs::create_dir(folder).unwrap());
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
-    let taken = take_frames(&place.path(name), picking, (&to, 3), workspace);
+    let taken = take_frames(&place.path(name), picking, &to, 3, workspace);
     let _ = fs::remove_dir_all(place.path("frames"));
     fs::rename(&to, place.path("frames")).unwrap();
     taken
@@ -125,7 +125,7 @@ fn a_folder_with_a_per_cent_sign_takes_frames() {
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| true, programs: &programs };
     let picking = FramePicking { every: 1, sharpness: 0.0 };
-    let taken = take_frames(&place.path("film.mkv"), picking, (&to, 3), workspace).unwrap();
+    let taken = take_frames(&place.path("film.mkv"), picking, &to, 3, workspace).unwrap();
     assert_eq!((taken.kept, fs::read_dir(&to).unwrap().count()), (5, 5));
 }
 
@@ -171,7 +171,7 @@ fn a_stopped_video_ends() {
     fs::create_dir(&folder).unwrap();
     let (log, programs) = (place.path("log"), programs());
     let workspace = ProgramWorkspace { folder: &folder, log: &log, goes_on: &|| false, programs: &programs };
-    let taken = take_frames(&place.path("film.mkv"), FramePicking::default(), (&folder, 3), workspace);
+    let taken = take_frames(&place.path("film.mkv"), FramePicking::default(), &folder, 3, workspace);
     assert!(
         matches!(taken, Err(FrameError::Program(gs2e_source::foreign::ForeignError::Stopped))),
         "{taken:?}"

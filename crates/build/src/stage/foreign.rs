@@ -115,7 +115,7 @@ impl Stage for ExternalToolsStage {
         if self.opencv {
             let released = opencv::ReleasedPoses::from_trajectory(&camera, trajectory, &pictures);
             let ask = |workspace: ProgramWorkspace<'_>| {
-                opencv::measure_released(&released, (&camera, trajectory), &pictures, workspace)
+                opencv::measure_released(&released, &camera, trajectory, &pictures, workspace)
             };
             foreign.opencv = Some(in_workspace("opencv", cx, ask)?);
         }

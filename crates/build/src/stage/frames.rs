@@ -60,9 +60,8 @@ impl Stage for FramesStage {
 
     fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let video = &self.capturing.path;
-        let take = |workspace: ProgramWorkspace<'_>| {
-            take_frames(video, self.picking, (cx.out, MIN_PHOTOS), workspace)
-        };
+        let take =
+            |workspace: ProgramWorkspace<'_>| take_frames(video, self.picking, cx.out, MIN_PHOTOS, workspace);
         let TakenFrames { kept, dropped } = known_program("ffmpeg", cx, take, stage_failure)?;
         cx.remark = Some(format!("{kept} frames"));
         if dropped > 0 {

@@ -47,7 +47,7 @@ pub fn judge_inertial(
     if (gravity.length() - model.gravity).abs() > 1e-9 {
         faults.push(format!("the gravity of imu/{SENSOR} is not the {} m/s^2 of the recipe", model.gravity));
     }
-    let bounded = match compare_inertial(model, (&samples, &states), gravity, poses) {
+    let bounded = match compare_inertial(model, &samples, &states, gravity, poses) {
         Err(because) => {
             faults.insert(0, because);
             Vec::new()

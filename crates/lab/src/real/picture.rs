@@ -31,9 +31,12 @@ pub fn intervals_svg(study: &RealStudy) -> String {
     }
     let sensors = study.rows.iter().zip(&study.profiles).enumerate();
     for (i, (row, profile)) in sensors {
-        curve(&mut out, profile.intervals(), (COLOURS[i % COLOURS.len()], 1.5), (i + 1, &row.sensor));
+        let curve =
+            ShownCurve { colour: COLOURS[i % COLOURS.len()], width: 1.5, place: i + 1, name: &row.sensor };
+        curve.draw(&mut out, profile.intervals());
     }
-    curve(&mut out, study.real.intervals(), (DARK, 3.0), (0, "recording"));
+    let recording = ShownCurve { colour: DARK, width: 3.0, place: 0, name: "recording" };
+    recording.draw(&mut out, study.real.intervals());
     out.finish()
 }
 
@@ -42,19 +45,25 @@ fn chart_point(decade: f64, share: f64) -> [f64; 2] {
     [INNER.left + INNER.width * along, INNER.top + INNER.height * (1.0 - share)]
 }
 
-fn curve(
-    out: &mut SvgText,
-    intervals: &IntervalProfile,
-    (colour, width): (&str, f64),
-    (line, name): (usize, &str),
-) {
-    let points = intervals.distribution().map(|(us, share)| (libm::log10(us), share));
-    let shown = points.filter(|(decade, _)| (DECADES[0]..=DECADES[1]).contains(decade));
-    if intervals.count() > 0 {
-        out.polyline(shown.map(|(decade, share)| chart_point(decade, share)), colour, width);
+/// The look of a distribution, and its place in the legend.
+struct ShownCurve<'a> {
+    colour: &'a str,
+    width: f64,
+    place: usize,
+    name: &'a str,
+}
+
+impl ShownCurve<'_> {
+    fn draw(self, out: &mut SvgText, intervals: &IntervalProfile) {
+        let Self { colour, width, place, name } = self;
+        let points = intervals.distribution().map(|(us, share)| (libm::log10(us), share));
+        let shown = points.filter(|(decade, _)| (DECADES[0]..=DECADES[1]).contains(decade));
+        if intervals.count() > 0 {
+            out.polyline(shown.map(|(decade, share)| chart_point(decade, share)), colour, width);
+        }
+        let y = INNER.top + 14.0 + 20.0 * place as f64;
+        let left = INNER.left + INNER.width + 20.0;
+        out.polyline([[left, y - 4.0], [left + 24.0, y - 4.0]], colour, width);
+        out.text([left + 32.0, y], "start", DARK, name);
     }
-    let y = INNER.top + 14.0 + 20.0 * line as f64;
-    let left = INNER.left + INNER.width + 20.0;
-    out.polyline([[left, y - 4.0], [left + 24.0, y - 4.0]], colour, width);
-    out.text([left + 32.0, y], "start", DARK, name);
 }

@@ -205,7 +205,7 @@ impl StreamProfile {
 
     /// Kolmogorov-Smirnov distance of the numbers of events over the pixels.
     #[must_use]
-    pub fn count_distance(&self, other: &Self) -> f64 {
+    pub(crate) fn count_distance(&self, other: &Self) -> f64 {
         let [mut a, mut b] = [self.counts.clone(), other.counts.clone()];
         a.sort_unstable();
         b.sort_unstable();

@@ -62,7 +62,7 @@ pub fn measure_contrast(
     unit: f64,
 ) -> Result<Vec<ContrastRow>, SensorError> {
     let cases = GREYS.into_iter().flat_map(|grey| [(grey, true), (grey, false)]);
-    cases.map(|(grey, on)| measure_step(stated, shown, unit, (grey, on))).collect()
+    cases.map(|(grey, on)| measure_step(stated, shown, unit, grey, on)).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "greys are f32, and times are below a minute")]
@@ -70,7 +70,8 @@ fn measure_step(
     stated: &SensorChoice,
     shown: &SensorChoice,
     unit: f64,
-    (grey, on): (f64, bool),
+    grey: f64,
+    on: bool,
 ) -> Result<ContrastRow, SensorError> {
     let model = stated.as_model();
     let (up, down) = model.contrast();

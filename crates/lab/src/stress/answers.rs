@@ -17,7 +17,7 @@ pub struct KnownAnswer {
 /// # Panics
 /// The table has no answer of this name. The table is part of the program.
 #[must_use]
-pub fn find_answers(name: &str) -> Vec<KnownAnswer> {
+pub(crate) fn find_answers(name: &str) -> Vec<KnownAnswer> {
     let numbers = |text: &str| -> Vec<f64> {
         text.split_whitespace().map(|number| number.parse().expect("the table holds numbers")).collect()
     };

@@ -15,7 +15,11 @@ use std::ops::ControlFlow;
 /// Stamps do not increase.
 #[must_use]
 #[expect(clippy::cast_possible_truncation, reason = "frames hold 32 bits")]
-pub fn make_clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64) -> f64) -> ArrayFrames {
+pub(crate) fn make_clip(
+    size: Size,
+    stamps_us: &[i64],
+    luminance: impl Fn(u32, u32, i64) -> f64,
+) -> ArrayFrames {
     let mut samples = Vec::with_capacity(size.pixels() * stamps_us.len());
     for &t in stamps_us {
         for y in 0..size.height {
@@ -31,7 +35,7 @@ pub fn make_clip(size: Size, stamps_us: &[i64], luminance: impl Fn(u32, u32, i64
 /// # Panics
 /// The sensor refuses the clip. Clips and sensors of cases are valid.
 #[must_use]
-pub fn run_sensor(
+pub(crate) fn run_sensor(
     sensor: &dyn SensorModel,
     frames: &ArrayFrames,
     seed: u64,

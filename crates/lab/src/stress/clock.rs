@@ -13,7 +13,7 @@ use gs2e_sensor::voltmeter::VoltmeterModel;
 
 /// All cases of time.
 #[must_use]
-pub fn clock_cases<'a>() -> Vec<StressCase<'a>> {
+pub(crate) fn clock_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Clock, words, run);
     let mut all = vec![
         case(

@@ -14,7 +14,7 @@ use gs2e_sensor::voltmeter::units::{ConstantUnits, TimeUnit, WhiteBrightness};
 
 /// All cases of the sensor.
 #[must_use]
-pub fn sensor_cases<'a>() -> Vec<StressCase<'a>> {
+pub(crate) fn sensor_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Sensor, words, run);
     let mut all = vec![
         case(["polarity", "2 mu Th/s^2 of 0 and +-1e-20 .. +-1e3, residual 0, .5, .999", "1"], || {

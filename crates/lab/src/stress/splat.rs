@@ -100,13 +100,12 @@ type Run = fn(&SplatBench, CaseRenderer<'_>) -> Outcome;
 
 /// All cases of each back end.
 #[must_use]
-pub fn splat_cases(stage: &SplatBench) -> Vec<StressCase<'_>> {
+pub(crate) fn splat_cases(stage: &SplatBench) -> Vec<StressCase<'_>> {
     let of = |(name, backend): &'_ (&'static str, Result<Backend, NotRun>)| {
         let precision =
             backend.as_ref().map_or(FloatPrecision::Single, |backend| CaseRenderer(backend).precision());
         let table = case_table(precision, stage.scene.is_some());
-        let cases =
-            table.into_iter().map(|(words, run)| make_case(stage, (*name, backend.clone()), words, run));
+        let cases = table.into_iter().map(|(words, run)| make_case(stage, name, backend.clone(), words, run));
         cases.collect::<Vec<_>>()
     };
     stage.backends.iter().flat_map(of).collect()
@@ -114,7 +113,8 @@ pub fn splat_cases(stage: &SplatBench) -> Vec<StressCase<'_>> {
 
 fn make_case<'a>(
     stage: &'a SplatBench,
-    (name, backend): (&'static str, Result<Backend, NotRun>),
+    name: &'static str,
+    backend: Result<Backend, NotRun>,
     words: [&'static str; 3],
     run: Run,
 ) -> StressCase<'a> {

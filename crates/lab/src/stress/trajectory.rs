@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 
 /// All cases of paths.
 #[must_use]
-pub fn trajectory_cases<'a>() -> Vec<StressCase<'a>> {
+pub(crate) fn trajectory_cases<'a>() -> Vec<StressCase<'a>> {
     let case = |words, run: fn() -> CaseResult| StressCase::new(StressArea::Trajectory, words, run);
     vec![
         case(

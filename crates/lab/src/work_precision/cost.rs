@@ -41,20 +41,24 @@ pub(super) fn measure_views(
     renderer: &mut dyn Renderer,
     views: &[CameraView],
     sampling: &CostSampling<'_>,
-    (meter, tap): Taps<'_>,
+    taps: Taps<'_>,
 ) -> Result<Vec<Measured>, LabError> {
     let mut kinds: Vec<CostKind> = Vec::new();
     for want in sampling.kinds {
-        kinds.push(CostKind::render_once(renderer, views, (*want, sampling.keep), (meter, tap))?);
+        kinds.push(CostKind::render_once(renderer, views, *want, sampling.keep, taps)?);
     }
     for _ in 0..sampling.rounds {
-        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, (meter, tap)))?;
+        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, taps))?;
     }
     Ok(kinds.into_iter().map(|kind| (kind.cost(), kind.kept)).collect())
 }
 
 /// Readings of the process, and the way to stop.
-type Taps<'a> = (&'a dyn ProcessMeter, &'a dyn Fn() -> ControlFlow<()>);
+#[derive(Clone, Copy)]
+pub(super) struct Taps<'a> {
+    pub(super) meter: &'a dyn ProcessMeter,
+    pub(super) go_on: &'a dyn Fn() -> ControlFlow<()>,
+}
 
 /// One kind of frames.
 struct CostKind {
@@ -73,21 +77,22 @@ impl CostKind {
     fn render_once(
         renderer: &mut dyn Renderer,
         views: &[CameraView],
-        (want, keep): (ChannelSet, usize),
-        (meter, tap): Taps<'_>,
+        want: ChannelSet,
+        keep: usize,
+        taps: Taps<'_>,
     ) -> Result<Self, LabError> {
         let (rendered, least, kept) = (RenderedImages::default(), Vec::new(), Vec::new());
         let mut kind = Self { want, rendered, least, blended: 0, peak_mb: None, kept };
-        meter.forget_peak();
+        taps.meter.forget_peak();
         for (number, view) in views.iter().enumerate() {
-            let (took, work) = kind.render(renderer, view, (meter, tap))?;
+            let (took, work) = kind.render(renderer, view, taps)?;
             kind.least.push(took);
             kind.blended += work.blended;
             if kept_at(views.len(), keep).any(|at| at == number) {
                 kind.kept.push(luminance_of(&kind.rendered));
             }
         }
-        kind.peak_mb = meter.peak_mb();
+        kind.peak_mb = taps.meter.peak_mb();
         Ok(kind)
     }
 
@@ -95,10 +100,10 @@ impl CostKind {
         &mut self,
         renderer: &mut dyn Renderer,
         views: &[CameraView],
-        (meter, tap): Taps<'_>,
+        taps: Taps<'_>,
     ) -> Result<(), LabError> {
         for (number, view) in views.iter().enumerate() {
-            let (took, _) = self.render(renderer, view, (meter, tap))?;
+            let (took, _) = self.render(renderer, view, taps)?;
             // Core time decides, because elapsed time also depends on other processes.
             if took.core_s < self.least[number].core_s {
                 self.least[number] = took;
@@ -111,14 +116,14 @@ impl CostKind {
         &mut self,
         renderer: &mut dyn Renderer,
         view: &CameraView,
-        (meter, tap): Taps<'_>,
+        taps: Taps<'_>,
     ) -> Result<(TimeSpent, RenderWork), LabError> {
-        let before = meter.time();
+        let before = taps.meter.time();
         // The announcement starts work on a GPU, so it is part of the time.
         renderer.expect(view, self.want);
         let work = renderer.render(view, self.want, &mut self.rendered)?;
-        let took = meter.time() - before;
-        if tap().is_break() { Err(LabError::Interrupted) } else { Ok((took, work)) }
+        let took = taps.meter.time() - before;
+        if (taps.go_on)().is_break() { Err(LabError::Interrupted) } else { Ok((took, work)) }
     }
 
     fn cost(&self) -> FrameCost {

@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::io;
 
 /// Tolerances of the F1 scores, us.
-pub const WITHIN_US: [i64; 3] = [10, 100, 1000];
+pub(crate) const WITHIN_US: [i64; 3] = [10, 100, 1000];
 
 /// Number of bits for the time of a packed event, ns: 137 s.
 const TIME_BITS: u32 = 37;
@@ -87,7 +87,7 @@ pub struct StreamErrors {
 impl StreamErrors {
     /// Compares two sorted streams ([`CompactEvents::sorted`]).
     #[must_use]
-    pub fn compare_streams(found: &[u64], reference: &[u64]) -> Self {
+    pub(crate) fn compare_streams(found: &[u64], reference: &[u64]) -> Self {
         let mut miscount = 0;
         let mut matched = [0; 3];
         let mut apart = Vec::with_capacity(found.len().min(reference.len()));

@@ -32,7 +32,7 @@ impl FrameGrid {
     /// # Panics
     /// `rate` does not divide `finest` into an even number, or `intervals` is odd.
     #[must_use]
-    pub fn uniform_steps(rate: u32, finest: u32, intervals: usize) -> Self {
+    pub(crate) fn uniform_steps(rate: u32, finest: u32, intervals: usize) -> Self {
         assert!(finest.is_multiple_of(2 * rate) && intervals.is_multiple_of(2), "intervals have a middle");
         let every = (finest / rate) as usize;
         let places = (0..intervals).step_by(every).chain([intervals]).collect();
@@ -42,7 +42,7 @@ impl FrameGrid {
     /// The grid with the shortest flow steps that has no more frames than a uniform one. `flows` is
     /// the image motion in each fine interval, px.
     #[must_use]
-    pub fn flow_steps(flows: &[f64], uniform: &Self) -> Self {
+    pub(crate) fn flow_steps(flows: &[f64], uniform: &Self) -> Self {
         // With this bound, one step spans the whole clip. It is above 0 for a still picture, too.
         let most = flows.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * flows.len() as f64;
         let (mut low, mut high) = (0.0, most);

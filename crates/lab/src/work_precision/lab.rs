@@ -1,6 +1,6 @@
 //! The laboratory of a study: a window of a path, its frames by each rule set, and their costs.
 
-use super::cost::{CostSampling, Measured, ProcessMeter, kept_at, measure_views};
+use super::cost::{CostSampling, Measured, ProcessMeter, Taps, kept_at, measure_views};
 use super::grid::FrameGrid;
 use super::pass::{PassSetup, feed_settings};
 use super::window::FineWindow;
@@ -11,7 +11,7 @@ use super::{
 use gs2e_num::seed::Seed;
 use gs2e_render::backend::Backend;
 use gs2e_render::flow::PixelFlowMeter;
-use gs2e_render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle};
+use gs2e_render::{ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, Renderer};
 use gs2e_sampling::rendered::RenderedFrames;
 use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
@@ -117,6 +117,19 @@ pub struct StudyLab<'a> {
     pub say: &'a dyn Fn(&str),
 }
 
+/// The back end and the style of a rule set.
+struct RuleRenderer {
+    name: &'static str,
+    backend: Backend,
+    style: RenderStyle,
+}
+
+impl RuleRenderer {
+    fn renderer(&self, scene: &Arc<Gaussians>) -> Result<Box<dyn Renderer>, RenderError> {
+        self.backend.renderer(scene.clone(), self.style)
+    }
+}
+
 impl StudyLab<'_> {
     /// Measures the costs and the errors of all settings.
     ///
@@ -145,18 +158,17 @@ impl StudyLab<'_> {
         // memory of the frames.
         let mut costs = Vec::new();
         for rules in &asked.rules {
-            let (backend, style) = self.of(*rules);
+            let by = self.of(*rules);
             (self.say)(&format!("{}: measuring the cost of frames", rules.name));
             let kinds: &[_] = if asked.pictures { &[VALUE, RATED, RGB] } else { &[VALUE, RATED] };
-            let kinds = self.kinds(kinds, &backend, style)?;
+            let kinds = self.kinds(kinds, &by)?;
             costs.push(RuleCosts { value: kinds[0].0, rated: kinds[1].0 });
             if asked.pictures {
-                study.pictures.extend(self.pictures(*rules, (&backend, style), kinds)?);
+                study.pictures.extend(self.pictures(&by, kinds)?);
             }
         }
         for (rules, costs) in asked.rules.iter().zip(costs) {
-            let (backend, style) = self.of(*rules);
-            let (of, rows) = self.pass(*rules, (&backend, style), (&grids, &asked.between), costs)?;
+            let (of, rows) = self.pass(&self.of(*rules), &grids, &asked.between, costs)?;
             study.rules.push(of);
             study.rows.extend(rows);
         }
@@ -164,12 +176,13 @@ impl StudyLab<'_> {
     }
 
     /// The back end and the style of a rule set.
-    fn of(&self, NamedRules { rules, order, .. }: NamedRules) -> (Backend, RenderStyle) {
-        let style = RenderStyle { rules, order, ..self.style };
+    fn of(&self, rules: NamedRules) -> RuleRenderer {
+        let style = RenderStyle { rules: rules.rules, order: rules.order, ..self.style };
         // Soft rules are rendered on the CPU, in both orders of layers. Only the blended order
         // requires it.
         let on_cpu = self.backend.takes_gpu() && style.rules == RenderRules::Soft;
-        (if on_cpu { Backend::Cpu } else { self.backend.clone() }, style)
+        let backend = if on_cpu { Backend::Cpu } else { self.backend.clone() };
+        RuleRenderer { name: rules.name, backend, style }
     }
 
     fn grids(&self, asked: &StudyPlan) -> Result<Vec<FrameGrid>, LabError> {
@@ -193,9 +206,7 @@ impl StudyLab<'_> {
     /// around it.
     fn flows(&self, rules: NamedRules) -> Result<Vec<f64>, LabError> {
         let FineWindow { intervals, finest, .. } = *self.window;
-        let (backend, style) = self.of(rules);
-        let gaussians = self.gaussians.clone();
-        let renderer = backend.renderer(gaussians, style)?;
+        let renderer = self.of(rules).renderer(&self.gaussians)?;
         let mut meter = PixelFlowMeter::new(renderer, self.camera);
         let every = intervals.div_ceil(FLOWS);
         let mut measured = Vec::new();
@@ -215,56 +226,47 @@ impl StudyLab<'_> {
     }
 
     /// Measures the costs of these kinds of frames.
-    fn kinds(
-        &self,
-        kinds: &[ChannelSet],
-        backend: &Backend,
-        style: RenderStyle,
-    ) -> Result<Vec<Measured>, LabError> {
+    fn kinds(&self, kinds: &[ChannelSet], by: &RuleRenderer) -> Result<Vec<Measured>, LabError> {
         let views = self.window.views(self.camera, SAMPLE);
         let sampling = CostSampling { kinds, keep: PICTURES, rounds: ROUNDS };
-        self.measured((backend, style), &self.gaussians, &views, &sampling)
+        self.measured(by, &self.gaussians, &views, &sampling)
     }
 
     fn measured(
         &self,
-        (backend, style): (&Backend, RenderStyle),
+        by: &RuleRenderer,
         scene: &Arc<Gaussians>,
         views: &[CameraView],
         sampling: &CostSampling<'_>,
     ) -> Result<Vec<Measured>, LabError> {
-        let mut renderer = backend.renderer(scene.clone(), style)?;
+        let mut renderer = by.renderer(scene)?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
         // The same promise as in a build, which renders known poses only.
         renderer.keep_to(&self.camera, &poses);
-        measure_views(&mut *renderer, views, sampling, (self.meter, self.go_on))
+        measure_views(&mut *renderer, views, sampling, Taps { meter: self.meter, go_on: self.go_on })
     }
 
     /// The differences from f64 of several ways to render, these kinds among them.
-    fn pictures(
-        &self,
-        rules: NamedRules,
-        (backend, style): (&Backend, RenderStyle),
-        kinds: Vec<Measured>,
-    ) -> Result<Vec<PicturePrecision>, LabError> {
+    fn pictures(&self, by: &RuleRenderer, kinds: Vec<Measured>) -> Result<Vec<PicturePrecision>, LabError> {
         let whole = &self.gaussians;
         let views = self.window.views(self.camera, SAMPLE);
         let few: Vec<CameraView> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
         let once = CostSampling { kinds: &[VALUE], keep: PICTURES, rounds: 0 };
-        let exactly = self.measured((&Backend::Reference, style), whole, &few, &once)?;
+        let exact = RuleRenderer { backend: Backend::Reference, ..*by };
+        let exactly = self.measured(&exact, whole, &few, &once)?;
         let names = ["luminance", "luminance and its rate", "rgb"].map(str::to_owned);
         let mut rendered: Vec<(String, Measured)> = names.into_iter().zip(kinds).collect();
         for degree in (0..whole.sh_degree).rev() {
             let scene = Arc::new(whole.with_degree(degree));
             let sampling = CostSampling { rounds: ROUNDS, ..once };
-            let found = self.measured((backend, style), &scene, &views, &sampling)?;
+            let found = self.measured(by, &scene, &views, &sampling)?;
             rendered.extend(found.into_iter().map(|found| (format!("luminance, SH degree {degree}"), found)));
         }
         let reference = exactly[0].1.clone();
         rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
         let picture = |(what, (cost, images)): (String, Measured)| {
             let (psnr_db, worst_grey) = image_differences(&images, &reference);
-            PicturePrecision { rules: rules.name.to_owned(), what, cost, psnr_db, worst_grey }
+            PicturePrecision { rules: by.name.to_owned(), what, cost, psnr_db, worst_grey }
         };
         Ok(rendered.into_iter().map(picture).collect())
     }
@@ -272,31 +274,31 @@ impl StudyLab<'_> {
     /// Makes the one pass over the fine frames of a rule set.
     fn pass(
         &self,
-        rules: NamedRules,
-        (backend, style): (&Backend, RenderStyle),
-        (grids, between): (&[FrameGrid], &[BetweenFrames]),
+        by: &RuleRenderer,
+        grids: &[FrameGrid],
+        between: &[BetweenFrames],
         costs: RuleCosts,
     ) -> Result<(OfRules, Vec<SettingRow>), LabError> {
         let Self { window, camera, .. } = self;
         let frames = window.intervals + 1;
         let settings = grids.len() * between.len();
-        (self.say)(&format!("{}: {frames} frames for {settings} settings", rules.name));
+        (self.say)(&format!("{}: {frames} frames for {settings} settings", by.name));
         let views: Vec<CameraView> = (0..frames).map(|j| window.view(*camera, j)).collect();
         let trajectory = Trajectory {
             world_from_camera: views.iter().map(|view| view.world_from_camera).collect(),
             stamps_us: (0..frames).map(|j| window.stamp_us(j)).collect(),
         };
         let velocities: Vec<CameraVelocity> = views.iter().map(|view| view.velocity).collect();
-        let renderer = backend.renderer(self.gaussians.clone(), style)?;
+        let renderer = by.renderer(&self.gaussians)?;
         let mut fine = RenderedFrames::new(renderer, *camera, trajectory).with_rates(velocities);
         let setup = PassSetup { sensor: &self.sensor, seed: self.seed, grids, between };
         let clock = || self.meter.time();
         let passed = feed_settings(&setup, &mut fine, &clock, &mut |_| (self.go_on)())?;
-        let rows = judge_pass(&passed, grids, rules.name, &costs);
+        let rows = judge_pass(&passed, grids, by.name, &costs);
         let (law, finest_s) = law_of(&rows);
         let of = OfRules {
-            rules: rules.name.to_owned(),
-            class: backend.class(),
+            rules: by.name.to_owned(),
+            class: by.backend.class(),
             reference: passed.reference.len(),
             law,
             finest_s,

@@ -66,7 +66,7 @@ impl PassResult {
 ///
 /// # Errors
 /// A frame cannot be rendered, a sensor fails, or `tap` stops.
-pub fn feed_settings(
+pub(crate) fn feed_settings(
     setup: &PassSetup<'_>,
     frames: &mut dyn FrameSequence,
     clock: &dyn Fn() -> TimeSpent,

@@ -122,7 +122,7 @@ pub struct MethodComparison {
 impl MethodComparison {
     /// Compares `rows` at the error of `base`; `None` if it has none.
     #[must_use]
-    pub fn at_error(measure: ErrorMeasure, base: &SettingRow, rows: &[SettingRow]) -> Option<Self> {
+    pub(crate) fn at_error(measure: ErrorMeasure, base: &SettingRow, rows: &[SettingRow]) -> Option<Self> {
         // An error of 0 cannot be reached by interpolation in logarithms.
         let error = measure.of(base).filter(|error| *error > 0.0)?;
         let mut names: Vec<[String; 2]> = Vec::new();

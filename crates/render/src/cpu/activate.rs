@@ -25,7 +25,7 @@ use crate::RenderRules;
 use crate::dual::RealNumber;
 use crate::shared::least_alpha;
 use glam::{DMat3, DQuat, DVec3};
-use gs2e_scene::dynamic::{MomentSplat, SceneMoment, SplatDynamics};
+use gs2e_scene::dynamic::{MomentSplat, SceneAt, SplatDynamics};
 use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 
@@ -100,17 +100,12 @@ impl GaussianBlock {
     }
 
     /// Activates the Gaussians of a scene that changes, as they are at a moment.
-    pub(super) fn advance(
-        &mut self,
-        scene: &Gaussians,
-        rules: RenderRules,
-        (dynamics, moment): (&SplatDynamics, SceneMoment),
-    ) {
+    pub(super) fn advance(&mut self, at: SceneAt<'_>, rules: RenderRules) {
         let zero = [0.0; LANES];
         let still = || Box::new(BlockMotion { velocity: [zero; 3], axes: [[zero; 3]; 3], opacity: zero });
         let motion = self.motion.get_or_insert_with(still);
         for lane in 0..self.len {
-            let splat = dynamics.splat(scene, self.numbers[lane] as usize, moment);
+            let splat = at.splat(self.numbers[lane] as usize);
             for k in 0..3 {
                 let [value, rate] = splat.position[k].map(single);
                 (self.positions[k][lane], motion.velocity[k][lane]) = (value, rate);

@@ -47,7 +47,7 @@ mod tests;
 use super::activate::{self, GaussianBlock, LANES};
 use super::bin::{OrderedSplats, TileGrid, TileLists};
 use super::eye::ViewTransform;
-use super::project::{CHUNK, ProjectionInput};
+use super::project::{CHUNK, ProjectedSplats, ProjectionInput};
 use super::raster::{PIXELS, RasterInput, TRACED_PLANES, raster_traced};
 use super::{FrameBuffers, InstructionSet, unseen};
 use crate::shared::TILE;
@@ -173,7 +173,8 @@ impl GradientRenderer {
 
     /// Sets the maximum number of (Gaussian, tile) pairs that are listed at once: the same bits with
     /// more or less memory.
-    pub fn set_list_budget(&mut self, pairs: usize) {
+    #[cfg(test)]
+    fn set_list_budget(&mut self, pairs: usize) {
         self.frame.lists = TileLists::new(pairs);
         self.seen = None;
     }
@@ -230,13 +231,13 @@ impl GradientRenderer {
             moment: None,
             level,
         };
-        let frame = &mut self.frame;
-        let mut work = frame.project(&projection);
-        let order = frame.sorter.run(&frame.depths, &frame.chunks);
+        let mut work = self.frame.project(&projection);
+        let FrameBuffers { projected, sorter, lists, tiles } = &mut self.frame;
+        let order = sorter.run(&projected.depths, &projected.chunks);
         let grid = TileGrid::new(view.camera.size);
-        let (splats, rates, tiles) = (&frame.splats, &frame.rates, &mut frame.tiles);
+        let (splats, rates) = (&projected.splats, &projected.rates);
         let RenderStyle { rules, order: layers, background, .. } = self.style;
-        work.tile_pairs = frame.lists.run(OrderedSplats { order, splats, grid }, |lists| {
+        work.tile_pairs = lists.run(OrderedSplats { order, splats, grid }, |lists| {
             // Work that changes no bit of the image changes none of the trace either.
             let omit = OmissionPolicy::Needless;
             work += raster_traced(
@@ -247,7 +248,7 @@ impl GradientRenderer {
         if self.image.size() != grid.size {
             self.image = Image::filled(grid.size, [0.0; 3]);
         }
-        show_tiles(&frame.tiles, grid, background, &mut self.image);
+        show_tiles(tiles, grid, background, &mut self.image);
         self.seen = Some((eye, grid));
         Ok((&self.image, work))
     }
@@ -261,29 +262,31 @@ impl GradientRenderer {
         let (eye, grid) = self.seen.expect("a view was rendered");
         let pixels = grid.size.pixels();
         assert_eq!((by_pixel.len(), score.len()), (pixels, pixels), "one value per pixel");
-        let frame = &mut self.frame;
+        let FrameBuffers { projected, sorter, lists, tiles } = &mut self.frame;
+        let splats = &projected.splats;
         let input = BackwardInput {
-            splats: &frame.splats,
+            splats,
             rules: self.style.rules,
             background: self.style.background,
-            size: grid.size,
+            grid,
+            tiles,
             gradient: by_pixel,
             score,
         };
         self.sums.clear();
-        self.sums.resize(frame.splats.len(), SplatMoments::default());
-        let (pairs, sums, tiles) = (&mut self.pairs, &mut self.sums, &frame.tiles);
+        self.sums.resize(splats.len(), SplatMoments::default());
+        let (pairs, sums) = (&mut self.pairs, &mut self.sums);
         let level = self.instructions.level;
         let mut back = |lists: &TileLists| {
-            backward_band(lists, grid, (&input, tiles), level, pairs);
+            backward_band(lists, &input, level, pairs);
             gather::add_by_splat(lists, pairs, sums);
         };
         // If all tiles were one band, their lists are still there.
-        if frame.lists.band() == (0..grid.len()) {
-            back(&frame.lists);
+        if lists.band() == (0..grid.len()) {
+            back(lists);
         } else {
-            let order = frame.sorter.run(&frame.depths, &frame.chunks);
-            frame.lists.run(OrderedSplats { order, splats: &frame.splats, grid }, |lists| back(lists));
+            let order = sorter.run(&projected.depths, &projected.chunks);
+            lists.run(OrderedSplats { order, splats, grid }, |lists| back(lists));
         }
         let chain = ProjectionChain {
             scene: &self.scene,
@@ -296,23 +299,22 @@ impl GradientRenderer {
 
     /// The gradients of the drawn Gaussians, in order of the scene.
     fn collect(&self, chain: &ProjectionChain<'_>, out: &mut ViewGradients) {
-        let frame = &self.frame;
-        let drawn = frame.drawn();
+        let ProjectedSplats { splats, numbers, chunks, .. } = &self.frame.projected;
         // In the order of the scene, not of depth: Adam walks the parameters once, from front to
         // back in memory.
         out.numbers.clear();
-        out.gradients.resize(drawn, GaussianGradient::default());
+        out.gradients.resize(self.frame.drawn(), GaussianGradient::default());
         let mut rest = out.gradients.as_mut_slice();
-        let mut parts = Vec::with_capacity(frame.chunks.len());
-        for (k, chunk) in frame.chunks.iter().enumerate() {
+        let mut parts = Vec::with_capacity(chunks.len());
+        for (k, chunk) in chunks.iter().enumerate() {
             // The splats of a chunk begin at a multiple of `CHUNK`.
-            out.numbers.extend_from_slice(&frame.numbers[k * CHUNK..][..chunk.drawn]);
+            out.numbers.extend_from_slice(&numbers[k * CHUNK..][..chunk.drawn]);
             parts.push((k * CHUNK, rest.split_off_mut(..chunk.drawn).expect("as many as are drawn")));
         }
         let each = |(place, gradient): (usize, &mut GaussianGradient)| {
-            let number = frame.numbers[place] as usize;
+            let number = numbers[place] as usize;
             let active = self.blocks[number / LANES].lane(number % LANES);
-            let drawn = DrawnGaussian::new(&active, &frame.splats[place]);
+            let drawn = DrawnGaussian::new(&active, &splats[place]);
             *gradient = chain.gradient(number, &drawn, &self.sums[place]);
         };
         parts.into_par_iter().for_each(|(first, part)| {
@@ -354,8 +356,7 @@ fn show_tiles(tiles: &[f32], grid: TileGrid, [r, g, b]: [f32; 3], image: &mut Im
 /// The moments of all entries of a band's lists, one tile after the other.
 fn backward_band(
     lists: &TileLists,
-    grid: TileGrid,
-    (input, tiles): (&BackwardInput<'_>, &[f32]),
+    input: &BackwardInput<'_>,
     level: fearless_simd::Level,
     pairs: &mut Vec<SplatMoments>,
 ) {
@@ -373,13 +374,10 @@ fn backward_band(
     // code.
     let soft = input.rules == RenderRules::Soft;
     parts.into_par_iter().zip(&runs).zip(lists.band()).for_each(|((out, runs), tile)| {
-        let corner = [tile % grid.columns * TILE, tile / grid.columns * TILE];
-        let stride = TRACED_PLANES * PIXELS;
-        let from = (runs.as_slice(), &tiles[tile * stride..][..stride]);
         if soft {
-            dispatch!(level, simd => backward_tile::<_, true>(simd, input, corner, from, out));
+            dispatch!(level, simd => backward_tile::<_, true>(simd, input, tile, runs, out));
         } else {
-            dispatch!(level, simd => backward_tile::<_, false>(simd, input, corner, from, out));
+            dispatch!(level, simd => backward_tile::<_, false>(simd, input, tile, runs, out));
         }
     });
 }

@@ -24,7 +24,7 @@ use crate::shared::{
 use crate::{ChannelSet, RenderRules, RenderStyle, RenderWork};
 use fearless_simd::{Level, Simd, dispatch};
 use gs2e_image::luminance;
-use gs2e_scene::dynamic::SceneMoment;
+use gs2e_scene::dynamic::SceneAt;
 use gs2e_scene::{Gaussians, sh};
 use rayon::prelude::*;
 
@@ -50,9 +50,23 @@ pub(super) struct ProjectionInput<'a> {
     /// The tiles that are read, if not all are. Gaussians that touch none of them are left out.
     pub(super) sample: Option<&'a TileSample>,
     /// The moment of a scene that changes with time.
-    pub(super) moment: Option<SceneMoment>,
+    pub(super) moment: Option<SceneAt<'a>>,
     /// The instruction set.
     pub(super) level: Level,
+}
+
+/// The output of the pass, kept for the next frame. What belongs to chunk `k` of Gaussians starts at
+/// `k * CHUNK`, in file order.
+#[derive(Debug, Default)]
+pub(super) struct ProjectedSplats {
+    pub(super) splats: Vec<Splat>,
+    /// Depth of each splat, for the sort.
+    pub(super) depths: Vec<f32>,
+    /// Index in the scene of each splat.
+    pub(super) numbers: Vec<u32>,
+    /// Of each splat, if a channel needs rates.
+    pub(super) rates: Vec<SplatRates>,
+    pub(super) chunks: Vec<ProjectedChunk>,
 }
 
 /// Counts for one [`CHUNK`] of Gaussians.
@@ -66,11 +80,13 @@ pub(super) struct ProjectedChunk {
     pub(super) culled: [CullCounts; PROMISES],
 }
 
-/// The splats of a chunk, their depths, and their indices in the scene.
+/// The places of a chunk in [`ProjectedSplats`].
 struct DrawnSplats<'a> {
     splats: &'a mut [Splat],
     depths: &'a mut [f32],
     numbers: &'a mut [u32],
+    rates: &'a mut [SplatRates],
+    done: ProjectedChunk,
 }
 
 /// A number, or a number with its rate, stored as one array per block.
@@ -142,15 +158,9 @@ struct ProjectedBlock<S: LaneValue> {
 }
 
 impl ProjectionInput<'_> {
-    /// Projects all Gaussians. The splats of chunk `k` start at `splats[k * CHUNK]`, in file order.
-    /// The same holds for their depths, for their indices in the scene, and for `rates`, if a channel
-    /// needs rates.
-    pub(super) fn run(
-        &self,
-        (splats, depths, numbers): (&mut Vec<Splat>, &mut Vec<f32>, &mut Vec<u32>),
-        rates: &mut Vec<SplatRates>,
-        chunks: &mut Vec<ProjectedChunk>,
-    ) {
+    /// Projects all Gaussians.
+    pub(super) fn run(&self, out: &mut ProjectedSplats) {
+        let ProjectedSplats { splats, depths, numbers, rates, chunks } = out;
         // A place for every lane, also in blocks that are not full.
         let count = self.blocks.len() * LANES;
         splats.resize(count, Splat::default());
@@ -159,20 +169,22 @@ impl ProjectionInput<'_> {
         // These chunks of blocks and of splats hold the same Gaussians.
         let drawn =
             (splats.par_chunks_mut(CHUNK), depths.par_chunks_mut(CHUNK), numbers.par_chunks_mut(CHUNK));
-        let drawn = drawn.into_par_iter();
-        let drawn = drawn.map(|(splats, depths, numbers)| DrawnSplats { splats, depths, numbers });
         let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
             let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let project = |((blocks, drawn), rates): (
-                (&[GaussianBlock], DrawnSplats<'_>),
-                &mut [SplatRates],
-            )| dispatch!(self.level, simd => self.chunk::<_, DualNumber<f32>>(simd, blocks, drawn, rates));
-            parts.map(project).collect_into_vec(chunks);
+            let parts = parts.map(|((blocks, (splats, depths, numbers)), rates)| {
+                let drawn = DrawnSplats { splats, depths, numbers, rates, done: ProjectedChunk::default() };
+                dispatch!(self.level, simd => self.chunk::<_, DualNumber<f32>>(simd, blocks, drawn))
+            });
+            parts.collect_into_vec(chunks);
         } else {
-            let project = |(blocks, drawn): (&[GaussianBlock], DrawnSplats<'_>)| dispatch!(self.level, simd => self.chunk::<_, f32>(simd, blocks, drawn, &mut []));
-            parts.map(project).collect_into_vec(chunks);
+            let parts = parts.map(|(blocks, (splats, depths, numbers))| {
+                let (rates, done) = (&mut [][..], ProjectedChunk::default());
+                let drawn = DrawnSplats { splats, depths, numbers, rates, done };
+                dispatch!(self.level, simd => self.chunk::<_, f32>(simd, blocks, drawn))
+            });
+            parts.collect_into_vec(chunks);
         }
     }
 
@@ -184,14 +196,12 @@ impl ProjectionInput<'_> {
         simd: V,
         blocks: &[GaussianBlock],
         mut drawn: DrawnSplats<'_>,
-        rates: &mut [SplatRates],
     ) -> ProjectedChunk {
-        let mut done = ProjectedChunk::default();
         let mut seen = ProjectedBlock::<S>::new();
         for block in blocks {
-            self.block(simd, block, &mut seen, (&mut done, &mut drawn, &mut *rates));
+            self.block(simd, block, &mut seen, &mut drawn);
         }
-        done
+        drawn.done
     }
 
     #[inline(always)]
@@ -200,7 +210,7 @@ impl ProjectionInput<'_> {
         simd: V,
         block: &GaussianBlock,
         seen: &mut ProjectedBlock<S>,
-        (done, drawn, rates): (&mut ProjectedChunk, &mut DrawnSplats<'_>, &mut [SplatRates]),
+        DrawnSplats { splats, depths, numbers, rates, done }: &mut DrawnSplats<'_>,
     ) {
         let eye = &self.eyes[block.part];
         seen.locate(eye, self.style.rules, block);
@@ -224,9 +234,7 @@ impl ProjectionInput<'_> {
             let mut colour = [S::nearest(0.0); 3];
             if coloured {
                 let number = block.numbers[i] as usize;
-                let changing = self.moment.zip(self.scene.dynamics());
-                let changing = changing.and_then(|(moment, dynamics)| dynamics.harmonics(number, moment));
-                colour = match changing {
+                colour = match self.moment.and_then(|at| at.harmonics(number)) {
                     Some(harmonics) => {
                         seen.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
                     }
@@ -237,9 +245,9 @@ impl ProjectionInput<'_> {
                 };
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
-            drawn.depths[done.drawn] = S::at(&seen.depth, i).value();
-            drawn.numbers[done.drawn] = block.numbers[i];
-            let splat = &mut drawn.splats[done.drawn];
+            depths[done.drawn] = S::at(&seen.depth, i).value();
+            numbers[done.drawn] = block.numbers[i];
+            let splat = &mut splats[done.drawn];
             *splat = seen.splat(i);
             self.write_features(value, seen, i, &mut splat.features);
             if S::MOVING {

@@ -1,8 +1,9 @@
-//! The moving part that each pixel shows, and the velocity: a blend of the frame's splats once more, with their parts or
-//! their velocities as features.
+//! The moving part that each pixel shows, and the velocity: a blend of the frame's splats once more, with
+//! their parts or their velocities as features.
 //!
-//! The weight of a part at a pixel is the sum of the blended weights of its Gaussians. What is still, and what is
-//! behind, has the rest of 1. The largest weight decides; of equal ones, the part with the lower number.
+//! The weight of a part at a pixel is the sum of the blended weights of its Gaussians. What is still, and
+//! what is behind, has the rest of 1. The largest weight decides; of equal ones, the part with the lower
+//! number.
 
 use super::bin::{OrderedSplats, TileGrid, TileLists};
 use super::project::{CHUNK, ProjectedChunk};
@@ -10,17 +11,31 @@ use super::raster::RasterInput;
 use super::raster_pass;
 use super::resolve::{BlendedTiles, feature_image, mean_vectors};
 use super::splat::{MAX_FEATURES, Splat};
-use crate::{OmissionPolicy, RenderStyle};
+use crate::{ChannelSet, OmissionPolicy, RenderStyle, RenderedImages};
 use fearless_simd::Level;
 use glam::{DMat3, DVec3};
 use gs2e_image::Image;
 use gs2e_scene::Gaussians;
-use gs2e_scene::dynamic::{SceneMoment, SplatDynamics};
+use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::view::CameraView;
+use gs2e_scene::dynamic::SceneAt;
+
+/// Buffers of a frame that are overwritten.
+pub(super) struct BlendBuffers<'a> {
+    /// The features of the splats are overwritten.
+    pub(super) splats: &'a mut [Splat],
+    pub(super) lists: &'a mut TileLists,
+    pub(super) tiles: &'a mut Vec<f32>,
+}
 
 /// The frame whose parts or velocities are found.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SegmentPass<'a> {
     pub(super) scene: &'a Gaussians,
+    /// The view, from what is still and from each part.
+    pub(super) views: &'a [CameraView],
+    /// The moment of a scene that changes with time.
+    pub(super) moment: Option<SceneAt<'a>>,
     /// The order of the frame's splats.
     pub(super) order: &'a [u64],
     /// Index in the scene of each splat.
@@ -33,8 +48,33 @@ pub(super) struct SegmentPass<'a> {
 }
 
 impl SegmentPass<'_> {
-    /// The part of each pixel. The features of the splats, the lists and the tiles are overwritten.
-    pub(super) fn run(self, splats: &mut [Splat], lists: &mut TileLists, tiles: &mut Vec<f32>) -> Image<u8> {
+    /// Adds the parts, velocities and flow of a frame to its images, and removes what was made for flow
+    /// alone.
+    pub(super) fn add_motion(
+        self,
+        mut buffers: BlendBuffers<'_>,
+        want: ChannelSet,
+        out: &mut RenderedImages,
+    ) {
+        let CameraView { camera, world_from_camera, .. } = &self.views[0];
+        out.segments = (want.segments || want.flow && self.views.len() > 1).then(|| self.parts(&mut buffers));
+        let camera_from_world = world_from_camera.rotation_matrix().transpose();
+        out.drift = match self.moment.filter(|_| want.drift || want.flow) {
+            Some(at) => Some(self.drift(camera_from_world, at, &mut buffers)),
+            None => want.drift.then(|| Image::filled(camera.size, [0.0; 3])),
+        };
+        let depth = out.depth.as_ref().filter(|_| want.flow);
+        out.flow = depth.map(|depth| {
+            let flow = flow_of_parts(depth, out.segments.as_ref(), self.views);
+            with_drift(flow, depth, out.drift.as_ref(), camera)
+        });
+        out.depth.take_if(|_| !want.depth);
+        out.segments.take_if(|_| !want.segments);
+        out.drift.take_if(|_| !want.drift);
+    }
+
+    /// The part of each pixel.
+    fn parts(self, buffers: &mut BlendBuffers<'_>) -> Image<u8> {
         let size = self.grid.size;
         let mut parts = Image::filled(size, 0_u8);
         let mut most = vec![0.0_f32; size.pixels()];
@@ -42,10 +82,11 @@ impl SegmentPass<'_> {
         let count = self.scene.part_count();
         for before in (0..count).step_by(MAX_FEATURES) {
             let features = MAX_FEATURES.min(count - before);
-            self.mark(before, splats);
-            self.blend(features, splats, lists, tiles);
+            self.mark(before, buffers.splats);
+            self.blend(features, buffers);
             for feature in 0..features {
-                let weights = feature_image(BlendedTiles { tiles, features, grid: self.grid }, feature);
+                let tiles = BlendedTiles { tiles: buffers.tiles, features, grid: self.grid };
+                let weights = feature_image(tiles, feature);
                 let part = u8::try_from(before + feature + 1).expect("a scene has at most 255 parts");
                 let pixels = parts.pixels_mut().iter_mut().zip(&mut most).zip(&mut all);
                 for (((found, most), all), &weight) in pixels.zip(weights.pixels()) {
@@ -64,20 +105,20 @@ impl SegmentPass<'_> {
         parts
     }
 
-    /// The velocity that each pixel shows, camera axes. What [`Self::run`] overwrites is overwritten.
-    pub(super) fn drift(
+    /// The velocity that each pixel shows, camera axes.
+    fn drift(
         self,
         camera_from_world: DMat3,
-        (dynamics, moment): (&SplatDynamics, SceneMoment),
-        (splats, lists, tiles): (&mut [Splat], &mut TileLists, &mut Vec<f32>),
+        at: SceneAt<'_>,
+        buffers: &mut BlendBuffers<'_>,
     ) -> Image<[f32; 3]> {
-        self.each(splats, |splat, number| {
-            let velocity = dynamics.splat(self.scene, number, moment).velocity();
+        self.each(buffers.splats, |splat, number| {
+            let velocity = at.splat(number).velocity();
             let seen = camera_from_world * DVec3::from_array(velocity);
             splat.features[..3].copy_from_slice(&seen.as_vec3().to_array());
         });
-        self.blend(3, splats, lists, tiles);
-        mean_vectors(BlendedTiles { tiles, features: 3, grid: self.grid })
+        self.blend(3, buffers);
+        mean_vectors(BlendedTiles { tiles: buffers.tiles, features: 3, grid: self.grid })
     }
 
     /// Gives each splat a feature of 1 for its part, if it is one of the next after `before`.
@@ -100,7 +141,7 @@ impl SegmentPass<'_> {
         }
     }
 
-    fn blend(self, features: usize, splats: &[Splat], lists: &mut TileLists, tiles: &mut Vec<f32>) {
+    fn blend(self, features: usize, BlendBuffers { splats, lists, tiles }: &mut BlendBuffers<'_>) {
         let Self { grid, omit, level, style: RenderStyle { rules, order, .. }, .. } = self;
         lists.run(OrderedSplats { order: self.order, splats, grid }, |lists| {
             let input =

@@ -2,7 +2,7 @@
 
 use super::D;
 use crate::dual::RealNumber;
-use gs2e_scene::dynamic::{MomentSplat, Rated, SceneMoment, SplatDynamics};
+use gs2e_scene::dynamic::{MomentSplat, Rated, SceneAt};
 use gs2e_scene::{Gaussians, sh};
 use std::array::from_fn;
 
@@ -80,15 +80,11 @@ impl MovingGaussian {
     }
 
     /// Gaussian `i` of a scene that changes, at a moment.
-    pub(super) fn at_moment(
-        scene: &Gaussians,
-        i: usize,
-        (dynamics, moment): (&SplatDynamics, SceneMoment),
-    ) -> Self {
+    pub(super) fn at_moment(scene: &Gaussians, i: usize, at: SceneAt<'_>) -> Self {
         let rated = |[value, rate]: Rated| D { value, rate };
-        let MomentSplat { position, log_scale, rotation, opacity } = dynamics.splat(scene, i, moment);
+        let MomentSplat { position, log_scale, rotation, opacity } = at.splat(i);
         let still = || Self::new(scene, i, &GaussianRates::default()).harmonics;
-        let changing = dynamics.harmonics(i, moment);
+        let changing = at.harmonics(i);
         Self {
             position: position.map(rated),
             log_scale: log_scale.map(rated),

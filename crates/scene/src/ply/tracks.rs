@@ -39,7 +39,7 @@ pub(super) fn has_tracks(vertices: &PlyElement) -> bool {
 
 /// Returns true if a file with this beginning has tracks.
 #[must_use]
-pub fn has_tracks_at(bytes: &[u8]) -> bool {
+pub(crate) fn has_tracks_at(bytes: &[u8]) -> bool {
     let header = PlyHeader::read(&mut ByteCursor::new(".ply", bytes));
     header.is_ok_and(|header| header.elements.iter().any(has_tracks))
 }
@@ -125,7 +125,7 @@ fn track_of(columns: &[VertexColumn], row: &[u8]) -> SplatTrack {
 ///
 /// # Panics
 /// There is not one track per Gaussian.
-pub fn write_tracks(scene: &Gaussians, tracks: &[SplatTrack], out: impl Write) -> io::Result<()> {
+pub(crate) fn write_tracks(scene: &Gaussians, tracks: &[SplatTrack], out: impl Write) -> io::Result<()> {
     assert_eq!(tracks.len(), scene.len(), "one track per Gaussian");
     let more = |i: usize, row: &mut Vec<u8>| {
         let SplatTrack { motion, omega, centre, log_width } = &tracks[i];

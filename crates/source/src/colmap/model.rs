@@ -158,7 +158,11 @@ impl ColmapModel {
     ///
     /// # Errors
     /// A file cannot be read or written, or is damaged.
-    pub fn write_renamed(&self, to: &Path, name_of: &dyn Fn(&str) -> String) -> Result<(), SourceError> {
+    pub(crate) fn write_renamed(
+        &self,
+        to: &Path,
+        name_of: &dyn Fn(&str) -> String,
+    ) -> Result<(), SourceError> {
         let put = |stem: &str, bytes: &[u8]| {
             let file = ModelForm::Binary.file(to, stem);
             std::fs::write(&file, bytes).map_err(SourceError::io_error(&file))

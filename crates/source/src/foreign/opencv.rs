@@ -100,7 +100,8 @@ impl ReleasedPoses {
 /// A file cannot be used, Python fails, or the work was asked to stop.
 pub fn measure_released(
     released: &ReleasedPoses,
-    (camera, trajectory): (&Camera, &Trajectory),
+    camera: &Camera,
+    trajectory: &Trajectory,
     pictures: &[TrajectoryPicture],
     workspace: ProgramWorkspace<'_>,
 ) -> Result<ForeignAnswer<OpencvGeometry>, ForeignError> {

@@ -87,7 +87,8 @@ pub enum FrameError {
 pub fn take_frames(
     video: &Path,
     picking: FramePicking,
-    (to, wanted): (&Path, usize),
+    to: &Path,
+    wanted: usize,
     workspace: ProgramWorkspace<'_>,
 ) -> Result<TakenFrames, FrameError> {
     let FramePicking { every, sharpness } = picking;

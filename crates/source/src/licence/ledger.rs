@@ -44,7 +44,7 @@ impl LicenceObligation {
     /// permissive licences that require their notice to be kept. Other ids add no obligations;
     /// their texts bind.
     #[must_use]
-    pub fn of_ids(ids: &[&str]) -> Vec<Self> {
+    pub(crate) fn of_ids(ids: &[&str]) -> Vec<Self> {
         let has = |part: &str| ids.iter().any(|id| id.starts_with("CC-BY") && id.contains(part));
         let kept = ["MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause"];
         let stated = [

@@ -3,7 +3,8 @@
 use super::{shared, size};
 use glam::DVec3;
 use gs2e_scene::camera::Camera;
-use gs2e_source::{Capture, CapturedView, LensModel, UnusedReason, colmap};
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::{Capture, CapturedView, DiskCapture, LensModel, UnusedReason, colmap};
 use gs2e_testing::planted::{self, Planted, model};
 use std::path::Path;
 
@@ -146,7 +147,7 @@ fn photos_are_hashed_and_listed_where_they_are() {
         capture.views.iter().map(|v| v.sha256.as_deref().map(|h| &h[..8])).collect();
     // SHA-256 of the empty input, and FIPS 180-2's of "abc".
     assert_eq!(hashes, [None, Some("e3b0c442"), None, Some("ba7816bf")]);
-    let files = colmap::source_files(dir.path()).unwrap();
+    let files = DiskCapture::all_views(CaptureKind::Colmap, dir.path().to_owned()).files().unwrap();
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(
         names,

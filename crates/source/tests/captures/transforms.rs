@@ -3,7 +3,8 @@
 use super::{shared, size};
 use glam::{DQuat, DVec3};
 use gs2e_scene::camera::Camera;
-use gs2e_source::{Capture, CapturedView, LensModel, SourceError, colmap, nerfstudio};
+use gs2e_source::kind::CaptureKind;
+use gs2e_source::{Capture, CapturedView, DiskCapture, LensModel, SourceError, colmap, nerfstudio};
 use gs2e_testing::planted::model;
 use serde_json::{Value, json};
 
@@ -138,7 +139,8 @@ fn a_camera_is_scaled_to_its_photo() {
     assert!(error.contains("`frames[0]`: the photo is 400x290, but the camera states 800x600"), "{error}");
     let (capture, _) = read(&one_frame_with(&json!({ "w": null, "h": null })), 640, 480).unwrap();
     assert_eq!(capture.views[0].camera.size, size(640, 480));
-    let files = nerfstudio::source_files(&dir.path().join("transforms.json")).unwrap();
+    let file = dir.path().join("transforms.json");
+    let files = DiskCapture::all_views(CaptureKind::Nerfstudio, file).files().unwrap();
     assert_eq!(files.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(), ["transforms.json", "images/1.jpg"]);
 }
 

@@ -58,7 +58,7 @@ impl BezierCurve {
     ///
     /// # Panics
     /// There are fewer than two knots, or their number is not one more than that of steps.
-    pub fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, SplineDiverged> {
+    pub(crate) fn fit_knots(degree: u32, steps: &[f64], knots: &[Se3]) -> Result<Self, SplineDiverged> {
         assert!(knots.len() >= 2 && steps.len() + 1 == knots.len(), "a step lies between any two knots");
         let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MAX_DEGREE);
         let degree = degree.clamp(1, determined);

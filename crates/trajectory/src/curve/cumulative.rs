@@ -54,7 +54,7 @@ impl CumulativeSpline {
     /// # Panics
     /// There are fewer than two knots.
     #[must_use]
-    pub fn near_knots(knots: &[Se3]) -> Self {
+    pub(crate) fn near_knots(knots: &[Se3]) -> Self {
         let [first, .., last] = knots else { panic!("a curve needs two knots") };
         let more = MULTIPLICITY - 1;
         let mut control = vec![*first; more];

@@ -12,7 +12,7 @@ use gs2e_num::se3::rotation::log_vector;
 use std::fmt;
 
 /// The lines of a file: the stamp, ns, and the values.
-pub type InertialLines = Vec<(i64, Vec<f64>)>;
+pub(crate) type InertialLines = Vec<(i64, Vec<f64>)>;
 
 /// A comparison: the difference, and the largest one that is allowed.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,7 +89,8 @@ struct StatedInterval {
 /// three lines.
 pub fn compare_inertial(
     model: &ImuModel,
-    (samples, states): (&InertialLines, &InertialLines),
+    samples: &InertialLines,
+    states: &InertialLines,
     gravity: DVec3,
     poses: &Trajectory,
 ) -> Result<InertialComparison, String> {
@@ -154,7 +155,8 @@ fn vector(values: &[f64], first: usize) -> DVec3 {
 }
 
 impl StatedMotion {
-    fn from_line((t_ns, v): &(i64, Vec<f64>)) -> Self {
+    fn from_line(line: &(i64, Vec<f64>)) -> Self {
+        let (t_ns, v) = line;
         Self {
             seconds: *t_ns as f64 * 1e-9,
             position: vector(v, 0),

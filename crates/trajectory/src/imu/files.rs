@@ -148,8 +148,10 @@ pub fn sensor_differences(bytes: &[u8], model: &ImuModel, gravity: DVec3) -> Res
     };
     let differs = |key: &&String| {
         let (found, wanted) = (found.get(*key), wanted.get(*key));
-        let same =
-            found.zip(wanted).is_some_and(|(a, b)| a.len() == b.len() && a.iter().zip(b).all(is_same_value));
+        let are_same = |(a, b): (&Vec<&str>, &Vec<&str>)| {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| is_same_value(a, b))
+        };
+        let same = found.zip(wanted).is_some_and(are_same);
         (!same).then(|| format!("its {key} is {}, wanted {}", shown(found), shown(wanted)))
     };
     Ok(keys.iter().filter_map(differs).collect())
@@ -175,7 +177,7 @@ fn sensor_values(text: &str) -> Result<BTreeMap<String, Vec<&str>>, String> {
 }
 
 /// Returns true for equal numbers, and for equal words.
-fn is_same_value((found, wanted): (&&str, &&str)) -> bool {
+fn is_same_value(found: &str, wanted: &str) -> bool {
     let number = |text: &str| text.parse::<f64>().ok();
     match (number(found), number(wanted)) {
         (Some(a), Some(b)) => (a - b).abs() <= 0.0,

@@ -168,7 +168,7 @@ mod against_poses {
     /// The comparisons that exceed what is allowed.
     fn faults(model: &ImuModel, [samples, states]: &[InertialLines; 2], poses: &Trajectory) -> Vec<String> {
         let gravity = DVec3::new(0.0, -model.gravity, 0.0);
-        let found = match compare_inertial(model, (samples, states), gravity, poses) {
+        let found = match compare_inertial(model, samples, states, gravity, poses) {
             Ok(found) => found,
             Err(because) => return vec![because],
         };
@@ -251,7 +251,7 @@ mod against_poses {
     fn files_that_cannot_be_compared_are_named() {
         let (model, [samples, mut states], poses) = written(50, NOISY);
         states.pop();
-        let found = compare_inertial(&model, (&samples, &states), DVec3::Y, &poses);
+        let found = compare_inertial(&model, &samples, &states, DVec3::Y, &poses);
         assert_eq!(found.unwrap_err(), "the states have other stamps than the samples");
     }
 
@@ -264,7 +264,7 @@ mod against_poses {
             let (model, mut lines, poses) = written(1000, WIDE);
             lines[0].iter_mut().for_each(|(_, values)| change(values));
             let gravity = DVec3::new(0.0, -model.gravity, 0.0);
-            let found = compare_inertial(&model, (&lines[0], &lines[1]), gravity, &poses).unwrap();
+            let found = compare_inertial(&model, &lines[0], &lines[1], gravity, &poses).unwrap();
             let faults = found.differences.iter().filter(|found| !found.is_allowed());
             let faults: Vec<String> = faults.map(ToString::to_string).collect();
             assert!(faults.iter().any(|fault| fault.contains(word)), "{name}: {faults:?}");
@@ -301,7 +301,7 @@ mod against_poses {
         let states = lines(&|sample, out| write_state(sample, out).unwrap(), STATES_HEAD);
         let gravity = DVec3::new(0.0, -model.gravity, 0.0);
         let poses = Trajectory { world_from_camera: poses, stamps_us };
-        let found = compare_inertial(&model, (&shown, &states), gravity, &poses).unwrap();
+        let found = compare_inertial(&model, &shown, &states, gravity, &poses).unwrap();
         assert!(
             found.differences.iter().all(super::super::consistency::InertialDifference::is_allowed),
             "{found:?}"

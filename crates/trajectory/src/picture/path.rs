@@ -18,9 +18,10 @@ const INSET: f64 = 48.0;
 
 /// Draws both views and the colour scale. `speeds` are those of the steps, units per second.
 pub(super) fn draw_path(out: &mut SvgText, [above, side]: [PicturePanel; 2], poses: &[Se3], speeds: &[f64]) {
-    let axes = picture_axes(poses);
-    draw_view(out, above, "from above", (poses, speeds), [axes[0], axes[1]]);
-    draw_view(out, side, "from the side", (poses, speeds), [axes[0], -axes[2]]);
+    let [along, across, up] = picture_axes(poses);
+    let path = DrivenPath { poses, speeds };
+    path.draw_view(out, above, "from above", [along, across]);
+    path.draw_view(out, side, "from the side", [along, -up]);
     if !speeds.is_empty() {
         colour_scale(out, side, speeds);
     }
@@ -38,38 +39,41 @@ pub(super) fn picture_axes(poses: &[Se3]) -> [DVec3; 3] {
     [along, along.cross(up), up]
 }
 
-fn draw_view(
-    out: &mut SvgText,
-    panel: PicturePanel,
-    name: &str,
-    (poses, speeds): (&[Se3], &[f64]),
-    plane: [DVec3; 2],
-) {
-    out.frame(panel);
-    out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
-    let Some(map) = PanelMap::fit_panel(panel, INSET, poses, plane) else { return };
-    out.polyline(
-        spread_indices(poses.len(), POINTS).map(|j| map.point(poses[j].translation)),
-        "#999999",
-        1.0,
-    );
-    let range = speed_range(speeds);
-    for j in spread_indices(poses.len(), FRUSTA) {
-        // The last pose has no step after it.
-        let speed = speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
-        draw_frustum(out, &map, &poses[j], &scale_colour(range_share(speed, range)));
+/// Poses, and the speeds of their steps, units per second.
+struct DrivenPath<'a> {
+    poses: &'a [Se3],
+    speeds: &'a [f64],
+}
+
+impl DrivenPath<'_> {
+    fn draw_view(&self, out: &mut SvgText, panel: PicturePanel, name: &str, plane: [DVec3; 2]) {
+        let Self { poses, speeds } = *self;
+        out.frame(panel);
+        out.text([panel.left + 10.0, panel.top + 20.0], "start", "#333333", name);
+        let Some(map) = PanelMap::fit_panel(panel, INSET, poses, plane) else { return };
+        out.polyline(
+            spread_indices(poses.len(), POINTS).map(|j| map.point(poses[j].translation)),
+            "#999999",
+            1.0,
+        );
+        let range = speed_range(speeds);
+        for j in spread_indices(poses.len(), FRUSTA) {
+            // The last pose has no step after it.
+            let speed = speeds.get(j).or(speeds.last()).copied().unwrap_or(0.0);
+            draw_frustum(out, &map, &poses[j], &scale_colour(range_share(speed, range)));
+        }
+        let [x, y] = map.point(poses[0].translation);
+        out.line(&format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3.5\" fill=\"#000000\"/>"));
+        let unit = round_down(panel.width / 4.0 / map.scale);
+        let (left, y) = (panel.left + 12.0, panel.top + panel.height - 14.0);
+        out.polyline([[left, y], [left + unit * map.scale, y]], "#333333", 2.0);
+        out.text(
+            [left, y - 6.0],
+            "start",
+            "#333333",
+            &format!("{} {}", short_number(unit), if unit > 1.0 { "units" } else { "unit" }),
+        );
     }
-    let [x, y] = map.point(poses[0].translation);
-    out.line(&format!("<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"3.5\" fill=\"#000000\"/>"));
-    let unit = round_down(panel.width / 4.0 / map.scale);
-    let (left, y) = (panel.left + 12.0, panel.top + panel.height - 14.0);
-    out.polyline([[left, y], [left + unit * map.scale, y]], "#333333", 2.0);
-    out.text(
-        [left, y - 6.0],
-        "start",
-        "#333333",
-        &format!("{} {}", short_number(unit), if unit > 1.0 { "units" } else { "unit" }),
-    );
 }
 
 fn draw_frustum(out: &mut SvgText, map: &PanelMap, pose: &Se3, colour: &str) {

@@ -65,7 +65,7 @@ impl BuiltinStage {
             clock: cx.clock,
             checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
         };
-        let trained = training::train_capture(capture, &files, (&self.settings, &Backend::Cpu), watch)
+        let trained = training::train_capture(capture, &files, &self.settings, &Backend::Cpu, watch)
             .map_err(stage_failure)?;
         let TrainedGaussians { scene, record, without_photo } = trained;
         let judged = record.means();

@@ -49,7 +49,8 @@ fn path_draws(index: u64) -> CellDraws {
 /// path.
 fn count_off(
     first: &impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>,
-    (x, variance): (f64, f64),
+    x: f64,
+    variance: f64,
     end: impl Fn(&mut CellDraws) -> f64,
 ) -> u64 {
     let is_off = |i: &u64| {
@@ -69,7 +70,7 @@ pub fn first_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) -
     for KnownAnswer { given, wanted } in find_answers("first-off") {
         let [x, drift, variance] = [given[0], given[1], given[2]];
         let end = |draws: &mut CellDraws| x + drift + variance.sqrt() * draws.normal();
-        let count = count_off(&first, (x, variance), end);
+        let count = count_off(&first, x, variance, end);
         worst.see(share_point(count, PATHS, wanted[0]), || format!("x = {x}, mu T = {drift}"));
     }
     worst.found()
@@ -81,7 +82,7 @@ pub fn bridge_off(first: impl Fn([f64; 2], f64, CellDraws) -> Option<Polarity>) 
     let mut worst = WorstPoint::default();
     for KnownAnswer { given, wanted } in find_answers("bridge-off") {
         let [x, y, variance] = [given[0], given[1], given[2]];
-        let count = count_off(&first, (x, variance), |_| y);
+        let count = count_off(&first, x, variance, |_| y);
         worst.see(share_point(count, PATHS, wanted[0]), || format!("from {x} to {y}, variance {variance}"));
     }
     worst.found()

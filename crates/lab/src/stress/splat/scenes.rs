@@ -119,7 +119,7 @@ pub fn all_needles() -> Vec<NeedleGaussian> {
 /// Equal layers behind one another that fill a picture of one pixel, with colours alternating
 /// between red and green.
 #[must_use]
-pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, CameraView) {
+pub(crate) fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, CameraView) {
     let layer = |i: usize| ColourBlob {
         // Multiples of 1/64 are exact in 32 bits, so no two layers tie.
         position: [0.0, 0.0, 1.0 + i as f32 / 64.0],
@@ -134,7 +134,7 @@ pub fn layer_stack(layers: usize, opacity: f64) -> (Gaussians, CameraView) {
 /// A crowd with only eight distinct depths, in a file order that no sort by another quantity would
 /// give.
 #[must_use]
-pub fn tied_crowd(n: usize) -> (Gaussians, CameraView) {
+pub(crate) fn tied_crowd(n: usize) -> (Gaussians, CameraView) {
     let mut blobs = blob_crowd(n, 5);
     for (i, blob) in blobs.iter_mut().enumerate() {
         blob.position[2] = 2.0 + (i * 7 % 8) as f32 * 0.5;
@@ -143,7 +143,7 @@ pub fn tied_crowd(n: usize) -> (Gaussians, CameraView) {
 }
 
 /// A change that makes one Gaussian of a scene invalid.
-pub type Spoil = fn(&mut Gaussians, usize);
+pub(crate) type Spoil = fn(&mut Gaussians, usize);
 
 /// Changes after which the picture must be that without the Gaussian.
 pub const UNSOUND: [(&str, Spoil); 9] = [
@@ -160,7 +160,7 @@ pub const UNSOUND: [(&str, Spoil); 9] = [
 
 /// The scene without Gaussian `i`.
 #[must_use]
-pub fn without_gaussian(scene: &Gaussians, i: usize) -> Gaussians {
+pub(crate) fn without_gaussian(scene: &Gaussians, i: usize) -> Gaussians {
     let mut clean = scene.clone();
     clean.positions.remove(i);
     clean.log_scales.remove(i);
@@ -174,7 +174,7 @@ pub fn without_gaussian(scene: &Gaussians, i: usize) -> Gaussians {
 /// overflows; and among the drawn ones some with a standard deviation of depth of 0.09, 0.11, 0.29,
 /// 0.31 and 0.5 of the depth, and a giant around the camera.
 #[must_use]
-pub fn counted_scene() -> (Gaussians, CameraView, GaussianCounts) {
+pub(crate) fn counted_scene() -> (Gaussians, CameraView, GaussianCounts) {
     let here = ColourBlob { position: [0.0, 0.0, 4.0], ..ColourBlob::default() };
     let deep = |share: f32| ColourBlob { deviations: [0.1, 0.1, 4.0 * share], ..here };
     let blobs = [
@@ -215,7 +215,7 @@ pub struct GaussianCounts {
 
 /// One Gaussian at this depth.
 #[must_use]
-pub fn at_depth(z: f32) -> (Gaussians, CameraView) {
+pub(crate) fn at_depth(z: f32) -> (Gaussians, CameraView) {
     (
         blob_scene(&[ColourBlob { position: [0.0, 0.0, z], deviations: [1e-3; 3], ..ColourBlob::default() }]),
         view_ahead(17, 17, 100.0),

@@ -97,13 +97,16 @@ impl ProjectionChain<'_> {
         let point = eye.camera_from_world * ray;
         let slopes = [point.x / point.z, point.y / point.z];
         let depth = S::nearest(point.z);
-        let on_image = self.image_gradient(slopes, depth, (drawn, moments));
+        let on_image = self.image_gradient(slopes, depth, drawn, moments);
         // Moving the point by d changes u = x/z by (dx - u dz) / z.
         let [du, dv] = on_image.slopes;
         let [u, v] = slopes.map(S::nearest);
         let seen = [du / depth, dv / depth, on_image.depth - (du * u + dv * v) / depth];
         let direction = ray.normalize().to_array().map(S::nearest);
-        let (colour, turned) = self.colour_gradient(i, direction, (drawn.lit, moments.colour()));
+        // A colour that the clamp holds at 0 does not follow a small change.
+        let colour = moments.colour();
+        let colour = three(|c| if drawn.lit[c] { colour[c] } else { S::nearest(0.0) });
+        let turned = self.direction_gradient(i, direction, colour);
         let length = S::nearest(ray.length());
         // Only the component across the ray turns it.
         let along = dot_product(direction, turned);
@@ -142,7 +145,8 @@ impl ProjectionChain<'_> {
         &self,
         slopes: [f64; 2],
         depth: S,
-        (drawn, moments): (&DrawnGaussian<S>, &SplatMoments<S>),
+        drawn: &DrawnGaussian<S>,
+        moments: &SplatMoments<S>,
     ) -> ImageGradient<S> {
         let eye = &self.eye;
         let [w1, w2, w3] = drawn.w;
@@ -186,22 +190,19 @@ impl ProjectionChain<'_> {
         }
     }
 
-    /// `dL` by the colour before its clamp at 0, and by the direction of view.
-    fn colour_gradient<S: RealNumber<Plain = S>>(
+    /// `dL` by the direction of view. `colour` is `dL` by the colour before its clamp at 0.
+    fn direction_gradient<S: RealNumber<Plain = S>>(
         &self,
         i: usize,
         direction: [S; 3],
-        (lit, by_colour): ([bool; 3], [S; 3]),
-    ) -> ([S; 3], [S; 3]) {
-        let nothing = S::nearest(0.0);
-        // A colour that the clamp holds at 0 does not follow a small change.
-        let colour = three(|c| if lit[c] { by_colour[c] } else { nothing });
-        let mut weights = [nothing; sh::MAX_LEN];
+        colour: [S; 3],
+    ) -> [S; 3] {
+        let mut weights = [S::nearest(0.0); sh::MAX_LEN];
         let coefficients = &self.scene.sh_of(i)[..sh::function_count(self.sh_degree)];
         for (weight, coefficients) in weights.iter_mut().zip(coefficients) {
             *weight = dot_product(three(|c| S::nearest(coefficients[c].into())), colour);
         }
-        (colour, sh::direction_gradient(self.sh_degree, direction, &weights))
+        sh::direction_gradient(self.sh_degree, direction, &weights)
     }
 }
 

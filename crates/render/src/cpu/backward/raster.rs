@@ -23,6 +23,7 @@
 #![expect(clippy::cast_precision_loss, reason = "pixel coordinates and places in a tile's list are small")]
 
 use crate::RenderRules;
+use crate::cpu::bin::TileGrid;
 use crate::cpu::exp2::exp2_neg;
 use crate::cpu::raster::block::{pixel_place, soft_ramp};
 use crate::cpu::raster::cover::BatchEllipses;
@@ -30,7 +31,6 @@ use crate::cpu::raster::{BATCH, BLOCKS, LANES, PIXELS, TRACED_PLANES};
 use crate::cpu::splat::Splat;
 use crate::shared::{MAX_ALPHA, TILE, least_alpha};
 use fearless_simd::{Select as _, Simd, SimdBase as _, f32x16};
-use gs2e_image::Size;
 use std::ops::AddAssign;
 
 /// Number of sums per splat.
@@ -80,7 +80,9 @@ pub(super) struct BackwardInput<'a> {
     pub(super) splats: &'a [Splat],
     pub(super) rules: RenderRules,
     pub(super) background: [f32; 3],
-    pub(super) size: Size,
+    pub(super) grid: TileGrid,
+    /// The traced tiles of the forward pass.
+    pub(super) tiles: &'a [f32],
     /// `dL/dcolour` of each pixel, row by row.
     pub(super) gradient: &'a [[f32; 3]],
     /// A value per pixel that is shared out among its splats.
@@ -122,7 +124,7 @@ impl BackwardTile {
             last: nothing,
             block_last: [0; BLOCKS],
         };
-        let [width, height] = [input.size.width as usize, input.size.height as usize];
+        let [width, height] = [input.grid.size.width as usize, input.grid.size.height as usize];
         for i in 0..PIXELS {
             let [column, row] = pixel_place(i);
             let [x, y] = [corner[0] + column, corner[1] + row];
@@ -152,12 +154,13 @@ impl BackwardTile {
 pub(super) fn backward_tile<S: Simd, const SOFT: bool>(
     simd: S,
     input: &BackwardInput<'_>,
-    corner: [usize; 2],
-    (runs, planes): (&[&[u32]], &[f32]),
+    index: usize,
+    runs: &[&[u32]],
     out: &mut [SplatMoments],
 ) {
-    debug_assert_eq!(planes.len(), TRACED_PLANES * PIXELS, "the planes are those of a traced tile");
-    let mut tile = BackwardTile::new(input, corner, planes);
+    let corner = [index % input.grid.columns * TILE, index / input.grid.columns * TILE];
+    let stride = TRACED_PLANES * PIXELS;
+    let mut tile = BackwardTile::new(input, corner, &input.tiles[index * stride..][..stride]);
     let end = tile.block_last.iter().copied().max().unwrap_or(0);
     // The same batches as in the forward pass, so that the masks cover the same blocks.
     let mut batches = Vec::new();

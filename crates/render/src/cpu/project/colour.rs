@@ -17,7 +17,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
             }
         }
         if let Some(motion) = block.motion.as_deref().filter(|_| S::MOVING) {
-            return self.face_moving(eye, motion, (degree, count));
+            return self.face_moving(eye, motion, degree, count);
         }
         // With a constant degree, the compiler drops the functions above it.
         match degree {

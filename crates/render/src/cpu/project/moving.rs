@@ -35,7 +35,8 @@ impl<S: LaneValue> ProjectedBlock<S> {
         &mut self,
         eye: &ViewTransform,
         motion: &BlockMotion,
-        (degree, count): (u8, usize),
+        degree: u8,
+        count: usize,
     ) {
         self.face_to(eye, degree, count, Moving { motion, drawn: self.drawn });
     }

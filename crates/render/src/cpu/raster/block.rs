@@ -140,7 +140,8 @@ impl<const N: usize> TilePixels<N> {
             mask &= mask - 1;
             // The place in the list, counted from 1: 0 means that nothing was blended.
             let place = if TRACE { (batch.first + i + 1) as f32 } else { 0.0 };
-            state.blend::<SOFT, RATE, TRACE>(simd, (&batch.splats[i], &batch.rates[i]), place, self.limits);
+            let layer = BlendLayer { splat: &batch.splats[i], rates: &batch.rates[i], place };
+            state.blend::<SOFT, RATE, TRACE>(simd, layer, self.limits);
         }
         let store = |value: f32x16<S>, plane: &mut Plane| value.store_slice(&mut plane[range.clone()]);
         store(state.light, &mut self.light);
@@ -189,6 +190,14 @@ impl<const N: usize> TilePixels<N> {
     }
 }
 
+/// A layer that is blended.
+struct BlendLayer<'a> {
+    splat: &'a Splat,
+    rates: &'a SplatRates,
+    /// Its place in the tile's list, counted from 1, for a trace.
+    place: f32,
+}
+
 /// The pixels of one block, in registers.
 struct BlockState<S: Simd, const N: usize> {
     x: f32x16<S>,
@@ -209,8 +218,7 @@ impl<S: Simd, const N: usize> BlockState<S, N> {
     fn blend<const SOFT: bool, const RATE: bool, const TRACE: bool>(
         &mut self,
         simd: S,
-        (splat, rates): (&Splat, &SplatRates),
-        place: f32,
+        BlendLayer { splat, rates, place }: BlendLayer<'_>,
         limits: BlendLimits,
     ) {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));

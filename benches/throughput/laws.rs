@@ -8,24 +8,23 @@ use serde::Serialize;
 
 /// Both laws, fitted to points `(size, time)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct GrowthLaws {
+pub(crate) struct GrowthLaws {
     /// `p` of `c x^p`, by least squares of logarithms.
-    pub exponent: f64,
+    pub(crate) exponent: f64,
     /// Standard error of the exponent, from the deviations of the points.
-    pub standard_error: f64,
+    pub(crate) standard_error: f64,
     /// `a` of `a + b x`, in the unit of time, by least squares of relative errors. Negative if time
     /// grows faster than proportionally.
-    pub fixed: f64,
+    pub(crate) fixed: f64,
     /// `b`, per unit of size.
-    pub marginal: f64,
+    pub(crate) marginal: f64,
     /// Largest deviation of a point from `a + b x`, as a share of its time.
-    pub worst: f64,
+    pub(crate) worst: f64,
 }
 
 impl GrowthLaws {
     /// Fits at least three points of different sizes, all finite and above 0; `None` for others.
-    #[must_use]
-    pub fn fit_points(points: &[(f64, f64)]) -> Option<Self> {
+    pub(crate) fn fit_points(points: &[(f64, f64)]) -> Option<Self> {
         let sound = points.iter().all(|(x, t)| [x, t].iter().all(|v| **v > 0.0 && v.is_finite()));
         if points.len() < 3 || !sound {
             return None;
@@ -45,15 +44,14 @@ impl GrowthLaws {
     }
 
     /// The fixed share of the time at a size, according to `a + b x`.
-    #[must_use]
-    pub fn fixed_share(&self, size: f64) -> f64 {
+    pub(crate) fn fixed_share(&self, size: f64) -> f64 {
         self.fixed / (self.fixed + self.marginal * size)
     }
 }
 
 /// Slope of the line through points, and its standard error; `None` if all points have one
 /// abscissa.
-fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+pub(crate) fn fit_slope(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let count = points.len() as f64;
     let [x, y] = points.iter().fold([0.0; 2], |[x, y], point| [x + point.0 / count, y + point.1 / count]);
     let sum =
@@ -79,46 +77,4 @@ fn fit_line(points: &[(f64, f64)]) -> [f64; 2] {
     let [uu, uv, vv, u, v] = sums;
     let determinant = uu * vv - uv * uv;
     [(u * vv - v * uv) / determinant, (v * uu - u * uv) / determinant]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const SIZES: [f64; 5] = [1e3, 2e3, 4e3, 8e3, 16e3];
-
-    fn through(law: impl Fn(f64) -> f64) -> GrowthLaws {
-        GrowthLaws::fit_points(&SIZES.map(|x| (x, law(x)))).unwrap()
-    }
-
-    #[test]
-    fn planted_laws_are_found() {
-        let quadratic = through(|x| 3e-9 * x * x);
-        assert!(
-            (quadratic.exponent - 2.0).abs() < 1e-12 && quadratic.standard_error < 1e-12,
-            "{quadratic:?}"
-        );
-        // A parabola is not a line; the best line has a negative intercept.
-        assert!(quadratic.fixed < 0.0 && quadratic.worst > 0.2, "{quadratic:?}");
-        let linear = through(|x| 0.25 + 1e-4 * x);
-        assert!((linear.fixed - 0.25).abs() < 1e-9 && (linear.marginal - 1e-4).abs() < 1e-12, "{linear:?}");
-        assert!(linear.worst < 1e-9 && (linear.fixed_share(2500.0) - 0.5).abs() < 1e-6);
-        // A fixed cost makes the exponent less than 1, and bends the curve.
-        assert!((0.5..1.0).contains(&linear.exponent) && linear.standard_error > 1e-3, "{linear:?}");
-    }
-
-    /// For three points at -1, 0 and 1 with ordinates 0, 3 and 0, the slope is 0, the residuals are
-    /// -1, 2 and -1, and the variance of the slope is 6 / (3 - 2) / 2.
-    #[test]
-    fn the_standard_error_is_that_of_the_textbook() {
-        let (slope, error) = fit_slope(&[(-1.0, 0.0), (0.0, 3.0), (1.0, 0.0)]).unwrap();
-        assert!(slope.abs() < 1e-15 && (error - 3f64.sqrt()).abs() < 1e-12, "{slope} {error}");
-    }
-
-    #[test]
-    fn too_little_is_no_law() {
-        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (2.0, 2.0)]), None);
-        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (1.0, 2.0), (1.0, 3.0)]), None);
-        assert_eq!(GrowthLaws::fit_points(&[(1.0, 1.0), (2.0, 2.0), (3.0, 0.0)]), None);
-    }
 }
