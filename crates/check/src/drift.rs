@@ -98,7 +98,7 @@ impl DriftLaw {
             SensorChoice::Esim(esim) => of_esim(esim),
             SensorChoice::V2e(v2e) => of_v2e(v2e),
         };
-        let law = Self { hot: sensor.settings.hot_pixels(), ..law };
+        let law = Self { hot: sensor.hot_pixels(), ..law };
         let law = match sensor.latency() {
             Some(latency) => {
                 let lux = sensor.as_model().front_end().white_lux() * MEDIUM / 255.0;
