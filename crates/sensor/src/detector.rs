@@ -26,6 +26,7 @@ pub(super) struct DetectorPixel {
 }
 
 /// The sign of a change, and what made it.
+#[derive(Clone, Copy)]
 struct EventCause {
     polarity: Polarity,
     label: EventLabel,

@@ -3,6 +3,7 @@
 use super::buffer::BufferTable;
 use super::info::{self, StreamInfo};
 use super::{EVENT, EVENTS, HEADER, PacketCompression, VERSION};
+use crate::order::END_US;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use gs2e_files as files;
 use gs2e_files::budget;

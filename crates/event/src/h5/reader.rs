@@ -4,7 +4,9 @@ use super::attributes::RootAttributes;
 use super::index::MsIndex;
 use super::layout::{CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y};
 use super::outside;
-use crate::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
+use crate::{
+    Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader, set_labels, wrong_value,
+};
 use gs2e_files as files;
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;

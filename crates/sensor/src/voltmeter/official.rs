@@ -99,14 +99,14 @@ impl OfficialSampler {
             }
             t += tau;
             pixel.voltage = 0.0;
-            let label = if self.labels { self.label(pixel, pair, (t, on)) } else { EventLabel::Signal };
+            let label = if self.labels { self.label(pixel, pair, t, on) } else { EventLabel::Signal };
             writer.event(t, if on { Polarity::On } else { Polarity::Off }, label)?;
         }
     }
 
     /// The label of an event `t` ns after the earlier frame. The logarithm is linear between the
     /// two frames.
-    fn label(&self, pixel: &mut OfficialPixel, pair: &PixelPair, (t, on): (f64, bool)) -> EventLabel {
+    fn label(&self, pixel: &mut OfficialPixel, pair: &PixelPair, t: f64, on: bool) -> EventLabel {
         let DriftProcess { k1, k2, .. } = self.process;
         let [from, to] = pair.luminance.map(|luminance| libm::log(luminance + k2));
         let log = from + (to - from) * (t / pair.length);

@@ -60,7 +60,7 @@ impl EventsStage {
         let path = SampledPath::through_poses(poses, motion.seconds())
             .map_err(StageError::work_failed("follow the path"))?;
         let end_us = motion.trajectory.stamps_us[poses.len() - 1];
-        let flow = PathFlow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
+        let flow = PathFlow::measure_path(&path, poses.len() - 1, end_us, camera, &mut *renderer)
             .map_err(StageError::work_failed("measure the optical flow"))?
             .lit_by(self.lights.as_ref());
         let front_ends = self.front_ends();
