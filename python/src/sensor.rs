@@ -99,7 +99,7 @@ impl Sensor {
                 return Err(PyValueError::new_err(what));
             }
         };
-        let changed = self.0.as_model().with_between(between);
+        let changed = self.0.with_between(between);
         if changed.between() == between {
             return Ok(Self(changed));
         }
@@ -110,10 +110,10 @@ impl Sensor {
 
     /// The sensor with labels, or with a cap that drops events, switched on.
     fn switched(&self, labels: bool, allow_cap: bool) -> Self {
-        let mut settings = self.0.as_model().settings();
+        let mut settings = self.0.settings();
         settings.labels |= labels;
         settings.allow_cap |= allow_cap;
-        Self(self.0.as_model().with_settings(settings))
+        Self(self.0.clone().with_settings(settings))
     }
 }
 

@@ -19,7 +19,7 @@ use gs2e_scene::camera::view::CameraView;
 use gs2e_sensor::esim::EsimModel;
 use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
 use gs2e_sensor::noise::ThresholdMismatch;
-use gs2e_sensor::{SensorModel, simulate_one};
+use gs2e_sensor::{SensorModel, SensorSettings, simulate_one};
 use gs2e_trajectory::Trajectory;
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -67,7 +67,8 @@ fn check_closed_form(waveform: Waveform, depth: f64, decode: ChannelDecode) {
     let lights = SceneLights { flicker: Some(flicker), level };
     let front_end = FrontEnd { decode, ..FrontEnd::default() };
     let threshold = ThresholdMismatch { on: 0.05, off: 0.05, ..EsimModel::default().threshold };
-    let model = EsimModel { threshold, front_end, ..EsimModel::default() };
+    let settings = SensorSettings { front_end, ..SensorSettings::default() };
+    let model = EsimModel { threshold, settings, ..EsimModel::default() };
     let (rgb, events) = still_events(&lights, &model);
     // Extremes and the start of each form, with a mean of 1.
     let [dark, bright, start] = match waveform {

@@ -19,8 +19,8 @@ use gs2e_scene::camera::Camera;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
 use gs2e_sensor::frames::{DenseFrame, FrameSequence as _};
 use gs2e_sensor::noise::HotPixelNoise;
-use gs2e_sensor::simulate_one;
 use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::{SensorSettings, simulate_one};
 use gs2e_trajectory::Trajectory;
 use npyz::{AutoSerialize, WriterBuilder as _};
 use serde_json::Value;
@@ -306,8 +306,10 @@ fn labels_are_written_on_request() {
     place.write("s.yaml", "voltmeter: { preset: dvs346-paper, hot_pixels: { share: 0.1, rate: 900 } }\n");
     place.ok(&RIGHT.replace("e.txt", "e.h5 --labels").replace("dvs346", "s.yaml"));
     let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0, ..HotPixelNoise::default() };
-    let sensor =
-        VoltmeterModel { labels: true, hot_pixels, ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k()) };
+    let sensor = VoltmeterModel {
+        settings: SensorSettings { labels: true, hot_pixels, ..SensorSettings::default() },
+        ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k())
+    };
     let wanted = by_library(&sensor, 7);
     let (reader, events) = read_h5(&place.path("e.h5"));
     let labels = |events: &[Event]| events.iter().map(|event| event.label).collect::<Vec<_>>();

@@ -182,7 +182,7 @@ fn the_error_of_all_intervals_is_within_the_tolerance() {
         (RenderRules::Official, 0.06, &all[..1], small),
         (RenderRules::Soft, 0.1, &all[2..], large),
     ] {
-        let flow = PathFlow::measure_path(&path, (480, 200_000), camera, &mut *renderer(rules)).unwrap();
+        let flow = PathFlow::measure_path(&path, 480, 200_000, camera, &mut *renderer(rules)).unwrap();
         let front_ends = [FrontEnd::default()];
         let mut scout = ScoutRenderer::new(renderer(rules), camera, &path, &front_ends, &|| true);
         let question = ChoiceQuestion {
@@ -238,7 +238,7 @@ fn the_flow_of_a_known_motion_is_found() {
     let pose = |t: &f64| Se3 { rotation: exp_vector(DVec3::new(0.0, angle(*t), 0.0)), translation: from };
     let path = SampledPath::through_poses(&seconds.iter().map(pose).collect::<Vec<_>>(), seconds).unwrap();
     let flow =
-        PathFlow::measure_path(&path, (200, 200_000), camera, &mut *renderer(RenderRules::Soft)).unwrap();
+        PathFlow::measure_path(&path, 200, 200_000, camera, &mut *renderer(RenderRules::Soft)).unwrap();
     // At the left and right edges the flow is f (1 + (40/75)^2), which 99 % of the pixels do not
     // exceed, except for a column.
     for (from, to, rate) in [(10_000, 80_000, 0.5), (120_000, 190_000, 1.5)] {

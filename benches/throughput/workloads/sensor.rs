@@ -9,7 +9,7 @@ use gs2e_num::units::{Hertz, Timestamp};
 use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::noise::RefractoryPeriod;
 use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
-use gs2e_sensor::{SensorModel as _, SensorPixels};
+use gs2e_sensor::{SensorModel as _, SensorPixels, SensorSettings};
 use std::sync::Arc;
 
 const SIZE: Size = Size { width: 640, height: 480 };
@@ -25,7 +25,8 @@ pub(super) fn workloads() -> Vec<Workload> {
     let mut quiet = noisy.clone();
     quiet.k[2..].fill(0.0);
     let refractory = RefractoryPeriod { period_us: 79.0, ..RefractoryPeriod::default() };
-    let unequal = VoltmeterModel { threshold_spread: 0.0434, refractory, ..noisy.clone() };
+    let settings = SensorSettings { refractory, ..noisy.settings };
+    let unequal = VoltmeterModel { threshold_spread: 0.0434, settings, ..noisy.clone() };
     let mut all = Vec::new();
     for rate in RATES {
         let frames: Arc<[DenseFrame]> = frames(rate, &noisy).into();

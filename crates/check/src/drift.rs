@@ -401,8 +401,8 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     let loose = match (sensor.law, sensor.gain) {
         (SamplerKind::Official, _) => Some(OFFICIAL),
         (_, DriftGain::Midpoint) => Some(MIDPOINT),
-        _ if !sensor.hot_pixels.is_absent() => Some(HOT),
-        _ if sensor.refractory.period_us > 0.0 => Some(DEAD),
+        _ if !sensor.settings.hot_pixels.is_absent() => Some(HOT),
+        _ if sensor.settings.refractory.period_us > 0.0 => Some(DEAD),
         _ => None,
     };
     DriftLaw {
@@ -439,7 +439,7 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
         IntensityScale::Log => BrightnessScale::Log,
         IntensityScale::Linear => BrightnessScale::Linear,
     };
-    let loose = match esim.hot_pixels.is_absent() {
+    let loose = match esim.settings.hot_pixels.is_absent() {
         false => Some(HOT),
         true => lost_events(esim),
     };
@@ -452,8 +452,8 @@ fn of_esim(esim: &EsimModel) -> DriftLaw {
 fn lost_events(esim: &EsimModel) -> Option<&'static str> {
     match esim {
         _ if esim.keeps_references() => None,
-        _ if esim.refractory.period_us > 0.0 => Some(DEAD),
-        _ if esim.allow_cap => Some(CAPPED),
+        _ if esim.settings.refractory.period_us > 0.0 => Some(DEAD),
+        _ if esim.settings.allow_cap => Some(CAPPED),
         _ => Some(REDRAWN),
     }
 }
@@ -461,11 +461,11 @@ fn lost_events(esim: &EsimModel) -> Option<&'static str> {
 /// Without its filter, a pixel of v2e moves like an ideal logarithm with a leak of `C+` per event.
 fn of_v2e(v2e: &V2eModel) -> DriftLaw {
     let delayed = v2e.cutoff > 0.0;
-    let loose = match (delayed, v2e.hot_pixels.is_absent()) {
+    let loose = match (delayed, v2e.settings.hot_pixels.is_absent()) {
         (true, _) => Some(DELAYED),
         (false, false) => Some(HOT),
-        (false, true) if v2e.refractory.period_us > 0.0 => Some(DEAD),
-        (false, true) => v2e.allow_cap.then_some(CAPPED),
+        (false, true) if v2e.settings.refractory.period_us > 0.0 => Some(DEAD),
+        (false, true) => v2e.settings.allow_cap.then_some(CAPPED),
     };
     let leak = v2e.leak;
     // A threshold per event, per microsecond.
@@ -509,6 +509,7 @@ pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gs2e_sensor::SensorSettings;
 
     fn preset() -> DriftLaw {
         quiet_law([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], BrightnessScale::Log, [1.0; 2])
@@ -539,7 +540,10 @@ mod tests {
         let voltmeter = VoltmeterModel::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
         let official = VoltmeterModel { law: SamplerKind::Official, ..voltmeter.clone() };
         let dead = EsimModel {
-            refractory: RefractoryPeriod { period_us: 1.0, ..RefractoryPeriod::default() },
+            settings: SensorSettings {
+                refractory: RefractoryPeriod { period_us: 1.0, ..RefractoryPeriod::default() },
+                ..SensorSettings::default()
+            },
             ..EsimModel::default()
         };
         let t = |sensor: SensorChoice, balance: bool, drift: bool| {
@@ -596,7 +600,15 @@ mod tests {
         t(VoltmeterModel { law: SamplerKind::Official, ..paper.clone() }.into(), false, false, false);
         t(VoltmeterModel { between: BetweenFrames::Catmull, ..paper }.into(), false, false, true);
         t(SensorChoice::Esim(EsimModel::default()), true, true, true);
-        t(SensorChoice::Esim(EsimModel { allow_cap: true, ..EsimModel::default() }), false, false, false);
+        t(
+            SensorChoice::Esim(EsimModel {
+                settings: SensorSettings { allow_cap: true, ..SensorSettings::default() },
+                ..EsimModel::default()
+            }),
+            false,
+            false,
+            false,
+        );
         t(gs2e_sensor::v2e::V2eModel::from(gs2e_sensor::v2e::V2ePreset::Clean).into(), false, false, false);
     }
 
@@ -604,7 +616,10 @@ mod tests {
     fn events_of_hot_pixels_scatter_as_they_are_drawn() {
         use crate::planted::SplitMixDraws;
         let model = EsimModel {
-            hot_pixels: HotPixelNoise { share: 0.05, rate: 300.0, spread: 0.2 },
+            settings: SensorSettings {
+                hot_pixels: HotPixelNoise { share: 0.05, rate: 300.0, spread: 0.2 },
+                ..SensorSettings::default()
+            },
             ..EsimModel::default()
         };
         let law = DriftLaw::for_sensor(&model.into());

@@ -103,7 +103,7 @@ impl PlantedWorld {
         if setting.floor_hz.iter().any(|hz| *hz > 0.0) {
             let [on, off] = setting.floor_hz;
             sensor.floor = NoiseFloor(vec![FloorPoint { lux: 1.0, on, off }]);
-            sensor.front_end.lux = Some(250.0);
+            sensor.settings.front_end.lux = Some(250.0);
         }
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| wave_picture(setting, j)).collect();
         let events = simulate_events(&sensor, &images, &stamps_us);

@@ -85,7 +85,7 @@ fn hot_pixels_do_not_contradict_a_steady_change() {
     let hot = HotPixelNoise { share: 0.004, rate: 20_000.0, spread: 0.0 };
     for seed in 0..12 {
         let mut world = PlantedWorld::default_world();
-        world.sensor.hot_pixels = hot;
+        world.sensor.settings.hot_pixels = hot;
         let mut draws = SplitMixDraws(seed);
         let end_us = world.trajectory.stamps_us.last().unwrap().unsigned_abs();
         for pixel in (0..SIZE.pixels()).filter(|_| draws.share() < hot.share).collect::<Vec<_>>() {
@@ -360,7 +360,7 @@ fn events_in_the_dead_time_are_found() {
     }
     let mut verdict = |period_us: i64| {
         let mut sensor = EsimModel::default();
-        sensor.refractory.period_us = period_us as f64;
+        sensor.settings.refractory.period_us = period_us as f64;
         world.stated = Some(SensorChoice::Esim(sensor));
         world.finding("refractory").verdict
     };
@@ -381,7 +381,7 @@ fn hot_and_dead_pixels_are_found() {
     world.events.extend((0..1000).map(hot));
     world.events.sort_by_cached_key(Event::file_order);
     assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
-    world.sensor.hot_pixels = gs2e_sensor::noise::HotPixelNoise {
+    world.sensor.settings.hot_pixels = gs2e_sensor::noise::HotPixelNoise {
         share: 1e-3,
         rate: 1e4,
         ..gs2e_sensor::noise::HotPixelNoise::default()

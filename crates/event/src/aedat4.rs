@@ -44,9 +44,6 @@ const EVENT: usize = 16;
 /// Columns and rows are signed 16-bit numbers.
 const EDGE: u32 = 1 << 15;
 
-/// Times from this on are refused: internal times are nanoseconds in 64 bits.
-const END_US: i64 = i64::MAX / 1000;
-
 /// Compression of packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PacketCompression {

@@ -45,6 +45,3 @@ pub enum EvtVersion {
 
 /// Columns and rows have 11 bits.
 const EDGE: u32 = 1 << 11;
-
-/// Times from this on are refused: internal times are nanoseconds in 64 bits.
-const END_US: i64 = i64::MAX / 1000;

@@ -38,6 +38,18 @@ pub enum Polarity {
     On = 1,
 }
 
+impl Polarity {
+    /// The polarity for a number in a file.
+    #[must_use]
+    pub fn from_number(stored: u8) -> Option<Self> {
+        match stored {
+            0 => Some(Self::Off),
+            1 => Some(Self::On),
+            _ => None,
+        }
+    }
+}
+
 /// The cause of an event, where events are labelled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
 #[repr(u8)]
@@ -174,6 +186,30 @@ pub enum EventFileError {
         /// The value found and the value wanted.
         because: String,
     },
+}
+
+/// The error for a value that no event can have.
+pub(crate) fn wrong_value(
+    dataset: &'static str,
+    index: u64,
+    found: impl Into<i128>,
+    wanted: impl Into<String>,
+) -> EventFileError {
+    EventFileError::Value { dataset, index, found: found.into(), wanted: wanted.into() }
+}
+
+/// Sets the labels of events from the numbers in a dataset, from index `first` on.
+pub(crate) fn set_labels(
+    events: &mut [Event],
+    stored: impl IntoIterator<Item = u8>,
+    dataset: &'static str,
+    first: u64,
+) -> Result<(), EventFileError> {
+    for ((number, event), stored) in (first..).zip(events).zip(stored) {
+        let refusal = || wrong_value(dataset, number, stored, "0 or 1");
+        event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
+    }
+    Ok(())
 }
 
 impl From<EventFileError> for std::io::Error {

@@ -41,9 +41,6 @@ const LABEL: (&str, &str) = ("label", "|u1");
 /// The array with the sensor's columns and rows.
 const SIZE: (&str, &str) = ("size", "<i4");
 
-/// Times from this on are refused: internal times are nanoseconds in 64 bits.
-const END_US: i64 = i64::MAX / 1000;
-
 impl From<ZipError> for EventFileError {
     fn from(e: ZipError) -> Self {
         match e {

@@ -19,6 +19,9 @@
 use super::{Event, EventFileError, Polarity};
 use gs2e_image::Size;
 
+/// Times from this on are refused, us: internal times are nanoseconds in 64 bits.
+pub(crate) const END_US: i64 = i64::MAX / 1000;
+
 /// The state of a stream that is being written.
 #[derive(Debug)]
 pub struct StreamOrder {

@@ -39,6 +39,3 @@ pub enum ColumnSeparator {
 
 /// Names of the columns, in the order in which they are written.
 const NAMES: [&str; 4] = ["t", "x", "y", "p"];
-
-/// Times from this on are refused: internal times are nanoseconds in 64 bits.
-const END_US: i64 = i64::MAX / 1000;

@@ -147,8 +147,7 @@ pub fn compare_sensors(
 /// A sensor that drops and counts the events beyond its cap. A preset that fires far too often is a
 /// result here, and no error.
 fn with_cap(sensor: &SensorChoice) -> SensorChoice {
-    let settings = SensorSettings { allow_cap: true, ..sensor.as_model().settings() };
-    sensor.as_model().with_settings(settings)
+    sensor.clone().with_settings(SensorSettings { allow_cap: true, ..sensor.settings() })
 }
 
 fn compare(

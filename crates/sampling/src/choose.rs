@@ -180,11 +180,11 @@ impl ChoiceQuestion<'_> {
         let mut tried: Vec<(usize, SampledInterval)> = Vec::new();
         let places = self.places();
         for (sample, place) in places.iter().enumerate() {
-            tried.extend(self.stencils((*place, sample), &steps));
+            tried.extend(self.stencils(*place, sample, &steps));
         }
         let samples = self.samples(PILOT_TILES, places.len());
         let intervals: Vec<SampledInterval> = tried.iter().map(|(_, interval)| *interval).collect();
-        let measured = measure_intervals(viewer, self.scales, (&intervals, &samples), self.between)
+        let measured = measure_intervals(viewer, self.scales, &intervals, &samples, self.between)
             .map_err(ChooseError::View)?;
         let mut candidates = Vec::new();
         for (method, between) in self.between.iter().enumerate() {
@@ -239,7 +239,7 @@ impl ChoiceQuestion<'_> {
     /// The intervals around a place with this image motion, for all steps for which the path is
     /// long enough, with the index of the step. The finest come first, so that frames are released
     /// early.
-    fn stencils(&self, (place, sample): (f64, usize), steps: &[f64]) -> Vec<(usize, SampledInterval)> {
+    fn stencils(&self, place: f64, sample: usize, steps: &[f64]) -> Vec<(usize, SampledInterval)> {
         let end = self.flow.end_us();
         // If the longest step does not fit around the place, the place moves.
         // Its stencil reaches 1.5 steps to both sides.
@@ -298,7 +298,7 @@ impl ChoiceQuestion<'_> {
             })
             .collect();
         let samples = self.samples(CHECK_TILES, count);
-        let measured = measure_intervals(viewer, self.scales, (&intervals, &samples), &[between])
+        let measured = measure_intervals(viewer, self.scales, &intervals, &samples, &[between])
             .map_err(ChooseError::View)?;
         let squares: Vec<f64> = measured.squares.iter().map(|squares| squares[0]).collect();
         let is_whole = measured.pixels == measured.frames * self.size.pixels();

@@ -45,7 +45,8 @@ impl PathFlow {
     /// A place cannot be rendered.
     pub fn measure_path(
         path: &SampledPath,
-        (intervals, end_us): (usize, i64),
+        intervals: usize,
+        end_us: i64,
         camera: Camera,
         renderer: &mut dyn Renderer,
     ) -> Result<Self, RenderError> {

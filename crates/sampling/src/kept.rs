@@ -114,7 +114,13 @@ impl KeptState {
     }
 
     /// Writes the images of a view.
-    fn keep(&mut self, view: KeptView, channels: Vec<KeptChannel>, rendered: (&RenderedImages, RenderWork)) {
+    fn keep(
+        &mut self,
+        view: KeptView,
+        channels: Vec<KeptChannel>,
+        images: &RenderedImages,
+        work: RenderWork,
+    ) {
         self.rendered += 1;
         let is_new = self.written.insert((view, channels.len()));
         if !is_new || self.refused.is_some() {
@@ -125,7 +131,7 @@ impl KeptState {
                 Some(writer) => writer,
                 none => none.insert(EntryWriter::create(&self.fresh)?),
             };
-            writer.write(view, channels, rendered)?;
+            writer.write(view, channels, images, work)?;
             Ok(writer.bytes)
         };
         match write() {
@@ -175,7 +181,8 @@ impl KeptRenderer {
     pub fn new(
         inner: Box<dyn Renderer>,
         kept: Arc<KeptFrames>,
-        (keeps, usual): (ChannelSet, OmissionPolicy),
+        keeps: ChannelSet,
+        usual: OmissionPolicy,
     ) -> Self {
         Self { inner, kept, keeps, usual, is_usual: true, is_sampled: false, promise: [0; 32] }
     }
@@ -296,7 +303,7 @@ impl Renderer for KeptRenderer {
         let work = self.inner.render(view, want, out)?;
         let channels = self.kept_of(want);
         if !channels.is_empty() {
-            self.kept.state().keep(seen, channels, (out, work));
+            self.kept.state().keep(seen, channels, out, work);
         }
         Ok(work)
     }

@@ -123,7 +123,8 @@ pub struct MeasuredIntervals {
 pub fn measure_intervals<V: PathViewer>(
     viewer: &mut V,
     scales: &[SensorScale],
-    (intervals, samples): (&[SampledInterval], &[Arc<TileSample>]),
+    intervals: &[SampledInterval],
+    samples: &[Arc<TileSample>],
     between: &[BetweenFrames],
 ) -> Result<MeasuredIntervals, V::Error> {
     // A moment that several intervals of a sample share is rendered once, when the first of them needs it.
@@ -279,7 +280,7 @@ mod tests {
         let mut viewer = Planted::new(SIZE, signal);
         let interval =
             SampledInterval { ends: [h_us, 2 * h_us], outer: [Some(0), Some(3 * h_us)], sample: 0 };
-        let found = measure_intervals(&mut viewer, &[SCALE], (&[interval], &whole()), &ALL).unwrap();
+        let found = measure_intervals(&mut viewer, &[SCALE], &[interval], &whole(), &ALL).unwrap();
         let mean = (0..6).map(|i| f64::from(i) * 1000.0 * h * h / 4.0).map(|e| e * e).sum::<f64>() / 6.0;
         let [linear, catmull, hermite] = found.squares[0][..] else { panic!() };
         // V is known to 3e-7, times five thresholds.
@@ -296,11 +297,11 @@ mod tests {
             SampledInterval { ends: [70, 130], outer: [Some(10), None], sample: 0 },
             SampledInterval { ends: [500, 520], outer: [None, None], sample: 0 },
         ];
-        measure_intervals(&mut viewer, &[SCALE], (&nested, &whole()), &ALL).unwrap();
+        measure_intervals(&mut viewer, &[SCALE], &nested, &whole(), &ALL).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
         let found =
-            measure_intervals(&mut viewer, &[SCALE], (&nested, &whole()), &[BetweenFrames::Linear]).unwrap();
+            measure_intervals(&mut viewer, &[SCALE], &nested, &whole(), &[BetweenFrames::Linear]).unwrap();
         assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
         assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
     }
@@ -311,8 +312,7 @@ mod tests {
         let interval = SampledInterval { ends: [0, 2000], outer: [None, None], sample: 0 };
         let scales = [SCALE, SensorScale { thresholds: 10.0, ..SCALE }];
         let found =
-            measure_intervals(&mut viewer, &scales, (&[interval], &whole()), &[BetweenFrames::Linear])
-                .unwrap();
+            measure_intervals(&mut viewer, &scales, &[interval], &whole(), &[BetweenFrames::Linear]).unwrap();
         assert!((found.squares[0][0].sqrt() - 10.0 * 1e-3).abs() < 4e-6);
     }
 }

@@ -96,7 +96,7 @@ impl RowRoller {
         let DenseView { pose, images, renderer, .. } = view;
         let mut picture = images.rgb.clone().expect("colour was asked for");
         let rows = self.course.camera.size.height;
-        let bands = self.bands(pose, images, (rows, &*renderer));
+        let bands = self.bands(pose, images, rows, &*renderer);
         self.most_bands = self.most_bands.max(bands.len());
         if bands.len() > 1 {
             let middles: Vec<f64> = bands.iter().map(|band| self.band_seconds(pose, band, rows)).collect();
@@ -139,7 +139,8 @@ impl RowRoller {
         &self,
         pose: usize,
         images: &RenderedImages,
-        (rows, renderer): (u32, &dyn Renderer),
+        rows: u32,
+        renderer: &dyn Renderer,
     ) -> Vec<Range<u32>> {
         let depth = images.depth.as_ref().expect("depth was asked for");
         let seconds = &self.course.seconds;

@@ -1,7 +1,7 @@
 //! The sensor of a recipe, one of a closed family.
 
 use super::latency::PixelLatency;
-use super::noise::{self, HotPixelNoise};
+use super::noise::HotPixelNoise;
 use super::readout::ReadoutBus;
 use super::screening::{ScreenError, SensorScreening};
 use super::voltmeter::{self, BetweenFrames};
@@ -25,7 +25,7 @@ impl SensorChoice {
     /// The models of the family.
     pub const FAMILY: [&'static SensorFacts; 3] = [&voltmeter::FACTS, &esim::FACTS, &v2e::FACTS];
 
-    /// The model of the chosen sensor: the only match over the family. Other files ask the model.
+    /// The model of the chosen sensor. Other files ask it, and match over the family nowhere.
     #[must_use]
     pub fn as_model(&self) -> &dyn SensorModel {
         match self {
@@ -53,50 +53,74 @@ impl SensorChoice {
         self.as_model().between()
     }
 
+    /// The sensor with another interpolation between frames; unchanged if the model has no choice.
+    #[must_use]
+    pub fn with_between(&self, between: BetweenFrames) -> Self {
+        match self {
+            Self::Voltmeter(sensor) => voltmeter::VoltmeterModel { between, ..sensor.clone() }.into(),
+            other => other.clone(),
+        }
+    }
+
+    /// The settings that every model has.
+    #[must_use]
+    pub fn settings(&self) -> SensorSettings {
+        self.as_model().settings()
+    }
+
+    /// The sensor with other settings of this kind.
+    #[must_use]
+    pub fn with_settings(mut self, settings: SensorSettings) -> Self {
+        match &mut self {
+            Self::Voltmeter(sensor) => sensor.settings = settings,
+            Self::Esim(sensor) => sensor.settings = settings,
+            Self::V2e(sensor) => sensor.settings = settings,
+        }
+        self
+    }
+
     /// Minimum time between two events of one pixel, in whole microseconds as files stamp them; 0
     /// without a refractory period.
     #[must_use]
     pub fn dead_us(&self) -> i64 {
-        self.as_model().dead_us()
+        self.settings().refractory.whole_us()
     }
 
     /// The bus behind the pixels, if its rate is limited.
     #[must_use]
     pub fn readout(&self) -> Option<ReadoutBus> {
-        self.as_model().settings().readout
+        self.settings().readout
     }
 
     /// The delays of the events, if they are late.
     #[must_use]
     pub fn latency(&self) -> Option<PixelLatency> {
-        self.as_model().settings().latency.filter(|latency| !latency.is_absent())
+        self.settings().delays()
     }
 
     /// The sensor with events at the times of their crossings.
     #[must_use]
     pub fn without_latency(&self) -> Self {
-        let settings = self.as_model().settings();
-        self.as_model().with_settings(SensorSettings { latency: None, ..settings })
+        self.clone().with_settings(SensorSettings { latency: None, ..self.settings() })
     }
 
     /// The sensor with a label on each event, signal or noise.
     #[must_use]
     pub fn with_labels(&self) -> Self {
-        let settings = self.as_model().settings();
-        self.as_model().with_settings(SensorSettings { labels: true, ..settings })
+        self.clone().with_settings(SensorSettings { labels: true, ..self.settings() })
     }
 
     /// The sensor without pixels that fire by themselves.
     #[must_use]
     pub fn without_hot_pixels(&self) -> Self {
-        let settings = self.as_model().settings();
-        self.as_model().with_settings(SensorSettings { hot_pixels: HotPixelNoise::default(), ..settings })
+        let hot_pixels = HotPixelNoise::default();
+        self.clone().with_settings(SensorSettings { hot_pixels, ..self.settings() })
     }
 
     /// The pixels that fire by themselves.
     #[must_use]
-    pub fn hot_pixels(&self) -> noise::HotPixelNoise {
-        self.as_model().settings().hot_pixels
+    pub fn hot_pixels(&self) -> HotPixelNoise {
+        self.settings().hot_pixels
     }
 
     /// The sensor without its noise: only brightness makes events, on pixels with the same
@@ -104,10 +128,9 @@ impl SensorChoice {
     #[must_use]
     pub fn without_noise(&self) -> Self {
         let quiet = self.as_model().without_noise();
-        let settings = quiet.as_model().settings();
         let hot_pixels = HotPixelNoise::default();
-        let latency = settings.latency.map(PixelLatency::without_jitter);
-        quiet.as_model().with_settings(SensorSettings { hot_pixels, labels: false, latency, ..settings })
+        let latency = self.settings().latency.map(PixelLatency::without_jitter);
+        quiet.with_settings(SensorSettings { hot_pixels, labels: false, latency, ..self.settings() })
     }
 
     /// Returns true if something other than brightness makes events.
@@ -121,13 +144,13 @@ impl SensorChoice {
     #[must_use]
     pub fn effective(&self) -> Self {
         let own = self.as_model().without_idle();
-        let mut settings = own.as_model().settings();
+        let mut settings = own.settings();
         settings.labels = false;
-        settings.latency = settings.latency.filter(|latency| !latency.is_absent());
+        settings.latency = settings.delays();
         if settings.hot_pixels.is_absent() {
             settings.hot_pixels = HotPixelNoise::default();
         }
-        own.as_model().with_settings(settings)
+        own.with_settings(settings)
     }
 
     /// Predicts the sensor's own behaviour at this frame rate.

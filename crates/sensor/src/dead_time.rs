@@ -5,106 +5,65 @@
 //! crossed then makes no event, and the next one counts from it. The first event of a pixel always
 //! passes.
 
+use super::SimulationAccount;
+use super::chain::{EventFilter, EventSelection, PixelArray};
 use super::noise::RefractoryPeriod;
-use super::{SensorError, SensorPixels, SimulationAccount};
-use crate::frames::DenseFrame;
-use gs2e_event::{Event, EventSink, Polarity};
-use gs2e_image::Size;
+use gs2e_event::{Event, EventSink};
 
-/// Pixels behind a dead time.
-pub(super) struct WithDeadTime {
-    pixels: Box<dyn SensorPixels>,
-    kept: ApartEvents,
+/// Selects the events of each pixel that are at least a period apart.
+pub(super) struct DeadTime {
+    period_ns: i64,
+    array: PixelArray,
+    /// Time of the last event that passed, for each pixel, ns.
+    last: Vec<i64>,
+    selection: EventSelection,
 }
 
-impl WithDeadTime {
-    /// Wraps `pixels`. The period is at least 1 us.
-    pub(super) fn new(pixels: Box<dyn SensorPixels>, period: &RefractoryPeriod, size: Size) -> Self {
-        Self { pixels, kept: ApartEvents::new(period.period_ns(), size) }
-    }
-}
-
-impl SensorPixels for WithDeadTime {
-    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
-        self.pixels.advance(frame, &mut ApartSink { sink, kept: &mut self.kept })
-    }
-
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
-        let account = self.pixels.finish(&mut ApartSink { sink, kept: &mut self.kept })?;
-        let ApartEvents { on, off, .. } = self.kept;
-        Ok(SimulationAccount {
-            events: account.events - on - off,
-            on: account.on - on,
-            off: account.off - off,
-            // Events of a pixel are at least a microsecond apart now.
-            same_us_same_pixel: 0,
-            refractory: on + off,
-            ..account
+impl DeadTime {
+    /// The dead time of a period, if it is above 0. The period is at least 1 us then.
+    pub(super) fn new(period: &RefractoryPeriod, array: PixelArray) -> Option<Self> {
+        let period_ns = period.period_ns();
+        (period_ns > 0).then(|| {
+            // Half of the range, so that a difference cannot overflow.
+            let last = vec![i64::MIN / 2; array.size.pixels()];
+            Self { period_ns, array, last, selection: EventSelection::default() }
         })
     }
 }
 
-/// Selects the events of each pixel that are at least a period apart.
-struct ApartEvents {
-    period_ns: i64,
-    width: usize,
-    /// Time of the last event that passed, for each pixel, ns.
-    last: Vec<i64>,
-    /// Number of dropped ON events.
-    on: u64,
-    /// Number of dropped OFF events.
-    off: u64,
-    passed: Vec<Event>,
-}
-
-impl ApartEvents {
-    fn new(period_ns: i64, size: Size) -> Self {
-        // Half of the range, so that a difference cannot overflow.
-        let last = vec![i64::MIN / 2; size.pixels()];
-        Self { period_ns, width: size.width as usize, last, on: 0, off: 0, passed: Vec::new() }
-    }
-
-    fn passes(&mut self, event: &Event) -> bool {
-        let last = &mut self.last[usize::from(event.y) * self.width + usize::from(event.x)];
-        // Within a microsecond, events are in order of polarity and not of time: an earlier one is
-        // dropped too.
-        let passes = event.t.0 - *last >= self.period_ns;
-        if passes {
-            *last = event.t.0;
-        }
-        passes
-    }
-}
-
-/// A sink that passes on the selected events.
-struct ApartSink<'a> {
-    sink: &'a mut dyn EventSink,
-    kept: &'a mut ApartEvents,
-}
-
-impl EventSink for ApartSink<'_> {
-    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        let mut passed = std::mem::take(&mut self.kept.passed);
-        passed.clear();
-        for event in events {
-            if self.kept.passes(event) {
-                passed.push(*event);
-            } else if event.polarity == Polarity::On {
-                self.kept.on += 1;
-            } else {
-                self.kept.off += 1;
+impl EventFilter for DeadTime {
+    fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> std::io::Result<()> {
+        let Self { period_ns, array, last, selection } = self;
+        selection.pass(events, sink, |event| {
+            let last = &mut last[array.pixel(event)];
+            // Within a microsecond, events are in order of polarity and not of time: an earlier one is
+            // dropped too.
+            let passes = event.t.0 - *last >= *period_ns;
+            if passes {
+                *last = event.t.0;
             }
-        }
-        let appended = self.sink.append(&passed);
-        self.kept.passed = passed;
-        appended
+            passes
+        })
+    }
+
+    fn finish(
+        &mut self,
+        account: SimulationAccount,
+        _: &mut dyn EventSink,
+    ) -> std::io::Result<SimulationAccount> {
+        // Events of a pixel are at least a microsecond apart now.
+        let refractory = self.selection.dropped();
+        Ok(SimulationAccount { same_us_same_pixel: 0, refractory, ..self.selection.settle(account) })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gs2e_event::EventLabel;
+    use crate::noise::ReferenceRule;
+    use gs2e_event::{EventLabel, Polarity};
+    use gs2e_image::Size;
+    use gs2e_num::seed::Seed;
     use gs2e_num::units::Timestamp;
 
     #[test]
@@ -113,7 +72,10 @@ mod tests {
             |ns, x, polarity| Event { t: Timestamp(ns), x, y: 0, polarity, label: EventLabel::Signal };
         let (on, off) = (Polarity::On, Polarity::Off);
         let mut out = Vec::new();
-        let mut kept = ApartEvents::new(79_000, Size { width: 2, height: 1 });
+        let size = Size { width: 2, height: 1 };
+        let array = PixelArray { size, origin: [0, 0], seed: Seed(1), labels: false };
+        let period = RefractoryPeriod { period_us: 79.0, reference: ReferenceRule::Passing };
+        let mut dead_time = DeadTime::new(&period, array).unwrap();
         let all = [
             event(1_000, 0, on),
             event(1_500, 1, off),
@@ -122,8 +84,8 @@ mod tests {
             event(80_499, 1, off),
             event(158_999, 0, off),
         ];
-        ApartSink { sink: &mut out, kept: &mut kept }.append(&all).unwrap();
+        dead_time.take(&all, &mut out).unwrap();
         assert_eq!(out, [all[0], all[1], all[3]]);
-        assert_eq!((kept.on, kept.off), (1, 2));
+        assert_eq!((dead_time.selection.on, dead_time.selection.off), (1, 2));
     }
 }

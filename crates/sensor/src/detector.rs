@@ -25,6 +25,13 @@ pub(super) struct DetectorPixel {
     dead: i64,
 }
 
+/// The sign of a change, and what made it.
+#[derive(Clone, Copy)]
+struct EventCause {
+    polarity: Polarity,
+    label: EventLabel,
+}
+
 /// Events that do not depend on brightness.
 #[derive(Debug)]
 pub(super) struct OwnEventKind<'a> {
@@ -59,20 +66,20 @@ impl DetectorPixel {
     }
 
     /// Follows the course to the later frame and makes events in order of time.
-    pub(super) fn cross(
+    pub(super) fn cross<const N: usize>(
         &mut self,
         course: &BrightnessCourse,
         refractory: &RefractoryPeriod,
-        sources: &mut [OwnEventKind<'_>; 2],
+        sources: &mut [OwnEventKind<'_>; N],
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let length = course.length();
-        let mut due = [0, 1].map(|i: usize| sources[i].due(0.0));
+        let mut due = std::array::from_fn::<f64, N, _>(|i| sources[i].due(0.0));
         let mut now = 0.0;
         loop {
-            // Without further own events both times are infinite, and the watch below reaches the
+            // Without further own events all times are infinite, and the watch below reaches the
             // later frame.
-            let which = usize::from(due[1] < due[0]);
+            let which = (1..N).fold(0, |first, i| if due[i] < due[first] { i } else { first });
             let until = due[which].min(length);
             // Crossings up to the own event come first: it may move the reference and starts a dead
             // time.
@@ -90,7 +97,7 @@ impl DetectorPixel {
             if ns >= self.dead {
                 let on = mark < source.on_share;
                 let polarity = if on { Polarity::On } else { Polarity::Off };
-                self.note(now, (polarity, EventLabel::Noise), refractory, writer)?;
+                self.note(now, EventCause { polarity, label: EventLabel::Noise }, refractory, writer)?;
                 if source.resets {
                     self.remember(course, now);
                 }
@@ -121,7 +128,7 @@ impl DetectorPixel {
                 now = t;
                 // Only a crossing inside the dead time is too early.
                 if PairWriter::nanosecond(t) >= self.dead {
-                    self.note(t, (polarity, label), refractory, writer)?;
+                    self.note(t, EventCause { polarity, label }, refractory, writer)?;
                 }
             }
             now = end;
@@ -199,11 +206,11 @@ impl DetectorPixel {
     fn note(
         &mut self,
         t: f64,
-        (polarity, label): (Polarity, EventLabel),
+        cause: EventCause,
         refractory: &RefractoryPeriod,
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
-        let ns = writer.event(t, polarity, label)?;
+        let ns = writer.event(t, cause.polarity, cause.label)?;
         let period = refractory.period_ns();
         if period > 0 {
             self.dead = ns + period;

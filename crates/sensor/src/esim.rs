@@ -47,22 +47,15 @@ mod presets;
 pub(super) use parameters::FACTS;
 pub use presets::TRAINABLE;
 
+use super::chain::{FilteredPixels, PixelArray};
 use super::course::BrightnessCourse;
 use super::detector::{DetectorPixel, OwnEventKind};
-use super::front_end::FrontEnd;
-use super::latency::{PixelLatency, make_late};
 use super::noise::poisson::{LinearRate, PoissonTrain};
-use super::noise::{HotPixelNoise, PixelSite, RedrawRule, RefractoryPeriod, ThresholdMismatch};
-use super::own_events::OwnEventArray;
-use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
-use super::readout::{ReadoutBus, read_out};
-use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
-use gs2e_event::EventLabel;
-use gs2e_image::Size;
+use super::noise::{PixelSite, RedrawRule, ThresholdMismatch};
+use super::pairs::{FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::{SensorModel, SensorSettings, WHITE};
 use gs2e_num::elementary;
-use gs2e_num::seed::{DrawSpace, Seed};
-use gs2e_num::units::Hertz;
+use gs2e_num::seed::DrawSpace;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
@@ -81,26 +74,9 @@ pub struct EsimModel {
     pub intensity: IntensityScale,
     /// Added to `L/255` before the logarithm, above 0; 0.001 is usual.
     pub eps: f64,
-    /// The dead time after an event.
-    pub refractory: RefractoryPeriod,
-    /// Pixels with an event process of their own.
-    pub hot_pixels: HotPixelNoise,
-    /// Maximum number of events of one pixel between two frames. More fail the step.
-    pub max_events_per_pixel_frame: u32,
-    /// True if further events are dropped and counted, and the step goes on.
-    pub allow_cap: bool,
-    /// The front end.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub front_end: FrontEnd,
-    /// True if events are labelled as signal or noise.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub labels: bool,
-    /// The bus behind the pixels, if its rate is limited.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub readout: Option<ReadoutBus>,
-    /// The delays of the events, if they are late.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub latency: Option<PixelLatency>,
+    /// The settings that every model has.
+    #[serde(flatten)]
+    pub settings: SensorSettings,
 }
 
 /// The quantity that pixels compare.
@@ -128,60 +104,18 @@ impl EsimModel {
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
         // Hot pixels add events without moving the reference.
-        self.keeps_references() && self.hot_pixels.is_absent()
+        self.keeps_references() && self.settings.hot_pixels.is_absent()
     }
 
     /// Returns true if the reference of a pixel moves by its own thresholds only, with one event each.
     #[must_use]
     pub fn keeps_references(&self) -> bool {
         // Each of these options drops crossings or moves the reference.
-        self.refractory.period_us == 0.0
+        self.settings.refractory.period_us == 0.0
             && (self.mismatch == RedrawRule::PerSensor || self.threshold.spread == 0.0)
-            && !self.allow_cap
+            && !self.settings.allow_cap
     }
 
-    /// Predicts this sensor's behaviour with frames at this rate. Without noise, the table has no
-    /// events.
-    ///
-    /// # Errors
-    /// A parameter is outside its range, or a hot pixel makes more than 50 events per frame
-    /// interval.
-    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
-        self.validate()?;
-        let quantity = match self.intensity {
-            IntensityScale::Log => "ln(L/255 + eps)",
-            IntensityScale::Linear => "L/255",
-        };
-        SensorScreening::new(quantity, self.threshold.sides(), (rate, self.hot_pixels), |grey| {
-            self.array_noise(grey)
-        })
-    }
-
-    /// The noise at a constant grey: that of hot pixels, the mean over all pixels.
-    fn array_noise(&self, grey: f64) -> ConstantLightNoise {
-        let quiet = ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
-        quiet.plus([self.hot_pixels.mean_hz(), 0.0])
-    }
-
-    fn validate(&self) -> Result<(), ScreenError> {
-        self.threshold.validate()?;
-        self.refractory.validate()?;
-        self.hot_pixels.validate()?;
-        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
-        // With 0, the logarithm of a black pixel would be infinite.
-        if !(self.eps > 0.0 && self.eps.is_finite()) {
-            let (name, wanted) = ("eps", "a finite number above 0");
-            return Err(ScreenError::Parameter { name, found: self.eps, wanted });
-        }
-        if self.max_events_per_pixel_frame == 0 {
-            let name = "max_events_per_pixel_frame";
-            return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
-        }
-        Ok(())
-    }
-}
-
-impl EsimModel {
     /// The brightness of one pixel.
     fn seen(&self, luminance: f64) -> f64 {
         let mut one = [luminance];
@@ -193,14 +127,6 @@ impl EsimModel {
 impl SensorModel for EsimModel {
     fn law_version(&self) -> u32 {
         VERSION
-    }
-
-    fn front_end(&self) -> FrontEnd {
-        self.front_end
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
     }
 
     fn makes_noise(&self) -> bool {
@@ -217,15 +143,8 @@ impl SensorModel for EsimModel {
         (on, off)
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
-        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
-        check_extent(size, origin)?;
-        let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        let pixels = Box::new(PairPixels::new(self.clone(), cap, size, origin, seed));
-        let array = OwnEventArray { size, origin, seed, label: EventLabel::Noise };
-        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
-        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
-        Ok(read_out(pixels, self.readout, size))
+    fn law_pixels(&self, array: PixelArray) -> FilteredPixels {
+        FilteredPixels::new(PairPixels::new(self.clone(), &self.settings, array))
     }
 }
 
@@ -238,7 +157,6 @@ pub(super) struct EsimPixel {
     /// Present brightness.
     seen: f64,
     own: PoissonTrain,
-    shot: PoissonTrain,
 }
 
 impl FrameLaw for EsimModel {
@@ -256,14 +174,7 @@ impl FrameLaw for EsimModel {
 
     fn begin(&self, site: PixelSite, _: f64, seen: f64) -> EsimPixel {
         let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
-        EsimPixel {
-            detector,
-            first: seen,
-            seen,
-            own: self.hot_pixels.train(site),
-            // The detector takes two sources, and ESIM has hot pixels only. This one never fires.
-            shot: PoissonTrain::silent(),
-        }
+        EsimPixel { detector, first: seen, seen, own: self.settings.hot_pixels.train(site) }
     }
 
     fn cross(&self, pixel: &mut EsimPixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
@@ -277,14 +188,11 @@ impl FrameLaw for EsimModel {
         }
         let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
         pixel.seen = seen;
-        let rates = LinearRate { ends: [self.hot_pixels.per_ns(site); 2], length };
-        let source = |train, space| OwnEventKind { train, rates, site, space, on_share: 1.0, resets: false };
-        let mut sources = [source(&mut pixel.own, DrawSpace::Hot), source(&mut pixel.shot, DrawSpace::Shot)];
-        pixel.detector.cross(&course, &self.refractory, &mut sources, writer)
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
+        let SensorSettings { hot_pixels, refractory, .. } = &self.settings;
+        let rates = LinearRate { ends: [hot_pixels.per_ns(site); 2], length };
+        let train = &mut pixel.own;
+        let own = OwnEventKind { train, rates, site, space: DrawSpace::Hot, on_share: 1.0, resets: false };
+        pixel.detector.cross(&course, refractory, &mut [own], writer)
     }
 
     fn imbalance(&self, pixel: &EsimPixel, on: u32, off: u32) -> Option<f64> {

@@ -29,18 +29,19 @@
 
 mod light;
 
+use super::chain::{EventFilter, PassedEvents, PixelArray};
 use super::front_end::FrontEnd;
 use super::noise::PixelSite;
-use super::own_events::OwnEventArray;
 use super::screening::{ScreenError, at_least_zero};
-use super::{SensorError, SensorPixels, SimulationAccount};
+use super::{SensorSettings, SimulationAccount};
 use crate::frames::DenseFrame;
-use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_event::{Event, EventSink};
 use gs2e_num::seed::DrawSpace;
 use light::RecentLight;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::io;
 
 /// Delays of the events of a sensor, in microseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -126,65 +127,33 @@ pub struct LatencyAccount {
     pub max_us: f64,
 }
 
-/// Makes the events of pixels late, if they are. `dead_ns` is the least time between two events of a pixel.
-pub(super) fn make_late(
-    pixels: Box<dyn SensorPixels>,
-    latency: Option<PixelLatency>,
-    (dead_ns, front_end): (i64, &FrontEnd),
-    array: OwnEventArray,
-) -> Box<dyn SensorPixels> {
-    match latency.filter(|latency| !latency.is_absent()) {
-        Some(latency) => {
-            Box::new(LatePixels { pixels, late: LateEvents::new(latency, (dead_ns, front_end), array) })
-        }
-        None => pixels,
-    }
-}
-
-struct LatePixels {
-    pixels: Box<dyn SensorPixels>,
-    late: LateEvents,
-}
-
-impl SensorPixels for LatePixels {
-    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
-        self.late.last_ns = frame.t.0;
-        // First, because the pixels pass on events up to this frame.
-        if let Some(light) = &mut self.late.light {
+impl EventFilter for LateEvents {
+    fn see(&mut self, frame: &DenseFrame) {
+        self.last_ns = frame.t.0;
+        if let Some(light) = &mut self.light {
             light.add(frame);
         }
-        self.pixels.advance(frame, &mut CrossingSink { sink, late: &mut self.late })
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
-        let account = self.pixels.finish(&mut CrossingSink { sink, late: &mut self.late })?;
-        self.late.finish(sink)?;
-        let LateEvents { counts, on, coincident, past, .. } = &self.late;
-        Ok(SimulationAccount {
-            // The account of the inner pixels counts the events after the end too.
-            events: counts.kept,
-            on: *on,
-            off: counts.kept - on,
-            same_us_same_pixel: *coincident,
-            active_pixels: past.iter().filter(|past| past.is_seen).count() as u64,
-            latency: Some(*counts),
-            ..account
-        })
+    fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> io::Result<()> {
+        events.iter().try_for_each(|event| self.take_one(*event, sink))
     }
-}
 
-/// The sink of the pixels.
-struct CrossingSink<'a> {
-    sink: &'a mut dyn EventSink,
-    late: &'a mut LateEvents,
-}
-
-impl EventSink for CrossingSink<'_> {
-    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        for event in events {
-            self.late.take(*event, self.sink)?;
+    /// Passes on the events up to the last frame, and counts the others.
+    fn finish(
+        &mut self,
+        account: SimulationAccount,
+        sink: &mut dyn EventSink,
+    ) -> io::Result<SimulationAccount> {
+        self.delay_microsecond();
+        self.pass_before(self.last_ns.saturating_add(1), sink)?;
+        self.flush(sink)?;
+        self.counts.unread = self.waiting.len() as u64;
+        self.counts.kept = self.counted.count;
+        if self.counts.kept > 0 {
+            self.counts.mean_us /= self.counts.kept as f64;
         }
-        Ok(())
+        Ok(SimulationAccount { latency: Some(self.counts), ..self.counted.settle(account) })
     }
 }
 
@@ -194,8 +163,6 @@ struct PixelPast {
     t_ns: i64,
     /// Number of events of the pixel, which numbers their draws.
     count: u32,
-    /// True if an event of the pixel is in the stream.
-    is_seen: bool,
 }
 
 /// A late event, in the order of files.
@@ -223,49 +190,46 @@ impl Ord for LateEvent {
 /// Late events collected before they are passed on.
 const CHUNK: usize = 1 << 14;
 
-struct LateEvents {
+/// The events of pixels that are late.
+pub(super) struct LateEvents {
     latency: PixelLatency,
     /// The light of the last frames, if the delay depends on it.
     light: Option<RecentLight>,
     dead_ns: i64,
-    array: OwnEventArray,
+    array: PixelArray,
     past: Vec<PixelPast>,
     /// Events of the present microsecond. Files are not sorted within one.
     arriving: Vec<Event>,
     waiting: BinaryHeap<Reverse<LateEvent>>,
     passed: Vec<Event>,
-    /// Microsecond, row and column of the event that was passed on last.
-    place: Option<(i64, u16, u16)>,
     /// Stamp of the last frame, ns.
     last_ns: i64,
     counts: LatencyAccount,
-    on: u64,
-    coincident: u64,
+    counted: PassedEvents,
 }
 
 impl LateEvents {
-    fn new(latency: PixelLatency, (dead_ns, front_end): (i64, &FrontEnd), array: OwnEventArray) -> Self {
+    /// The delays of a sensor with these settings, for its pixels.
+    pub(super) fn new(latency: PixelLatency, settings: &SensorSettings, array: PixelArray) -> Self {
         // Half of the range, so that the sum with a dead time cannot overflow.
-        let past = PixelPast { t_ns: i64::MIN / 2, count: 0, is_seen: false };
+        let past = PixelPast { t_ns: i64::MIN / 2, count: 0 };
         Self {
             latency,
-            light: (latency.tau_us > 0.0).then(|| RecentLight::new(front_end.white_lux())),
-            dead_ns,
+            light: (latency.tau_us > 0.0).then(|| RecentLight::new(settings.front_end.white_lux())),
+            dead_ns: settings.refractory.period_ns(),
             array,
             past: vec![past; array.size.pixels()],
             arriving: Vec::new(),
             waiting: BinaryHeap::new(),
             passed: Vec::new(),
-            place: None,
             last_ns: 0,
             counts: LatencyAccount::default(),
-            on: 0,
-            coincident: 0,
+            counted: PassedEvents::new(&array),
         }
     }
 
     /// Takes the next event of the pixels, in file order.
-    fn take(&mut self, event: Event, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn take_one(&mut self, event: Event, sink: &mut dyn EventSink) -> io::Result<()> {
         let same = |first: &Event| first.t.floor_micros() == event.t.floor_micros();
         if !self.arriving.first().is_none_or(same) {
             self.delay_microsecond();
@@ -285,29 +249,23 @@ impl LateEvents {
     }
 
     fn delay(&mut self, event: Event) {
-        let pixel = self.pixel(&event);
-        let [left, top] = self.array.origin;
-        let site = PixelSite { seed: self.array.seed, x: event.x + left, y: event.y + top };
+        let pixel = self.array.pixel(&event);
+        let site = self.array.site(pixel);
         let lux = self.light.as_ref().map_or(f64::INFINITY, |light| light.at(event.t.0, pixel));
-        let PixelPast { t_ns: before, count, .. } = self.past[pixel];
+        let PixelPast { t_ns: before, count } = self.past[pixel];
         let due = event.t.0 + self.latency.draw_ns(lux, site, count);
         // The pixel is at rest again `dead_ns` after its previous event. This never makes an event later than
         // `max_us`: it was the same time after the previous crossing.
         let late = due.max(before + self.dead_ns);
-        let past = &mut self.past[pixel];
-        (past.t_ns, past.count) = (late, count.wrapping_add(1));
+        self.past[pixel] = PixelPast { t_ns: late, count: count.wrapping_add(1) };
         self.counts.made += 1;
         let delay_ns = late - event.t.0;
         let event = Event { t: gs2e_num::units::Timestamp(late), ..event };
         self.waiting.push(Reverse(LateEvent { event, delay_ns }));
     }
 
-    fn pixel(&self, event: &Event) -> usize {
-        usize::from(event.y) * self.array.size.width as usize + usize::from(event.x)
-    }
-
     /// Passes on the events before a time, ns.
-    fn pass_before(&mut self, end_ns: i64, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn pass_before(&mut self, end_ns: i64, sink: &mut dyn EventSink) -> io::Result<()> {
         while self.waiting.peek().is_some_and(|Reverse(late)| late.event.t.0 < end_ns) {
             let Some(Reverse(late)) = self.waiting.pop() else { break };
             self.pass(late);
@@ -323,31 +281,13 @@ impl LateEvents {
         // The sum; `finish` divides it.
         self.counts.mean_us += delay_us;
         self.counts.max_us = self.counts.max_us.max(delay_us);
-        self.counts.kept += 1;
-        self.on += u64::from(event.polarity == Polarity::On);
-        let place = Some((event.t.floor_micros(), event.y, event.x));
-        self.coincident += u64::from(place == self.place);
-        self.place = place;
-        let pixel = self.pixel(&event);
-        self.past[pixel].is_seen = true;
+        self.counted.add(&event, self.array.pixel(&event));
         self.passed.push(event);
     }
 
-    fn flush(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn flush(&mut self, sink: &mut dyn EventSink) -> io::Result<()> {
         sink.append(&self.passed)?;
         self.passed.clear();
-        Ok(())
-    }
-
-    /// Passes on the events up to the last frame, and counts the others.
-    fn finish(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
-        self.delay_microsecond();
-        self.pass_before(self.last_ns.saturating_add(1), sink)?;
-        self.flush(sink)?;
-        self.counts.unread = self.waiting.len() as u64;
-        if self.counts.kept > 0 {
-            self.counts.mean_us /= self.counts.kept as f64;
-        }
         Ok(())
     }
 }

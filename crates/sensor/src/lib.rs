@@ -23,6 +23,7 @@
 //! ```
 
 mod cap;
+mod chain;
 mod choice;
 mod course;
 mod dead_time;
@@ -56,12 +57,13 @@ pub use set::SensorSet;
 pub use simulate::{SensorChannel, SimulateError, simulate_all, simulate_one};
 
 use crate::frames::DenseFrame;
+use chain::{FilteredPixels, PixelArray};
 use front_end::FrontEnd;
 use gs2e_event::EventSink;
 use gs2e_image::Size;
 use gs2e_num::seed::Seed;
-use latency::LatencyAccount;
-use readout::ReadoutAccount;
+use latency::{LateEvents, LatencyAccount};
+use readout::{BusState, ReadoutAccount};
 use serde::{Deserialize, Serialize};
 
 /// White on the grey scale of luminance.
@@ -74,18 +76,25 @@ pub trait SensorModel: SensorParameters {
     fn law_version(&self) -> u32;
 
     /// The front end, which turns frames into the brightness that the pixels see.
-    fn front_end(&self) -> FrontEnd;
+    fn front_end(&self) -> FrontEnd {
+        self.settings().front_end
+    }
 
     /// Brightness contrast of one ON and one OFF event, as a difference of natural logarithms.
     fn contrast(&self) -> (f64, f64);
 
     /// Returns true if its events are labelled as signal or noise.
-    fn labels(&self) -> bool;
+    fn labels(&self) -> bool {
+        self.settings().labels
+    }
 
     /// Returns false if brightness alone makes all of its events.
     fn makes_noise(&self) -> bool {
         true
     }
+
+    /// The pixels of the law, with the filters for the settings that the law does not follow itself.
+    fn law_pixels(&self, array: PixelArray) -> FilteredPixels;
 
     /// Pixels at rest, before the first frame of a sequence. `origin` is the sensor position of the
     /// frames' top-left pixel, so that a crop draws the same noise as the whole image.
@@ -93,21 +102,15 @@ pub trait SensorModel: SensorParameters {
     /// # Errors
     /// A parameter is outside its range, or a pixel is outside the 65536 x 65536 that events can
     /// name.
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError>;
-}
-
-/// Checks that every pixel of a frame has coordinates that events can hold.
-fn check_extent(size: Size, origin: [u16; 2]) -> Result<(), SensorError> {
-    size.check_sensor().map_err(|e| SensorError::Setup(format!("frames of {e}")))?;
-    // Coordinates are 16 bits wide: the pixel at 65535 is the last one that an event can name.
-    let fits = |extent: u32, from: u16| u64::from(extent) + u64::from(from) <= 1 << 16;
-    if fits(size.width, origin[0]) && fits(size.height, origin[1]) {
-        return Ok(());
+    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
+        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
+        let settings = self.settings();
+        let array = PixelArray { size, origin, seed, labels: settings.labels };
+        array.check_extent()?;
+        let late = settings.delays().map(|delays| LateEvents::new(delays, &settings, array));
+        let bus = settings.readout.map(|bus| BusState::new(bus, array));
+        Ok(Box::new(self.law_pixels(array).behind(late).behind(bus)))
     }
-    let [x, y] = origin;
-    Err(SensorError::Setup(format!(
-        "frames of {size} at ({x}, {y}) exceed the 65536 columns and rows that events can address"
-    )))
 }
 
 /// State of a sensor's pixels.

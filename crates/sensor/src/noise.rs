@@ -5,13 +5,14 @@
 //! # Examples
 //!
 //! ```
-//! use gs2e_sensor::SensorChoice;
 //! use gs2e_sensor::esim::EsimModel;
 //! use gs2e_sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod};
+//! use gs2e_sensor::{SensorChoice, SensorSettings};
 //!
 //! let hot_pixels = HotPixelNoise { share: 0.01, rate: 100.0, spread: 0.0 };
 //! let refractory = RefractoryPeriod { period_us: 50.0, reference: ReferenceRule::Passing };
-//! let sensor = SensorChoice::from(EsimModel { hot_pixels, refractory, ..EsimModel::default() });
+//! let settings = SensorSettings { hot_pixels, refractory, ..SensorSettings::default() };
+//! let sensor = SensorChoice::from(EsimModel { settings, ..EsimModel::default() });
 //! assert!(sensor.has_noise());
 //! // The dead time makes no event, so it is no noise.
 //! let quiet = sensor.without_noise();

@@ -3,84 +3,75 @@
 //!
 //! The processes do not interact: an own event does not change the pixel's voltage.
 
-use super::front_end::FrontEnd;
+use super::SimulationAccount;
+use super::chain::{EventFilter, PixelArray};
 use super::noise::floor::FloorTable;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, NoiseFloor, PixelSite};
-use super::{SensorError, SensorPixels, SimulationAccount};
 use crate::frames::DenseFrame;
-use gs2e_event::{Event, EventLabel, EventSink, Polarity};
-use gs2e_image::Size;
-use gs2e_num::seed::{DrawSpace, Seed};
+use gs2e_event::{Event, EventSink, Polarity};
+use gs2e_num::seed::DrawSpace;
 use gs2e_num::units::Timestamp;
 use rayon::prelude::*;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::io;
 
 /// Number of pixels that one task takes at a time.
 const CHUNK: usize = 4096;
 
-/// A pixel array: its size, its place on the sensor, its seed, and the label of its own events.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct OwnEventArray {
-    pub(super) size: Size,
-    /// Position of the top-left pixel on the sensor.
-    pub(super) origin: [u16; 2],
-    pub(super) seed: Seed,
-    /// Label of the own events.
-    pub(super) label: EventLabel,
-}
-
-impl OwnEventArray {
-    /// Coordinates of a pixel in the frame, and its site on the sensor.
-    fn at(&self, pixel: usize) -> ([u16; 2], PixelSite) {
-        let width = self.size.width as usize;
-        #[expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
-        let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
-        ([x, y], PixelSite { seed: self.seed, x: x + self.origin[0], y: y + self.origin[1] })
-    }
-}
-
-/// Pixels with events of their own.
-pub(super) struct WithOwnEvents {
-    pixels: Box<dyn SensorPixels>,
+/// Merges the events that pixels make by themselves into those of a law.
+pub(super) struct OwnEvents {
     own: OwnEventQueue,
     floor: Option<FloorPixels>,
 }
 
-impl WithOwnEvents {
-    /// Adds hot pixels to `pixels`.
-    pub(super) fn with_hot(pixels: Box<dyn SensorPixels>, hot: &HotPixelNoise, array: OwnEventArray) -> Self {
-        let mut own = OwnEventQueue::new(*hot, array);
-        own.start_hot();
-        Self { pixels, own, floor: None }
+impl OwnEvents {
+    /// Hot pixels, if there are any.
+    pub(super) fn of_hot(hot: &HotPixelNoise, array: PixelArray) -> Option<Self> {
+        (!hot.is_absent()).then(|| {
+            let mut own = OwnEventQueue::new(*hot, array);
+            own.start_hot();
+            Self { own, floor: None }
+        })
     }
 
-    /// Adds a noise floor to `pixels`, which see the light of `front_end`.
-    pub(super) fn with_floor(
-        pixels: Box<dyn SensorPixels>,
-        floor: &NoiseFloor,
-        front_end: &FrontEnd,
-        array: OwnEventArray,
-    ) -> Self {
-        let own = OwnEventQueue::new(HotPixelNoise::default(), array);
-        Self { pixels, own, floor: Some(FloorPixels::new(floor, front_end, array)) }
+    /// A noise floor, if there is one. White is `white_lux`.
+    pub(super) fn of_floor(floor: &NoiseFloor, white_lux: f64, array: PixelArray) -> Option<Self> {
+        (!floor.is_absent()).then(|| {
+            let floor = Some(FloorPixels::new(FloorTable::new(floor, white_lux), array));
+            Self { own: OwnEventQueue::new(HotPixelNoise::default(), array), floor }
+        })
     }
 }
 
-impl SensorPixels for WithOwnEvents {
-    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+impl EventFilter for OwnEvents {
+    fn see(&mut self, frame: &DenseFrame) {
         self.own.last = frame.t;
-        // First: the law passes on its events of this interval, and all own events before them must
-        // be known by then.
+        // The law passes on its events of this interval next, and all own events before them must be
+        // known by then.
         if let Some(floor) = &mut self.floor {
             floor.advance(frame, &mut self.own.waiting);
         }
-        self.pixels.advance(frame, &mut MergedEvents { sink, own: &mut self.own })
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
-        let account = self.pixels.finish(&mut MergedEvents { sink, own: &mut self.own })?;
+    fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> io::Result<()> {
+        self.own.out.clear();
+        for event in events {
+            let until = event.file_order();
+            // Up to and including the place of the law's event: where both are equal, the own event
+            // is first.
+            self.own.take_until(|own| own.file_order() <= until);
+            self.own.take(*event, false);
+        }
+        sink.append(&self.own.out)
+    }
+
+    fn finish(
+        &mut self,
+        account: SimulationAccount,
+        sink: &mut dyn EventSink,
+    ) -> io::Result<SimulationAccount> {
         // Own events may follow the last event of the law, so they are not all merged by now.
         self.own.append_rest(sink)?;
         let OwnEventQueue { on, off, pairs, fired, .. } = &self.own;
@@ -100,7 +91,7 @@ impl SensorPixels for WithOwnEvents {
 /// The noise floor of all pixels.
 struct FloorPixels {
     table: FloorTable,
-    array: OwnEventArray,
+    array: PixelArray,
     trains: Vec<PoissonTrain>,
     /// Brightness at the latest frame; empty before the first.
     seen: Vec<f32>,
@@ -109,9 +100,8 @@ struct FloorPixels {
 }
 
 impl FloorPixels {
-    fn new(floor: &NoiseFloor, front_end: &FrontEnd, array: OwnEventArray) -> Self {
-        let table = FloorTable::new(floor, front_end.white_lux());
-        let train = |pixel| PoissonTrain::new(array.at(pixel).1, DrawSpace::Shot);
+    fn new(table: FloorTable, array: PixelArray) -> Self {
+        let train = |pixel| PoissonTrain::new(array.site(pixel), DrawSpace::Shot);
         let trains = (0..array.size.pixels()).into_par_iter().map(train).collect();
         Self { table, array, trains, seen: Vec::new(), t: Timestamp(0) }
     }
@@ -130,8 +120,9 @@ impl FloorPixels {
                     let mut made = Vec::new();
                     let pixels = trains.iter_mut().zip(seen.iter().zip(now)).enumerate();
                     for (pixel, (train, (from, to))) in pixels {
-                        let span = FloorSpan { greys: [*from, *to], start: t.0, length };
-                        span.cross(table, train, (array, i * CHUNK + pixel), &mut made);
+                        let pixel = i * CHUNK + pixel;
+                        let span = FloorSpan { array, pixel, greys: [*from, *to], start: t.0, length };
+                        span.cross(table, train, &mut made);
                     }
                     made
                 })
@@ -146,7 +137,9 @@ impl FloorPixels {
 }
 
 /// A pixel between two frames.
-struct FloorSpan {
+struct FloorSpan<'a> {
+    array: &'a PixelArray,
+    pixel: usize,
     greys: [f32; 2],
     /// Stamp of the earlier frame, ns.
     start: i64,
@@ -154,21 +147,15 @@ struct FloorSpan {
     length: f64,
 }
 
-impl FloorSpan {
+impl FloorSpan<'_> {
     #[inline]
-    fn cross(
-        &self,
-        table: &FloorTable,
-        train: &mut PoissonTrain,
-        (array, pixel): (&OwnEventArray, usize),
-        made: &mut Vec<NextOwnEvent>,
-    ) {
+    fn cross(&self, table: &FloorTable, train: &mut PoissonTrain, made: &mut Vec<NextOwnEvent>) {
         let ends = self.greys.map(|grey| table.at(grey).iter().sum());
         let rates = LinearRate { ends, length: self.length };
         let mut start = 0.0;
         while let Some(t) = train.advance(&rates, start) {
-            let ([x, y], site) = array.at(pixel);
-            let mark = train.wait(site, DrawSpace::Shot);
+            let [x, y] = self.array.at(self.pixel);
+            let mark = train.wait(self.array.site(self.pixel), DrawSpace::Shot);
             let [from, to] = self.greys.map(f64::from);
             #[expect(clippy::cast_possible_truncation, reason = "a grey between two of 32 bits")]
             let grey = (from + (to - from) * (t / self.length)) as f32;
@@ -177,7 +164,7 @@ impl FloorSpan {
             // An event at the earlier frame's own time belongs to the interval before it.
             #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
             let ns = self.start + (t as i64).max(1);
-            let event = Event { t: Timestamp(ns), x, y, polarity, label: array.label };
+            let event = Event { t: Timestamp(ns), x, y, polarity, label: self.array.noise_label() };
             made.push(NextOwnEvent { event, again: None });
             start = t;
         }
@@ -239,7 +226,7 @@ struct CoincidentEvents {
 /// The own events that are known and not passed on yet.
 struct OwnEventQueue {
     hot: HotPixelNoise,
-    array: OwnEventArray,
+    array: PixelArray,
     waiting: BinaryHeap<Reverse<NextOwnEvent>>,
     fired: Vec<FiredCause>,
     /// Stamp of the last frame.
@@ -255,7 +242,7 @@ struct OwnEventQueue {
 }
 
 impl OwnEventQueue {
-    fn new(hot: HotPixelNoise, array: OwnEventArray) -> Self {
+    fn new(hot: HotPixelNoise, array: PixelArray) -> Self {
         Self {
             hot,
             array,
@@ -273,8 +260,8 @@ impl OwnEventQueue {
     /// Schedules the first event of each hot pixel.
     fn start_hot(&mut self) {
         for pixel in 0..self.array.size.pixels() {
-            let (at, site) = self.array.at(pixel);
-            self.wait(at, HotTrain { at: 0.0, site, train: self.hot.train(site) });
+            let site = self.array.site(pixel);
+            self.wait(self.array.at(pixel), HotTrain { at: 0.0, site, train: self.hot.train(site) });
         }
     }
 
@@ -286,7 +273,8 @@ impl OwnEventQueue {
             clippy::cast_possible_truncation,
             reason = "nanoseconds; what is beyond 64 bits is beyond any stamp"
         )]
-        let event = Event { t: Timestamp(at as i64), x, y, polarity: Polarity::On, label: self.array.label };
+        let t = Timestamp(at as i64);
+        let event = Event { t, x, y, polarity: Polarity::On, label: self.array.noise_label() };
         self.waiting.push(Reverse(NextOwnEvent { event, again: Some(HotTrain { at, ..hot }) }));
     }
 
@@ -321,15 +309,14 @@ impl OwnEventQueue {
         self.pairs += if own { self.together.all } else { self.together.own };
         self.together.all += 1;
         self.together.own += u64::from(own);
-        let width = self.array.size.width as usize;
-        let fired = &mut self.fired[usize::from(event.y) * width + usize::from(event.x)];
+        let fired = &mut self.fired[self.array.pixel(&event)];
         fired.by_itself |= own;
         fired.by_law |= !own;
         self.out.push(event);
     }
 
     /// Passes on the remaining own events up to the last stamp.
-    fn append_rest(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn append_rest(&mut self, sink: &mut dyn EventSink) -> io::Result<()> {
         // The process of a hot pixel has no end, so the last stamp cuts it off.
         let last = self.last;
         self.out.clear();
@@ -338,34 +325,18 @@ impl OwnEventQueue {
     }
 }
 
-/// A sink that merges own events into the stream of a law.
-struct MergedEvents<'a> {
-    sink: &'a mut dyn EventSink,
-    own: &'a mut OwnEventQueue,
-}
-
-impl EventSink for MergedEvents<'_> {
-    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        self.own.out.clear();
-        for event in events {
-            let until = event.file_order();
-            // Up to and including the place of the law's event: where both are equal, the own event
-            // is first.
-            self.own.take_until(|own| own.file_order() <= until);
-            self.own.take(*event, false);
-        }
-        self.sink.append(&self.own.out)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SensorSettings;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
+    use crate::front_end::FrontEnd;
     use crate::noise::{FloorPoint, RefractoryPeriod};
     use crate::parameters::SensorParameters as _;
     use crate::simulate_one;
     use crate::voltmeter::{VoltmeterModel, VoltmeterPreset};
+    use gs2e_image::Size;
+    use gs2e_num::seed::Seed;
     use std::ops::ControlFlow;
 
     const SIZE: Size = Size { width: 40, height: 30 };
@@ -385,7 +356,8 @@ mod tests {
 
     fn quiet(hot_pixels: HotPixelNoise) -> VoltmeterModel {
         let [k1, k2, ..] = VoltmeterPreset::Dvs346.k();
-        VoltmeterModel { hot_pixels, ..VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) }
+        let settings = SensorSettings { hot_pixels, ..SensorSettings::default() };
+        VoltmeterModel { settings, ..VoltmeterModel::new([k1, k2, 0.0, 0.0, 0.0, 0.0]) }
     }
 
     fn wave(j: usize, p: usize) -> f32 {
@@ -445,7 +417,8 @@ mod tests {
             FloorPoint { lux: 100.0, on: 4.0, off: 10.0 },
         ]);
         let front_end = FrontEnd { lux: Some(100.0), ..FrontEnd::default() };
-        let noisy = VoltmeterModel { floor, front_end, ..quiet(HotPixelNoise::default()) };
+        let settings = SensorSettings { front_end, ..SensorSettings::default() };
+        let noisy = VoltmeterModel { floor, settings, ..quiet(HotPixelNoise::default()) };
         // The left half sees 100 lux, the right half 1 lux.
         let (events, account) = run(&noisy, |_, p| if p % 40 < 20 { 255.0 } else { 2.55 });
         let seconds = 0.049 * SIZE.pixels() as f64 / 2.0;
@@ -472,7 +445,8 @@ mod tests {
         let refractory = RefractoryPeriod { period_us: 79.0, ..RefractoryPeriod::default() };
         let hot = HotPixelNoise { share: 0.2, rate: 5000.0, ..HotPixelNoise::default() };
         let (all, _) = run(&quiet(hot), wave);
-        let (apart, account) = run(&VoltmeterModel { refractory, ..quiet(hot) }, wave);
+        let settings = SensorSettings { refractory, ..quiet(hot).settings };
+        let (apart, account) = run(&VoltmeterModel { settings, ..quiet(hot) }, wave);
         let least = |events: &[Event]| {
             let mut times: Vec<_> = events.iter().map(|e| (e.y, e.x, e.t.floor_micros())).collect();
             times.sort_unstable();

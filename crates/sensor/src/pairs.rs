@@ -9,14 +9,14 @@
     reason = "pixel coordinates are below 2^16; times between two frames are below 2^56 ns"
 )]
 
+use super::chain::PixelArray;
 use super::noise::PixelSite;
 use super::window::{EventWindow, MAX_WINDOW_NS, PackedEvent};
-use super::{SensorError, SensorPixels, SimulationAccount, input};
+use super::{SensorError, SensorPixels, SensorSettings, SimulationAccount, input};
 use crate::frames::DenseFrame;
 use gs2e_event::{EventLabel, EventSink, Polarity};
-use gs2e_image::Size;
+use gs2e_num::seed::DrawSpace;
 use gs2e_num::seed::eight::SeedCells;
-use gs2e_num::seed::{DrawSpace, Seed};
 use rayon::prelude::*;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
@@ -51,9 +51,6 @@ pub(super) trait FrameLaw: Debug + Send + Sync {
         pair: &PixelPair,
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()>;
-
-    /// Returns true if events are labelled. If not, the label given to the writer is ignored.
-    fn labels(&self) -> bool;
 
     /// Difference between the pixel's event balance and the change of its brightness, relative to
     /// the bound that the law guarantees. `None` if the law guarantees none.
@@ -159,9 +156,7 @@ impl<'a> PairWriter<'a> {
 pub(super) struct PairPixels<L: FrameLaw> {
     law: L,
     cap: EventCap,
-    size: Size,
-    origin: [u16; 2],
-    seed: Seed,
+    array: PixelArray,
     before: Option<LatestFrame>,
     pixels: Vec<L::Pixel>,
     tally: Vec<EventTally>,
@@ -203,14 +198,13 @@ struct PixelRun<'a, P> {
 }
 
 impl<L: FrameLaw> PairPixels<L> {
-    pub(super) fn new(law: L, cap: EventCap, size: Size, origin: [u16; 2], seed: Seed) -> Self {
-        let n = size.pixels();
+    /// The pixels of a law, with the cap of `settings`.
+    pub(super) fn new(law: L, settings: &SensorSettings, array: PixelArray) -> Self {
+        let n = array.size.pixels();
         Self {
             law,
-            cap,
-            size,
-            origin,
-            seed,
+            cap: EventCap { most: settings.max_events_per_pixel_frame, leave_out: settings.allow_cap },
+            array,
             before: None,
             pixels: Vec::new(),
             tally: vec![EventTally::default(); n],
@@ -222,22 +216,11 @@ impl<L: FrameLaw> PairPixels<L> {
         }
     }
 
-    /// Column and row of a pixel in the frame.
-    fn at(&self, pixel: usize) -> [u16; 2] {
-        let width = self.size.width as usize;
-        [(pixel % width) as u16, (pixel / width) as u16]
-    }
-
-    fn site(&self, pixel: usize) -> PixelSite {
-        let ([x, y], [left, top]) = (self.at(pixel), self.origin);
-        PixelSite { seed: self.seed, x: x + left, y: y + top }
-    }
-
     fn begin(&mut self, luminance: &[f32]) {
         let seen: Vec<f64> = luminance.iter().map(|l| f64::from(l.max(0.0))).collect();
         let mut brightness = seen.clone();
         self.law.to_brightness(&mut brightness);
-        let pixel = |(i, (l, b)): (usize, (&f64, &f64))| self.law.begin(self.site(i), *l, *b);
+        let pixel = |(i, (l, b)): (usize, (&f64, &f64))| self.law.begin(self.array.site(i), *l, *b);
         self.pixels = seen.par_iter().zip(&brightness).enumerate().map(pixel).collect();
     }
 
@@ -264,7 +247,7 @@ impl<L: FrameLaw> PairPixels<L> {
         let over = bands.iter().find_map(|band| band.over);
         (self.pixels, self.tally, self.bands) = (pixels, tally, bands);
         let Some(pixel) = over else { return Ok(()) };
-        let [x, y] = self.at(pixel);
+        let [x, y] = self.array.at(pixel);
         let (frame, cap) = (before.index, self.cap.most);
         Err(SensorError::Cap { x, y, frame, before: before.luminance[pixel], after: after[pixel], cap })
     }
@@ -276,8 +259,8 @@ impl<L: FrameLaw> PairPixels<L> {
         self.law.to_brightness(&mut band.brightness);
         if let Some(space) = self.law.deviates() {
             band.sites.clear();
-            band.sites.extend((first..first + pixels.len()).map(|i| self.site(i).number()));
-            let cells = SeedCells { seed: self.seed, space, level: 0, index: frame };
+            band.sites.extend((first..first + pixels.len()).map(|i| self.array.site(i).number()));
+            let cells = SeedCells { seed: self.array.seed, space, level: 0, index: frame };
             cells.first_normals(&band.sites, &mut band.deviates);
         }
         let seconds = length / NS;
@@ -285,7 +268,7 @@ impl<L: FrameLaw> PairPixels<L> {
             let luminance = [from[i], to[i]].map(|l| f64::from(l.max(0.0)));
             let (brightness, deviate) = (band.brightness[i], band.deviates.get(i).copied().unwrap_or(0.0));
             let pair = PixelPair {
-                site: self.site(first + i),
+                site: self.array.site(first + i),
                 frame,
                 length,
                 seconds,
@@ -293,7 +276,7 @@ impl<L: FrameLaw> PairPixels<L> {
                 brightness,
                 deviate,
             };
-            let mut writer = PairWriter::new(&mut band.events, tally, self.cap, self.at(first + i));
+            let mut writer = PairWriter::new(&mut band.events, tally, self.cap, self.array.at(first + i));
             let broken = self.law.cross(pixel, &pair, &mut writer).is_break();
             band.most = band.most.max(writer.made);
             band.left_out += writer.left_out;
@@ -309,7 +292,7 @@ impl<L: FrameLaw> PairPixels<L> {
     fn hand_over(&mut self, from: i64, to: i64, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let mut noted: Vec<NotedEvent> = Vec::new();
         self.bands.iter_mut().for_each(|band| noted.append(&mut band.events));
-        if !self.law.labels() {
+        if !self.array.labels {
             noted.iter_mut().for_each(|event| event.label = EventLabel::Signal);
         }
         // Only a division into several windows needs the order of time: it is made by binary
@@ -364,7 +347,7 @@ impl<L: FrameLaw> PairPixels<L> {
 impl<L: FrameLaw> SensorPixels for PairPixels<L> {
     fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         let before = self.before.take();
-        self.negative_luminance += input::admit_frame(before.as_ref().map(|b| b.t), frame, self.size)?;
+        self.negative_luminance += input::admit_frame(before.as_ref().map(|b| b.t), frame, self.array.size)?;
         let luminance = frame.luminance.pixels();
         let mut stored = match before {
             None => {

@@ -3,13 +3,14 @@
 
 use super::front_end::FrontEnd;
 use super::latency::PixelLatency;
-use super::noise::HotPixelNoise;
+use super::noise::{HotPixelNoise, RefractoryPeriod};
 use super::readout::ReadoutBus;
 use super::screening::{ConstantLightNoise, ScreenError, SensorScreening};
 use super::voltmeter::BetweenFrames;
 use super::{SensorChoice, SimulationAccount};
 use gs2e_image::Size;
 use gs2e_num::units::Hertz;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// Name and publication of a sensor model.
@@ -26,20 +27,67 @@ pub struct SensorFacts {
 }
 
 /// Settings that every model has.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct SensorSettings {
-    /// The front end.
-    pub front_end: FrontEnd,
-    /// Pixels that fire by themselves.
+    /// The dead time after an event. For a voltmeter its reference is `passing`.
+    pub refractory: RefractoryPeriod,
+    /// Pixels with an event process of their own.
     pub hot_pixels: HotPixelNoise,
-    /// True if events beyond the cap are dropped and counted.
+    /// Maximum number of events of one pixel between two frames. More fail the step.
+    pub max_events_per_pixel_frame: u32,
+    /// True if further events are dropped and counted, and the step goes on.
     pub allow_cap: bool,
+    /// The front end.
+    #[serde(skip_serializing_if = "crate::is_default")]
+    pub front_end: FrontEnd,
     /// True if events are labelled as signal or noise.
+    #[serde(skip_serializing_if = "crate::is_default")]
     pub labels: bool,
-    /// The delays of the events, if they are late.
-    pub latency: Option<PixelLatency>,
     /// The bus behind the pixels, if its rate is limited.
+    #[serde(skip_serializing_if = "crate::is_default")]
     pub readout: Option<ReadoutBus>,
+    /// The delays of the events, if they are late.
+    #[serde(skip_serializing_if = "crate::is_default")]
+    pub latency: Option<PixelLatency>,
+}
+
+impl Default for SensorSettings {
+    /// A cap of 1000, and nothing else.
+    fn default() -> Self {
+        Self {
+            refractory: RefractoryPeriod::default(),
+            hot_pixels: HotPixelNoise::default(),
+            max_events_per_pixel_frame: 1000,
+            allow_cap: false,
+            front_end: FrontEnd::default(),
+            labels: false,
+            readout: None,
+            latency: None,
+        }
+    }
+}
+
+impl SensorSettings {
+    /// The delays of the events, if they are late.
+    pub(crate) fn delays(&self) -> Option<PixelLatency> {
+        self.latency.filter(|latency| !latency.is_absent())
+    }
+
+    /// Checks the numbers.
+    ///
+    /// # Errors
+    /// A number is outside its range, or a setting lacks one that it needs.
+    pub(crate) fn validate(&self) -> Result<(), ScreenError> {
+        self.refractory.validate()?;
+        self.hot_pixels.validate()?;
+        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
+        if self.max_events_per_pixel_frame == 0 {
+            let name = "max_events_per_pixel_frame";
+            return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
+        }
+        Ok(())
+    }
 }
 
 /// Cells of the pixels' clock over a clip.
@@ -62,27 +110,15 @@ pub trait SensorParameters {
     /// The settings that every model has.
     fn settings(&self) -> SensorSettings;
 
-    /// The sensor with other settings of this kind.
-    fn with_settings(&self, settings: SensorSettings) -> SensorChoice;
-
     /// The interpolation of brightness between frames.
     fn between(&self) -> BetweenFrames {
         BetweenFrames::Linear
     }
 
-    /// The sensor with another interpolation between frames; unchanged if the model has no choice.
-    fn with_between(&self, between: BetweenFrames) -> SensorChoice;
-
     /// The sensor with these contrast thresholds: changes of `ln` of the brightness that make one ON and
     /// one OFF event, the inverse of [`super::SensorModel::contrast`]. The spread over the pixels keeps
     /// its value.
     fn with_contrast(&self, on: f64, off: f64) -> SensorChoice;
-
-    /// Minimum time between two events of one pixel, in whole microseconds as files stamp them; 0
-    /// without a refractory period.
-    fn dead_us(&self) -> i64 {
-        0
-    }
 
     /// The sensor without its noise: only brightness makes events, on pixels with the same
     /// mismatch. Labels are removed as well; they change no event.
@@ -92,10 +128,17 @@ pub trait SensorParameters {
     /// parameter turns it off.
     fn without_idle(&self) -> SensorChoice;
 
-    /// Predicts the sensor's own behaviour at this frame rate.
+    /// Checks that every parameter is within its range.
     ///
     /// # Errors
-    /// The parameters make no usable stream.
+    /// A parameter is outside its range; the first one is named.
+    fn validate(&self) -> Result<(), ScreenError>;
+
+    /// Predicts the sensor's own behaviour with frames at this rate.
+    ///
+    /// # Errors
+    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel and
+    /// frame interval at grey 0, 1, 16, 64, 128 or 255, or of a hot pixel.
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError>;
 
     /// The quantity that thresholds are compared with, at a grey.
@@ -109,8 +152,9 @@ pub trait SensorParameters {
         0.0
     }
 
-    /// The mean noise of all pixels at a constant grey.
-    fn noise_at(&self, grey: f64) -> ConstantLightNoise;
+    /// The mean noise of all pixels at a constant grey: with the spread of their parameters and with hot
+    /// pixels.
+    fn array_noise(&self, grey: f64) -> ConstantLightNoise;
 
     /// The parameters in `scene.json`.
     fn released(&self) -> Value;

@@ -23,12 +23,13 @@
 //! # use gs2e_image::Size;
 //! # use gs2e_num::seed::Seed;
 //! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
-//! # use gs2e_sensor::{esim::EsimModel, simulate_one};
+//! # use gs2e_sensor::{SensorSettings, esim::EsimModel, simulate_one};
 //! # use std::ops::ControlFlow::Continue;
 //! use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
 //!
 //! let bus = ReadoutBus { rate_mev_s: 1.0, arbiter: ArbiterOrder::Rows, queue: None };
-//! let model = EsimModel { readout: Some(bus), ..EsimModel::default() };
+//! let settings = SensorSettings { readout: Some(bus), ..SensorSettings::default() };
+//! let model = EsimModel { settings, ..EsimModel::default() };
 //! // 64 pixels brighten together: all events of a threshold are made at one time.
 //! let samples = ArraySamples::Bytes([[50; 64], [100; 64]].concat());
 //! let mut frames = ArrayFrames::new(Size { width: 8, height: 8 }, samples, &[0, 1000])?;
@@ -43,11 +44,12 @@
 
 mod waiting;
 
-use super::{SensorError, SensorPixels, SimulationAccount};
+use super::SimulationAccount;
+use super::chain::{EventFilter, PassedEvents, PixelArray};
 use crate::frames::DenseFrame;
-use gs2e_event::{Event, EventSink, Polarity};
-use gs2e_image::Size;
+use gs2e_event::{Event, EventSink};
 use serde::{Deserialize, Serialize};
+use std::io;
 use waiting::WaitingEvents;
 
 /// A bus of limited rate.
@@ -103,67 +105,49 @@ impl ReadoutAccount {
     }
 }
 
-/// Places pixels behind a bus, if there is one.
-pub(super) fn read_out(
-    pixels: Box<dyn SensorPixels>,
-    bus: Option<ReadoutBus>,
-    size: Size,
-) -> Box<dyn SensorPixels> {
-    match bus {
-        Some(bus) => Box::new(ReadOutPixels { pixels, bus: BusState::new(bus, size) }),
-        None => pixels,
-    }
-}
-
-struct ReadOutPixels {
-    pixels: Box<dyn SensorPixels>,
-    bus: BusState,
-}
-
-impl SensorPixels for ReadOutPixels {
-    fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
-        self.bus.last_ns = frame.t.0;
-        self.pixels.advance(frame, &mut ArrivingEvents { sink, bus: &mut self.bus })
+impl EventFilter for BusState {
+    fn see(&mut self, frame: &DenseFrame) {
+        self.last_ns = frame.t.0;
     }
 
-    fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
-        let account = self.pixels.finish(&mut ArrivingEvents { sink, bus: &mut self.bus })?;
-        self.bus.finish(sink)?;
-        let BusState { counts, on, coincident, fired, .. } = &self.bus;
-        Ok(SimulationAccount {
-            // The account of the inner pixels counts the lost events too.
-            events: counts.kept,
-            on: *on,
-            off: counts.kept - on,
-            same_us_same_pixel: *coincident,
-            active_pixels: fired.iter().filter(|fired| **fired).count() as u64,
-            readout: Some(*counts),
-            ..account
-        })
+    fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> io::Result<()> {
+        for event in events {
+            let same = |first: &Event| first.t.floor_micros() == event.t.floor_micros();
+            if !self.arriving.first().is_none_or(same) {
+                self.serve_microsecond();
+            }
+            self.arriving.push(*event);
+        }
+        self.pass_on(sink)
     }
-}
 
-/// The sink of the pixels.
-struct ArrivingEvents<'a> {
-    sink: &'a mut dyn EventSink,
-    bus: &'a mut BusState,
-}
-
-impl EventSink for ArrivingEvents<'_> {
-    fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        self.bus.take(events);
-        self.bus.pass_on(self.sink)
+    /// Reads the waiting events up to the last frame, and passes on the rest.
+    fn finish(
+        &mut self,
+        account: SimulationAccount,
+        sink: &mut dyn EventSink,
+    ) -> io::Result<SimulationAccount> {
+        self.serve_microsecond();
+        self.serve_until(self.last_ns);
+        self.counts.unread = self.waiting.len() as u64;
+        self.pass_first(self.read.len(), sink)?;
+        self.counts.kept = self.passed.count;
+        if self.counts.kept > 0 {
+            self.counts.mean_delay_us /= self.counts.kept as f64;
+        }
+        Ok(SimulationAccount { readout: Some(self.counts), ..self.passed.settle(account) })
     }
 }
 
 /// Events collected before they are passed on.
 const CHUNK: usize = 1 << 14;
 
-struct BusState {
+/// The bus, and the events that wait for it.
+pub(super) struct BusState {
     /// Time of one event on the bus, ns; 0 for a bus without a limit.
     period_ns: f64,
     queue: u64,
-    width: usize,
+    array: PixelArray,
     /// Start of the present busy period, ns.
     start_ns: i64,
     /// Events that were read in it.
@@ -171,8 +155,6 @@ struct BusState {
     waiting: WaitingEvents,
     /// True for pixels with a waiting event.
     requesting: Vec<bool>,
-    /// True for pixels that had an event read.
-    fired: Vec<bool>,
     /// Events of the present microsecond. Files are not sorted within one.
     arriving: Vec<Event>,
     /// Events that were read, in order of time.
@@ -180,38 +162,24 @@ struct BusState {
     /// Stamp of the last frame, ns.
     last_ns: i64,
     counts: ReadoutAccount,
-    on: u64,
-    coincident: u64,
+    passed: PassedEvents,
 }
 
 impl BusState {
-    fn new(bus: ReadoutBus, size: Size) -> Self {
+    pub(super) fn new(bus: ReadoutBus, array: PixelArray) -> Self {
         Self {
             period_ns: 1e3 / bus.rate_mev_s,
             queue: bus.queue.unwrap_or(u64::MAX),
-            width: size.width as usize,
+            array,
             start_ns: i64::MIN,
             served: 0,
             waiting: WaitingEvents::new(bus.arbiter),
-            requesting: vec![false; size.pixels()],
-            fired: vec![false; size.pixels()],
+            requesting: vec![false; array.size.pixels()],
             arriving: Vec::new(),
             read: Vec::new(),
             last_ns: 0,
             counts: ReadoutAccount::default(),
-            on: 0,
-            coincident: 0,
-        }
-    }
-
-    /// Takes the next events of the pixels, in file order.
-    fn take(&mut self, events: &[Event]) {
-        for event in events {
-            let same = |first: &Event| first.t.floor_micros() == event.t.floor_micros();
-            if !self.arriving.first().is_none_or(same) {
-                self.serve_microsecond();
-            }
-            self.arriving.push(*event);
+            passed: PassedEvents::new(&array),
         }
     }
 
@@ -226,7 +194,7 @@ impl BusState {
     fn arrive(&mut self, event: Event) {
         self.serve_until(event.t.0);
         self.counts.made += 1;
-        let pixel = self.pixel(&event);
+        let pixel = self.array.pixel(&event);
         if self.requesting[pixel] {
             self.counts.lost_in_pixel += 1;
         } else if self.waiting.is_empty() && self.slot_ns() <= event.t.0 {
@@ -245,7 +213,7 @@ impl BusState {
         while !self.waiting.is_empty() && self.slot_ns() <= end_ns {
             let at_ns = self.slot_ns();
             if let Some(event) = self.waiting.pop() {
-                let pixel = self.pixel(&event);
+                let pixel = self.array.pixel(&event);
                 self.requesting[pixel] = false;
                 self.leave(event, at_ns);
             }
@@ -265,21 +233,13 @@ impl BusState {
         // The sum; `finish` divides it.
         self.counts.mean_delay_us += delay_us;
         self.counts.max_delay_us = self.counts.max_delay_us.max(delay_us);
-        self.counts.kept += 1;
-        self.on += u64::from(event.polarity == Polarity::On);
         self.served += 1;
-        let pixel = self.pixel(&event);
-        self.fired[pixel] = true;
         event.t.0 = at_ns;
         self.read.push(event);
     }
 
-    fn pixel(&self, event: &Event) -> usize {
-        usize::from(event.y) * self.width + usize::from(event.x)
-    }
-
     /// Passes on the events of complete microseconds, if there are many.
-    fn pass_on(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn pass_on(&mut self, sink: &mut dyn EventSink) -> io::Result<()> {
         if self.read.len() < CHUNK {
             return Ok(());
         }
@@ -288,33 +248,22 @@ impl BusState {
         self.pass_first(complete, sink)
     }
 
-    fn pass_first(&mut self, count: usize, sink: &mut dyn EventSink) -> std::io::Result<()> {
+    fn pass_first(&mut self, count: usize, sink: &mut dyn EventSink) -> io::Result<()> {
         let passed = &mut self.read[..count];
         // Stable: events in one place of the file order keep the order of their times.
         passed.sort_by_key(Event::file_order);
-        let place = |event: &Event| (event.t.floor_micros(), event.y, event.x);
-        self.coincident += passed.windows(2).filter(|pair| place(&pair[0]) == place(&pair[1])).count() as u64;
+        passed.iter().for_each(|event| self.passed.add(event, self.array.pixel(event)));
         sink.append(passed)?;
         self.read.drain(..count);
         Ok(())
-    }
-
-    /// Reads the waiting events up to the last frame, and passes on the rest.
-    fn finish(&mut self, sink: &mut dyn EventSink) -> std::io::Result<()> {
-        self.serve_microsecond();
-        self.serve_until(self.last_ns);
-        self.counts.unread = self.waiting.len() as u64;
-        if self.counts.kept > 0 {
-            self.counts.mean_delay_us /= self.counts.kept as f64;
-        }
-        self.pass_first(self.read.len(), sink)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use gs2e_event::EventLabel;
+    use gs2e_event::{EventLabel, Polarity};
+    use gs2e_image::Size;
     use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
     use gs2e_num::units::Timestamp;
 
@@ -346,12 +295,13 @@ mod tests {
         chunk: usize,
         last_ns: i64,
     ) -> (Vec<Event>, ReadoutAccount) {
-        let (mut state, mut out) = (BusState::new(bus, SIZE), Vec::new());
+        let array = PixelArray { size: SIZE, origin: [0, 0], seed: Seed(1), labels: false };
+        let (mut state, mut out) = (BusState::new(bus, array), Vec::new());
         state.last_ns = last_ns;
         for part in events.chunks(chunk) {
-            ArrivingEvents { sink: &mut out, bus: &mut state }.append(part).unwrap();
+            state.take(part, &mut out).unwrap();
         }
-        state.finish(&mut out).unwrap();
+        state.finish(SimulationAccount::default(), &mut out).unwrap();
         assert_eq!(state.counts.kept, out.len() as u64);
         (out, state.counts)
     }

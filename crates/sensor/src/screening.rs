@@ -5,6 +5,7 @@
 //!
 //! ```
 //! use gs2e_num::units::Hertz;
+//! use gs2e_sensor::SensorParameters;
 //! use gs2e_sensor::esim::EsimModel;
 //! use gs2e_sensor::screening::ScreenError;
 //!
@@ -18,7 +19,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::noise::HotPixelNoise;
+use super::SensorParameters;
 use gs2e_num::units::Hertz;
 use serde::Serialize;
 use std::fmt;
@@ -250,25 +251,26 @@ pub(super) fn at_least_zero(name: &'static str, found: f64) -> Result<(), Screen
 }
 
 impl SensorScreening {
-    /// The table of a sensor with these hot pixels and with `noise` at each grey. Frames come at
-    /// `rate`.
+    /// The table of a sensor. Frames come at `rate`.
     ///
     /// # Errors
-    /// Noise alone would make more than 50 events per pixel and frame interval at grey 0, 1, 16,
-    /// 64, 128 or 255, or a hot pixel would do so by itself.
+    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel and
+    /// frame interval at grey 0, 1, 16, 64, 128 or 255, or a hot pixel would do so by itself.
     pub(super) fn new(
         quantity: &'static str,
         contrast: [f64; 2],
-        (rate, hot_pixels): (Hertz, HotPixelNoise),
-        noise: impl Fn(f64) -> ConstantLightNoise,
+        rate: Hertz,
+        sensor: &dyn SensorParameters,
     ) -> Result<Self, ScreenError> {
-        let frames_per_second = rate.to_f64();
+        sensor.validate()?;
+        let (frames_per_second, hot_pixels) = (rate.to_f64(), sensor.settings().hot_pixels);
+        let noise = |grey| sensor.array_noise(grey);
         // `noise` describes a pixel that is not hot, so hot pixels are checked apart.
         let per_frame = hot_pixels.rate / frames_per_second;
         if !hot_pixels.is_absent() && per_frame > LIMIT_PER_FRAME {
             return Err(ScreenError::HotPixels { hz: hot_pixels.rate, per_frame, frames_per_second });
         }
-        let at_greys = GREYS.map(&noise);
+        let at_greys = GREYS.map(noise);
         let worst = at_greys
             // The fold starts at grey 1, which the table does not show.
             .into_iter()

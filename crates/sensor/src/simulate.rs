@@ -134,7 +134,7 @@ pub fn simulate_one(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SensorChoice, esim, front_end, latency, noise, v2e, voltmeter};
+    use super::super::{SensorChoice, SensorSettings, esim, front_end, latency, noise, v2e, voltmeter};
     use super::*;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
     use gs2e_event::Event;
@@ -163,12 +163,22 @@ mod tests {
         let threshold = noise::ThresholdMismatch { on: 0.15, off: 0.2, spread: 0.03 };
         let refractory = noise::RefractoryPeriod { period_us: 50.0, reference: noise::ReferenceRule::AtEnd };
         let hot_pixels = noise::HotPixelNoise { share: 0.1, rate: 1000.0, ..noise::HotPixelNoise::default() };
-        let esim = esim::EsimModel { threshold, refractory, hot_pixels, ..esim::EsimModel::default() };
+        let esim = esim::EsimModel {
+            threshold,
+            settings: SensorSettings { refractory, hot_pixels, ..SensorSettings::default() },
+            ..esim::EsimModel::default()
+        };
         let redrawn = esim::EsimModel { mismatch: noise::RedrawRule::PerFrame, ..esim.clone() };
         let delays = latency::PixelLatency { us: 100.0, jitter_us: 30.0, tau_us: 10.0, max_us: 1000.0 };
         let front_end = FrontEnd { lux: Some(250.0), ..FrontEnd::default() };
-        let late = esim::EsimModel { latency: Some(delays), front_end, ..esim.clone() };
-        let noisy = v2e::V2eModel { hot_pixels, ..v2e::V2eModel::from(v2e::V2ePreset::Noisy) };
+        let late = esim::EsimModel {
+            settings: SensorSettings { latency: Some(delays), front_end, ..esim.settings },
+            ..esim.clone()
+        };
+        let noisy = v2e::V2eModel {
+            settings: SensorSettings { hot_pixels, ..v2e::V2eModel::from(v2e::V2ePreset::Noisy).settings },
+            ..v2e::V2eModel::from(v2e::V2ePreset::Noisy)
+        };
         let voltmeters = presets.into_iter().chain([official]).map(SensorChoice::Voltmeter);
         voltmeters
             .chain([esim, redrawn, late].map(SensorChoice::Esim))

@@ -113,6 +113,7 @@ fn flatten(path: &str, value: &Value, out: &mut BTreeMap<String, Value>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SensorSettings;
     use crate::esim::EsimModel;
     use crate::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
     use crate::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
@@ -142,7 +143,7 @@ mod tests {
         let other = LeakNoise { rate: 0.0, jitter: 0.7, cov: 0.2 };
         t(v2e(|v| (v.leak, v.shot) = (other, 0.0)), v2e(|_| ()), true);
         let silent = HotPixelNoise { share: 0.5, rate: 0.0, ..HotPixelNoise::default() };
-        t(v2e(|v| (quiet(v), v.hot_pixels = silent).1), v2e(|_| ()), true);
+        t(v2e(|v| (quiet(v), v.settings.hot_pixels = silent).1), v2e(|_| ()), true);
         t(v2e(|v| (quiet(v), v.filter = FilterSteps::Euler).1), v2e(|_| ()), false);
         let unfiltered = |steps| move |v: &mut V2eModel| (v.cutoff, v.filter) = (0.0, steps);
         t(
@@ -153,7 +154,12 @@ mod tests {
         let hot = HotPixelNoise { share: 0.5, rate: 3.0, ..HotPixelNoise::default() };
         let esim = |spread, mismatch, hot_pixels| {
             let threshold = ThresholdMismatch { on: 0.2, off: 0.2, spread };
-            SensorChoice::Esim(EsimModel { threshold, mismatch, hot_pixels, ..EsimModel::default() })
+            SensorChoice::Esim(EsimModel {
+                threshold,
+                mismatch,
+                settings: SensorSettings { hot_pixels, ..SensorSettings::default() },
+                ..EsimModel::default()
+            })
         };
         let none = HotPixelNoise::default();
         t(esim(0.0, RedrawRule::PerFrame, none), esim(0.0, RedrawRule::PerSensor, hot), true);

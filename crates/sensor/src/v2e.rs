@@ -52,26 +52,17 @@ mod presets;
 pub(super) use parameters::FACTS;
 pub use presets::V2ePreset;
 
+use super::chain::{FilteredPixels, PixelArray};
 use super::course::{BrightnessCourse, FilteredCourse};
 use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
-use super::front_end::FrontEnd;
-use super::latency::{PixelLatency, make_late};
-use super::noise::mismatch::FLOOR;
 use super::noise::poisson::{LinearRate, PoissonTrain};
-use super::noise::{HotPixelNoise, PixelSite, RefractoryPeriod, ThresholdMismatch};
-use super::own_events::OwnEventArray;
-use super::pairs::{EventCap, FrameLaw, PairPixels, PairWriter, PixelPair};
-use super::readout::{ReadoutBus, read_out};
-use super::screening::{
-    ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
-};
-use super::{SensorError, SensorModel, SensorPixels, WHITE, check_extent};
+use super::noise::{PixelSite, ThresholdMismatch};
+use super::pairs::{FrameLaw, PairPixels, PairWriter, PixelPair};
+use super::screening::ConstantLightNoise;
+use super::{SensorModel, SensorSettings, WHITE};
 use fearless_simd::{Level, Select as _, Simd, SimdBase as _, dispatch};
-use gs2e_event::EventLabel;
-use gs2e_image::Size;
 use gs2e_num::elementary::{ln_eight, load_eight, store_eight};
-use gs2e_num::seed::{DrawSpace, Seed};
-use gs2e_num::units::Hertz;
+use gs2e_num::seed::DrawSpace;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{LN_10, TAU};
 use std::ops::ControlFlow;
@@ -92,26 +83,9 @@ pub struct V2eModel {
     pub leak: LeakNoise,
     /// Shot noise of both polarities together in the dark, Hz.
     pub shot: f64,
-    /// The dead time after an event.
-    pub refractory: RefractoryPeriod,
-    /// Pixels with an event process of their own.
-    pub hot_pixels: HotPixelNoise,
-    /// Maximum number of events of one pixel between two frames. More fail the step.
-    pub max_events_per_pixel_frame: u32,
-    /// True if further events are dropped and counted, and the step goes on.
-    pub allow_cap: bool,
-    /// The front end.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub front_end: FrontEnd,
-    /// True if events are labelled as signal or noise.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub labels: bool,
-    /// The bus behind the pixels, if its rate is limited.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub readout: Option<ReadoutBus>,
-    /// The delays of the events, if they are late.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub latency: Option<PixelLatency>,
+    /// The settings that every model has.
+    #[serde(flatten)]
+    pub settings: SensorSettings,
 }
 
 /// The filter's step from frame to frame.
@@ -175,8 +149,8 @@ impl V2eModel {
     /// than a threshold.
     #[must_use]
     pub fn keeps_balance(&self) -> bool {
-        let quiet = self.leak.rate == 0.0 && self.shot == 0.0 && self.hot_pixels.is_absent();
-        quiet && self.refractory.period_us == 0.0 && !self.allow_cap
+        let quiet = self.leak.rate == 0.0 && self.shot == 0.0 && self.settings.hot_pixels.is_absent();
+        quiet && self.settings.refractory.period_us == 0.0 && !self.settings.allow_cap
     }
 
     /// Noise of a pixel with nominal thresholds at this constant grey. A leak event needs an
@@ -185,21 +159,6 @@ impl V2eModel {
     #[must_use]
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
         self.noise_of(grey, [1.0; 2], 1.0)
-    }
-
-    /// The mean noise of all pixels at this constant grey: with the spread of their thresholds and
-    /// of their leak, and with hot pixels.
-    #[must_use]
-    pub fn array_noise(&self, grey: f64) -> ConstantLightNoise {
-        let sides = self.threshold.sides();
-        let of_law = array_mean(sides, self.threshold.spread, [FLOOR; 2], |[on, off]| {
-            let shares = [sides[0] / on, sides[1] / off];
-            // The leak rate is log-normal over the pixels.
-            let deviation = self.leak.cov * LN_10;
-            let leaky = |z: f64| self.noise_of(grey, shares, libm::exp(deviation * z));
-            if deviation == 0.0 { leaky(0.0) } else { normal_mean(leaky) }
-        });
-        of_law.plus([self.hot_pixels.mean_hz(), 0.0])
     }
 
     /// Noise of a pixel whose rates of ON and OFF shots and of leak are these multiples of the
@@ -212,50 +171,6 @@ impl V2eModel {
         let total = shots + leaks;
         let share = (leaks + on) / total;
         ConstantLightNoise { grey, leak_hz: leak, total_hz: total, on_share: (total > 0.0).then_some(share) }
-    }
-
-    /// Predicts this sensor's behaviour with frames at this rate, without hot pixels.
-    ///
-    /// # Errors
-    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel
-    /// and frame interval.
-    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
-        self.validate()?;
-        let sides = self.threshold.sides();
-        let screened =
-            SensorScreening::new("ln L (above grey 20)", sides, (rate, self.hot_pixels), |grey| {
-                self.array_noise(grey)
-            })?;
-        // Without shots, which reset the leak. The mean of a log-normal factor is `exp` of half the
-        // variance of its logarithm.
-        let LeakNoise { rate: leak, jitter, cov } = self.leak;
-        // A jitter above 1 turns the leak around in some frames. The OFF events of those count as
-        // well.
-        let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));
-        let hz = leak * share * libm::exp(0.5 * (cov * LN_10) * (cov * LN_10));
-        let per_frame = hz / frames_per_second;
-        if per_frame > LIMIT_PER_FRAME {
-            return Err(ScreenError::Leak { hz, per_frame, frames_per_second });
-        }
-        Ok(screened)
-    }
-
-    fn validate(&self) -> Result<(), ScreenError> {
-        self.threshold.validate()?;
-        self.refractory.validate()?;
-        self.hot_pixels.validate()?;
-        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
-        let LeakNoise { rate, jitter, cov } = self.leak;
-        at_least_zero("cutoff", self.cutoff)?;
-        at_least_zero("leak.rate", rate)?;
-        at_least_zero("leak.jitter", jitter)?;
-        at_least_zero("leak.cov", cov)?;
-        at_least_zero("shot", self.shot)?;
-        if self.max_events_per_pixel_frame == 0 {
-            let name = "max_events_per_pixel_frame";
-            return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
-        }
-        Ok(())
     }
 
     /// Time constant of the low-pass filter at this constant luminance, seconds; infinite without a
@@ -318,14 +233,6 @@ impl SensorModel for V2eModel {
         VERSION
     }
 
-    fn front_end(&self) -> FrontEnd {
-        self.front_end
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
-    }
-
     fn makes_noise(&self) -> bool {
         !self.keeps_balance()
     }
@@ -335,15 +242,8 @@ impl SensorModel for V2eModel {
         (self.threshold.on, self.threshold.off)
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
-        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
-        check_extent(size, origin)?;
-        let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-        let pixels = Box::new(PairPixels::new(self.clone(), cap, size, origin, seed));
-        let array = OwnEventArray { size, origin, seed, label: EventLabel::Noise };
-        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
-        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
-        Ok(read_out(pixels, self.readout, size))
+    fn law_pixels(&self, array: PixelArray) -> FilteredPixels {
+        FilteredPixels::new(PairPixels::new(self.clone(), &self.settings, array))
     }
 }
 
@@ -401,7 +301,7 @@ impl FrameLaw for V2eModel {
             } else {
                 PoissonTrain::new(site, DrawSpace::Shot)
             },
-            own: self.hot_pixels.train(site),
+            own: self.settings.hot_pixels.train(site),
         }
     }
 
@@ -420,7 +320,7 @@ impl FrameLaw for V2eModel {
         let [on, off] = pixel.shot_shares;
         let shots = [pixel.shots, self.shot_rate([on, off], luminance[1])];
         pixel.shots = shots[1];
-        let own = if pixel.own.is_silent() { [0.0; 2] } else { [self.hot_pixels.per_ns(site); 2] };
+        let own = if pixel.own.is_silent() { [0.0; 2] } else { [self.settings.hot_pixels.per_ns(site); 2] };
         let mut sources = [
             OwnEventKind {
                 train: &mut pixel.shot,
@@ -440,16 +340,12 @@ impl FrameLaw for V2eModel {
             },
         ];
         let course = plain.tilted(leaked);
-        let flow = pixel.detector.cross(&course, &self.refractory, &mut sources, writer);
+        let flow = pixel.detector.cross(&course, &self.settings.refractory, &mut sources, writer);
         // Tilting the brightness has the same effect as moving the level.
         pixel.detector.reference -= leaked;
         // The output without leak, because the next course adds the leak of its own interval.
         (pixel.seen, pixel.input) = (plain.at(length), input);
         flow
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
     }
 
     fn imbalance(&self, pixel: &V2ePixel, on: u32, off: u32) -> Option<f64> {

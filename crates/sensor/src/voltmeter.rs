@@ -67,23 +67,19 @@ pub(super) use parameters::FACTS;
 pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
 
-use super::cap::CappedPixels;
-use super::dead_time::WithDeadTime;
-use super::front_end::FrontEnd;
-use super::latency::{PixelLatency, make_late};
-use super::noise::{HotPixelNoise, NoiseFloor, RefractoryPeriod};
-use super::own_events::{OwnEventArray, WithOwnEvents};
-use super::pairs::{EventCap, PairPixels};
-use super::readout::{ReadoutBus, read_out};
-use super::{SensorError, SensorModel, SensorPixels, check_extent};
-use gs2e_event::EventLabel;
-use gs2e_image::Size;
-use gs2e_num::seed::Seed;
-use serde::{Deserialize, Serialize};
+use super::cap::FirstEvents;
+use super::chain::{FilteredPixels, PixelArray};
+use super::dead_time::DeadTime;
+use super::noise::NoiseFloor;
+use super::own_events::OwnEvents;
+use super::pairs::PairPixels;
+use super::{SensorModel, SensorSettings};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
 
 /// Parameters in the official unit system: microseconds, grey 0..255, and voltages in thresholds of
 /// the preset. k1, k2 and the thresholds are above 0; k3 and k6 are at least 0.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct VoltmeterModel {
     /// k1 to k6: pure number, grey, grey^.5/us^.5, 1/us, 1/(grey us), 1/us^.5.
     pub k: [f64; 6],
@@ -99,36 +95,16 @@ pub struct VoltmeterModel {
     pub initial: InitialVoltage,
     /// Interpolation of brightness between frames.
     pub between: BetweenFrames,
-    /// Maximum number of events of one pixel between two frames. More fail the step.
-    pub max_events_per_pixel_frame: u32,
-    /// True if further events are dropped and counted, and the step goes on.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub allow_cap: bool,
     /// Standard deviation of the thresholds over the pixels.
-    #[serde(default, skip_serializing_if = "super::is_default")]
+    #[serde(default)]
     pub threshold_spread: f64,
-    /// Pixels with an event process of their own.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub hot_pixels: HotPixelNoise,
     /// Random events of all pixels, in addition to the noise of the voltage. They need the light of
-    /// white in `front_end`.
-    #[serde(default, skip_serializing_if = "super::is_default")]
+    /// white in the front end.
+    #[serde(default)]
     pub floor: NoiseFloor,
-    /// The dead time after an event. Its reference is `passing`.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub refractory: RefractoryPeriod,
-    /// The front end.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub front_end: FrontEnd,
-    /// True if events are labelled as signal or noise.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub labels: bool,
-    /// The bus behind the pixels, if its rate is limited.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub readout: Option<ReadoutBus>,
-    /// The delays of the events, if they are late.
-    #[serde(default, skip_serializing_if = "super::is_default")]
-    pub latency: Option<PixelLatency>,
+    /// The settings that every model has.
+    #[serde(flatten)]
+    pub settings: SensorSettings,
 }
 
 /// The sampler of the process.
@@ -198,61 +174,66 @@ impl VoltmeterModel {
             gain: DriftGain::Log,
             initial: InitialVoltage::Zero,
             between: BetweenFrames::Linear,
-            max_events_per_pixel_frame: 1000,
-            allow_cap: false,
             threshold_spread: 0.0,
-            hot_pixels: HotPixelNoise::default(),
             floor: NoiseFloor::default(),
-            refractory: RefractoryPeriod::default(),
-            front_end: FrontEnd::default(),
-            labels: false,
-            latency: None,
-            readout: None,
+            settings: SensorSettings::default(),
         }
+    }
+
+    /// The sensor without a limit on the events of one pixel between two frames.
+    #[must_use]
+    pub fn without_cap(mut self) -> Self {
+        self.settings.max_events_per_pixel_frame = u32::MAX;
+        self
     }
 }
 
+impl Serialize for VoltmeterModel {
+    /// Options that are not in use are left out, so that records from before they existed stay the same.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let SensorSettings { refractory, hot_pixels, max_events_per_pixel_frame, .. } = &self.settings;
+        let SensorSettings { allow_cap, front_end, labels, readout, latency, .. } = &self.settings;
+        let mut out = serializer.serialize_map(None)?;
+        out.serialize_entry("k", &self.k)?;
+        out.serialize_entry("threshold_on", &self.threshold_on)?;
+        out.serialize_entry("threshold_off", &self.threshold_off)?;
+        out.serialize_entry("law", &self.law)?;
+        out.serialize_entry("gain", &self.gain)?;
+        out.serialize_entry("initial", &self.initial)?;
+        out.serialize_entry("between", &self.between)?;
+        out.serialize_entry("max_events_per_pixel_frame", max_events_per_pixel_frame)?;
+        add_in_use(&mut out, "allow_cap", allow_cap)?;
+        add_in_use(&mut out, "threshold_spread", &self.threshold_spread)?;
+        add_in_use(&mut out, "hot_pixels", hot_pixels)?;
+        add_in_use(&mut out, "floor", &self.floor)?;
+        add_in_use(&mut out, "refractory", refractory)?;
+        add_in_use(&mut out, "front_end", front_end)?;
+        add_in_use(&mut out, "labels", labels)?;
+        add_in_use(&mut out, "readout", readout)?;
+        add_in_use(&mut out, "latency", latency)?;
+        out.end()
+    }
+}
+
+/// Adds an option to a record, unless it has its default.
+fn add_in_use<M: SerializeMap, T: Serialize + Default + PartialEq>(
+    out: &mut M,
+    name: &str,
+    value: &T,
+) -> Result<(), M::Error> {
+    if super::is_default(value) { Ok(()) } else { out.serialize_entry(name, value) }
+}
+
 impl VoltmeterModel {
-    /// Pixels of the law `exact`, with the hot pixels and the cap around them.
-    fn exact(&self, size: Size, origin: [u16; 2], seed: Seed) -> Box<dyn SensorPixels> {
-        let cap = self.max_events_per_pixel_frame;
-        let mut pixels: Box<dyn SensorPixels> = if self.allow_cap {
-            // The sampler itself has no cap then. It would end the run at the cap instead of
-            // dropping events.
-            let free = Self { max_events_per_pixel_frame: u32::MAX, ..self.clone() };
-            Box::new(CappedPixels::new(
-                Box::new(exact::ExactSampler::new(&free, size, origin, seed)),
-                cap,
-                size,
-            ))
-        } else {
-            Box::new(exact::ExactSampler::new(self, size, origin, seed))
-        };
-        // Outside the cap, which counts the events of the law only.
-        if !self.hot_pixels.is_absent() {
-            let array = self.own_events(size, origin, seed);
-            pixels = Box::new(WithOwnEvents::with_hot(pixels, &self.hot_pixels, array));
-        }
-        pixels
-    }
-
-    /// The array of the own events of pixels.
-    fn own_events(&self, size: Size, origin: [u16; 2], seed: Seed) -> OwnEventArray {
-        // A stream without labels has the label `Signal` on every event.
-        let label = if self.labels { EventLabel::Noise } else { EventLabel::Signal };
-        OwnEventArray { size, origin, seed, label }
-    }
-
-    /// Adds the noise floor and the dead time to the pixels of either law.
-    fn wrap(&self, mut pixels: Box<dyn SensorPixels>, array: OwnEventArray) -> Box<dyn SensorPixels> {
-        if !self.floor.is_absent() {
-            pixels = Box::new(WithOwnEvents::with_floor(pixels, &self.floor, &self.front_end, array));
-        }
-        // Outermost, because the dead time follows every event of a pixel, whatever its cause.
-        if self.refractory.period_us > 0.0 {
-            pixels = Box::new(WithDeadTime::new(pixels, &self.refractory, array.size));
-        }
-        pixels
+    /// Pixels of the law `exact`, with the cap and the hot pixels behind them.
+    fn exact(&self, array: PixelArray) -> FilteredPixels {
+        let SensorSettings { allow_cap, max_events_per_pixel_frame: most, hot_pixels, .. } = self.settings;
+        // The sampler has no cap of its own if it must drop events: it would end the run at the cap.
+        let own_cap = if allow_cap { u32::MAX } else { most };
+        let pixels = FilteredPixels::new(exact::ExactSampler::new(self, own_cap, array));
+        let first = allow_cap.then(|| FirstEvents::new(most, array));
+        // Behind the cap, which counts the events of the law only.
+        pixels.behind(first).behind(OwnEvents::of_hot(&hot_pixels, array))
     }
 }
 
@@ -264,34 +245,22 @@ impl SensorModel for VoltmeterModel {
         }
     }
 
-    fn front_end(&self) -> FrontEnd {
-        self.front_end
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
-    }
-
     /// `threshold / k1`: the contrast C of event cameras.
     fn contrast(&self) -> (f64, f64) {
         (self.threshold_on / self.k[0], self.threshold_off / self.k[0])
     }
 
-    fn start(&self, size: Size, origin: [u16; 2], seed: Seed) -> Result<Box<dyn SensorPixels>, SensorError> {
-        self.validate().map_err(|error| SensorError::Setup(error.to_string()))?;
-        check_extent(size, origin)?;
+    fn law_pixels(&self, array: PixelArray) -> FilteredPixels {
+        let settings = &self.settings;
         let pixels = match self.law {
-            SamplerKind::Exact => self.exact(size, origin, seed),
+            SamplerKind::Exact => self.exact(array),
             SamplerKind::Official => {
-                let cap = EventCap { most: self.max_events_per_pixel_frame, leave_out: self.allow_cap };
-                Box::new(PairPixels::new(official::OfficialSampler::new(self), cap, size, origin, seed))
+                FilteredPixels::new(PairPixels::new(official::OfficialSampler::new(self), settings, array))
             }
         };
-        let array = self.own_events(size, origin, seed);
-        let pixels = self.wrap(pixels, array);
-        let (dead_ns, front_end) = (self.refractory.period_ns(), &self.front_end);
-        let pixels = make_late(pixels, self.latency, (dead_ns, front_end), array);
-        Ok(read_out(pixels, self.readout, size))
+        let floor = OwnEvents::of_floor(&self.floor, settings.front_end.white_lux(), array);
+        // Last, because the dead time follows every event of a pixel, whatever its cause.
+        pixels.behind(floor).behind(DeadTime::new(&settings.refractory, array))
     }
 }
 
@@ -309,7 +278,8 @@ mod tests {
         assert_eq!(serde_json::from_str::<VoltmeterModel>(wanted).unwrap(), plain);
         let account = serde_json::to_string(&crate::SimulationAccount::default()).unwrap();
         assert!(!account.contains("capped"), "{account}");
-        let imperfect = VoltmeterModel { threshold_spread: 0.1, allow_cap: true, labels: true, ..plain };
+        let settings = SensorSettings { allow_cap: true, labels: true, ..plain.settings };
+        let imperfect = VoltmeterModel { threshold_spread: 0.1, settings, ..plain };
         assert!(described(&imperfect).ends_with(r#""allow_cap":true,"threshold_spread":0.1,"labels":true}"#));
     }
 }

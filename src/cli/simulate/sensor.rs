@@ -31,7 +31,7 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<(SensorChoice, Drawn
                 format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
             Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
-        _ => Ok((with_settings(&with_law(with_threshold(sensor, asked), asked), asked)?, drawn)),
+        _ => Ok((with_settings(with_law(with_threshold(sensor, asked), asked), asked)?, drawn)),
     }
 }
 
@@ -56,8 +56,8 @@ fn with_law(sensor: SensorChoice, asked: &SimulateArgs) -> SensorChoice {
 }
 
 /// Applies the options that concern every sensor.
-fn with_settings(sensor: &SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
-    let mut settings = sensor.as_model().settings();
+fn with_settings(sensor: SensorChoice, asked: &SimulateArgs) -> Result<SensorChoice, VerbError> {
+    let mut settings = sensor.settings();
     settings.allow_cap |= asked.allow_cap;
     settings.labels |= asked.labels;
     let front_end = &mut settings.front_end;
@@ -66,7 +66,7 @@ fn with_settings(sensor: &SensorChoice, asked: &SimulateArgs) -> Result<SensorCh
     front_end.exposure = asked.exposure.unwrap_or(front_end.exposure);
     front_end.range = asked.range.unwrap_or(front_end.range);
     front_end.validate().map_err(|error| VerbError::usage("sensor", error.to_string()))?;
-    Ok(sensor.as_model().with_settings(settings))
+    Ok(sensor.with_settings(settings))
 }
 
 /// Reads the weights of the colours, by name or as three numbers.

@@ -85,7 +85,7 @@ impl SensorArgs {
 /// Returns true if a sensor is a preset at some light, with or without labels.
 fn is_preset(preset: VoltmeterPreset, sensor: &SensorChoice) -> bool {
     let Some(found) = sensor.as_voltmeter() else { return false };
-    let lux = found.front_end.white_lux();
+    let lux = found.settings.front_end.white_lux();
     SensorChoice::from(preset.model_at(lux)).effective() == sensor.effective()
 }
 

@@ -235,7 +235,7 @@ impl StudySubject {
         let mut released = frames(&backend, style).map_err(|e| not_rendered(&e))?;
         let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
         let mut smooth = frames(&smooth_by, smooth).map_err(|e| not_rendered(&e))?;
-        let front_end = asked.sensor.front_end;
+        let front_end = asked.sensor.settings.front_end;
         let mut released = FrontEndFrames::new(&mut released, front_end);
         let mut smooth = FrontEndFrames::new(&mut smooth, front_end);
         sweep_thresholds(asked, &mut released, &mut smooth, &mut tap).map_err(end_problem)

@@ -15,6 +15,7 @@ use gs2e_lab::work_precision::window::FineWindow;
 use gs2e_lab::work_precision::{StudyResult, chart, report};
 use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_render::{LayerOrder, RenderRules};
+use gs2e_sensor::SensorSettings;
 use gs2e_sensor::noise::HotPixelNoise;
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, SamplerKind, VoltmeterModel};
 use gs2e_trajectory::sampled::SampledPath;
@@ -258,10 +259,13 @@ fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
     VoltmeterModel {
         law: SamplerKind::Exact,
         gain: DriftGain::Log,
-        max_events_per_pixel_frame: u32::MAX,
-        allow_cap: false,
         threshold_spread: 0.0,
-        hot_pixels: HotPixelNoise::default(),
+        settings: SensorSettings {
+            max_events_per_pixel_frame: u32::MAX,
+            allow_cap: false,
+            hot_pixels: HotPixelNoise::default(),
+            ..sensor.settings
+        },
         ..sensor.clone()
     }
 }

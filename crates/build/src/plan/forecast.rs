@@ -134,7 +134,7 @@ impl PlanForecast {
         let (on, off) = model.contrast();
         let moved_px = length.moved_px.unwrap_or(0.0);
         let a_pixel = EVENTS_PER_FLOW * moved_px * 0.2 / (0.5 * (on + off))
-            + model.noise_at(GREY).total_hz * length.path.seconds;
+            + model.array_noise(GREY).total_hz * length.path.seconds;
         let bytes = BYTES_AN_EVENT * a_pixel * length.size.pixels() as f64;
         self.files += 1.0;
         self.bytes += bytes;

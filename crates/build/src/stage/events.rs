@@ -221,7 +221,7 @@ impl EventsStage {
             ..ChannelSet::NONE
         };
         Ok(match kept {
-            Some(kept) => Box::new(KeptRenderer::new(renderer, kept, (keeps, self.omit))),
+            Some(kept) => Box::new(KeptRenderer::new(renderer, kept, keeps, self.omit)),
             None => renderer,
         })
     }

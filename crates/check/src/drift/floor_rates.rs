@@ -13,7 +13,7 @@ impl FloorRates {
     const LEN: usize = 16;
 
     pub(super) fn new(sensor: &VoltmeterModel) -> Option<Self> {
-        let white_lux = sensor.front_end.white_lux();
+        let white_lux = sensor.settings.front_end.white_lux();
         let rate = |i: usize| {
             let grey = 255.0 * libm::exp2(-(i as f64));
             sensor.floor.rates_at_grey(grey, white_lux)

@@ -2,7 +2,8 @@
 
 use super::buffer::BufferTable;
 use super::info::{self, StreamInfo};
-use super::{END_US, EVENT, EVENTS, HEADER, PacketCompression, VERSION};
+use super::{EVENT, EVENTS, HEADER, PacketCompression, VERSION};
+use crate::order::END_US;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use gs2e_files as files;
 use gs2e_files::budget;
@@ -151,11 +152,8 @@ impl<R: Read> Reader<R> {
         let (Some(column), Some(row)) = (side(x, size.width), side(y, size.height)) else {
             return Err(format!("pixel ({x}, {y}) is outside the sensor of {size}"));
         };
-        let polarity = match bytes[12] {
-            0 => Polarity::Off,
-            1 => Polarity::On,
-            p => return Err(format!("polarity {p}, wanted 0 or 1")),
-        };
+        let polarity = Polarity::from_number(bytes[12]);
+        let polarity = polarity.ok_or_else(|| format!("polarity {}, wanted 0 or 1", bytes[12]))?;
         Ok(Event { t: Timestamp::from_micros(t), x: column, y: row, polarity, label: EventLabel::Signal })
     }
 }

@@ -1,7 +1,7 @@
 //! Writing, packet by packet.
 
-use super::{EDGE, END_US, VERSION, buffer, info};
-use crate::order::StreamOrder;
+use super::{EDGE, VERSION, buffer, info};
+use crate::order::{END_US, StreamOrder};
 use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use lz4_flex::frame::FrameEncoder;

@@ -2,8 +2,8 @@
 //! overflows every 16.8 seconds. Row and time hold until they are replaced. A run of pixels is a
 //! base and masks of 12 or 8 pixels.
 
-use super::END_US;
 use super::reader::{DecodedWords, WordDecoder};
+use crate::order::END_US;
 use crate::{Event, Polarity};
 
 const ADDRESS_Y: u16 = 0x0;

@@ -47,7 +47,10 @@ pub(super) fn read_header(input: &mut impl BufRead) -> Result<(EvtVersion, Size,
                 // The size of the `format` line counts before that of a `geometry` line.
                 size = parse_size(fields).or(size);
             }
-            "geometry" => size = size.or_else(|| size_pair(value.split_once('x')?)),
+            "geometry" => {
+                let (width, height) = value.split_once('x').unwrap_or_default();
+                size = size.or_else(|| size_pair(width, height));
+            }
             _ => {}
         }
     }
@@ -73,9 +76,9 @@ fn parse_version(name: &str) -> Result<EvtVersion, EventFileError> {
 /// `width=W;height=H` in any order.
 fn parse_size(fields: &str) -> Option<Size> {
     let field = |name: &str| fields.split(';').find_map(|f| f.trim().strip_prefix(name)?.strip_prefix('='));
-    size_pair((field("width")?, field("height")?))
+    size_pair(field("width")?, field("height")?)
 }
 
-fn size_pair((width, height): (&str, &str)) -> Option<Size> {
+fn size_pair(width: &str, height: &str) -> Option<Size> {
     Some(Size { width: width.trim().parse().ok()?, height: height.trim().parse().ok()? })
 }

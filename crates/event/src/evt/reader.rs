@@ -1,6 +1,7 @@
 //! Reading, word by word.
 
-use super::{END_US, EvtVersion, evt2, evt3, header};
+use super::{EvtVersion, evt2, evt3, header};
+use crate::order::END_US;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use gs2e_files as files;
 use gs2e_image::Size;

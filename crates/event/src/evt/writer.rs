@@ -1,7 +1,7 @@
 //! Writing, chunk by chunk.
 
-use super::{EDGE, END_US, EvtVersion, evt2, evt3, header};
-use crate::order::StreamOrder;
+use super::{EDGE, EvtVersion, evt2, evt3, header};
+use crate::order::{END_US, StreamOrder};
 use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use std::fs::File;

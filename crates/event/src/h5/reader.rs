@@ -4,7 +4,9 @@ use super::attributes::RootAttributes;
 use super::index::MsIndex;
 use super::layout::{CHUNK, LABEL, MS_TO_IDX, OFFSETS_US, P, T, T_OFFSET, X, Y};
 use super::outside;
-use crate::{Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader};
+use crate::{
+    Event, EventFileError, EventLabel, EventSource, LawStamp, Polarity, StreamHeader, set_labels, wrong_value,
+};
 use gs2e_files as files;
 use gs2e_image::Size;
 use gs2e_num::units::Timestamp;
@@ -196,17 +198,11 @@ impl Reader {
         })
     }
 
-    fn event(&self, number: usize, t: i64, x: u16, y: u16, p: u8) -> Result<Event, EventFileError> {
-        let polarity = match p {
-            0 => Polarity::Off,
-            1 => Polarity::On,
-            p => return Err(wrong_value(P, number as u64, p, "0 or 1".to_owned())),
-        };
+    /// The time of event `number`, from that in the file's own clock.
+    fn time(&self, number: u64, t: i64) -> Result<Timestamp, EventFileError> {
         let us = self.offset_us.checked_add(t).filter(|us| OFFSETS_US.contains(us));
         let wanted = "a time that fits in 64 bits of nanoseconds";
-        let us = us.ok_or_else(|| wrong_value(T, number as u64, t, wanted.to_owned()))?;
-        let t = Timestamp::from_micros(us);
-        Ok(Event { t, x, y, polarity, label: EventLabel::Signal })
+        us.map(Timestamp::from_micros).ok_or_else(|| wrong_value(T, number, t, wanted))
     }
 }
 
@@ -223,15 +219,14 @@ impl EventSource for Reader {
             read_elements::<u16>(&self.x, X, first, count)?,
             read_elements::<u16>(&self.y, Y, first, count)?,
         );
-        for i in 0..count {
-            out.push(self.event(first + i, t[i], x[i], y[i], p[i])?);
+        for (number, i) in (first as u64..).zip(0..count) {
+            let polarity = Polarity::from_number(p[i]);
+            let polarity = polarity.ok_or_else(|| wrong_value(P, number, p[i], "0 or 1"))?;
+            let t = self.time(number, t[i])?;
+            out.push(Event { t, x: x[i], y: y[i], polarity, label: EventLabel::Signal });
         }
         if let Some(labels) = &self.labels {
-            let labels = read_elements::<u8>(labels, LABEL, first, count)?;
-            for ((number, event), stored) in (first as u64..).zip(out).zip(labels) {
-                let refusal = || wrong_value(LABEL, number, stored, "0 or 1".to_owned());
-                event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
-            }
+            set_labels(out, read_elements::<u8>(labels, LABEL, first, count)?, LABEL, first as u64)?;
         }
         self.next += count;
         Ok(true)
@@ -271,10 +266,6 @@ impl StoredIndex<'_> {
         self.at += 1;
         Ok(self.held[within])
     }
-}
-
-fn wrong_value(dataset: &'static str, index: u64, found: impl Into<i128>, wanted: String) -> EventFileError {
-    EventFileError::Value { dataset, index, found: found.into(), wanted }
 }
 
 /// The times, with their number and width.

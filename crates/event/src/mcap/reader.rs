@@ -167,10 +167,10 @@ fn next_message<R: Read + Seek + Send + 'static>(
                 topics.add_schema(id, &records.text(head)?);
             }
             opcode::CHANNEL => {
-                let ids = [records.bytes(head)?, records.bytes(head)?].map(u16::from_le_bytes);
+                let [id, schema] = [records.bytes(head)?, records.bytes(head)?].map(u16::from_le_bytes);
                 let (topic, encoding) = (records.text(head)?, records.text(head)?);
                 topics
-                    .add_channel((ids[0], ids[1]), topic, &encoding)
+                    .add_channel(id, schema, topic, &encoding)
                     .map_err(|because| damaged(head.at, &because))?;
             }
             opcode::MESSAGE => {

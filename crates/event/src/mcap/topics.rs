@@ -40,7 +40,8 @@ impl EventTopics {
     /// Takes a channel. The error says why its topic cannot be read.
     pub(super) fn add_channel(
         &mut self,
-        (id, schema): (u16, u16),
+        id: u16,
+        schema: u16,
         topic: String,
         encoding: &str,
     ) -> Result<(), String> {

@@ -1,7 +1,8 @@
 //! Reading: all arrays are decompressed in parallel streams.
 
-use super::{ARRAYS, END_US, LABEL, SIZE};
-use crate::{Event, EventFileError, EventLabel, EventSource, Polarity};
+use super::{ARRAYS, LABEL, SIZE};
+use crate::order::END_US;
+use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, set_labels, wrong_value};
 use flate2::CrcReader;
 use flate2::read::DeflateDecoder;
 use gs2e_files as files;
@@ -88,13 +89,9 @@ impl Reader {
     fn decode_event(number: u64, t: [u8; 8], x: [u8; 2], y: [u8; 2], p: u8) -> Result<Event, EventFileError> {
         let t = i64::from_le_bytes(t);
         if !(0..END_US).contains(&t) {
-            return Err(wrong_value("t", number, t.into(), format!("0 to {}", END_US - 1)));
+            return Err(wrong_value("t", number, t, format!("0 to {}", END_US - 1)));
         }
-        let polarity = match p {
-            0 => Polarity::Off,
-            1 => Polarity::On,
-            p => return Err(wrong_value("p", number, p.into(), "0 or 1".to_owned())),
-        };
+        let polarity = Polarity::from_number(p).ok_or_else(|| wrong_value("p", number, p, "0 or 1"))?;
         let (x, y) = (u16::from_le_bytes(x), u16::from_le_bytes(y));
         Ok(Event { t: Timestamp::from_micros(t), x, y, polarity, label: EventLabel::Signal })
     }
@@ -118,7 +115,7 @@ fn stored_size<R: Read + Seek + 'static>(
     column.verify()?;
     let side = |i: usize| {
         let side = i32::from_le_bytes(sides[i]);
-        u32::try_from(side).map_err(|_| wrong_value(name, i as u64, side.into(), "1 to 65536".to_owned()))
+        u32::try_from(side).map_err(|_| wrong_value(name, i as u64, side, "1 to 65536"))
     };
     Ok(Some(Size { width: side(0)?, height: side(1)? }))
 }
@@ -141,11 +138,8 @@ impl EventSource for Reader {
             out.push(Self::decode_event(number, t[i], x[i], y[i], p[i][0])?);
         }
         if let Some(column) = &mut self.labels {
-            let labels = column.read::<1>(first, count)?;
-            for ((number, event), [stored]) in (first..).zip(out).zip(labels) {
-                let refusal = || wrong_value(LABEL.0, number, stored.into(), "0 or 1".to_owned());
-                event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
-            }
+            let labels = column.read::<1>(first, count)?.into_iter().flatten();
+            set_labels(out, labels, LABEL.0, first)?;
         }
         self.next += count as u64;
         // A checksum covers a whole array, so it can be compared only after the last chunk.
@@ -233,8 +227,4 @@ impl ArrayColumn {
             sum => Err(refusal(format!("its checksum is {sum:08x}, the archive says {:08x}", self.crc32))),
         }
     }
-}
-
-fn wrong_value(dataset: &'static str, index: u64, found: i128, wanted: String) -> EventFileError {
-    EventFileError::Value { dataset, index, found, wanted }
 }

@@ -1,8 +1,8 @@
 //! Writing: an array's length is written before its elements, so columns are kept in temporary
 //! files.
 
-use super::{ARRAYS, END_US, LABEL, SIZE};
-use crate::order::StreamOrder;
+use super::{ARRAYS, LABEL, SIZE};
+use crate::order::{END_US, StreamOrder};
 use crate::{Event, EventFileError, EventSink, StreamHeader};
 use gs2e_files as files;
 use gs2e_files::Removal;

@@ -1,6 +1,7 @@
 //! Reading, line by line.
 
-use super::{END_US, NAMES};
+use super::NAMES;
+use crate::order::END_US;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use gs2e_files as files;
 use gs2e_files::budget::{MAX_LINE, ShortLines};

@@ -1,7 +1,7 @@
 //! Writing, line by line.
 
-use super::{ColumnSeparator, END_US, NAMES};
-use crate::order::StreamOrder;
+use super::{ColumnSeparator, NAMES};
+use crate::order::{END_US, StreamOrder};
 use crate::{Event, EventFileError, EventSink};
 use gs2e_image::Size;
 use std::fs::File;

@@ -98,7 +98,7 @@ pub fn measure_noise(
     let pixel_seconds = f64::from(trial.side * trial.side) * 0.1 * f64::from(trial.tenths);
     let rows = greys.iter().enumerate().map(|(i, &grey)| {
         let found = counted.events[i].map(|count| count as f64 / pixel_seconds);
-        let noise = sensor.as_model().noise_at(grey);
+        let noise = sensor.as_model().array_noise(grey);
         let on = noise.total_hz * noise.on_share.unwrap_or(0.0);
         let predicted = [on, noise.total_hz - on];
         let holds = found.iter().zip(predicted).all(|(found, wanted)| {
@@ -192,6 +192,7 @@ mod tests {
     use gs2e_sensor::noise::HotPixelNoise;
     use gs2e_sensor::v2e::{V2eModel, V2ePreset};
     use gs2e_sensor::voltmeter::VoltmeterPreset;
+    use gs2e_sensor::{SensorParameters as _, SensorSettings};
 
     const SMALL: NoiseTrial = NoiseTrial { side: 16, tenths: 20 };
 
@@ -225,9 +226,10 @@ mod tests {
     #[test]
     fn what_is_predicted_for_v2e_is_the_mean_of_the_array() {
         let hot_pixels = HotPixelNoise { share: 0.01, rate: 100.0, spread: 0.3 };
-        let noisy = V2eModel { hot_pixels, ..V2eModel::from(V2ePreset::Noisy) };
         // 8.6 % more than a nominal pixel makes, without the hot pixels.
         let plain = V2eModel::from(V2ePreset::Noisy);
+        let settings = SensorSettings { hot_pixels, ..plain.settings };
+        let noisy = V2eModel { settings, ..plain.clone() };
         let more = plain.array_noise(64.0).total_hz / plain.noise(64.0).total_hz;
         println!("the array makes {more:.3} times the noise of a nominal pixel");
         assert!((1.06..1.11).contains(&more));

@@ -158,7 +158,7 @@ fn predicted(sensor: &SensorChoice, rows: &[NoiseRow], side: usize) -> Vec<[f64;
     (0..=CURVE)
         .map(|i| {
             let grey = first.grey * libm::pow(last.grey / first.grey, f64::from(i) / f64::from(CURVE));
-            let noise = model.noise_at(grey);
+            let noise = model.array_noise(grey);
             let on = noise.total_hz * noise.on_share.unwrap_or(0.0);
             [grey * first.lux.unwrap_or(first.grey) / first.grey, [on, noise.total_hz - on][side]]
         })

@@ -65,7 +65,7 @@ const LIMIT_NS: f64 = 1.0;
 fn plain_sensors(gain: f64, leak: f64) -> [(&'static str, VoltmeterModel); 2] {
     [("no noise", 0.0), ("faint noise", 1e-150)].map(|(name, sigma)| {
         let k = [gain, 16.0, 0.0, leak, 0.0, sigma];
-        (name, VoltmeterModel { max_events_per_pixel_frame: u32::MAX, ..VoltmeterModel::new(k) })
+        (name, VoltmeterModel::new(k).without_cap())
     })
 }
 

@@ -13,7 +13,7 @@ use gs2e_num::units::Hertz;
 use gs2e_sensor::voltmeter::{
     BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
 };
-use gs2e_sensor::{SensorChoice, SensorSet};
+use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings};
 use std::collections::BTreeMap;
 
 /// Ranges of `k1` to `k6`. The gain and the offset of the logarithm are positive; standard
@@ -184,7 +184,7 @@ impl Resolver<'_> {
         let (raw, place) = field.given()?;
         let found = self.voltmeter(raw, place);
         let voltmeter = VoltmeterModel { between: between?, ..found? };
-        self.rates_of(&voltmeter.front_end, voltmeter.between, &raw.front_end)?;
+        self.rates_of(&voltmeter.settings.front_end, voltmeter.between, &raw.front_end)?;
         if let Some(at) = raw.law.place().filter(|_| voltmeter.law == SamplerKind::Official) {
             self.only_linear(between, "the law official", at)?;
         }
@@ -206,8 +206,10 @@ impl Resolver<'_> {
         let preset = Self::preset_of(raw);
         let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
         let threshold = self.threshold_in_volts(raw, &usual);
-        let (floor, refractory) =
-            (self.floor(&raw.floor, usual.floor.clone()), self.refractory(&raw.refractory, usual.refractory));
+        let (floor, refractory) = (
+            self.floor(&raw.floor, usual.floor.clone()),
+            self.refractory(&raw.refractory, usual.settings.refractory),
+        );
         let law = self.or(&raw.law, SamplerKind::Exact);
         let gain = self.or(&raw.gain, DriftGain::Log);
         let initial = self.or(&raw.initial, InitialVoltage::Zero);
@@ -229,16 +231,18 @@ impl Resolver<'_> {
             law: law?,
             gain: gain?,
             initial: initial?,
-            max_events_per_pixel_frame: cap?,
-            allow_cap: allow_cap?,
             threshold_spread,
-            hot_pixels: hot_pixels?,
             floor: floor?,
-            refractory: refractory?,
-            front_end,
-            labels: labels?,
-            latency: latency?,
-            readout: readout?,
+            settings: SensorSettings {
+                max_events_per_pixel_frame: cap?,
+                allow_cap: allow_cap?,
+                hot_pixels: hot_pixels?,
+                refractory: refractory?,
+                front_end,
+                labels: labels?,
+                latency: latency?,
+                readout: readout?,
+            },
             ..VoltmeterModel::new(k)
         })
     }

@@ -13,7 +13,7 @@ use gs2e_sensor::noise::{
 use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
 use gs2e_sensor::v2e::{FilterSteps, LeakNoise, V2eModel};
 use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
-use gs2e_sensor::{SensorChoice, SensorSet, v2e};
+use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings, v2e};
 use gs2e_source::DiskCapture;
 use gs2e_source::kind::CaptureKind;
 use gs2e_trajectory::path::CameraPath;
@@ -218,19 +218,28 @@ fn front_ends_are_read() {
     t(
         &format!("{{ voltmeter: {{ preset: dvs346-paper, {words} }} }}"),
         SensorChoice::Voltmeter(VoltmeterModel {
-            front_end: seen,
+            settings: SensorSettings { front_end: seen, ..SensorSettings::default() },
             ..VoltmeterModel::new(VoltmeterPreset::Dvs346.k())
         }),
     );
     t(
         &format!("{{ esim: {{ {words} }} }}"),
-        SensorChoice::Esim(EsimModel { front_end: seen, ..EsimModel::default() }),
+        SensorChoice::Esim(EsimModel {
+            settings: SensorSettings { front_end: seen, ..SensorSettings::default() },
+            ..EsimModel::default()
+        }),
     );
     let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..FrontEnd::default() };
     for luminance in ["rec709", "{ weights: [0.2126, 0.7152, 0.0722] }"] {
         t(
             &format!("{{ v2e: {{ front_end: {{ luminance: {luminance} }} }} }}"),
-            SensorChoice::V2e(V2eModel { front_end: rec709, ..V2eModel::from(v2e::V2ePreset::Clean) }),
+            SensorChoice::V2e(V2eModel {
+                settings: SensorSettings {
+                    front_end: rec709,
+                    ..V2eModel::from(v2e::V2ePreset::Clean).settings
+                },
+                ..V2eModel::from(v2e::V2ePreset::Clean)
+            }),
         );
     }
 }
@@ -252,8 +261,11 @@ fn presets_in_lux_follow_the_light_of_white() {
         "{ voltmeter: { preset: dvs346, floor: [{ lux: 2, on: 0.5 }], refractory: { period_us: 5 } } }",
         SensorChoice::Voltmeter(VoltmeterModel {
             floor: NoiseFloor(vec![FloorPoint { lux: 2.0, on: 0.5, off: 0.0 }]),
-            refractory: RefractoryPeriod { period_us: 5.0, reference: ReferenceRule::Passing },
-            front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
+            settings: SensorSettings {
+                refractory: RefractoryPeriod { period_us: 5.0, reference: ReferenceRule::Passing },
+                front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
+                ..VoltmeterPreset::Dvs346.model().settings
+            },
             ..VoltmeterPreset::Dvs346.model()
         }),
     );
@@ -271,9 +283,7 @@ fn all_sensors_are_read() {
          labels: true } }",
         SensorChoice::Voltmeter(VoltmeterModel {
             threshold_spread: 0.1,
-            hot_pixels,
-            allow_cap: true,
-            labels: true,
+            settings: SensorSettings { hot_pixels, allow_cap: true, labels: true, ..official.settings },
             ..official
         }),
     );
@@ -288,21 +298,30 @@ fn all_sensors_are_read() {
             mismatch: RedrawRule::PerFrame,
             intensity: IntensityScale::Linear,
             eps: 0.01,
-            refractory: RefractoryPeriod { period_us: 100.0, reference: ReferenceRule::AtEnd },
-            hot_pixels,
-            max_events_per_pixel_frame: 7,
-            allow_cap: true,
-            front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
-            labels: true,
-            latency: Some(PixelLatency { us: 100.0, jitter_us: 10.0, tau_us: 40.0, max_us: 1e4 }),
-            readout: Some(ReadoutBus { rate_mev_s: 12.0, arbiter: ArbiterOrder::Columns, queue: Some(9) }),
+            settings: SensorSettings {
+                refractory: RefractoryPeriod { period_us: 100.0, reference: ReferenceRule::AtEnd },
+                hot_pixels,
+                max_events_per_pixel_frame: 7,
+                allow_cap: true,
+                front_end: FrontEnd { lux: Some(250.0), ..FrontEnd::default() },
+                labels: true,
+                latency: Some(PixelLatency { us: 100.0, jitter_us: 10.0, tau_us: 40.0, max_us: 1e4 }),
+                readout: Some(ReadoutBus {
+                    rate_mev_s: 12.0,
+                    arbiter: ArbiterOrder::Columns,
+                    queue: Some(9),
+                }),
+            },
         }),
     );
     t("{ v2e: {} }", SensorChoice::V2e(V2eModel::from(v2e::V2ePreset::Clean)));
     let noisy = V2eModel::from(v2e::V2ePreset::Noisy);
     t(
         "{ v2e: { preset: noisy, labels: true } }",
-        SensorChoice::V2e(V2eModel { labels: true, ..noisy.clone() }),
+        SensorChoice::V2e(V2eModel {
+            settings: SensorSettings { labels: true, ..noisy.settings },
+            ..noisy.clone()
+        }),
     );
     t("{ v2e: { preset: noisy, labels: false } }", SensorChoice::V2e(noisy.clone()));
     t(
@@ -311,7 +330,10 @@ fn all_sensors_are_read() {
             cutoff: 100.0,
             filter: FilterSteps::Euler,
             leak: LeakNoise { rate: 0.5, ..noisy.leak },
-            refractory: RefractoryPeriod { period_us: 10.0, ..noisy.refractory },
+            settings: SensorSettings {
+                refractory: RefractoryPeriod { period_us: 10.0, ..noisy.settings.refractory },
+                ..noisy.settings
+            },
             ..noisy
         }),
     );

@@ -143,7 +143,8 @@ impl EntryWriter {
         &mut self,
         view: KeptView,
         channels: Vec<KeptChannel>,
-        (images, work): (&RenderedImages, RenderWork),
+        images: &RenderedImages,
+        work: RenderWork,
     ) -> io::Result<()> {
         let (mut body, mut blocks, mut size) = (Vec::new(), Vec::new(), Size { width: 0, height: 0 });
         for channel in &channels {
@@ -313,7 +314,7 @@ mod tests {
             let channels = vec![KeptChannel::Luminance, KeptChannel::LuminanceRate, KeptChannel::Rgb];
             let work = RenderWork { blended: view.into(), ..RenderWork::default() };
             let seen = KeptView { digest: [view; 32], velocity: [0; 6] };
-            writer.write(seen, channels, (&images(view.into()), work)).unwrap();
+            writer.write(seen, channels, &images(view.into()), work).unwrap();
         }
         assert_eq!(writer.finish().unwrap(), path.metadata().unwrap().len());
         path

@@ -58,8 +58,8 @@ fn run(
 ) -> (Vec<RenderedImages>, usize, KeptSummary) {
     let (count, kept) = (Rc::new(Cell::new(0)), Arc::new(KeptFrames::open(paths, fresh.to_owned(), limit)));
     let keeps = ChannelSet { luminance_rate: true, ..ChannelSet::NONE };
-    let policy = (keeps, OmissionPolicy::Needless);
-    let mut renderer = KeptRenderer::new(Box::new(Counting(count.clone())), kept.clone(), policy);
+    let inner = Box::new(Counting(count.clone()));
+    let mut renderer = KeptRenderer::new(inner, kept.clone(), keeps, OmissionPolicy::Needless);
     let mut shown = Vec::new();
     for (x, want) in asked {
         let mut images = RenderedImages::default();
@@ -112,8 +112,8 @@ fn another_pose_velocity_or_promise_is_another_view() {
     run(&[], &fresh, 1 << 20, &[(1.0, FRAME)]);
     let kept = Arc::new(KeptFrames::open(&[fresh], folder.path().join("b"), 1 << 20));
     let count = Rc::new(Cell::new(0));
-    let policy = (FRAME, OmissionPolicy::Needless);
-    let mut renderer = KeptRenderer::new(Box::new(Counting(count.clone())), kept, policy);
+    let inner = Box::new(Counting(count.clone()));
+    let mut renderer = KeptRenderer::new(inner, kept, FRAME, OmissionPolicy::Needless);
     let mut images = RenderedImages::default();
     let mut renders = |renderer: &mut KeptRenderer, view: &CameraView| {
         let before = count.get();

@@ -5,7 +5,6 @@ use crate::SensorChoice;
 use crate::noise::{RedrawRule, ThresholdMismatch};
 use crate::parameters::{SensorFacts, SensorParameters, SensorSettings};
 use crate::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use crate::voltmeter::BetweenFrames;
 use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
 
@@ -28,17 +27,7 @@ impl SensorParameters for EsimModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, latency, readout, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout }
-    }
-
-    fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, latency, readout, ..self.clone() }.into()
-    }
-
-    fn with_between(&self, _: BetweenFrames) -> SensorChoice {
-        self.clone().into()
+        self.settings
     }
 
     fn with_contrast(&self, on: f64, off: f64) -> SensorChoice {
@@ -51,10 +40,6 @@ impl SensorParameters for EsimModel {
         Self { threshold, ..self.clone() }.into()
     }
 
-    fn dead_us(&self) -> i64 {
-        self.refractory.whole_us()
-    }
-
     fn without_noise(&self) -> SensorChoice {
         // Hot pixels are its only noise.
         self.clone().into()
@@ -65,8 +50,23 @@ impl SensorParameters for EsimModel {
         Self { mismatch: redrawn, ..self.clone() }.into()
     }
 
+    fn validate(&self) -> Result<(), ScreenError> {
+        self.threshold.validate()?;
+        // With 0, the logarithm of a black pixel would be infinite.
+        if !(self.eps > 0.0 && self.eps.is_finite()) {
+            let (name, wanted) = ("eps", "a finite number above 0");
+            return Err(ScreenError::Parameter { name, found: self.eps, wanted });
+        }
+        self.settings.validate()
+    }
+
+    /// Without noise, the table has no events.
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
-        Self::screen(self, rate)
+        let quantity = match self.intensity {
+            IntensityScale::Log => "ln(L/255 + eps)",
+            IntensityScale::Linear => "L/255",
+        };
+        SensorScreening::new(quantity, self.threshold.sides(), rate, self)
     }
 
     fn brightness(&self, grey: f64) -> f64 {
@@ -77,8 +77,9 @@ impl SensorParameters for EsimModel {
         self.threshold.spread
     }
 
-    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
-        self.array_noise(grey)
+    fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let quiet = ConstantLightNoise { grey, leak_hz: 0.0, total_hz: 0.0, on_share: None };
+        quiet.plus([self.settings.hot_pixels.mean_hz(), 0.0])
     }
 
     fn released(&self) -> Value {

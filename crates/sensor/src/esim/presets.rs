@@ -1,8 +1,8 @@
 //! The presets of ESIM: an ideal sensor, and ranges instead of numbers.
 
 use super::{EsimModel, IntensityScale};
-use crate::front_end::FrontEnd;
-use crate::noise::{HotPixelNoise, RedrawRule, RefractoryPeriod, ThresholdMismatch};
+use crate::SensorSettings;
+use crate::noise::{RedrawRule, ThresholdMismatch};
 
 /// Name of [`EsimModel::trainable`].
 pub const TRAINABLE: &str = "trainable";
@@ -19,14 +19,7 @@ impl EsimModel {
             mismatch: RedrawRule::PerSensor,
             intensity: IntensityScale::Log,
             eps: 1e-3,
-            refractory: RefractoryPeriod::default(),
-            hot_pixels: HotPixelNoise::default(),
-            max_events_per_pixel_frame: 1000,
-            allow_cap: false,
-            front_end: FrontEnd::default(),
-            labels: false,
-            latency: None,
-            readout: None,
+            settings: SensorSettings::default(),
         }
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
-use gs2e_event::EventLabel;
+use crate::noise::RefractoryPeriod;
+use gs2e_event::{EventLabel, Polarity};
 use gs2e_image::{Image, Size};
 use gs2e_num::seed::{Seed, ks};
 use gs2e_num::units::Timestamp;
@@ -7,8 +8,8 @@ use gs2e_num::units::Timestamp;
 const SIZE: Size = Size { width: 64, height: 48 };
 const IEBCS: PixelLatency = PixelLatency { us: 100.0, jitter_us: 10.0, tau_us: 0.0, max_us: 1e4 };
 
-fn array(origin: [u16; 2]) -> OwnEventArray {
-    OwnEventArray { size: SIZE, origin, seed: Seed(3), label: EventLabel::Signal }
+fn array(origin: [u16; 2]) -> PixelArray {
+    PixelArray { size: SIZE, origin, seed: Seed(3), labels: false }
 }
 
 fn event(ns: i64, x: u16, y: u16) -> Event {
@@ -26,16 +27,16 @@ fn late(mut state: LateEvents, events: &[Event], chunk: usize, last_ns: i64) -> 
     let mut out = Vec::new();
     state.last_ns = last_ns;
     for part in events.chunks(chunk) {
-        CrossingSink { sink: &mut out, late: &mut state }.append(part).unwrap();
+        state.take(part, &mut out).unwrap();
     }
-    state.finish(&mut out).unwrap();
+    state.finish(SimulationAccount::default(), &mut out).unwrap();
     assert_eq!(state.counts.kept, out.len() as u64);
     assert!(out.is_sorted_by_key(Event::file_order));
     (out, state.counts)
 }
 
 fn dark() -> LateEvents {
-    LateEvents::new(IEBCS, (0, &FrontEnd::default()), array([0, 0]))
+    LateEvents::new(IEBCS, &SensorSettings::default(), array([0, 0]))
 }
 
 /// Delays of the only event of each pixel, us.
@@ -76,7 +77,7 @@ fn delays_are_normal_and_no_event_is_lost() {
 fn a_latency_without_a_number_is_absent() {
     let nothing = PixelLatency { us: 0.0, jitter_us: 0.0, ..IEBCS };
     assert!(nothing.is_absent() && !IEBCS.is_absent());
-    let none = LateEvents::new(nothing, (0, &FrontEnd::default()), array([0, 0]));
+    let none = LateEvents::new(nothing, &SensorSettings::default(), array([0, 0]));
     let events = one_each(700);
     let (out, counts) = late(none, &events, 64, 1_000_000_000);
     assert!(out == events);
@@ -87,7 +88,7 @@ fn a_latency_without_a_number_is_absent() {
 fn a_crop_has_the_delays_of_the_whole() {
     let events = one_each(700);
     let whole = delays(&events, &late(dark(), &events, 64, 1_000_000_000).0);
-    let cropped = LateEvents::new(IEBCS, (0, &FrontEnd::default()), array([10, 20]));
+    let cropped = LateEvents::new(IEBCS, &SensorSettings::default(), array([10, 20]));
     let inside: Vec<Event> = events.iter().filter(|e| e.x < 54 && e.y < 28).copied().collect();
     let found = delays(&inside, &late(cropped, &inside, 64, 1_000_000_000).0);
     for (event, found) in inside.iter().zip(found) {
@@ -107,7 +108,9 @@ fn events_of_a_pixel_keep_their_order_and_their_dead_time() {
         })
         .collect();
     for dead_ns in [0, 15_000] {
-        let state = LateEvents::new(wide, (dead_ns, &FrontEnd::default()), array([0, 0]));
+        let refractory = RefractoryPeriod { period_us: dead_ns as f64 * 1e-3, ..Default::default() };
+        let settings = SensorSettings { refractory, ..SensorSettings::default() };
+        let state = LateEvents::new(wide, &settings, array([0, 0]));
         let (out, counts) = late(state, &events, 100, 1_000_000_000);
         assert_eq!(counts.kept, 5000);
         // Within a microsecond, files are in order of polarity.
@@ -126,10 +129,10 @@ fn events_of_a_pixel_keep_their_order_and_their_dead_time() {
 #[test]
 fn no_more_events_wait_than_come_in_the_longest_delay() {
     let latency = PixelLatency { max_us: 150.0, ..IEBCS };
-    let mut state = LateEvents::new(latency, (0, &FrontEnd::default()), array([0, 0]));
+    let mut state = LateEvents::new(latency, &SensorSettings::default(), array([0, 0]));
     let (mut out, mut most) = (Vec::new(), 0);
     for event in one_each(1000) {
-        CrossingSink { sink: &mut out, late: &mut state }.append(&[event]).unwrap();
+        state.take(&[event], &mut out).unwrap();
         most = most.max(state.waiting.len());
     }
     assert!((100..=151).contains(&most), "{most}");
@@ -138,7 +141,7 @@ fn no_more_events_wait_than_come_in_the_longest_delay() {
 #[test]
 fn events_after_the_last_frame_are_counted_and_left_out() {
     let steady = PixelLatency { jitter_us: 0.0, ..IEBCS };
-    let state = LateEvents::new(steady, (0, &FrontEnd::default()), array([0, 0]));
+    let state = LateEvents::new(steady, &SensorSettings::default(), array([0, 0]));
     let events = [event(1_000, 0, 0), event(900_000, 1, 0), event(900_001, 2, 0), event(1_000_000, 3, 0)];
     let (out, counts) = late(state, &events, 4, 1_000_000);
     assert_eq!(out.iter().map(|event| event.t.0).collect::<Vec<_>>(), [101_000, 1_000_000]);
@@ -151,7 +154,8 @@ fn events_after_the_last_frame_are_counted_and_left_out() {
 fn delays_grow_with_falling_light() {
     let latency = PixelLatency { jitter_us: 0.0, tau_us: 40.0, ..IEBCS };
     let front_end = FrontEnd { lux: Some(255.0), ..FrontEnd::default() };
-    let mut state = LateEvents::new(latency, (0, &front_end), array([0, 0]));
+    let settings = SensorSettings { front_end, ..SensorSettings::default() };
+    let mut state = LateEvents::new(latency, &settings, array([0, 0]));
     let greys = [255.0, 100.0, 4.0, 0.0];
     let picture: Vec<f32> = (0..SIZE.pixels()).map(|pixel| greys[pixel % 4]).collect();
     for (index, t) in [0, 1_000_000].into_iter().enumerate() {

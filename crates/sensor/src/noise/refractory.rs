@@ -6,12 +6,13 @@
 //! # use gs2e_image::Size;
 //! # use gs2e_num::seed::Seed;
 //! # use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples};
-//! # use gs2e_sensor::{esim::EsimModel, simulate_one};
+//! # use gs2e_sensor::{SensorSettings, esim::EsimModel, simulate_one};
 //! # use std::ops::ControlFlow::Continue;
 //! use gs2e_sensor::noise::{ReferenceRule, RefractoryPeriod};
 //!
 //! let refractory = RefractoryPeriod { period_us: 200.0, reference: ReferenceRule::AtEvent };
-//! let model = EsimModel { refractory, ..EsimModel::default() };
+//! let settings = SensorSettings { refractory, ..SensorSettings::default() };
+//! let model = EsimModel { settings, ..EsimModel::default() };
 //! // A pixel that becomes 25 times as bright within a millisecond.
 //! let samples = ArraySamples::Bytes(vec![10, 250]);
 //! let mut frames = ArrayFrames::new(Size { width: 1, height: 1 }, samples, &[0, 1000])?;

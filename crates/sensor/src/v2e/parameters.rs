@@ -3,11 +3,14 @@
 use super::{FilterSteps, LeakNoise, V2eModel, presets};
 use crate::SensorChoice;
 use crate::noise::ThresholdMismatch;
+use crate::noise::mismatch::FLOOR;
 use crate::parameters::{SensorFacts, SensorParameters, SensorSettings};
-use crate::screening::{ConstantLightNoise, ScreenError, SensorScreening};
-use crate::voltmeter::BetweenFrames;
+use crate::screening::{
+    ConstantLightNoise, LIMIT_PER_FRAME, ScreenError, SensorScreening, array_mean, at_least_zero, normal_mean,
+};
 use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
+use std::f64::consts::LN_10;
 
 pub(crate) static FACTS: SensorFacts = SensorFacts {
     name: "v2e",
@@ -28,25 +31,11 @@ impl SensorParameters for V2eModel {
     }
 
     fn settings(&self) -> SensorSettings {
-        let Self { front_end, hot_pixels, allow_cap, labels, latency, readout, .. } = *self;
-        SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout }
-    }
-
-    fn with_settings(&self, settings: SensorSettings) -> SensorChoice {
-        let SensorSettings { front_end, hot_pixels, allow_cap, labels, latency, readout } = settings;
-        Self { front_end, hot_pixels, allow_cap, labels, latency, readout, ..self.clone() }.into()
-    }
-
-    fn with_between(&self, _: BetweenFrames) -> SensorChoice {
-        self.clone().into()
+        self.settings
     }
 
     fn with_contrast(&self, on: f64, off: f64) -> SensorChoice {
         Self { threshold: ThresholdMismatch { on, off, ..self.threshold }, ..self.clone() }.into()
-    }
-
-    fn dead_us(&self) -> i64 {
-        self.refractory.whole_us()
     }
 
     fn without_noise(&self) -> SensorChoice {
@@ -59,8 +48,31 @@ impl SensorParameters for V2eModel {
         Self { leak, filter, ..self.clone() }.into()
     }
 
+    fn validate(&self) -> Result<(), ScreenError> {
+        self.threshold.validate()?;
+        let LeakNoise { rate, jitter, cov } = self.leak;
+        at_least_zero("cutoff", self.cutoff)?;
+        at_least_zero("leak.rate", rate)?;
+        at_least_zero("leak.jitter", jitter)?;
+        at_least_zero("leak.cov", cov)?;
+        at_least_zero("shot", self.shot)?;
+        self.settings.validate()
+    }
+
     fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
-        Self::screen(self, rate)
+        let screened = SensorScreening::new("ln L (above grey 20)", self.threshold.sides(), rate, self)?;
+        // Without shots, which reset the leak. The mean of a log-normal factor is `exp` of half the
+        // variance of its logarithm.
+        let LeakNoise { rate: leak, jitter, cov } = self.leak;
+        // A jitter above 1 turns the leak around in some frames. The OFF events of those count as
+        // well.
+        let (frames_per_second, share) = (rate.to_f64(), jitter.max(1.0));
+        let hz = leak * share * libm::exp(0.5 * (cov * LN_10) * (cov * LN_10));
+        let per_frame = hz / frames_per_second;
+        if per_frame > LIMIT_PER_FRAME {
+            return Err(ScreenError::Leak { hz, per_frame, frames_per_second });
+        }
+        Ok(screened)
     }
 
     fn brightness(&self, grey: f64) -> f64 {
@@ -75,8 +87,16 @@ impl SensorParameters for V2eModel {
         if self.cutoff > 0.0 { self.filter_seconds(grey) } else { 0.0 }
     }
 
-    fn noise_at(&self, grey: f64) -> ConstantLightNoise {
-        self.array_noise(grey)
+    fn array_noise(&self, grey: f64) -> ConstantLightNoise {
+        let sides = self.threshold.sides();
+        let of_law = array_mean(sides, self.threshold.spread, [FLOOR; 2], |[on, off]| {
+            let shares = [sides[0] / on, sides[1] / off];
+            // The leak rate is log-normal over the pixels.
+            let deviation = self.leak.cov * LN_10;
+            let leaky = |z: f64| self.noise_of(grey, shares, libm::exp(deviation * z));
+            if deviation == 0.0 { leaky(0.0) } else { normal_mean(leaky) }
+        });
+        of_law.plus([self.settings.hot_pixels.mean_hz(), 0.0])
     }
 
     fn released(&self) -> Value {

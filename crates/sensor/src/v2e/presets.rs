@@ -1,8 +1,8 @@
 //! Named parameter sets, as in the program's `--dvs_params`.
 
 use super::{FilterSteps, LeakNoise, V2eModel};
-use crate::front_end::FrontEnd;
-use crate::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
+use crate::SensorSettings;
+use crate::noise::{ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 
 /// Ranges of the preset `randomised`: those of the randomised simulator of Prophesee's OpenEB
 /// (commit 0499c95, `metavision_core_ml/event_to_video/gpu_esim.py`, `randomize_noises`).
@@ -57,20 +57,14 @@ impl From<V2ePreset> for V2eModel {
     /// The parameters of the preset, with thresholds of 0.2, no dead time, no hot pixels and a cap
     /// of 1000.
     fn from(preset: V2ePreset) -> Self {
+        let refractory = RefractoryPeriod { reference: ReferenceRule::AtEvent, ..Default::default() };
         let clean = Self {
             threshold: ThresholdMismatch { on: 0.2, off: 0.2, spread: 0.02 },
             cutoff: 0.0,
             filter: FilterSteps::Exact,
             leak: LeakNoise::default(),
             shot: 0.0,
-            refractory: RefractoryPeriod { period_us: 0.0, reference: ReferenceRule::AtEvent },
-            hot_pixels: HotPixelNoise::default(),
-            max_events_per_pixel_frame: 1000,
-            allow_cap: false,
-            front_end: FrontEnd::default(),
-            labels: false,
-            latency: None,
-            readout: None,
+            settings: SensorSettings { refractory, ..SensorSettings::default() },
         };
         match preset {
             V2ePreset::Clean => clean,

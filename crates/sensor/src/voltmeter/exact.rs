@@ -16,6 +16,7 @@ use super::tree::ROOT;
 use super::window::TimeStep;
 use super::writer::PixelTally;
 use super::{BetweenFrames, InitialVoltage, VoltmeterModel};
+use crate::chain::PixelArray;
 use crate::frames::DenseFrame;
 use crate::window::{EventWindow, MAX_WINDOW_NS};
 use crate::{SensorError, SensorPixels, SimulationAccount, input};
@@ -96,12 +97,11 @@ struct PixelStates {
 }
 
 impl ExactSampler {
-    pub(super) fn new(sensor: &VoltmeterModel, size: Size, origin: [u16; 2], seed: Seed) -> Self {
-        let thresholds = PixelThresholds::new(sensor, size, origin, seed);
-        let (process, initial) = (DriftProcess::new(sensor), sensor.initial);
-        let cap = sensor.max_events_per_pixel_frame;
-        let between = sensor.between;
-        let labels = sensor.labels;
+    /// The pixels of a sensor, which fail beyond `cap` events of one pixel between two frames.
+    pub(super) fn new(sensor: &VoltmeterModel, cap: u32, array: PixelArray) -> Self {
+        let thresholds = PixelThresholds::new(sensor, &array);
+        let (process, initial, between) = (DriftProcess::new(sensor), sensor.initial, sensor.between);
+        let PixelArray { size, origin, seed, labels } = array;
         let law = ExactSettings { process, thresholds, initial, between, cap, labels, size, origin, seed };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
@@ -377,7 +377,7 @@ impl SensorPixels for ExactSampler {
 mod tests {
     use super::super::VoltmeterPreset;
     use super::*;
-    use crate::SensorModel;
+    use crate::{SensorModel, SensorSettings};
     use gs2e_image::Image;
     use gs2e_num::units::Timestamp;
 
@@ -444,7 +444,8 @@ mod tests {
             levels.extend(best.as_avx2().map(Level::Avx2));
         }
         let on = |sensor: &VoltmeterModel, level| {
-            let mut pixels = ExactSampler::new(sensor, SIZE, [7, 9], Seed(1));
+            let array = PixelArray { size: SIZE, origin: [7, 9], seed: Seed(1), labels: false };
+            let mut pixels = ExactSampler::new(sensor, u32::MAX, array);
             pixels.level = level;
             let mut events: Vec<gs2e_event::Event> = Vec::new();
             lively().iter().for_each(|frame| pixels.advance(frame, &mut events).unwrap());
@@ -478,10 +479,17 @@ mod tests {
         let steps = [[0.0; 6], [0.0; 6], [0.0, 0.0, 0.0, 0.0, 0.0, 255.0]];
         let frames: Vec<DenseFrame> = (0..3).map(|i| frame(i, 400_000 * i as i64, steps[i])).collect();
         // Grey 0 to 255 is 13.8 thresholds.
-        let mut sensor = VoltmeterModel { max_events_per_pixel_frame: 13, ..dvs346() };
+        let mut sensor = VoltmeterModel {
+            settings: SensorSettings { max_events_per_pixel_frame: 13, ..dvs346().settings },
+            ..dvs346()
+        };
         assert_eq!(run(&sensor, &frames).unwrap().max_per_pixel_frame, 13);
         for k in [dvs346().k, [5.265, 20.0, 0.0, 0.0, 0.0, 0.0]] {
-            sensor = VoltmeterModel { k, max_events_per_pixel_frame: 12, ..sensor };
+            sensor = VoltmeterModel {
+                k,
+                settings: SensorSettings { max_events_per_pixel_frame: 12, ..sensor.settings },
+                ..sensor
+            };
             assert_eq!(
                 run(&sensor, &frames).unwrap_err().to_string(),
                 "pixel (2, 1) fires more than 12 events between frames 1 and 2 (luminance 0 to 255 of 255)"
@@ -494,7 +502,14 @@ mod tests {
         // 10 events in each of 5 intervals of 3 ms, each of which spans several root cells.
         let greys = |i: usize| [0.0f32, 113.6][i % 2];
         let frames: Vec<DenseFrame> = (0..6).map(|i| frame(i, 3_000_000 * i as i64, [greys(i); 6])).collect();
-        let account = run(&VoltmeterModel { max_events_per_pixel_frame: 10, ..dvs346() }, &frames).unwrap();
+        let account = run(
+            &VoltmeterModel {
+                settings: SensorSettings { max_events_per_pixel_frame: 10, ..dvs346().settings },
+                ..dvs346()
+            },
+            &frames,
+        )
+        .unwrap();
         assert_eq!((account.max_per_pixel_frame, account.active_pixels), (10, 6));
     }
 

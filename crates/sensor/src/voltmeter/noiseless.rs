@@ -121,7 +121,7 @@ impl<C: DriftCurve> DriftRun<'_, C> {
             }
             let guess = start + target * pace;
             // Levels follow in order of time, so the search begins at the previous event.
-            from = solve_monotonic::<C>(self.curve, base + target, guess, ([from, to], rise >= 0.0));
+            from = solve_monotonic::<C>(self.curve, base + target, guess, [from, to], rise >= 0.0);
             // Times of the curve count from its frame, times of events from the window's start.
             emit.event(self.stamp + from, polarity)?;
             crossed += 1.0;
@@ -135,7 +135,8 @@ fn solve_monotonic<C: DriftCurve>(
     curve: &One,
     level: f64,
     t: f64,
-    ([mut low, mut high], rising): ([f64; 2], bool),
+    [mut low, mut high]: [f64; 2],
+    rising: bool,
 ) -> f64 {
     let mut t = t.clamp(low, high);
     if C::is_straight(curve) {

@@ -62,8 +62,8 @@ impl OfficialSampler {
             process: DriftProcess::new(sensor),
             thresholds: [sensor.threshold_on, sensor.threshold_off],
             spread: sensor.threshold_spread,
-            hot: sensor.hot_pixels,
-            labels: sensor.labels,
+            hot: sensor.settings.hot_pixels,
+            labels: sensor.settings.labels,
         }
     }
 
@@ -99,14 +99,14 @@ impl OfficialSampler {
             }
             t += tau;
             pixel.voltage = 0.0;
-            let label = if self.labels { self.label(pixel, pair, (t, on)) } else { EventLabel::Signal };
+            let label = if self.labels { self.label(pixel, pair, t, on) } else { EventLabel::Signal };
             writer.event(t, if on { Polarity::On } else { Polarity::Off }, label)?;
         }
     }
 
     /// The label of an event `t` ns after the earlier frame. The logarithm is linear between the
     /// two frames.
-    fn label(&self, pixel: &mut OfficialPixel, pair: &PixelPair, (t, on): (f64, bool)) -> EventLabel {
+    fn label(&self, pixel: &mut OfficialPixel, pair: &PixelPair, t: f64, on: bool) -> EventLabel {
         let DriftProcess { k1, k2, .. } = self.process;
         let [from, to] = pair.luminance.map(|luminance| libm::log(luminance + k2));
         let log = from + (to - from) * (t / pair.length);
@@ -155,10 +155,6 @@ impl FrameLaw for OfficialSampler {
         // Two independent processes. Their events are brought into order of time by the window.
         self.walk(pixel, pair, writer)?;
         self.own(pixel, pair, writer)
-    }
-
-    fn labels(&self) -> bool {
-        self.labels
     }
 
     /// The residual is drawn again in each frame, so the number of events and the drift diverge.
@@ -224,7 +220,7 @@ mod tests {
     use super::super::VoltmeterPreset;
     use super::*;
     use crate::frames::DenseFrame;
-    use crate::{SensorError, SensorModel, SimulationAccount};
+    use crate::{SensorError, SensorModel, SensorSettings, SimulationAccount};
     use gs2e_image::{Image, Size};
     use gs2e_num::seed::{Seed, SeedCell, ks};
     use gs2e_num::units::Timestamp;
@@ -452,12 +448,20 @@ mod tests {
             error.starts_with("pixel (0, 0) fires more than 1000 events between frames 0 and 1"),
             "{error}"
         );
-        let raised = VoltmeterModel { max_events_per_pixel_frame: 20_000, ..steep.clone() };
+        let raised = VoltmeterModel {
+            settings: SensorSettings { max_events_per_pixel_frame: 20_000, ..steep.settings },
+            ..steep.clone()
+        };
         let account = run(&raised, &frames, 2000).unwrap();
         // Noise of deviation `1e-4 sqrt(127.5 2)/147.5` a frame moves the count by one at most.
         assert!((account.on as f64 - events).abs() <= 1.0 && (account.off as f64 - events).abs() <= 1.0);
         assert!(account.on > 9000 && account.capped == 0, "{account:?}");
-        let thinned = run(&VoltmeterModel { allow_cap: true, ..steep }, &frames, 2000).unwrap();
+        let thinned = run(
+            &VoltmeterModel { settings: SensorSettings { allow_cap: true, ..steep.settings }, ..steep },
+            &frames,
+            2000,
+        )
+        .unwrap();
         assert_eq!((thinned.on, thinned.off, thinned.max_per_pixel_frame), (1000, 1000, 1000));
         assert_eq!(thinned.capped + 2000, account.events);
     }
@@ -469,7 +473,13 @@ mod tests {
             // In an hour the leak of a grey of 1e6 would be 9 million events.
             for (step_ns, white) in [(1000, 1e6), (3_600_000_000_000, 255.0)] {
                 let steps = [[0.0, white], [white, 0.0], [f32::MIN_POSITIVE, 255.0], [0.0, 1e-12]];
-                let sensor = VoltmeterModel { max_events_per_pixel_frame: 1_000_000, ..official(k) };
+                let sensor = VoltmeterModel {
+                    settings: SensorSettings {
+                        max_events_per_pixel_frame: 1_000_000,
+                        ..official(k).settings
+                    },
+                    ..official(k)
+                };
                 let account = run(&sensor, &steps, step_ns).unwrap();
                 assert!(account.on > 0 || k[0] < 1.0, "{k:?} {step_ns}: {account:?}");
             }
@@ -492,7 +502,15 @@ mod tests {
         let dark = [[50.0; 2]; 3];
         let hot = HotPixelNoise { share: 1.0, rate: 1e4, ..HotPixelNoise::default() };
         let quiet = [5.0, 20.0, 0.0, 0.0, 0.0, 0.0];
-        let account = run(&VoltmeterModel { hot_pixels: hot, ..official(quiet) }, &dark, 50_000_000).unwrap();
+        let account = run(
+            &VoltmeterModel {
+                settings: SensorSettings { hot_pixels: hot, ..official(quiet).settings },
+                ..official(quiet)
+            },
+            &dark,
+            50_000_000,
+        )
+        .unwrap();
         // 2 pixels, 0.1 s: Poisson of mean 2000.
         assert!((account.on as f64 - 2000.0).abs() < 4.5 * 2000f64.sqrt() && account.off == 0, "{account:?}");
         let spread = VoltmeterModel { threshold_spread: 0.3, ..official(quiet) };

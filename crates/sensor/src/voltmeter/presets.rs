@@ -22,6 +22,7 @@
 
 use super::VoltmeterModel;
 use super::units::{ConstantUnits, TimeUnit, WhiteBrightness};
+use crate::SensorSettings;
 use crate::front_end::{FrontEnd, WHITE_LUX};
 use crate::noise::{FloorPoint, NoiseFloor, ReferenceRule, RefractoryPeriod};
 
@@ -149,7 +150,7 @@ impl VoltmeterPreset {
     /// The preset with the constants of a sensor, at the sensor's light.
     #[must_use]
     pub fn with_constants_of(sensor: &VoltmeterModel) -> Option<Self> {
-        let lux = sensor.front_end.white_lux();
+        let lux = sensor.settings.front_end.white_lux();
         let equal = |preset: &Self| preset.model_at(lux).k.map(f64::to_bits) == sensor.k.map(f64::to_bits);
         Self::ALL.into_iter().find(equal)
     }
@@ -171,7 +172,8 @@ impl VoltmeterPreset {
     pub fn model_at(self, lux: f64) -> VoltmeterModel {
         let Some(k) = self.k_in_lux() else { return VoltmeterModel::new(self.k()) };
         let front_end = FrontEnd { lux: Some(lux), ..FrontEnd::default() };
-        let plain = VoltmeterModel { front_end, ..VoltmeterModel::new(lux_to_grey(k, lux)) };
+        let settings = SensorSettings { front_end, ..SensorSettings::default() };
+        let plain = VoltmeterModel { settings, ..VoltmeterModel::new(lux_to_grey(k, lux)) };
         if self == Self::Davis346 {
             return VoltmeterModel {
                 threshold_off: DAVIS346_CONTRAST[1] / DAVIS346_CONTRAST[0],
@@ -181,10 +183,11 @@ impl VoltmeterPreset {
                 ..plain
             };
         }
+        let refractory = RefractoryPeriod { period_us: 79.0, reference: ReferenceRule::Passing };
         VoltmeterModel {
             threshold_spread: 0.00651 / 0.15,
             floor: NoiseFloor(EVK4_FLOOR.to_vec()),
-            refractory: RefractoryPeriod { period_us: 79.0, reference: ReferenceRule::Passing },
+            settings: SensorSettings { refractory, ..settings },
             ..plain
         }
     }
@@ -210,6 +213,7 @@ fn lux_to_grey([k1, k2, k3, k4, k5, k6]: [f64; 6], white_lux: f64) -> [f64; 6] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::SensorParameters as _;
 
     #[test]
     fn names_lead_back() {

@@ -1,14 +1,10 @@
 //! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
-use super::{
-    BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset, thresholds,
-};
+use super::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
+use crate::SensorSettings;
 use crate::noise::{ReferenceRule, RefractoryPeriod};
-use crate::screening::{
-    ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, array_mean, at_least_zero,
-};
+use crate::screening::{ConstantLightNoise, ScreenError, at_least_zero};
 use crate::statistics::RenewalProcess;
-use gs2e_num::units::Hertz;
 
 impl VoltmeterModel {
     /// The behaviour of a pixel with nominal thresholds at this constant grey, without the noise
@@ -18,19 +14,7 @@ impl VoltmeterModel {
         self.noise_of([self.threshold_on, self.threshold_off], grey)
     }
 
-    /// The mean behaviour of all pixels at this constant grey: with the spread of their thresholds,
-    /// the noise floor and the hot pixels. The dead time is left out: it hides less than one event
-    /// in a thousand of noise below 10 Hz.
-    #[must_use]
-    pub fn array_noise(&self, grey: f64) -> ConstantLightNoise {
-        let sides = [self.threshold_on, self.threshold_off];
-        let least = sides.map(|threshold| thresholds::FLOOR * threshold);
-        let of_law = array_mean(sides, self.threshold_spread, least, |sides| self.noise_of(sides, grey));
-        let [on, off] = self.floor.rates_at_grey(grey, self.front_end.white_lux());
-        of_law.plus([on + self.hot_pixels.mean_hz(), off])
-    }
-
-    fn noise_of(&self, [up, down]: [f64; 2], grey: f64) -> ConstantLightNoise {
+    pub(super) fn noise_of(&self, [up, down]: [f64; 2], grey: f64) -> ConstantLightNoise {
         let [_, k2, k3, k4, k5, k6] = self.k;
         let sigma = k3 * grey.sqrt() / (grey + k2) + k6;
         let drift = k4 + k5 * grey;
@@ -46,45 +30,16 @@ impl VoltmeterModel {
         }
     }
 
-    /// Checks that every parameter is within its range.
-    ///
-    /// # Errors
-    /// A parameter is outside its range; the first one is named.
-    pub fn validate(&self) -> Result<(), ScreenError> {
-        let k_names = ["k1", "k2", "k3", "k4", "k5", "k6"];
-        let thresholds = [("threshold.on", self.threshold_on), ("threshold.off", self.threshold_off)];
-        for (name, found) in k_names.into_iter().zip(self.k).chain(thresholds) {
-            let (holds, wanted) = match name {
-                "k3" | "k6" => (found >= 0.0, "a finite number of at least 0"),
-                "k4" | "k5" => (true, "a finite number"),
-                _ => (found > 0.0, "a finite number above 0"),
-            };
-            if !(holds && found.is_finite()) {
-                return Err(ScreenError::Parameter { name, found, wanted });
-            }
-        }
-        if self.gain == DriftGain::Midpoint && self.between != BetweenFrames::Linear {
-            return Err(ScreenError::Combination("`gain: midpoint` requires `between: linear`"));
-        }
-        if self.max_events_per_pixel_frame == 0 {
-            let name = "max_events_per_pixel_frame";
-            return Err(ScreenError::Parameter { name, found: 0.0, wanted: "at least 1" });
-        }
-        self.validate_options()
-    }
-
     /// Checks that the law supports the settings other than `k` and the thresholds.
-    fn validate_options(&self) -> Result<(), ScreenError> {
-        let Self { threshold_spread: spread, hot_pixels: hot, .. } = self;
-        at_least_zero("threshold.spread", *spread)?;
-        hot.validate()?;
-        self.latency.map_or(Ok(()), |latency| latency.validate(&self.front_end))?;
+    pub(super) fn validate_options(&self) -> Result<(), ScreenError> {
+        let SensorSettings { refractory, front_end, .. } = self.settings;
+        at_least_zero("threshold.spread", self.threshold_spread)?;
+        self.settings.validate()?;
         self.floor.validate()?;
-        self.refractory.validate()?;
-        if !self.floor.is_absent() && self.front_end.lux.is_none() {
+        if !self.floor.is_absent() && front_end.lux.is_none() {
             return Err(ScreenError::Combination("`floor` requires `front_end.lux`, the light of white"));
         }
-        let RefractoryPeriod { period_us, reference } = self.refractory;
+        let RefractoryPeriod { period_us, reference } = refractory;
         if period_us > 0.0 && (period_us < 1.0 || reference != ReferenceRule::Passing) {
             return Err(ScreenError::Combination(
                 "`refractory` of a voltmeter requires a period of at least 1 us and `reference: passing`",
@@ -98,24 +53,6 @@ impl VoltmeterModel {
         }
         Ok(())
     }
-
-    /// Predicts this sensor's behaviour with frames at this rate.
-    ///
-    /// # Errors
-    /// A parameter is outside its range, or noise alone would make more than 50 events per pixel
-    /// and frame interval at grey 0, 1, 16, 64, 128 or 255.
-    pub fn screen(&self, rate: Hertz) -> Result<SensorScreening, ScreenError> {
-        self.validate()?;
-        let contrast = [self.threshold_on / self.k[0], self.threshold_off / self.k[0]];
-        let mut screening = SensorScreening::new("ln(L + k2)", contrast, (rate, self.hot_pixels), |grey| {
-            self.array_noise(grey)
-        })?;
-        let as_printed =
-            // Compared as bits: a set that differs in the last digit is no longer the printed one.
-            self.k.iter().zip(VoltmeterPreset::Gs2eSi.k()).all(|(a, b)| a.to_bits() == b.to_bits());
-        screening.warnings.extend(as_printed.then_some(ScreeningWarning::UncertainUnits));
-        Ok(screening)
-    }
 }
 
 /// Microseconds per second: rates of the published program are per microsecond.
@@ -123,8 +60,12 @@ const PER_SECOND: f64 = 1e6;
 
 #[cfg(test)]
 mod tests {
+    use super::super::VoltmeterPreset;
     use super::super::units::{ConstantUnits, TimeUnit, WhiteBrightness};
     use super::*;
+    use crate::SensorParameters as _;
+    use crate::screening::ScreeningWarning;
+    use gs2e_num::units::Hertz;
 
     const PRINTED: [f64; 6] = [0.5, 1e-3, 0.1, 0.01, 0.1, 1e-5];
 
@@ -233,7 +174,7 @@ mod tests {
         t(|s| s.k[2] = -1.0, "k3 is -1, not a finite number of at least 0");
         t(|s| s.k[4] = f64::INFINITY, "k5 is inf, not a finite number");
         t(|s| s.threshold_off = -0.5, "threshold.off is -0.5, not a finite number above 0");
-        t(|s| s.max_events_per_pixel_frame = 0, "max_events_per_pixel_frame is 0, not at least 1");
+        t(|s| s.settings.max_events_per_pixel_frame = 0, "max_events_per_pixel_frame is 0, not at least 1");
     }
 
     #[test]

@@ -14,17 +14,15 @@ use gs2e_event::{EventLabel, Polarity};
 const SECONDS: f64 = 1e-9;
 
 impl TimeStep<'_> {
-    /// The label of an event in a leg, `t` ns after the window's start. `log` is `ln(L + k2)` at
-    /// the pixel's previous event; it is set to that of this event.
-    pub(super) fn label(
-        &self,
-        pixel: usize,
-        leg: &FrameLeg,
-        (t, polarity): (f64, Polarity),
-        log: &mut f64,
-    ) -> EventLabel {
+    /// The rise of the voltage by brightness alone up to an event in a leg, `t` ns after the window's
+    /// start. `log` is `ln(L + k2)` at the pixel's previous event; it is set to that of this event.
+    pub(super) fn rise(&self, pixel: usize, leg: &FrameLeg, t: f64, log: &mut f64) -> f64 {
         let before = std::mem::replace(log, self.log(pixel, leg, t));
-        let rise = self.law.process.k1 * (*log - before);
+        self.law.process.k1 * (*log - before)
+    }
+
+    /// The label of an event after this rise.
+    pub(super) fn label(&self, pixel: usize, rise: f64, polarity: Polarity) -> EventLabel {
         let barriers = self.law.thresholds.of(pixel);
         match polarity {
             Polarity::On => label::label_of(rise, barriers.up),

@@ -1,13 +1,11 @@
 //! The thresholds of all pixels: one pair, or one pair per pixel where pixels are unequal.
-#![expect(clippy::cast_possible_truncation, reason = "pixel coordinates are below 2^16")]
 
 use super::VoltmeterModel;
 use super::bridge::{Barriers, WideBarriers};
+use crate::chain::PixelArray;
 use crate::noise::{PixelSite, mismatch};
 use fearless_simd::Simd;
-use gs2e_image::Size;
 use gs2e_num::elementary::load_eight;
-use gs2e_num::seed::Seed;
 
 /// Thresholds of ON and OFF for every pixel.
 #[derive(Debug)]
@@ -26,22 +24,19 @@ pub(super) fn drawn_pair(nominal: [f64; 2], spread: f64, site: PixelSite) -> [f6
 }
 
 impl PixelThresholds {
-    /// The thresholds of a sensor with its first pixel at `origin`.
-    pub(super) fn new(sensor: &VoltmeterModel, size: Size, [left, top]: [u16; 2], seed: Seed) -> Self {
+    /// The thresholds of a sensor's pixels.
+    pub(super) fn new(sensor: &VoltmeterModel, array: &PixelArray) -> Self {
         let [up, down] = [sensor.threshold_on, sensor.threshold_off];
         if sensor.threshold_spread == 0.0 {
             return Self::Equal(Barriers { up, down });
         }
         // Padding lanes compute like others, and a threshold of 0 would put all of them within
         // reach.
-        let padded = size.pixels().next_multiple_of(8);
+        let padded = array.size.pixels().next_multiple_of(8);
         let mut both = [up, down].map(|nominal| Vec::from_iter(std::iter::repeat_n(nominal, padded)));
-        let width = size.width as usize;
-        for pixel in 0..size.pixels() {
-            let [x, y] = [(pixel % width) as u16, (pixel / width) as u16];
+        for pixel in 0..array.size.pixels() {
             // By the position on the sensor, so that a crop has the thresholds of the whole image.
-            let own =
-                drawn_pair([up, down], sensor.threshold_spread, PixelSite { seed, x: left + x, y: top + y });
+            let own = drawn_pair([up, down], sensor.threshold_spread, array.site(pixel));
             both.iter_mut().zip(own).for_each(|(all, own)| all[pixel] = own);
         }
         Self::Unequal(both)

@@ -105,7 +105,10 @@ impl EmitEvents for PixelPen<'_, '_> {
         let ns = t as u64 + window.into_microsecond;
         let label = match &mut writer.logs {
             None => EventLabel::Signal,
-            Some(logs) => window.label(writer.first + *pixel, leg, (t, polarity), &mut logs[*pixel]),
+            Some(logs) => {
+                let place = writer.first + *pixel;
+                window.label(place, window.rise(place, leg, t, &mut logs[*pixel]), polarity)
+            }
         };
         writer.events.push(PackedEvent::new(ns, *at, polarity, label));
         ControlFlow::Continue(())

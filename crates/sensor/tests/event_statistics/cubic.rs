@@ -6,6 +6,7 @@ use gs2e_event::{Event, Polarity};
 use gs2e_image::Size;
 use gs2e_num::seed::Seed;
 use gs2e_sensor::SensorModel as _;
+use gs2e_sensor::SensorSettings;
 use gs2e_sensor::frames::FrameSequence as _;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, VoltmeterModel};
@@ -28,7 +29,11 @@ fn of_signal(stamps_us: &[i64], signal: impl Fn(usize, f64) -> [f64; 2]) -> Arra
 
 fn sensor(between: BetweenFrames, noise: f64) -> VoltmeterModel {
     let k = [50.0, K2, noise, 1e-4, 0.0, 0.2 * noise];
-    VoltmeterModel { between, max_events_per_pixel_frame: 100_000, ..VoltmeterModel::new(k) }
+    VoltmeterModel {
+        between,
+        settings: SensorSettings { max_events_per_pixel_frame: 100_000, ..SensorSettings::default() },
+        ..VoltmeterModel::new(k)
+    }
 }
 
 /// Number of events that differ in number or polarity, and the largest difference in time of the
@@ -83,8 +88,8 @@ fn median_error(between: BetweenFrames, intervals: i64) -> f64 {
     let stamps: Vec<i64> =
         (0..=intervals).map(|i| (i as f64 * END * 1e6 / intervals as f64).round() as i64).collect();
     let sensor = VoltmeterModel {
-        max_events_per_pixel_frame: 1000,
         between,
+        settings: SensorSettings { max_events_per_pixel_frame: 1000, ..SensorSettings::default() },
         ..VoltmeterModel::new([300.0, K2, 0.0, 0.0, 0.0, 0.0])
     };
     let (events, _) = run(&sensor, &of_signal(&stamps, signal), 1);

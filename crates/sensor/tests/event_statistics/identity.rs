@@ -11,7 +11,7 @@ use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use gs2e_sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
 use gs2e_sensor::v2e::{LeakNoise, V2eModel};
 use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
-use gs2e_sensor::{SensorChoice, SensorModel, v2e};
+use gs2e_sensor::{SensorChoice, SensorModel, SensorSettings, v2e};
 
 const SIZE: Size = Size { width: 24, height: 10 };
 
@@ -157,20 +157,30 @@ fn unequal_pixels_have_thresholds_of_their_own() {
 /// One noisy member of each kind of law, with labels.
 pub(super) fn models() -> [SensorChoice; 5] {
     let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0, ..HotPixelNoise::default() };
-    let noisy = VoltmeterModel { labels: true, ..noisy() };
-    let unequal = VoltmeterModel { threshold_spread: 0.1, hot_pixels, ..noisy.clone() };
+    let noisy = VoltmeterModel { settings: SensorSettings { labels: true, ..noisy().settings }, ..noisy() };
+    let unequal = VoltmeterModel {
+        threshold_spread: 0.1,
+        settings: SensorSettings { hot_pixels, ..noisy.settings },
+        ..noisy.clone()
+    };
     let official = VoltmeterModel { law: SamplerKind::Official, threshold_spread: 0.1, ..noisy.clone() };
     let threshold = ThresholdMismatch { on: 0.1, off: 0.15, spread: 0.02 };
     let esim = EsimModel {
         threshold,
         mismatch: RedrawRule::PerFrame,
-        hot_pixels,
-        labels: true,
+        settings: SensorSettings { hot_pixels, labels: true, ..SensorSettings::default() },
         ..EsimModel::default()
     };
     let leak = LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 };
     let usual = V2eModel::from(v2e::V2ePreset::Noisy);
-    let v2e = V2eModel { threshold, leak, shot: 900.0, hot_pixels, cutoff: 200.0, labels: true, ..usual };
+    let v2e = V2eModel {
+        threshold,
+        leak,
+        shot: 900.0,
+        cutoff: 200.0,
+        settings: SensorSettings { hot_pixels, labels: true, ..usual.settings },
+        ..usual
+    };
     let voltmeters = [noisy, unequal, official].map(SensorChoice::Voltmeter);
     let [plain, unequal, official] = voltmeters;
     [plain, unequal, official, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]

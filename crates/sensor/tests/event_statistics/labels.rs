@@ -9,7 +9,7 @@ use gs2e_sensor::frames::array::ArrayFrames;
 use gs2e_sensor::noise::{HotPixelNoise, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 use gs2e_sensor::v2e::{LeakNoise, V2eModel};
 use gs2e_sensor::voltmeter::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
-use gs2e_sensor::{SensorChoice, SensorModel, v2e};
+use gs2e_sensor::{SensorChoice, SensorModel, SensorSettings, v2e};
 
 const SIZE: Size = Size { width: 40, height: 25 };
 
@@ -22,13 +22,20 @@ fn all(sensor: &dyn SensorModel, clip: &ArrayFrames, label: EventLabel) -> Vec<E
 }
 
 fn voltmeter(k: [f64; 6]) -> VoltmeterModel {
-    VoltmeterModel { labels: true, ..VoltmeterModel::new(k) }
+    VoltmeterModel {
+        settings: SensorSettings { labels: true, ..SensorSettings::default() },
+        ..VoltmeterModel::new(k)
+    }
 }
 
 /// v2e without noise, with thresholds of a tenth.
 fn clean() -> V2eModel {
     let threshold = ThresholdMismatch { on: 0.1, off: 0.1, spread: 0.0 };
-    V2eModel { threshold, labels: true, ..V2eModel::from(v2e::V2ePreset::Clean) }
+    V2eModel {
+        threshold,
+        settings: SensorSettings { labels: true, ..V2eModel::from(v2e::V2ePreset::Clean).settings },
+        ..V2eModel::from(v2e::V2ePreset::Clean)
+    }
 }
 
 #[test]
@@ -41,10 +48,22 @@ fn without_noise_all_is_signal() {
         SensorChoice::Voltmeter(VoltmeterModel { between: BetweenFrames::Catmull, ..exact.clone() }),
         SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, ..exact.clone() }),
         SensorChoice::Voltmeter(exact),
-        SensorChoice::Esim(EsimModel { threshold, labels: true, ..EsimModel::default() }),
-        SensorChoice::Esim(EsimModel { threshold, refractory, labels: true, ..EsimModel::default() }),
+        SensorChoice::Esim(EsimModel {
+            threshold,
+            settings: SensorSettings { labels: true, ..SensorSettings::default() },
+            ..EsimModel::default()
+        }),
+        SensorChoice::Esim(EsimModel {
+            threshold,
+            settings: SensorSettings { refractory, labels: true, ..SensorSettings::default() },
+            ..EsimModel::default()
+        }),
         SensorChoice::V2e(V2eModel { cutoff: 0.0, ..clean() }),
-        SensorChoice::V2e(V2eModel { cutoff: 100.0, refractory, ..clean() }),
+        SensorChoice::V2e(V2eModel {
+            cutoff: 100.0,
+            settings: SensorSettings { refractory, ..clean().settings },
+            ..clean()
+        }),
     ];
     for sensor in sensors {
         let count = all(sensor.as_model(), &clip, EventLabel::Signal).len();
@@ -77,23 +96,40 @@ fn brightness_between_frames_is_that_of_the_law() {
 fn without_a_change_all_is_noise() {
     let clip = frames(SIZE, &[0, 50_000, 100_000], |x, y, _| f64::from(5 * x + y));
     let hot_pixels = HotPixelNoise { share: 0.1, rate: 900.0, ..HotPixelNoise::default() };
-    let noisy = VoltmeterModel { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]) };
+    let noisy = VoltmeterModel {
+        settings: SensorSettings { hot_pixels, ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3]).settings },
+        ..voltmeter([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
+    };
     let (leak, refractory) = (
         LeakNoise { rate: 300.0, jitter: 0.2, cov: 0.2 },
         // Several thresholds leak away during a dead time.
         RefractoryPeriod { period_us: 12_000.0, reference: ReferenceRule::AtEvent },
     );
-    let v2e = V2eModel { leak, shot: 300.0, hot_pixels, cutoff: 100.0, ..clean() };
+    let v2e = V2eModel {
+        leak,
+        shot: 300.0,
+        cutoff: 100.0,
+        settings: SensorSettings { hot_pixels, ..clean().settings },
+        ..clean()
+    };
     let sensors = [
         SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, ..noisy.clone() }),
         SensorChoice::Voltmeter(VoltmeterModel { initial: InitialVoltage::Stationary, ..noisy.clone() }),
-        SensorChoice::Voltmeter(VoltmeterModel { hot_pixels: HotPixelNoise::default(), ..noisy }),
-        SensorChoice::Esim(EsimModel { hot_pixels, labels: true, ..EsimModel::default() }),
-        SensorChoice::V2e(V2eModel { refractory, ..v2e.clone() }),
+        SensorChoice::Voltmeter(VoltmeterModel {
+            settings: SensorSettings { hot_pixels: HotPixelNoise::default(), ..noisy.settings },
+            ..noisy
+        }),
+        SensorChoice::Esim(EsimModel {
+            settings: SensorSettings { hot_pixels, labels: true, ..SensorSettings::default() },
+            ..EsimModel::default()
+        }),
+        SensorChoice::V2e(V2eModel {
+            settings: SensorSettings { refractory, ..v2e.settings },
+            ..v2e.clone()
+        }),
         SensorChoice::V2e(V2eModel {
             shot: 0.0,
-            refractory,
-            hot_pixels: HotPixelNoise::default(),
+            settings: SensorSettings { refractory, hot_pixels: HotPixelNoise::default(), ..v2e.settings },
             ..v2e.clone()
         }),
         SensorChoice::V2e(v2e),
@@ -177,13 +213,7 @@ fn a_leak_is_weighed_against_brightness() {
 }
 
 fn without_labels(sensor: &SensorChoice) -> SensorChoice {
-    match sensor.clone() {
-        SensorChoice::Voltmeter(sensor) => {
-            SensorChoice::Voltmeter(VoltmeterModel { labels: false, ..sensor })
-        }
-        SensorChoice::Esim(sensor) => SensorChoice::Esim(EsimModel { labels: false, ..sensor }),
-        SensorChoice::V2e(sensor) => SensorChoice::V2e(V2eModel { labels: false, ..sensor }),
-    }
+    sensor.clone().with_settings(SensorSettings { labels: false, ..sensor.settings() })
 }
 
 #[test]

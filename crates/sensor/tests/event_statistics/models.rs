@@ -4,6 +4,7 @@
 use super::{by_pixel, frames, ks, run};
 use gs2e_event::{Event, Polarity};
 use gs2e_image::Size;
+use gs2e_sensor::SensorSettings;
 use gs2e_sensor::esim::{EsimModel, IntensityScale};
 use gs2e_sensor::noise::{HotPixelNoise, RedrawRule, ReferenceRule, RefractoryPeriod, ThresholdMismatch};
 use gs2e_sensor::v2e::{FilterSteps, LeakNoise, V2eModel, V2ePreset};
@@ -105,7 +106,7 @@ fn dead_times(reference: ReferenceRule) -> Vec<i64> {
     let esim = EsimModel {
         threshold: threshold(0.01, 0.01),
         intensity: IntensityScale::Linear,
-        refractory,
+        settings: SensorSettings { refractory, ..SensorSettings::default() },
         ..EsimModel::default()
     };
     let clip = frames(SMALL, &every(470, 9870), |_, _, t| 0.0255 * t as f64);
@@ -143,16 +144,18 @@ fn no_event_falls_into_a_dead_time() {
     let hot_pixels = HotPixelNoise { share: 0.5, rate: 3000.0, ..HotPixelNoise::default() };
     for reference in [ReferenceRule::AtEvent, ReferenceRule::AtEnd, ReferenceRule::Passing] {
         let refractory = RefractoryPeriod { period_us: 321.5, reference };
-        let esim =
-            EsimModel { threshold: threshold(0.05, 0.05), refractory, hot_pixels, ..EsimModel::default() };
+        let esim = EsimModel {
+            threshold: threshold(0.05, 0.05),
+            settings: SensorSettings { refractory, hot_pixels, ..SensorSettings::default() },
+            ..EsimModel::default()
+        };
         let leak = LeakNoise { rate: 300.0, jitter: 0.3, cov: 0.2 };
         let shot = 2000.0;
         let v2e = V2eModel {
-            refractory,
-            hot_pixels,
             leak,
             shot,
             cutoff: 300.0,
+            settings: SensorSettings { refractory, hot_pixels, ..V2eModel::from(V2ePreset::Noisy).settings },
             ..V2eModel::from(V2ePreset::Noisy)
         };
         for (name, (events, account)) in [("esim", run(&esim, &clip, 2)), ("v2e", run(&v2e, &clip, 2))] {
@@ -160,7 +163,15 @@ fn no_event_falls_into_a_dead_time() {
             println!("{name} {reference:?}: {} events, least gap {gap} ns", account.events);
             assert!(account.events > 5000 && gap >= 321_500);
         }
-        let free = run(&EsimModel { refractory: RefractoryPeriod::default(), ..esim }, &clip, 2).0;
+        let free = run(
+            &EsimModel {
+                settings: SensorSettings { refractory: RefractoryPeriod::default(), ..esim.settings },
+                ..esim
+            },
+            &clip,
+            2,
+        )
+        .0;
         assert!(least_gap(SIZE, &free) < 321_500, "without a dead time there would be such events");
     }
 }
@@ -329,10 +340,13 @@ fn extremes_neither_lose_nor_disorder_events() {
             let esim = EsimModel {
                 threshold: threshold(c, c),
                 eps: 1e-5,
-                max_events_per_pixel_frame: cap,
+                settings: SensorSettings { max_events_per_pixel_frame: cap, ..SensorSettings::default() },
                 ..EsimModel::default()
             };
-            let v2e = V2eModel { max_events_per_pixel_frame: cap, ..ideal_v2e(c, c) };
+            let v2e = V2eModel {
+                settings: SensorSettings { max_events_per_pixel_frame: cap, ..ideal_v2e(c, c).settings },
+                ..ideal_v2e(c, c)
+            };
             let ranges = [(1.0f64 + 1e-5).ln() - 1e-5f64.ln(), 255f64.ln()];
             for ((events, account), range) in
                 [run(&esim, &clip, 1), run(&v2e, &clip, 1)].into_iter().zip(ranges)
@@ -351,7 +365,12 @@ fn extremes_neither_lose_nor_disorder_events() {
         }
     }
     let leak = LeakNoise { rate: 0.1, ..LeakNoise::default() };
-    let noisy = V2eModel { max_events_per_pixel_frame: 100_000, leak, shot: 5.0, ..ideal_v2e(0.2, 0.2) };
+    let noisy = V2eModel {
+        leak,
+        shot: 5.0,
+        settings: SensorSettings { max_events_per_pixel_frame: 100_000, ..ideal_v2e(0.2, 0.2).settings },
+        ..ideal_v2e(0.2, 0.2)
+    };
     let (events, account) = run(&noisy, &frames(SMALL, &[0, hour], |_, _, _| 100.0), 1);
     let expected = 2.0 * 3600.0 * noisy.noise(100.0).total_hz;
     let z = (account.events as f64 - expected) / expected.sqrt();
@@ -364,7 +383,7 @@ fn the_cap_fails_by_name_or_keeps_the_first() {
     let clip = frames(SMALL, &[0, 1000], |x, _, t| if t == 0 || x == 1 { 0.0 } else { 255.0 });
     let esim = EsimModel {
         threshold: threshold(0.01, 0.01),
-        max_events_per_pixel_frame: 100,
+        settings: SensorSettings { max_events_per_pixel_frame: 100, ..SensorSettings::default() },
         ..EsimModel::default()
     };
     let mut go_on = |_: &_| std::ops::ControlFlow::Continue(());
@@ -372,8 +391,17 @@ fn the_cap_fails_by_name_or_keeps_the_first() {
     let failed = gs2e_sensor::simulate_one(&mut clip.clone(), &esim, seed, &mut Vec::new(), &mut go_on);
     let wanted = "pixel (0, 0) fires more than 100 events between frames 0 and 1 (luminance 0 to 255 of 255)";
     assert_eq!(failed.unwrap_err().to_string(), wanted);
-    let (kept, account) = run(&EsimModel { allow_cap: true, ..esim.clone() }, &clip, 1);
-    let all = run(&EsimModel { max_events_per_pixel_frame: 1000, ..esim }, &clip, 1).0;
+    let (kept, account) = run(
+        &EsimModel { settings: SensorSettings { allow_cap: true, ..esim.settings }, ..esim.clone() },
+        &clip,
+        1,
+    );
+    let all = run(
+        &EsimModel { settings: SensorSettings { max_events_per_pixel_frame: 1000, ..esim.settings }, ..esim },
+        &clip,
+        1,
+    )
+    .0;
     assert_eq!(kept, all[..100]);
     assert_eq!(account.capped, all.len() as u64 - 100);
 }

@@ -31,8 +31,7 @@ fn watch(process: RenewalProcess, distortion: f64, seed: u64) -> Watched {
     let sensor = VoltmeterModel {
         threshold_on: process.up,
         threshold_off: process.down,
-        max_events_per_pixel_frame: u32::MAX,
-        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, sigma])
+        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, sigma]).without_cap()
     };
     let duration = (32.0 * process.mean_interval()).ceil();
     let (events, account) = run(&sensor, &frames(SIZE, &[0, duration as i64], |_, _, _| 77.0), seed);
@@ -209,10 +208,8 @@ fn rates_hold_for_an_hour() {
         return;
     }
     let process = process(2.0, 1e6, [1.0, 1.0]);
-    let sensor = VoltmeterModel {
-        max_events_per_pixel_frame: u32::MAX,
-        ..VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()])
-    };
+    let sensor =
+        VoltmeterModel::new([1.0, 1.0, 0.0, process.drift, 0.0, process.variance.sqrt()]).without_cap();
     let (size, hour) = (Size { width: 2, height: 2 }, 3_600_000_000);
     let (events, account) = run(&sensor, &frames(size, &[0, hour], |_, _, _| 77.0), 15);
     let watched = Watched { process, duration: hour as f64, pixels: by_pixel(size, &events) };

@@ -60,14 +60,14 @@ impl EventsStage {
         let path = SampledPath::through_poses(poses, motion.seconds())
             .map_err(StageError::work_failed("follow the path"))?;
         let end_us = motion.trajectory.stamps_us[poses.len() - 1];
-        let flow = PathFlow::measure_path(&path, (poses.len() - 1, end_us), camera, &mut *renderer)
+        let flow = PathFlow::measure_path(&path, poses.len() - 1, end_us, camera, &mut *renderer)
             .map_err(StageError::work_failed("measure the optical flow"))?
             .lit_by(self.lights.as_ref());
         let front_ends = self.front_ends();
         let scales: Vec<SensorScale> = self
             .voltmeters()
             .map(|sensor| {
-                let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end);
+                let behind = front_ends.iter().position(|front_end| *front_end == sensor.settings.front_end);
                 SensorScale::for_sensor(sensor, behind.expect("it is one of theirs"))
             })
             .collect();
@@ -99,7 +99,7 @@ impl EventsStage {
 
     /// Returns these parameters with another interpolation of brightness.
     pub(super) fn between(&self, between: BetweenFrames) -> Self {
-        let with = |sensor: &SensorChoice| sensor.as_model().with_between(between);
+        let with = |sensor: &SensorChoice| sensor.with_between(between);
         Self {
             sensor: self.sensor.as_ref().map(with),
             sensors: self.sensors.iter().map(|(name, sensor)| (name.clone(), with(sensor))).collect(),
@@ -129,7 +129,7 @@ impl EventsStage {
         let end_us = trajectory.stamps_us.last().copied().unwrap_or(0);
         let hidden = |stream: &EventStream| {
             let sensor = stream.sensor.as_voltmeter()?;
-            let behind = front_ends.iter().position(|front_end| *front_end == sensor.front_end)?;
+            let behind = front_ends.iter().position(|front_end| *front_end == sensor.settings.front_end)?;
             let first = anchors.get(behind)?.images.first()?;
             let warning = lost_in_noise(chosen.tolerance, sensor, first, &stream.account, end_us)?;
             let named = stream.name.as_ref().map(|name| format!("sensor {name}: "));

@@ -33,7 +33,7 @@ pub(super) fn burst_cases<'a>() -> Vec<StressCase<'a>> {
 /// A sensor with this gain and leak per us, and with this variance of the noise over a frame.
 fn burst_sensor([k1, k2]: [f64; 2], leak: f64, variance: f64) -> VoltmeterModel {
     let k = [k1, k2, 0.0, leak, 0.0, (variance / FRAME as f64).sqrt()];
-    VoltmeterModel { max_events_per_pixel_frame: u32::MAX, ..VoltmeterModel::new(k) }
+    VoltmeterModel::new(k).without_cap()
 }
 
 /// The events of one pixel for these greys.

@@ -100,8 +100,7 @@ pub(super) fn first_off_of_sensor() -> CaseResult {
         let sensor = VoltmeterModel {
             threshold_on: 1.0 - x,
             threshold_off: 1.0 + x,
-            max_events_per_pixel_frame: u32::MAX,
-            ..VoltmeterModel::new(k)
+            ..VoltmeterModel::new(k).without_cap()
         };
         let (events, _) = run_sensor(&sensor, &make_clip(SIZE, &[0, END], |_, _, _| 77.0), 3);
         let pixels = by_pixel(SIZE, &events);
@@ -124,12 +123,8 @@ const CELL_US: f64 = (1 << 20) as f64 * 1e-3;
 fn intervals_of(process: BarrierExit, [mean_us, spread]: [f64; 2], seed: u64) -> Vec<(f64, Polarity)> {
     let BarrierExit { drift, variance, up, down } = process;
     let k = [1.0, 1.0, 0.0, drift, 0.0, variance.sqrt()];
-    let sensor = VoltmeterModel {
-        threshold_on: up,
-        threshold_off: down,
-        max_events_per_pixel_frame: u32::MAX,
-        ..VoltmeterModel::new(k)
-    };
+    let sensor =
+        VoltmeterModel { threshold_on: up, threshold_off: down, ..VoltmeterModel::new(k).without_cap() };
     // 5.5 standard deviations of the number of events more than needed, so that no interval is cut
     // off.
     let watched = mean_us * (TAKEN as f64 + 4.0 + 5.5 * (1.5 * TAKEN as f64 * spread).sqrt());

@@ -7,6 +7,7 @@ use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::schema;
 use crate::text::TextSpan;
+use gs2e_sensor::SensorSettings;
 use gs2e_sensor::esim::{EsimModel, TRAINABLE};
 use gs2e_sensor::latency;
 use gs2e_sensor::latency::PixelLatency;
@@ -45,7 +46,7 @@ impl Resolver<'_> {
         let mismatch = self.or(&raw.mismatch, usual.mismatch);
         let intensity = self.or(&raw.intensity, usual.intensity);
         let eps = self.real(&raw.eps, usual.eps, RealRange::above(0.0, 1e6));
-        let refractory = self.refractory(&raw.refractory, usual.refractory);
+        let refractory = self.refractory(&raw.refractory, usual.settings.refractory);
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
@@ -59,14 +60,16 @@ impl Resolver<'_> {
             mismatch: mismatch?,
             intensity: intensity?,
             eps: eps?,
-            refractory: refractory?,
-            hot_pixels: hot_pixels?,
-            max_events_per_pixel_frame: cap?,
-            allow_cap: allow_cap?,
-            front_end: front_end?,
-            labels: labels?,
-            latency: latency?,
-            readout: readout?,
+            settings: SensorSettings {
+                refractory: refractory?,
+                hot_pixels: hot_pixels?,
+                max_events_per_pixel_frame: cap?,
+                allow_cap: allow_cap?,
+                front_end: front_end?,
+                labels: labels?,
+                readout: readout?,
+                latency: latency?,
+            },
         })
     }
 
@@ -77,7 +80,7 @@ impl Resolver<'_> {
         let filter = self.or(&raw.filter, usual.filter);
         let leak = self.leak(&raw.leak, usual.leak);
         let shot = self.real(&raw.shot, usual.shot, RATE);
-        let refractory = self.refractory(&raw.refractory, usual.refractory);
+        let refractory = self.refractory(&raw.refractory, usual.settings.refractory);
         let hot_pixels = self.hot_pixels(&raw.hot_pixels);
         let cap = self.cap(&raw.max_events_per_pixel_frame);
         let allow_cap = self.or(&raw.allow_cap, false);
@@ -91,14 +94,16 @@ impl Resolver<'_> {
             filter: filter?,
             leak: leak?,
             shot: shot?,
-            refractory: refractory?,
-            hot_pixels: hot_pixels?,
-            max_events_per_pixel_frame: cap?,
-            allow_cap: allow_cap?,
-            front_end: front_end?,
-            labels: labels?,
-            latency: latency?,
-            readout: readout?,
+            settings: SensorSettings {
+                refractory: refractory?,
+                hot_pixels: hot_pixels?,
+                max_events_per_pixel_frame: cap?,
+                allow_cap: allow_cap?,
+                front_end: front_end?,
+                labels: labels?,
+                readout: readout?,
+                latency: latency?,
+            },
         })
     }
 
