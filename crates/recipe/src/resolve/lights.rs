@@ -7,7 +7,7 @@ use crate::problem::FieldProblem;
 use crate::text::TextSpan;
 use crate::{OutputKind, schema};
 use gs2e_num::units::{Hertz, brief};
-use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use gs2e_render::lights::{Flicker, LevelMoment, SceneLights};
 use gs2e_sensor::voltmeter::BetweenFrames;
 use std::collections::BTreeSet;
 
@@ -32,10 +32,7 @@ impl Resolver<'_> {
             return raw.lights.is_absent().then_some(None);
         };
         let level = self.level(&section.level);
-        let flicker = match section.flicker.given() {
-            Some((flicker, place)) => self.flicker(flicker, place).map(Some),
-            None => section.flicker.is_absent().then_some(None),
-        };
+        let flicker = section.flicker.optional(|flicker| self.flicker(flicker));
         let (flicker, level) = (flicker?, level?);
         if flicker.is_none() && level.is_empty() {
             let problem = FieldProblem::of_field("has neither `flicker` nor `level`");
@@ -51,17 +48,18 @@ impl Resolver<'_> {
         Some(Some(SceneLights { flicker, level }))
     }
 
-    fn flicker(&self, raw: &schema::FlickerSection, place: TextSpan) -> Option<Flicker> {
-        self.required(&raw.hz, "hz", place, "write the frequency of the light, for example hz: 100");
-        self.required(&raw.depth, "depth", place, "write the depth of modulation, for example depth: 0.3");
-        let hz = self.real(&raw.hz, 1.0, HERTZ);
-        let depth = self.real(&raw.depth, 1.0, RealRange::above(0.0, 1.0));
-        let waveform = self.or(&raw.waveform, Waveform::default());
-        let phase = self.real(&raw.phase, 0.0, RealRange::new(0.0, 1.0));
-        if raw.hz.is_absent() || raw.depth.is_absent() {
-            return None;
-        }
-        Some(Flicker { hz: hz?, depth: depth?, waveform: waveform?, phase: phase? })
+    fn flicker(&self, field: &Field<schema::FlickerSection>) -> Option<Flicker> {
+        let (raw, place) = field.given()?;
+        let help = "write the frequency of the light, for example hz: 100";
+        let hz = self.required(&raw.hz, "hz", place, help);
+        let help = "write the depth of modulation, for example depth: 0.3";
+        let depth = self.required(&raw.depth, "depth", place, help);
+        resolved!(Flicker {
+            hz: hz.and_then(|_| self.real(&raw.hz, 1.0, HERTZ)),
+            depth: depth.and_then(|_| self.real(&raw.depth, 1.0, RealRange::above(0.0, 1.0))),
+            waveform: raw.waveform.or_default(),
+            phase: self.real(&raw.phase, 0.0, RealRange::new(0.0, 1.0)),
+        })
     }
 
     fn level(&self, field: &Field<Vec<Field<schema::LevelSection>>>) -> Option<Vec<LevelMoment>> {
@@ -94,8 +92,7 @@ impl Resolver<'_> {
         rate: Option<Hertz>,
         place: TextSpan,
     ) -> Option<()> {
-        let absent = schema::SamplingSection::default();
-        let sampling = self.section(sampling, &absent)?;
+        let sampling = sampling.or_default()?;
         if flicker.waveform.jumps() {
             if let Some(place) = sampling.tolerance.place() {
                 let problem = FieldProblem::of_key("and a flicker with waveform square exclude each other");

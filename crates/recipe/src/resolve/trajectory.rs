@@ -8,7 +8,7 @@ mod refine;
 mod speed;
 mod vector;
 
-use super::Resolver;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
@@ -22,6 +22,7 @@ use novel::NovelGroups;
 use std::collections::BTreeSet;
 
 pub(crate) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
+pub(super) use vector::Triple;
 
 const PATHS: &str = "refine, novel, orbit and keyframes";
 
@@ -68,9 +69,7 @@ impl Resolver<'_> {
             );
         }
         self.refuse_repeated_names(list);
-        let all: Vec<Option<Vec<TrajectoryRecipe>>> =
-            list.iter().map(|item| self.trajectory(item, list, setting)).collect();
-        let all = all.into_iter().collect::<Option<Vec<_>>>()?.concat();
+        let all = all::<_, _, Vec<_>>(list, |item| self.trajectory(item, list, setting))?.concat();
         // Last, because it needs the number of poses of every base.
         self.refuse_few_poses(list, &all);
         Some(all)

@@ -17,7 +17,7 @@ use super::super::field::Field;
 use serde::Deserialize;
 
 /// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects) describes them.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectSection {
     /// Name: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
@@ -34,7 +34,7 @@ pub(crate) struct ObjectSection {
 }
 
 /// Gaussians of the scene, by their means or by their numbers.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SelectSection {
     /// Those with a mean in a box.
@@ -47,7 +47,7 @@ pub(crate) enum SelectSection {
 }
 
 /// A box along the axes of the world: `box: { low: [0, 0, 0], high: [1, 1, 1] }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct BoxSection {
     /// Least corner. Unit: scene units. Required.
@@ -57,7 +57,7 @@ pub(crate) struct BoxSection {
 }
 
 /// A ball: `sphere: { centre: [0, 0, 0], radius: 1 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct SphereSection {
     /// Centre. Unit: scene units. Required.
@@ -67,7 +67,7 @@ pub(crate) struct SphereSection {
 }
 
 /// A scene file and its place in the world.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlacedSection {
     /// Scene file, relative to the recipe. Required.
@@ -81,7 +81,7 @@ pub(crate) struct PlacedSection {
 }
 
 /// Form of the path.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ObjectPathSection {
     /// C2 splines through at least two keyframes; the first is at 0 s. They must last as long as the
@@ -94,7 +94,7 @@ pub(crate) enum ObjectPathSection {
 }
 
 /// A keyframe of an object.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectKeySection {
     /// Time from the first pose of the trajectory. Unit: s. Required.
@@ -107,7 +107,7 @@ pub(crate) struct ObjectKeySection {
 }
 
 /// A rotation: `orbit: { centre: [0, 0, 0], axis: [0, 1, 0], degrees_per_second: 90 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectOrbitSection {
     /// A point of the axis, world coordinates. Unit: scene units. Required.
@@ -119,7 +119,7 @@ pub(crate) struct ObjectOrbitSection {
 }
 
 /// A steady motion: `straight: { velocity: [1, 0, 0], spin: [0, 90, 0] }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectStraightSection {
     /// Velocity, world axes. Unit: scene units per second. Default: `[0, 0, 0]`.

@@ -18,7 +18,7 @@ use crate::OutputKind;
 use serde::Deserialize;
 
 /// Cameras on one body that follows each trajectory. [scene.md](scene.md#rigs) describes them.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigSection {
     /// The cameras, at least one. The first one measures the speeds in pixels. Required.
@@ -29,7 +29,7 @@ pub(crate) struct RigSection {
 }
 
 /// A camera of a rig.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigCameraSection {
     /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and `-`; at
@@ -47,7 +47,7 @@ pub(crate) struct RigCameraSection {
 
 /// Place of a camera on a body, by position and rotation or by a matrix. The axes of the body are those of a camera:
 /// x right, y down, z forward.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ExtrinsicSection {
     /// Centre of the camera in the axes of the body. Unit: scene units. Default: `[0, 0, 0]`.
