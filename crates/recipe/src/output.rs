@@ -84,14 +84,12 @@ impl OutputKind {
     }
 
     /// Returns true if it compares the cameras of a stereo pair, and belongs to the first one.
-    #[must_use]
-    pub fn is_of_pair(self) -> bool {
+    pub(crate) fn is_of_pair(self) -> bool {
         self == Self::Disparity
     }
 
     /// Returns true if it shows the objects of a scene, without which it is empty.
-    #[must_use]
-    pub fn shows_objects(self) -> bool {
+    pub(crate) fn shows_objects(self) -> bool {
         self == Self::Segmentation
     }
 

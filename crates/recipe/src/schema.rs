@@ -158,7 +158,8 @@ pub(super) struct CameraSection {
     /// Principal point by name, for `gs2e export`. Other than `given`, it excludes `cx` and `cy`. Default:
     /// `given`.
     pub principal: Field<PrincipalPoint>,
-    /// Lens that distorts the pictures and the events. [scene.md](scene.md#lenses) describes it. Default: none, a pinhole.
+    /// Lens that distorts the pictures and the events. [scene.md](scene.md#lenses) describes it. Default:
+    /// none, a pinhole.
     pub lens: Field<LensSection>,
 }
 
@@ -231,8 +232,8 @@ pub(super) struct SharpSection {
     /// Pictures per second, instead of `every`: the nearest whole number of poses is taken. Unit: Hz.
     /// Default: none.
     pub fps: Field<f64>,
-    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of the pose.
-    /// Unit: us. Default: none, for a shutter that sees all rows at once.
+    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of
+    /// the pose. Unit: us. Default: none, for a shutter that sees all rows at once.
     pub readout_us: Field<u64>,
 }
 
@@ -271,8 +272,8 @@ pub(super) struct ImuSection {
     pub preset: Field<ImuPreset>,
     /// Samples per second. Unit: Hz. Default: `1000`.
     pub rate: Field<NumberLiteral>,
-    /// Direction against gravity, in the scene's axes and of any length. Default: the mean of the up directions of
-    /// the captured views; required where `source` is `none`.
+    /// Direction against gravity, in the scene's axes and of any length. Default: the mean of the up
+    /// directions of the captured views; required where `source` is `none`.
     pub up: Field<[Field<f64>; 3]>,
     /// Strength of gravity. Unit: m/s². Default: `9.80665`.
     pub gravity: Field<f64>,
@@ -290,7 +291,8 @@ pub(super) struct ImuAxisSection {
     pub noise: Field<f64>,
     /// Density of the random walk of the bias. Unit: u/s/√Hz. Default: that of the preset.
     pub walk: Field<f64>,
-    /// Standard deviation of the bias at the start, drawn for each axis. Unit: u. Default: that of the preset.
+    /// Standard deviation of the bias at the start, drawn for each axis. Unit: u. Default: that of the
+    /// preset.
     pub bias: Field<f64>,
     /// Largest value that the sensor shows. Unit: u. Default: that of the preset.
     pub range: Field<f64>,
@@ -311,8 +313,8 @@ pub(super) struct ScaleSection {
 pub(super) struct LightsSection {
     /// Lamps that flicker. Default: none.
     pub flicker: Field<FlickerSection>,
-    /// Level at moments, in order of time. It is linear in stops between them, and constant before the first and after
-    /// the last. Default: none.
+    /// Level at moments, in order of time. It is linear in stops between them, and constant before the first
+    /// and after the last. Default: none.
     pub level: Field<Vec<Field<LevelSection>>>,
 }
 

@@ -19,7 +19,8 @@ pub(super) fn trajectory_values(raw: &schema::RecipeSchema, list: &[TrajectoryRe
     let mut shown = Vec::with_capacity(items.len());
     for (raw, _) in items.iter().filter_map(|item| item.given()) {
         let Some(first) = rest.first() else { break };
-        // The groups of a novel trajectory, and the cameras of a rig, follow each other and share the written name.
+        // The groups of a novel trajectory, and the cameras of a rig, follow each other and share the written
+        // name.
         let groups = rest.iter().take_while(|t| t.written == first.written).count();
         rest = &rest[groups..];
         shown.push(trajectory_value(raw, first));

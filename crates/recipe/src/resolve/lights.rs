@@ -1,7 +1,7 @@
 //! Light that changes with time.
 
-use super::Resolver;
 use super::number::RealRange;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::text::TextSpan;
@@ -17,7 +17,8 @@ const HERTZ: RealRange = RealRange::new(1e-3, 1e5);
 const TIME: RealRange = RealRange::new(0.0, 1e6);
 /// Levels: a factor of a million in both directions.
 const STOPS: RealRange = RealRange::new(-20.0, 20.0);
-/// Minimum frames in a period for events. With fewer, the frames miss the bright and the dark parts of a period.
+/// Minimum frames in a period for events. With fewer, the frames miss the bright and the dark parts of a
+/// period.
 const FRAMES_A_PERIOD: f64 = 4.0;
 
 impl Resolver<'_> {
@@ -64,24 +65,23 @@ impl Resolver<'_> {
 
     fn level(&self, field: &Field<Vec<Field<schema::LevelSection>>>) -> Option<Vec<LevelMoment>> {
         let Some((list, _)) = field.given() else { return field.is_absent().then(Vec::new) };
-        let mut moments: Vec<LevelMoment> = Vec::new();
-        let mut is_sound = true;
-        for field in list {
-            let moment = field.given().and_then(|(raw, place)| {
-                self.required(&raw.t, "t", place, "write the time in seconds");
-                self.required(&raw.stops, "stops", place, "write the level in stops");
-                let (t, stops) = (self.real(&raw.t, 0.0, TIME), self.real(&raw.stops, 0.0, STOPS));
-                let moment = LevelMoment { t: t?, stops: stops? };
-                if let Some(last) = moments.last().filter(|last| last.t >= moment.t) {
-                    let found = format!("has t {}, wanted above {}", brief(moment.t), brief(last.t));
-                    return self.refuse(FieldProblem::of_field(found).at(place));
-                }
-                (!raw.t.is_absent() && !raw.stops.is_absent()).then_some(moment)
-            });
-            is_sound &= moment.is_some();
-            moments.extend(moment);
-        }
-        is_sound.then_some(moments)
+        let mut last: Option<f64> = None;
+        all(list, |field| {
+            let (raw, place) = field.given()?;
+            self.required(&raw.t, "t", place, "write the time in seconds");
+            self.required(&raw.stops, "stops", place, "write the level in stops");
+            let (t, stops) = (self.real(&raw.t, 0.0, TIME), self.real(&raw.stops, 0.0, STOPS));
+            let (t, stops) = (t?, stops?);
+            if let Some(last) = last.filter(|last| *last >= t) {
+                let found = format!("has t {}, wanted above {}", brief(t), brief(last));
+                return self.refuse(FieldProblem::of_field(found).at(place));
+            }
+            if raw.t.is_absent() || raw.stops.is_absent() {
+                return None;
+            }
+            last = Some(t);
+            Some(LevelMoment { t, stops })
+        })
     }
 
     /// Checks that the frames of the events follow a flicker.

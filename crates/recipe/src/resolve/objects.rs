@@ -24,7 +24,8 @@ const SOURCE: &str =
 const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit or keyframes";
 
 impl Resolver<'_> {
-    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are refused.
+    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are
+    /// refused.
     pub(super) fn objects_and_masks(
         &self,
         raw: &schema::RecipeSchema,

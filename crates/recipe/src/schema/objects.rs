@@ -16,7 +16,8 @@
 use super::super::field::Field;
 use serde::Deserialize;
 
-/// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects) describes them.
+/// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects)
+/// describes them.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectSection {
@@ -28,8 +29,8 @@ pub(crate) struct ObjectSection {
     pub scene: Field<PlacedSection>,
     /// Path of the object. Required.
     pub path: Field<ObjectPathSection>,
-    /// Point about which the object turns, world coordinates at rest. Unit: scene units. Default: the mean of its
-    /// means.
+    /// Point about which the object turns, world coordinates at rest. Unit: scene units. Default: the mean of
+    /// its means.
     pub pivot: Field<[Field<f64>; 3]>,
 }
 
@@ -41,8 +42,8 @@ pub(crate) enum SelectSection {
     Box(Field<BoxSection>),
     /// Those with a mean in a ball.
     Sphere(Field<SphereSection>),
-    /// Those with the numbers in a file, one a line, from 0 in the order of the scene file. The path is relative to
-    /// the recipe.
+    /// Those with the numbers in a file, one a line, from 0 in the order of the scene file. The path is
+    /// relative to the recipe.
     Ids(Field<String>),
 }
 
@@ -74,7 +75,8 @@ pub(crate) struct PlacedSection {
     pub path: Field<String>,
     /// Place of the file's origin, world coordinates. Unit: scene units. Default: `[0, 0, 0]`.
     pub at: Field<[Field<f64>; 3]>,
-    /// Turn of the file's axes: an axis in world axes, as long as the angle. Unit: degrees. Default: `[0, 0, 0]`.
+    /// Turn of the file's axes: an axis in world axes, as long as the angle. Unit: degrees. Default: `[0, 0,
+    /// 0]`.
     pub turn: Field<[Field<f64>; 3]>,
     /// Scene units per unit of the file. Default: `1`.
     pub scale: Field<f64>,
@@ -101,8 +103,8 @@ pub(crate) struct ObjectKeySection {
     pub at: Field<f64>,
     /// Displacement of the pivot from its place at rest, world axes. Unit: scene units. Default: `[0, 0, 0]`.
     pub shift: Field<[Field<f64>; 3]>,
-    /// Turn about the pivot: an axis in world axes, as long as the angle. The way from keyframe to keyframe is the
-    /// shorter one. Unit: degrees. Default: `[0, 0, 0]`.
+    /// Turn about the pivot: an axis in world axes, as long as the angle. The way from keyframe to keyframe
+    /// is the shorter one. Unit: degrees. Default: `[0, 0, 0]`.
     pub turn: Field<[Field<f64>; 3]>,
 }
 

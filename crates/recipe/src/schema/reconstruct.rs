@@ -17,14 +17,15 @@ pub(crate) enum ReconstructSection {
     Command(Field<Box<CommandSection>>),
 }
 
-/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with time.
+/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with
+/// time.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
-    /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene files. See
-    /// [scene.md](scene.md#scenes-that-change-with-time). Default: none, a scene at rest.
+    /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene
+    /// files. See [scene.md](scene.md#scenes-that-change-with-time). Default: none, a scene at rest.
     pub time: Field<TimeSection>,
     /// True if the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<UnsupportedField>,

@@ -23,8 +23,8 @@ use serde::Deserialize;
 pub(crate) struct RigSection {
     /// The cameras, at least one. The first one measures the speeds in pixels. Required.
     pub cameras: Field<Vec<Field<RigCameraSection>>>,
-    /// Pairs of cameras that are rectified, by name, each camera in one pair at most: the first and the second, usually
-    /// left and right. Default: `[]`.
+    /// Pairs of cameras that are rectified, by name, each camera in one pair at most: the first and the
+    /// second, usually left and right. Default: `[]`.
     pub stereo: Field<Vec<Field<[Field<String>; 2]>>>,
 }
 
@@ -32,8 +32,8 @@ pub(crate) struct RigSection {
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigCameraSection {
-    /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and `-`; at
-    /// most 100 bytes. Required.
+    /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and
+    /// `-`; at most 100 bytes. Required.
     pub name: Field<String>,
     /// Place of the camera on the body. Default: `{}`.
     pub extrinsic: Field<ExtrinsicSection>,
@@ -45,8 +45,8 @@ pub(crate) struct RigCameraSection {
     pub outputs: Field<Vec<Field<OutputKind>>>,
 }
 
-/// Place of a camera on a body, by position and rotation or by a matrix. The axes of the body are those of a camera:
-/// x right, y down, z forward.
+/// Place of a camera on a body, by position and rotation or by a matrix. The axes of the body are those of a
+/// camera: x right, y down, z forward.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ExtrinsicSection {
@@ -55,6 +55,7 @@ pub(crate) struct ExtrinsicSection {
     /// Rotation from camera to body: `[qx, qy, qz, qw]`. Range: of length 1. Default: `[0, 0, 0, 1]`.
     pub rotation: Field<[Field<f64>; 4]>,
     /// Rows of the 4x4 matrix that maps points of the body to points of the camera, instead of `position` and
-    /// `rotation`: `T_cam_imu` of Kalibr, for an inertial sensor at the body. Unit: scene units. Default: none.
+    /// `rotation`: `T_cam_imu` of Kalibr, for an inertial sensor at the body. Unit: scene units. Default:
+    /// none.
     pub camera_from_body: Field<[Field<[Field<f64>; 4]>; 4]>,
 }

@@ -51,7 +51,8 @@ pub(crate) struct ProceduralSection {
     pub fountain: Field<FountainSection>,
 }
 
-/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [scene.md](scene.md#scenes-that-change-with-time).
+/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See
+/// [scene.md](scene.md#scenes-that-change-with-time).
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FountainSection {

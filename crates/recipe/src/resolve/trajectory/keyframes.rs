@@ -24,12 +24,8 @@ impl Resolver<'_> {
         around: PathContext<'_>,
     ) -> Option<KeyframePath> {
         let poses = self.poses(&raw.poses, place);
-        let spread = PoseSpread {
-            factor: Some(&raw.factor),
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
+        let schema::KeyframesSection { factor, frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
         let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
         resolved!(KeyframePath {
             poses,

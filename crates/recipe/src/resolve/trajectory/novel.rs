@@ -85,12 +85,8 @@ impl Resolver<'_> {
         around: PathContext<'_>,
     ) -> Option<NovelGroups> {
         let base = self.base(&raw.base, place, list);
-        let spread = PoseSpread {
-            factor: None,
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
+        let schema::NovelSection { frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: None, frames, duration, literal: Some(literal) };
         let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
         resolved!(NovelGroups {
             base,

@@ -35,12 +35,8 @@ impl Resolver<'_> {
         let help = "write refine: {} for the path of the paper: the captured path, smoothed and densified";
         let (raw, place) = self.required(field, "refine", within, help)?;
         let usual = RefinePath::default();
-        let spread = PoseSpread {
-            factor: Some(&raw.factor),
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
+        let schema::RefineSection { factor, frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
         let (count, literal) = self.spread(spread, usual.count, place, around);
         resolved!(RefinePath {
             window: self.small(&raw.window, usual.window, WholeRange::new(0, 1000)),
