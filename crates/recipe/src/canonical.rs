@@ -16,6 +16,7 @@ use gs2e_scene::camera::CameraChoice;
 use gs2e_sensor::voltmeter::VoltmeterPreset;
 use gs2e_sensor::{SensorChoice, SensorSet};
 use gs2e_source::licence::UpstreamGrant;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 /// Returns the canonical form of a recipe. `raw` supplies values that are shown as written: paths,
@@ -93,22 +94,23 @@ fn reconstruct_value(raw: &schema::RecipeSchema, recipe: &Recipe) -> Option<Valu
     }
 }
 
+/// The fields of a domain type that have the names of recipes: all but those in `others`.
+pub(super) fn fields_without(settings: impl Serialize, others: &[&str]) -> Value {
+    let mut value = json!(settings);
+    if let Some(fields) = value.as_object_mut() {
+        fields.retain(|key, _| !others.contains(&key.as_str()));
+    }
+    value
+}
+
 fn camera_value(camera: CameraChoice) -> Value {
-    let mut sides = json!({ "width": camera.width, "height": camera.height });
-    for (key, value) in ["fx", "fy", "cx", "cy"].into_iter().zip(camera.intrinsics.into_iter().flatten()) {
-        sides[key] = json!(value);
+    let mut value = fields_without(camera, &["intrinsics"]);
+    // The numbers of a point with a name are not the ones used, and a recipe refuses both.
+    let keys = if camera.principal.is_given() { &["fx", "fy", "cx", "cy"][..] } else { &["fx", "fy"] };
+    for (key, number) in keys.iter().zip(camera.intrinsics.into_iter().flatten()) {
+        value[key] = json!(number);
     }
-    if !camera.principal.is_given() {
-        sides["principal"] = json!(camera.principal);
-        // The numbers of the point are not the ones used, and a recipe refuses both.
-        if let Some(sides) = sides.as_object_mut() {
-            sides.retain(|key, _| !["cx", "cy"].contains(&key.as_str()));
-        }
-    }
-    if let Some(lens) = camera.lens {
-        sides["lens"] = json!(lens);
-    }
-    sides
+    value
 }
 
 fn licence_value(licence: &LicenceChoice) -> Value {

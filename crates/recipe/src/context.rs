@@ -48,7 +48,7 @@ fn read_single<T: DeserializeOwned + Default, R: Default>(
 ) -> Result<R, RecipeFaults> {
     let read = |path: PathBuf| Ok(RecipeParts::without_defaults(&path)?.resolve(resolve)?.1);
     let found = find_single(paths, name).and_then(|path| path.map_or_else(|| Ok(R::default()), read));
-    found.or_else(|faults| RecipeFaults::value_or(R::default(), faults))
+    found.map_err(RecipeFaults::new)
 }
 
 /// Finds the one file with this name next to the recipes.

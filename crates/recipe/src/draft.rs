@@ -142,8 +142,8 @@ pub fn defaults_reconstruct(folder: &Path) -> Result<Option<bool>, RecipeFaults>
     if !is_there(&path) {
         return Ok(None);
     }
-    let read = RecipeParts::without_defaults(&path).map(|parts| Some(parts.has("reconstruct")));
-    read.or_else(|faults| RecipeFaults::value_or(None, faults))
+    let parts = RecipeParts::without_defaults(&path).map_err(RecipeFaults::new)?;
+    Ok(Some(parts.has("reconstruct")))
 }
 
 /// Scene id of a recipe; `None` if the recipe cannot be read or has no scene id.

@@ -114,12 +114,8 @@ impl SensorDraws {
             let found = Problems::default();
             // Without a frame rate, sensors are not screened: the ends of all ranges together are a
             // sensor that is never drawn.
-            resolve_sensors(
-                &self.with_values(tree, camera, &values),
-                resolver,
-                &found,
-                (BetweenFrames::Linear, None),
-            );
+            let tree = self.with_values(tree, camera, &values);
+            resolve_sensors(&tree, resolver, &found, BetweenFrames::Linear, None);
             for problem in found.into_inner() {
                 let at = |number: &&DrawnNumber| Some(number.place) == problem.order();
                 let Some(number) = self.numbers.iter().find(at) else { continue };
@@ -177,7 +173,7 @@ impl SensorDraws {
                 self.numbers_of(camera).map(|number| number.law.draw(stream(number))).collect();
             let found = Problems::default();
             let tree = self.with_values(tree, camera, &values);
-            let sensors = resolve_sensors(&tree, resolver, &found, (between, Some(rate)));
+            let sensors = resolve_sensors(&tree, resolver, &found, between, Some(rate));
             let place = format!(" (drawn for the trajectory {})", trajectory.name);
             let problems = found.into_inner().into_iter().map(|problem| problem.noting(&place));
             resolver.problems.borrow_mut().extend(problems);
@@ -225,8 +221,8 @@ impl SensorDraws {
         self.numbers.iter().filter(move |number| number.camera == camera)
     }
 
-    /// A recipe with the sensors of a tree alone, or with the sensor of a camera, and these values in the place of the
-    /// laws.
+    /// A recipe with the sensors of a tree alone, or with the sensor of a camera, and these values in the
+    /// place of the laws.
     fn with_values(&self, tree: &TreeNode, camera: Option<usize>, values: &[f64]) -> TreeNode {
         let mut sensors = Vec::new();
         for_each_sensor(&mut tree.clone(), &mut |(of, name), sensor| {
@@ -261,7 +257,8 @@ fn resolve_sensors(
     tree: &TreeNode,
     resolver: &Resolver<'_>,
     problems: &Problems,
-    (between, rate): (BetweenFrames, Option<Hertz>),
+    between: BetweenFrames,
+    rate: Option<Hertz>,
 ) -> Option<SensorSet> {
     let raw = schema::RecipeSchema::deserialize(TreeReader::new(tree, problems));
     let raw = raw.map_err(|problem: FieldProblem| problems.borrow_mut().push(problem)).ok()?;
@@ -269,8 +266,8 @@ fn resolve_sensors(
     own.sensors(&raw, Some(between), rate)
 }
 
-/// Where a tree has a sensor: the camera of its rig, or `None` for the recipe, and the name of the sensor, which is empty
-/// for the only one.
+/// Where a tree has a sensor: the camera of its rig, or `None` for the recipe, and the name of the sensor,
+/// which is empty for the only one.
 type SensorPlace<'p> = (Option<usize>, &'p str);
 
 /// A visitor of the laws of a tree: place of the sensor, path within it, and the value.

@@ -112,8 +112,8 @@ impl RecipeFault {
         let (number, column) = self.text.position(start);
         let line: Vec<char> = self.text.line(start).chars().map(printable_char).collect();
         // A fault may span several lines; the carets stand below the first one only.
-        let width =
-            self.text.body.get(start..end).map_or(1, |s| s.split(['\n', '\r']).next().map_or(1, char_count));
+        let first = self.text.body.get(start..end).and_then(|s| s.split(['\n', '\r']).next());
+        let width = first.map_or(1, |line| line.chars().count());
         // A long line is cut so that the fault is near the middle.
         let from = column.saturating_sub(EXCERPT / 2).min(line.len().saturating_sub(EXCERPT));
         let cut: String = line.iter().skip(from).take(EXCERPT).collect();
@@ -123,10 +123,6 @@ impl RecipeFault {
         let (indent, carets) = (" ".repeat(caret), "^".repeat(width));
         Some([format!("{number} │ {}", cut.trim_end()), format!("{:gutter$} │ {indent}{carets}", "")])
     }
-}
-
-fn char_count(text: &str) -> usize {
-    text.chars().count()
 }
 
 /// One character for each, so that the carets stand below their text.
@@ -151,44 +147,6 @@ impl fmt::Display for RecipeFault {
 
 impl std::error::Error for RecipeFault {}
 
-impl miette::Diagnostic for RecipeFault {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(Self::code(self)))
-    }
-
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|h| Box::new(h) as Box<dyn fmt::Display>)
-    }
-
-    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        self.span.map(|_| &*self.text as &dyn miette::SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
-        let (start, end) = self.span?;
-        Some(Box::new(std::iter::once(miette::LabeledSpan::new(None, start, end - start))))
-    }
-}
-
-impl miette::SourceCode for SourceText {
-    fn read_span<'a>(
-        &'a self,
-        span: &miette::SourceSpan,
-        before: usize,
-        after: usize,
-    ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
-        let inner = self.body.read_span(span, before, after)?;
-        Ok(Box::new(miette::MietteSpanContents::new_named(
-            shown_path(&self.path),
-            inner.data(),
-            *inner.span(),
-            inner.line(),
-            inner.column(),
-            inner.line_count(),
-        )))
-    }
-}
-
 /// The faults of the recipes: at least one, and at most [`LISTED`] of them in full.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecipeFaults {
@@ -197,16 +155,18 @@ pub struct RecipeFaults {
 }
 
 impl RecipeFaults {
-    /// Returns the value if there are no faults. A fault of shared defaults is reported once.
-    pub(super) fn value_or<T>(value: T, mut faults: Vec<RecipeFault>) -> Result<T, Self> {
+    /// The faults of a list that is not empty. A fault of shared defaults is reported once.
+    pub(super) fn new(mut faults: Vec<RecipeFault>) -> Self {
         let mut seen = BTreeSet::new();
         faults.retain(|fault| seen.insert(fault.to_string()));
-        if faults.is_empty() {
-            return Ok(value);
-        }
         let more = faults.len().saturating_sub(LISTED);
         faults.truncate(LISTED);
-        Err(Self { listed: faults, more })
+        Self { listed: faults, more }
+    }
+
+    /// Returns the value if there are no faults.
+    pub(super) fn value_or<T>(value: T, faults: Vec<RecipeFault>) -> Result<T, Self> {
+        if faults.is_empty() { Ok(value) } else { Err(Self::new(faults)) }
     }
 
     /// The listed faults.
@@ -253,9 +213,3 @@ impl fmt::Display for RecipeFaults {
 }
 
 impl std::error::Error for RecipeFaults {}
-
-impl miette::Diagnostic for RecipeFaults {
-    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
-        Some(Box::new(self.listed.iter().map(|f| f as &dyn miette::Diagnostic)))
-    }
-}

@@ -41,6 +41,30 @@ impl<T> Field<T> {
     pub(super) fn is_absent(&self) -> bool {
         matches!(self, Self::Absent)
     }
+
+    /// Resolves a field that may be absent; `None` if it is faulty.
+    pub(super) fn optional<U>(&self, resolve: impl FnOnce(&Self) -> Option<U>) -> Option<Option<U>> {
+        if self.is_absent() { Some(None) } else { resolve(self).map(Some) }
+    }
+}
+
+impl<T: Clone> Field<T> {
+    /// Returns the value, or the default if the field is absent; `None` if it is faulty.
+    pub(super) fn or(&self, default: T) -> Option<T> {
+        match self {
+            Self::Absent => Some(default),
+            Self::Bad => None,
+            Self::Given(value, _) => Some(value.clone()),
+        }
+    }
+
+    /// Like [`Self::or`], with the default of the type: a section without keys.
+    pub(super) fn or_default(&self) -> Option<T>
+    where
+        T: Default,
+    {
+        self.or(T::default())
+    }
 }
 
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Field<T> {

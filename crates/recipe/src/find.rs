@@ -80,9 +80,7 @@ pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
 pub fn read_recipe_text(text: String, shown: &Path) -> Result<Recipe, RecipeFaults> {
     let file = RecipeFile { path: shown.to_owned(), defaults: None };
     let read = RecipeParts::of_text(shown, text).and_then(|parts| parts.with_presets().recipe(&file));
-    read.map(|read| read.recipe).map_err(|faults| {
-        RecipeFaults::value_or((), faults).expect_err("a recipe that was not read has faults")
-    })
+    read.map(|read| read.recipe).map_err(RecipeFaults::new)
 }
 
 fn read_after(files: &[RecipeFile], mut faults: Vec<RecipeFault>) -> Result<Vec<Recipe>, RecipeFaults> {

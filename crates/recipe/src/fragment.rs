@@ -49,10 +49,11 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     let files = find_all(&[PathBuf::from(path)])?;
     let [file] = &files[..] else {
         let message = format!("this folder has {} recipes, wanted one", files.len());
-        return Err(all_faults(vec![RecipeFault::of_file(path, &message, Some("name one recipe file"))]));
+        let fault = RecipeFault::of_file(path, &message, Some("name one recipe file"));
+        return Err(RecipeFaults::new(vec![fault]));
     };
     let read = || trajectories_of(DefaultsLibrary::read_defaults(&files).parts(file)?);
-    read().map_err(all_faults)
+    read().map_err(RecipeFaults::new)
 }
 
 /// Reads trajectories from a text with the same content as a file of [`read_fragment`]. Faults name
@@ -62,12 +63,7 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
 /// The fragment has faults.
 pub fn fragment_from_text(text: String, shown: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
     let read = || trajectories_of(RecipeParts::of_text(shown, text)?.with_presets());
-    read().map_err(all_faults)
-}
-
-/// Faults from a list that is not empty.
-fn all_faults(faults: Vec<RecipeFault>) -> RecipeFaults {
-    RecipeFaults::value_or((), faults).expect_err("there are faults")
+    read().map_err(RecipeFaults::new)
 }
 
 /// The keys of a recipe without these.

@@ -240,9 +240,11 @@ pub enum ReconstructMethod {
 /// One trajectory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrajectoryRecipe {
-    /// Name of the trajectory, which is also its folder in the release: `base`, or `base/left` for a camera of a rig.
+    /// Name of the trajectory, which is also its folder in the release: `base`, or `base/left` for a camera
+    /// of a rig.
     pub name: String,
-    /// Name of the trajectory in the recipe. All groups of a novel trajectory share it, and all cameras of a rig.
+    /// Name of the trajectory in the recipe. All groups of a novel trajectory share it, and all cameras of a
+    /// rig.
     pub written: String,
     /// The path of the camera.
     pub path: CameraPath,
@@ -254,6 +256,13 @@ pub struct TrajectoryRecipe {
     pub speed: SpeedChoice,
     /// The sensors of this trajectory, if numbers of them are drawn.
     pub drawn: Option<DrawnSensors>,
+}
+
+impl TrajectoryRecipe {
+    /// A trajectory with the name that the recipe writes.
+    fn new(written: String, path: CameraPath, speed: SpeedChoice) -> Self {
+        Self { name: written.clone(), written, path, base: None, mounted: None, speed, drawn: None }
+    }
 }
 
 /// Scale of a scene, after the axes of the paper's appendix D.

@@ -82,7 +82,8 @@ pub(super) fn check_trajectory(name: &str) -> Result<(), String> {
     not_taken(name, &TAKEN_IN_SCENE)
 }
 
-/// Checks the name of a camera of a rig, which is a folder inside that of a trajectory. The error says what is wrong.
+/// Checks the name of a camera of a rig, which is a folder inside that of a trajectory. The error says what
+/// is wrong.
 pub(super) fn check_camera(name: &str) -> Result<(), String> {
     check_trajectory(name)?;
     let outputs = OutputKind::ALL.map(OutputKind::name);

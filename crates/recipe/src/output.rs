@@ -2,7 +2,7 @@
 //! them: the steps are made in `plan::wire`, and the files described in `release::products`.
 
 use super::Recipe;
-use super::canonical::ratio_value;
+use super::canonical::{fields_without, ratio_value};
 use super::field::Field;
 use super::schema::{EverySection, RecipeSchema, SharpSection};
 use super::text::TextSpan;
@@ -84,14 +84,12 @@ impl OutputKind {
     }
 
     /// Returns true if it compares the cameras of a stereo pair, and belongs to the first one.
-    #[must_use]
-    pub fn is_of_pair(self) -> bool {
+    pub(crate) fn is_of_pair(self) -> bool {
         self == Self::Disparity
     }
 
     /// Returns true if it shows the objects of a scene, without which it is empty.
-    #[must_use]
-    pub fn shows_objects(self) -> bool {
+    pub(crate) fn shows_objects(self) -> bool {
         self == Self::Segmentation
     }
 
@@ -117,17 +115,9 @@ impl OutputKind {
 
 /// The settings of an inertial sensor, without the size of the scene, which has a section of its own.
 fn imu_value(imu: &ImuModel) -> Value {
-    let ImuModel { rate, gyroscope, accelerometer, gravity, up, .. } = imu;
-    let mut value = json!({
-        "preset": ImuPreset::Ideal,
-        "rate": ratio_value(rate.0),
-        "gravity": gravity,
-        "gyroscope": gyroscope,
-        "accelerometer": accelerometer,
-    });
-    if let Some(up) = up {
-        value["up"] = json!(up);
-    }
+    let mut value = fields_without(imu, &["metres_per_unit"]);
+    value["preset"] = json!(ImuPreset::Ideal);
+    value["rate"] = ratio_value(imu.rate.0);
     value
 }
 

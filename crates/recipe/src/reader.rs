@@ -13,6 +13,7 @@ use super::problem::{FieldProblem, bare_text, quote_text};
 use super::tree::{MappingEntry, NodeKind, TreeNode};
 use access::{EnumChoice, FieldAccess, ListItems, MapEntries};
 use serde::de::{Deserializer, Visitor};
+use serde::forward_to_deserialize_any;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 
@@ -285,44 +286,10 @@ impl<'de> Deserializer<'de> for TreeReader<'_> {
         visitor.visit_unit()
     }
 
-    fn deserialize_f32<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
-        self.deserialize_f64(visitor)
-    }
-
-    fn deserialize_char<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
-        self.deserialize_str(visitor)
-    }
-
     fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
         self.deserialize_str(visitor)
     }
 
-    fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
-        self.deserialize_str(visitor)
-    }
-
-    fn deserialize_byte_buf<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
-        self.deserialize_str(visitor)
-    }
-
-    fn deserialize_identifier<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, FieldProblem> {
-        self.deserialize_str(visitor)
-    }
-
-    fn deserialize_unit_struct<V: Visitor<'de>>(
-        self,
-        _: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, FieldProblem> {
-        self.deserialize_unit(visitor)
-    }
-
-    fn deserialize_tuple_struct<V: Visitor<'de>>(
-        self,
-        _: &'static str,
-        len: usize,
-        visitor: V,
-    ) -> Result<V::Value, FieldProblem> {
-        self.deserialize_tuple(len, visitor)
-    }
+    // No type of a recipe asks for these.
+    forward_to_deserialize_any! { f32 char bytes byte_buf unit_struct tuple_struct identifier }
 }

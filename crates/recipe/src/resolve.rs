@@ -1,5 +1,17 @@
 //! Resolution of a written recipe: required fields, ranges, defaults, presets, and paths.
 
+/// A structure from its parts, each an `Option` that is `None` if it is faulty; `None` if one of them is.
+/// All parts are resolved before that is asked, so that all faults are reported. A part may use those
+/// above it, and a part without a value is a variable of its name.
+macro_rules! resolved {
+    ($name:ident { $($part:ident $(: $value:expr)?),* $(, ..$rest:expr)? $(,)? }) => {{
+        $($(let $part = $value;)?)*
+        // In a closure, so that `?` ends the structure and not its caller.
+        Some(()).and_then(|()| Some($name { $($part: $part?,)* $(..$rest)? }))
+    }};
+}
+pub(super) use resolved;
+
 mod imu;
 mod licence;
 mod lights;
@@ -22,7 +34,6 @@ use super::{
     OutputKind, Recipe, RecipeMeta, ReconstructMethod, SceneScale, SceneSource, TrajectoryRecipe, names,
     schema,
 };
-use gs2e_check::Limits;
 use gs2e_render::{RenderChoice, RenderRules};
 use gs2e_scene::camera::CameraChoice;
 use gs2e_trajectory::speed::SpeedChoice;
@@ -47,64 +58,48 @@ impl Resolver<'_> {
     pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<Recipe> {
         self.required(&raw.version, "version", self.root, "write version: 1");
         self.later(&raw.release, "this gs2e releases only the products");
-        let scene = self.scene(&raw.scene);
-        let seed = self.or(&raw.seed, 0);
-        let source = self.source(&raw.source);
-        let group = self.group(&raw.group);
-        let camera = self.recipe_camera(raw, source.as_ref());
-        let rate = self.rate(&raw.sampling);
-        let law = self.summation(&raw.sampling);
-        let has_scene = !raw.reconstruct.is_absent();
-        let (scene_id, of) = (scene.as_deref(), source.as_ref());
-        let setting = TrajectoryContext { scene: scene_id, seed, source: of, rate, law, has_scene };
-        let trajectories = self.trajectories(&raw.trajectories, setting);
         let between = self.between(&raw.sampling);
-        let sensors = self.sensors(raw, between, rate);
-        let tolerance = self.tolerance(&raw.sampling, sensors.as_ref());
-        let outputs = self.outputs(&raw.outputs);
-        let renders = renders(outputs.as_ref(), trajectories.as_deref());
-        let ground = ReconstructContext { source: source.as_ref(), seed, renders };
-        let reconstruct = self.reconstruct(&raw.reconstruct, ground);
-        let around = RigContext { source: source.as_ref(), camera, between, rate, outputs: outputs.as_ref() };
-        let rig = self.rig(raw, around);
-        let every = self.spacing(raw, rate);
-        let readout_us = self.readout_us(&raw.sharp);
-        let shutter = self.shutter(&raw.blur, rate);
-        let scale = self.scene_scale(&raw.attributes);
-        let imu = self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref());
-        let lights = self.lights(raw, rate, outputs.as_ref());
-        let objects = self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct));
-        let render = self.render_along(raw, source.as_ref(), &reconstruct);
-        let checks = self.or(&raw.checks, Limits::default());
-        let licence = self.licence(&raw.licence, source.as_ref());
-        // The parts return here and not earlier, so that all of them have reported their faults.
-        let recipe = Recipe {
-            meta: RecipeMeta::default(),
-            scene: scene?,
-            seed: seed?,
-            source: source?,
-            group: group?,
-            reconstruct: reconstruct?,
-            // The first camera of a rig measures the speeds in pixels.
-            camera: rig.as_ref()?.first().map_or(camera?, |first| first.camera),
-            trajectories: rig::with_cameras(trajectories?, rig.as_ref()?),
-            rig: rig?,
-            rate: rate?,
-            law: law?,
-            tolerance: tolerance?,
-            render: render?,
-            sensors: sensors?,
-            outputs: outputs?,
-            every: every?,
-            readout_us: readout_us?,
-            shutter: shutter?,
-            imu: imu?,
-            lights: lights?,
-            objects: objects?,
-            scale: scale?,
-            checks: checks?,
-            licence: licence?,
-        };
+        let has_scene = !raw.reconstruct.is_absent();
+        let recipe = resolved!(Recipe {
+            meta: Some(RecipeMeta::default()),
+            scene: self.scene(&raw.scene),
+            seed: raw.seed.or(0),
+            source: self.source(&raw.source),
+            group: self.said(&raw.group),
+            camera: self.recipe_camera(raw, source.as_ref()),
+            rate: self.rate(&raw.sampling),
+            law: self.summation(&raw.sampling),
+            trajectories: {
+                let (scene, source) = (scene.as_deref(), source.as_ref());
+                let context = TrajectoryContext { scene, seed, source, rate, law, has_scene };
+                self.trajectories(&raw.trajectories, context)
+            },
+            sensors: self.sensors(raw, between, rate),
+            tolerance: self.tolerance(&raw.sampling, sensors.as_ref()),
+            outputs: self.outputs(&raw.outputs),
+            reconstruct: {
+                let renders = renders(outputs.as_ref(), trajectories.as_deref());
+                self.reconstruct(
+                    &raw.reconstruct,
+                    ReconstructContext { source: source.as_ref(), seed, renders },
+                )
+            },
+            rig: {
+                let (source, outputs) = (source.as_ref(), outputs.as_ref());
+                self.rig(raw, RigContext { source, camera, between, rate, outputs })
+            },
+            every: self.spacing(raw, rate),
+            readout_us: self.readout_us(&raw.sharp),
+            shutter: self.shutter(&raw.blur, rate),
+            scale: self.scene_scale(&raw.attributes),
+            imu: self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref()),
+            lights: self.lights(raw, rate, outputs.as_ref()),
+            objects: self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct)),
+            render: self.render_along(raw, source.as_ref(), &reconstruct),
+            checks: raw.checks.or_default(),
+            licence: self.licence(&raw.licence, source.as_ref()),
+        })?;
+        let recipe = rig::with_cameras(recipe);
         self.refuse_long_exposures(&raw.blur, &recipe)?;
         Some(recipe)
     }
@@ -145,21 +140,13 @@ impl Resolver<'_> {
     }
 
     fn scene_scale(&self, field: &Field<schema::AttributesSection>) -> Option<Option<SceneScale>> {
-        let absent = schema::AttributesSection::default();
-        let field = &self.section(field, &absent)?.scene_scale;
-        let Some((scale, _)) = field.given() else { return field.is_absent().then_some(None) };
-        Some(Some(*scale))
+        field.or_default()?.scene_scale.optional(|scale| Some(*scale.given()?.0))
     }
 
     fn scene(&self, field: &Field<String>) -> Option<String> {
         let help = "write scene: my/scene, its id and its folder in the release";
         let (id, place) = self.required(field, "scene", self.root, help)?;
         self.named(id, place, names::scene_id(id), names::SCENE_HELP)
-    }
-
-    fn group(&self, field: &Field<String>) -> Option<Option<String>> {
-        let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
-        self.filled(text, place).map(Some)
     }
 
     /// Returns a name if the verdict accepts it.
@@ -191,20 +178,6 @@ impl Resolver<'_> {
         }
     }
 
-    /// Returns an optional section; `None` if it is faulty.
-    fn section<'f, T>(&self, field: &'f Field<T>, absent: &'f T) -> Option<&'f T> {
-        match field {
-            Field::Absent => Some(absent),
-            Field::Bad => None,
-            Field::Given(value, _) => Some(value),
-        }
-    }
-
-    /// Returns the value, or the default if the field is absent.
-    fn or<T: Clone>(&self, field: &Field<T>, default: T) -> Option<T> {
-        self.section(field, &default).cloned()
-    }
-
     /// Returns the value of a required field in the mapping at `within`.
     pub(super) fn required<'f, T>(
         &self,
@@ -227,6 +200,20 @@ impl Resolver<'_> {
         }
         Some(text.to_owned())
     }
+
+    /// Returns an optional text that is not blank.
+    pub(super) fn said(&self, field: &Field<String>) -> Option<Option<String>> {
+        field.optional(|text| text.given().and_then(|(text, place)| self.filled(text, place)))
+    }
+}
+
+/// Resolves all items of a list before the first faulty one ends it, so that all faults are reported.
+pub(super) fn all<T, U, C: FromIterator<U>>(
+    list: impl IntoIterator<Item = T>,
+    resolve: impl FnMut(T) -> Option<U>,
+) -> Option<C> {
+    let items: Vec<Option<U>> = list.into_iter().map(resolve).collect();
+    items.into_iter().collect()
 }
 
 /// Returns true if something is rendered. A speed in pixels needs the scene even without outputs.

@@ -1,7 +1,7 @@
 //! Rigs: the cameras on the body that follows each trajectory of a recipe.
 //!
-//! A trajectory of a recipe with a rig is that of the body. Each camera has a trajectory of its own below it, with the
-//! name `<trajectory>/<camera>`.
+//! A trajectory of a recipe with a rig is that of the body. Each camera has a trajectory of its own below it,
+//! with the name `<trajectory>/<camera>`.
 
 use super::{OutputKind, Recipe, TrajectoryRecipe};
 use gs2e_num::se3::Se3;
@@ -93,7 +93,8 @@ impl Recipe {
         std::iter::once(&self.sensors).chain(own).flat_map(SensorSet::iter)
     }
 
-    /// The products of a trajectory. A body has those that are measured on its path, and its cameras the others.
+    /// The products of a trajectory. A body has those that are measured on its path, and its cameras the
+    /// others.
     #[must_use]
     pub fn outputs_of(&self, trajectory: &str) -> BTreeSet<OutputKind> {
         match self.mounted(trajectory) {

@@ -20,9 +20,7 @@ mod sensor;
 mod source;
 mod trajectory;
 
-pub(super) use objects::{
-    ObjectKeySection, ObjectPathSection, ObjectSection, ObjectStraightSection, PlacedSection, SelectSection,
-};
+pub(super) use objects::{ObjectKeySection, ObjectPathSection, ObjectSection, PlacedSection, SelectSection};
 pub(super) use reconstruct::{
     BuiltinSection, CommandSection, CountSection, ReconstructSection, TimeSection, UntilSection,
 };
@@ -137,7 +135,7 @@ pub(super) enum PresetKey {
 
 /// Camera of the renderings. With width and height alone it keeps the source's horizontal field of
 /// view.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct CameraSection {
     /// Size by name, instead of `width` and `height`. Default: none.
@@ -160,12 +158,13 @@ pub(super) struct CameraSection {
     /// Principal point by name, for `gs2e export`. Other than `given`, it excludes `cx` and `cy`. Default:
     /// `given`.
     pub principal: Field<PrincipalPoint>,
-    /// Lens that distorts the pictures and the events. [scene.md](scene.md#lenses) describes it. Default: none, a pinhole.
+    /// Lens that distorts the pictures and the events. [scene.md](scene.md#lenses) describes it. Default:
+    /// none, a pinhole.
     pub lens: Field<LensSection>,
 }
 
 /// Model of a lens with its coefficients, as in OpenCV. [scene.md](scene.md#lenses) describes it.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum LensSection {
     /// Radial and tangential: k1, k2, p1, p2, with k3 or with k3, k4, k5, k6 after them.
@@ -175,7 +174,7 @@ pub(super) enum LensSection {
 }
 
 /// [sampling.md](sampling.md) explains the choice between a rate and a tolerance.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct SamplingSection {
     /// Frames per second rendered for the sensor, and poses per second in the release. Unit: Hz.
@@ -194,7 +193,7 @@ pub(super) struct SamplingSection {
 }
 
 /// Conventions of the renderer.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct RenderSection {
     /// Extents, culling and stopping rules. Default: `official`; `soft` with a tolerance.
@@ -225,7 +224,7 @@ pub(super) enum AntialiasedKey {
 }
 
 /// Spacing and shutter of the sharp frames.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct SharpSection {
     /// Number of poses from one picture to the next. Default: `1`.
@@ -233,13 +232,13 @@ pub(super) struct SharpSection {
     /// Pictures per second, instead of `every`: the nearest whole number of poses is taken. Unit: Hz.
     /// Default: none.
     pub fps: Field<f64>,
-    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of the pose.
-    /// Unit: us. Default: none, for a shutter that sees all rows at once.
+    /// Time from the first row of a frame to the last: a rolling shutter, whose middle row is at the time of
+    /// the pose. Unit: us. Default: none, for a shutter that sees all rows at once.
     pub readout_us: Field<u64>,
 }
 
 /// Spacing of the pictures of `depth`, `flow`, `disparity` or `segmentation`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EverySection {
     /// Number of poses from one picture to the next. Default: `1`.
@@ -251,7 +250,7 @@ pub(super) struct EverySection {
 
 /// Exposures follow each other without a gap, each within the trajectory. A blurred frame is the
 /// mean of its sub-frames.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct BlurSection {
     /// Number of dense frames per exposure; odd. Default: `15`.
@@ -266,15 +265,15 @@ pub(super) struct BlurSection {
 }
 
 /// [scene.md](scene.md#inertial-data) describes the measurements.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ImuSection {
     /// Sensor by name, which the other keys override. Default: `bmi088`.
     pub preset: Field<ImuPreset>,
     /// Samples per second. Unit: Hz. Default: `1000`.
     pub rate: Field<NumberLiteral>,
-    /// Direction against gravity, in the scene's axes and of any length. Default: the mean of the up directions of
-    /// the captured views; required where `source` is `none`.
+    /// Direction against gravity, in the scene's axes and of any length. Default: the mean of the up
+    /// directions of the captured views; required where `source` is `none`.
     pub up: Field<[Field<f64>; 3]>,
     /// Strength of gravity. Unit: m/s². Default: `9.80665`.
     pub gravity: Field<f64>,
@@ -285,21 +284,22 @@ pub(super) struct ImuSection {
 }
 
 /// Errors of each axis of a sensor in its unit u.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ImuAxisSection {
     /// Density of the white noise. Unit: u/√Hz. Default: that of the preset.
     pub noise: Field<f64>,
     /// Density of the random walk of the bias. Unit: u/s/√Hz. Default: that of the preset.
     pub walk: Field<f64>,
-    /// Standard deviation of the bias at the start, drawn for each axis. Unit: u. Default: that of the preset.
+    /// Standard deviation of the bias at the start, drawn for each axis. Unit: u. Default: that of the
+    /// preset.
     pub bias: Field<f64>,
     /// Largest value that the sensor shows. Unit: u. Default: that of the preset.
     pub range: Field<f64>,
 }
 
 /// Size of the scene's unit.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct ScaleSection {
     /// Metres per unit of the scene. Unit: m. Required.
@@ -308,18 +308,18 @@ pub(super) struct ScaleSection {
 
 /// Light that changes with time. It lights the whole scene alike, in all events and pictures.
 /// [scene.md](scene.md#light-that-changes) describes it.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct LightsSection {
     /// Lamps that flicker. Default: none.
     pub flicker: Field<FlickerSection>,
-    /// Level at moments, in order of time. It is linear in stops between them, and constant before the first and after
-    /// the last. Default: none.
+    /// Level at moments, in order of time. It is linear in stops between them, and constant before the first
+    /// and after the last. Default: none.
     pub level: Field<Vec<Field<LevelSection>>>,
 }
 
 /// Flicker of the light: one factor with a mean of 1.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct FlickerSection {
     /// Frequency of the light, which for lamps on the mains is twice that of the mains. Unit: Hz. Required.
@@ -333,7 +333,7 @@ pub(super) struct FlickerSection {
 }
 
 /// Level of the light at a moment.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct LevelSection {
     /// Time after the first pose. Unit: s. Required.
@@ -343,7 +343,7 @@ pub(super) struct LevelSection {
 }
 
 /// Facts for catalogues.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct AttributesSection {
     /// Size of the scene. Default: `object` for `mvimgnet`, `large` for `dl3dv`, otherwise unknown.
@@ -351,7 +351,7 @@ pub(super) struct AttributesSection {
 }
 
 /// The program adds the terms of the source. [publish.md](publish.md) explains both.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct LicenceSection {
     /// Terms of your own contribution. Range: SPDX expression. Required.
@@ -366,7 +366,7 @@ pub(super) struct LicenceSection {
 }
 
 /// Evidence of terms that an upstream granted.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct EvidenceSection {
     /// Grantor, and extent of the grant. Required.

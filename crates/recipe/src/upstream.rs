@@ -17,8 +17,7 @@ pub struct UpstreamOrigin {
 
 impl UpstreamOrigin {
     /// Origin of a capture as far as the layout of its dataset reveals it.
-    #[must_use]
-    pub fn from_capture(captured: &DiskCapture) -> Self {
+    pub(crate) fn from_capture(captured: &DiskCapture) -> Self {
         let url = captured.kind.dataset().map(|dataset| dataset.url.to_owned());
         Self { id: captured.upstream_id(), url, ..Self::default() }
     }

@@ -1,8 +1,7 @@
 //! Objects in the merged recipe. Paths of files are shown as written.
 
-use super::written_text;
+use super::{fields_without, written_text};
 use crate::schema;
-use gs2e_scene::motion::{PartKeyframe, PartPath};
 use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 use serde_json::{Value, json};
 
@@ -16,20 +15,15 @@ pub(super) fn objects_value(raw: &schema::RecipeSchema, objects: &[ObjectSetting
 
 fn object_value(raw: &schema::ObjectSection, object: &ObjectSettings) -> Value {
     let (key, source) = match &object.from {
-        ObjectSource::Box { low, high } => ("select", json!({ "box": { "low": low, "high": high } })),
-        ObjectSource::Sphere { centre, radius } => {
-            ("select", json!({ "sphere": { "centre": centre, "radius": radius } }))
-        }
+        from @ (ObjectSource::Box { .. } | ObjectSource::Sphere { .. }) => ("select", json!(from)),
         ObjectSource::Ids { .. } => ("select", json!({ "ids": ids_path(raw) })),
         ObjectSource::Scene { at, turn, scale, .. } => {
             let path = raw.scene.given().and_then(|(scene, _)| written_text(&scene.path));
             ("scene", json!({ "path": path, "at": at, "turn": turn, "scale": scale }))
         }
     };
-    let mut value = json!({ "name": object.name, key: source, "path": path_value(&object.path) });
-    if let Some(pivot) = object.pivot {
-        value["pivot"] = json!(pivot);
-    }
+    let mut value = fields_without(object, &["from"]);
+    value[key] = source;
     value
 }
 
@@ -37,20 +31,5 @@ fn ids_path(raw: &schema::ObjectSection) -> Option<&str> {
     match raw.select.given() {
         Some((schema::SelectSection::Ids(path), _)) => written_text(path),
         _ => None,
-    }
-}
-
-fn path_value(path: &PartPath) -> Value {
-    match path {
-        PartPath::Keyframes(keys) => {
-            let key = |PartKeyframe { at, shift, turn }: &PartKeyframe| json!({ "at": at, "shift": shift, "turn": turn });
-            json!({ "keyframes": keys.iter().map(key).collect::<Value>() })
-        }
-        PartPath::Orbit { centre, axis, degrees_per_second } => {
-            json!({ "orbit": { "centre": centre, "axis": axis, "degrees_per_second": degrees_per_second } })
-        }
-        PartPath::Straight { velocity, spin } => {
-            json!({ "straight": { "velocity": velocity, "spin": spin } })
-        }
     }
 }

@@ -1,11 +1,10 @@
 //! Trajectories in the merged recipe: one entry per written trajectory, however many groups it has.
 
-use super::{ratio_value, written_text};
+use super::{fields_without, ratio_value, written_text};
 use crate::resolve::trajectory::{CONSTANT_SPEED, PAPERS_SPEED};
 use crate::{TrajectoryRecipe, schema};
 use gs2e_trajectory::keyframes::{CameraFacing, Keyframe, KeyframePath};
 use gs2e_trajectory::novel::{GroupCurve, NovelGroup};
-use gs2e_trajectory::orbit::OrbitPath;
 use gs2e_trajectory::path::CameraPath;
 use gs2e_trajectory::refine::{RefinePath, TranslationScale};
 use gs2e_trajectory::speed::SpeedChoice;
@@ -20,7 +19,8 @@ pub(super) fn trajectory_values(raw: &schema::RecipeSchema, list: &[TrajectoryRe
     let mut shown = Vec::with_capacity(items.len());
     for (raw, _) in items.iter().filter_map(|item| item.given()) {
         let Some(first) = rest.first() else { break };
-        // The groups of a novel trajectory, and the cameras of a rig, follow each other and share the written name.
+        // The groups of a novel trajectory, and the cameras of a rig, follow each other and share the written
+        // name.
         let groups = rest.iter().take_while(|t| t.written == first.written).count();
         rest = &rest[groups..];
         shown.push(trajectory_value(raw, first));
@@ -32,7 +32,7 @@ fn trajectory_value(raw: &schema::TrajectorySection, trajectory: &TrajectoryReci
     let (kind, path) = match &trajectory.path {
         CameraPath::Refine(path) => ("refine", refine_value(path)),
         CameraPath::Novel(path) => ("novel", novel_value(path, trajectory.base.as_deref())),
-        CameraPath::Orbit(path) => ("orbit", orbit_value(path)),
+        CameraPath::Orbit(path) => ("orbit", counted_value(fields_without(path, &["count"]), path.count)),
         CameraPath::Keyframes(path) => ("keyframes", keyframes_value(path)),
     };
     json!({ "name": trajectory.written, kind: path, "speed": speed_value(raw, trajectory) })
@@ -60,50 +60,24 @@ fn speed_value(raw: &schema::TrajectorySection, trajectory: &TrajectoryRecipe) -
 }
 
 fn refine_value(refine: &RefinePath) -> Value {
-    let path = json!({
-        "window": refine.window,
-        "order": refine.order,
-        "rotation": refine.rotation,
-        "ends": refine.ends,
-        "metric": { "scale": scale_value(refine.scale) },
-        "gaps": refine.gaps,
-        "curve": refine.curve,
-        "literal": refine.literal,
-    });
+    let mut path = fields_without(refine, &["count", "scale"]);
+    path["metric"] = json!({ "scale": scale_value(refine.scale) });
     counted_value(path, refine.count)
 }
 
 fn novel_value(novel: &NovelGroup, base: Option<&str>) -> Value {
-    let path = json!({
-        "base": base,
-        "groups": novel.groups,
-        "keyframes": novel.keyframes,
-        "curve": match novel.curve {
-            GroupCurve::Any => json!("any"),
-            GroupCurve::Fixed(curve) => json!(curve),
-        },
-        "literal": novel.literal,
-    });
+    let mut path = fields_without(novel, &["count", "group", "keyframes_seed", "curve_seed"]);
+    path["base"] = json!(base);
+    if let GroupCurve::Fixed(curve) = novel.curve {
+        path["curve"] = json!(curve);
+    }
     counted_value(path, novel.count)
 }
 
-fn orbit_value(orbit: &OrbitPath) -> Value {
-    let mut path = json!({ "arc": orbit.arc });
-    for (key, value) in [("centre", orbit.centre), ("from", orbit.from), ("up", orbit.up)] {
-        if let Some(value) = value {
-            path[key] = json!(value);
-        }
-    }
-    counted_value(path, orbit.count)
-}
-
 fn keyframes_value(keyframes: &KeyframePath) -> Value {
-    let path = json!({
-        "poses": keyframes.poses.iter().map(keyframe_value).collect::<Vec<_>>(),
-        "metric": { "scale": scale_value(keyframes.scale) },
-        "curve": keyframes.curve,
-        "literal": keyframes.literal,
-    });
+    let mut path = fields_without(keyframes, &["count", "scale"]);
+    path["poses"] = keyframes.poses.iter().map(keyframe_value).collect();
+    path["metric"] = json!({ "scale": scale_value(keyframes.scale) });
     counted_value(path, keyframes.count)
 }
 

@@ -3,7 +3,7 @@
 use crate::field::Field;
 use crate::names;
 use crate::problem::FieldProblem;
-use crate::resolve::Resolver;
+use crate::resolve::{Resolver, all, resolved};
 use crate::text::TextSpan;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -38,7 +38,7 @@ pub const EXPORT_FORMATS: [&str; 20] = [
 pub const HELD_OUT_EVERY: u32 = 8;
 
 /// An export that a release has, of one trajectory of each scene or of all of them.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct IncludedExport {
     /// Name of the format.
@@ -122,13 +122,10 @@ pub(super) fn resolve_include(
     resolver: &Resolver<'_>,
 ) -> Option<Vec<IncludedExport>> {
     let Some((raw, _)) = field.given() else { return field.is_absent().then(Vec::new) };
-    let items = raw.iter().map(|item| {
+    let items: Vec<(IncludedExport, TextSpan)> = all(raw, |item| {
         let (item, place) = item.given()?;
         Some((resolve_item(item, place, resolver)?, place))
-    });
-    // Collected first, so that every item reports its faults.
-    let items: Vec<Option<(IncludedExport, TextSpan)>> = items.collect();
-    let items: Vec<(IncludedExport, TextSpan)> = items.into_iter().collect::<Option<_>>()?;
+    })?;
     for (at, (item, place)) in items.iter().enumerate() {
         if items[..at].iter().any(|(other, _)| share_folder(item, other)) {
             let message = format!("{} is included twice for one trajectory", item.format);
@@ -150,46 +147,30 @@ fn resolve_item(item: &RawInclude, place: TextSpan, resolver: &Resolver<'_>) -> 
     let entry = match item {
         RawInclude::Name(name) => {
             let format = known_format(name, place, resolver)?;
-            return Some(IncludedExport {
-                format,
-                trajectory: None,
-                sensor: None,
-                test_every: None,
-                test_from: None,
-                lossy: false,
-            });
+            return Some(IncludedExport { format, ..IncludedExport::default() });
         }
         RawInclude::Entry(entry) => entry,
     };
     let format = resolver.required(&entry.format, "format", place, HELP);
-    let format = format.and_then(|(name, place)| known_format(name, place, resolver));
-    let name = |field: &Field<String>| optional_name(field, resolver);
-    let (trajectory, sensor, test_from) =
-        (name(&entry.trajectory), name(&entry.sensor), name(&entry.test_from));
-    let test_every = match entry.test_every.given() {
-        Some((every, place)) if *every < 2 => {
-            let problem = FieldProblem::of_field(format!("is {every}, wanted at least 2"));
-            resolver.refuse(problem.at(place))
-        }
-        Some((every, _)) => Some(Some(*every)),
-        None => entry.test_every.is_absent().then_some(None),
-    };
-    let lossy = match entry.lossy.given() {
-        Some((lossy, _)) => Some(*lossy),
-        None => entry.lossy.is_absent().then_some(false),
-    };
-    let (test_every, test_from) = (test_every?, test_from?);
-    if test_every.is_some() && test_from.is_some() {
-        let message = "test_every and test_from exclude each other";
-        return resolver.refuse(FieldProblem::new(message).help("remove one of them").at(place));
-    }
-    Some(IncludedExport {
-        format: format?,
-        trajectory: trajectory?,
-        sensor: sensor?,
-        test_every,
-        test_from,
-        lossy: lossy?,
+    let name = |field: &Field<String>| field.optional(|name| known_name(name, resolver));
+    resolved!(IncludedExport {
+        format: format.and_then(|(name, place)| known_format(name, place, resolver)),
+        trajectory: name(&entry.trajectory),
+        sensor: name(&entry.sensor),
+        test_from: name(&entry.test_from),
+        test_every: entry.test_every.optional(|every| {
+            let (every, at) = every.given()?;
+            if *every < 2 {
+                let problem = FieldProblem::of_field(format!("is {every}, wanted at least 2"));
+                return resolver.refuse(problem.at(at));
+            }
+            if let Some(Some(_)) = test_from {
+                let message = "test_every and test_from exclude each other";
+                return resolver.refuse(FieldProblem::new(message).help("remove one of them").at(place));
+            }
+            Some(*every)
+        }),
+        lossy: entry.lossy.or(false),
     })
 }
 
@@ -201,10 +182,10 @@ fn known_format(name: &str, place: TextSpan, resolver: &Resolver<'_>) -> Option<
 }
 
 /// The name of a trajectory or of a sensor. Both have one form.
-fn optional_name(field: &Field<String>, resolver: &Resolver<'_>) -> Option<Option<String>> {
-    let Some((name, place)) = field.given() else { return field.is_absent().then_some(None) };
+fn known_name(field: &Field<String>, resolver: &Resolver<'_>) -> Option<String> {
+    let (name, place) = field.given()?;
     match names::check_sensor(name) {
-        Ok(()) => Some(Some(name.clone())),
+        Ok(()) => Some(name.clone()),
         Err(because) => resolver
             .refuse(FieldProblem::of_field(format!("is \"{}\", {because}", name.escape_default())).at(place)),
     }

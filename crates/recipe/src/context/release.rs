@@ -4,7 +4,7 @@ use super::include::{self, IncludedExport};
 use super::splits::{self, SplitPlan};
 use crate::field::Field;
 use crate::forms;
-use crate::resolve::Resolver;
+use crate::resolve::{Resolver, resolved};
 use serde::{Deserialize, Serialize};
 
 /// Description of a release for catalogues. No field is read from a clock.
@@ -82,44 +82,22 @@ pub(super) struct RawRelease {
 /// Returns the content of the file, completed with defaults.
 pub(super) fn release_info(raw: &RawRelease, resolver: &Resolver<'_>) -> Option<ReleaseInfo> {
     let default = ReleaseInfo::default();
-    let name = resolve_text(resolver, &raw.name, default.name);
-    let version = resolver.formed(&raw.version, forms::VERSION).map(|given| given.unwrap_or(default.version));
-    let url = resolver.formed(&raw.url, forms::URL).map(|given| given.unwrap_or(default.url));
-    let creator = resolve_text(resolver, &raw.creator, default.creator);
-    let date = resolver.formed(&raw.date_published, forms::DAY);
-    let date = date.map(|given| given.unwrap_or(default.date_published));
-    let cite_as = resolve_text(resolver, &raw.cite_as, default.cite_as);
-    let description = resolve_text(resolver, &raw.description, default.description);
-    let [contact, purpose, funding, maintenance] =
-        [&raw.contact, &raw.purpose, &raw.funding, &raw.maintenance]
-            .map(|field| optional_text(resolver, field));
-    let splits = splits::resolve_splits(&raw.splits, resolver);
-    let include = include::resolve_include(&raw.include, resolver);
-    Some(ReleaseInfo {
-        name: name?,
-        version: version?,
-        url: url?,
-        creator: creator?,
-        date_published: date?,
-        cite_as: cite_as?,
-        description: description?,
-        contact: contact?,
-        purpose: purpose?,
-        funding: funding?,
-        maintenance: maintenance?,
-        splits: splits?,
-        include: include?,
+    let or = |given: Option<Option<String>>, default: String| given.map(|given| given.unwrap_or(default));
+    resolved!(ReleaseInfo {
+        name: or(resolver.said(&raw.name), default.name),
+        version: or(resolver.formed(&raw.version, forms::VERSION), default.version),
+        url: or(resolver.formed(&raw.url, forms::URL), default.url),
+        creator: or(resolver.said(&raw.creator), default.creator),
+        date_published: or(resolver.formed(&raw.date_published, forms::DAY), default.date_published),
+        cite_as: or(resolver.said(&raw.cite_as), default.cite_as),
+        description: or(resolver.said(&raw.description), default.description),
+        contact: resolver.said(&raw.contact),
+        purpose: resolver.said(&raw.purpose),
+        funding: resolver.said(&raw.funding),
+        maintenance: resolver.said(&raw.maintenance),
+        splits: splits::resolve_splits(&raw.splits, resolver),
+        include: include::resolve_include(&raw.include, resolver),
     })
-}
-
-fn resolve_text(resolver: &Resolver<'_>, field: &Field<String>, default: String) -> Option<String> {
-    let Some((text, place)) = field.given() else { return field.is_absent().then_some(default) };
-    resolver.filled(text, place)
-}
-
-fn optional_text(resolver: &Resolver<'_>, field: &Field<String>) -> Option<Option<String>> {
-    let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
-    resolver.filled(text, place).map(Some)
 }
 
 #[cfg(test)]

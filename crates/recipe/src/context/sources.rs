@@ -2,7 +2,7 @@
 
 use crate::field::Field;
 use crate::problem::FieldProblem;
-use crate::resolve::Resolver;
+use crate::resolve::{Resolver, all};
 use crate::text::TextSpan;
 use gs2e_source::kind::CaptureKind;
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -74,13 +74,10 @@ enum RedistributeKey {
 /// Returns the statements of the file.
 pub(super) fn source_terms(raw: &RawSources, resolver: &Resolver<'_>) -> Option<SourceTerms> {
     let given = raw.0.iter().filter(|(_, entry)| !entry.is_absent());
-    let stated: Vec<Option<(String, RedistributionStatement)>> = given
-        .map(|(name, entry)| {
-            let (entry, place) = entry.given()?;
-            Some((name.clone(), redistribution_terms(entry, place, resolver)?))
-        })
-        .collect();
-    stated.into_iter().collect()
+    all(given, |(name, entry)| {
+        let (entry, place) = entry.given()?;
+        Some((name.clone(), redistribution_terms(entry, place, resolver)?))
+    })
 }
 
 fn redistribution_terms(

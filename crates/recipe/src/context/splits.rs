@@ -99,10 +99,7 @@ pub(super) fn resolve_splits(field: &Field<RawSplits>, resolver: &Resolver<'_>) 
     let by = resolver.required(&raw.by, "by", place, HELP).map(|(by, _)| *by);
     let shares = resolver.required(&raw.shares, "shares", place, HELP);
     let shares = shares.and_then(|(raw, place)| shares_of(raw, place, resolver));
-    let salt = match raw.salt.given() {
-        Some((salt, _)) => Some(salt.clone()),
-        None => raw.salt.is_absent().then(String::new),
-    };
+    let salt = raw.salt.or_default();
     let (shares, place) = shares?;
     let splits = SplitPlan { by: by?, shares, salt: salt? };
     match splits.fault() {

@@ -1,6 +1,6 @@
 //! Sensors from a fragment of a recipe.
 
-use super::{all_but, all_faults};
+use super::all_but;
 use crate::fault::{RecipeFault, RecipeFaults};
 use crate::load::RecipeParts;
 use gs2e_sensor::{SensorChoice, SensorSet};
@@ -42,8 +42,8 @@ pub fn draw_sensor(
     name: Option<&str>,
     seed: u64,
 ) -> Result<(SensorChoice, BTreeMap<String, f64>), RecipeFaults> {
-    let read = || sensor_of(RecipeParts::without_defaults(path)?, (path, name), seed);
-    read().map_err(all_faults)
+    let read = || sensor_of(RecipeParts::without_defaults(path)?, path, name, seed);
+    read().map_err(RecipeFaults::new)
 }
 
 /// Reads a sensor from a text with the same content as a file of [`read_sensor`]. Faults name the text
@@ -56,13 +56,14 @@ pub fn sensor_from_text(
     shown: &Path,
     name: Option<&str>,
 ) -> Result<SensorChoice, RecipeFaults> {
-    let read = || sensor_of(RecipeParts::of_text(shown, text)?, (shown, name), 0);
-    read().map(|(sensor, _)| sensor).map_err(all_faults)
+    let read = || sensor_of(RecipeParts::of_text(shown, text)?, shown, name, 0);
+    read().map(|(sensor, _)| sensor).map_err(RecipeFaults::new)
 }
 
 fn sensor_of(
     parts: RecipeParts,
-    (path, name): (&Path, Option<&str>),
+    path: &Path,
+    name: Option<&str>,
     seed: u64,
 ) -> Result<(SensorChoice, BTreeMap<String, f64>), Vec<RecipeFault>> {
     let refusal = |message: String, help: &str| vec![RecipeFault::of_file(path, &message, Some(help))];

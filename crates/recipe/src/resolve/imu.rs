@@ -2,11 +2,12 @@
 
 use super::Resolver;
 use super::number::RealRange;
+use super::trajectory::Triple;
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::{OutputKind, SceneSource, TrajectoryRecipe, schema};
 use gs2e_num::units::{Hertz, brief};
-use gs2e_trajectory::imu::{AxisModel, GRAVITY, ImuModel, ImuPreset};
+use gs2e_trajectory::imu::{AxisModel, GRAVITY, ImuModel};
 use gs2e_trajectory::speed::SpeedFault;
 use std::collections::BTreeSet;
 
@@ -24,12 +25,11 @@ impl Resolver<'_> {
         outputs: Option<&BTreeSet<OutputKind>>,
         trajectories: Option<&[TrajectoryRecipe]>,
     ) -> Option<Option<ImuModel>> {
-        let absent = schema::ImuSection::default();
-        let section = self.section(&raw.imu, &absent)?;
-        let metres = self.metres_per_unit(&raw.scale);
-        let [gyroscope, accelerometer] = self.or(&section.preset, ImuPreset::default())?.axes();
+        let section = raw.imu.or_default()?;
+        let metres = raw.scale.optional(|scale| self.metres_per_unit(scale));
+        let [gyroscope, accelerometer] = section.preset.or_default()?.axes();
         let rate = self.ratio(&section.rate, 1000, RATE).map(Hertz);
-        let up = self.up(&section.up);
+        let up = section.up.optional(|up| self.up(up));
         let gravity = self.real(&section.gravity, GRAVITY, RealRange::new(0.0, 1e3));
         let gyroscope = self.axes(&section.gyroscope, gyroscope);
         let accelerometer = self.axes(&section.accelerometer, accelerometer);
@@ -88,38 +88,31 @@ impl Resolver<'_> {
         self.refuse(FieldProblem::new(found).help(instead).at(place))
     }
 
-    fn metres_per_unit(&self, field: &Field<schema::ScaleSection>) -> Option<Option<f64>> {
-        let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
-        self.required(
-            &raw.metres_per_unit,
-            "metres_per_unit",
-            place,
-            "write the metres of one unit of the scene",
-        )?;
-        self.real(&raw.metres_per_unit, 1.0, RealRange::above(0.0, 1e9)).map(Some)
+    fn metres_per_unit(&self, field: &Field<schema::ScaleSection>) -> Option<f64> {
+        let (raw, place) = field.given()?;
+        let help = "write the metres of one unit of the scene";
+        self.required(&raw.metres_per_unit, "metres_per_unit", place, help)?;
+        self.real(&raw.metres_per_unit, 1.0, RealRange::above(0.0, 1e9))
     }
 
-    fn up(&self, field: &Field<[Field<f64>; 3]>) -> Option<Option<[f64; 3]>> {
-        let Some((up, place)) = field.given() else { return field.is_absent().then_some(None) };
-        let [x, y, z] = up.each_ref().map(|value| self.real(value, 0.0, RealRange::new(-1e6, 1e6)));
-        let up = [x?, y?, z?];
+    fn up(&self, field: &Triple) -> Option<[f64; 3]> {
+        let (up, place) = field.given()?;
+        let up = self.numbers(up, RealRange::new(-1e6, 1e6))?;
         if up.iter().all(|value| value.abs() < 1e-6) {
             return self.refuse(FieldProblem::of_field("is no direction: its length is 0").at(place));
         }
-        Some(Some(up))
+        Some(up)
     }
 
     fn axes(&self, field: &Field<schema::ImuAxisSection>, preset: AxisModel) -> Option<AxisModel> {
-        let absent = schema::ImuAxisSection::default();
-        let raw = self.section(field, &absent)?;
-        let [noise, walk, bias] =
-            [(&raw.noise, preset.noise), (&raw.walk, preset.walk), (&raw.bias, preset.bias)]
-                .map(|(field, usual)| self.real(field, usual, ERROR));
-        let range = match raw.range.is_absent() {
-            true => Some(preset.range),
-            false => self.real(&raw.range, 1.0, RealRange::above(0.0, 1e6)).map(Some),
-        };
-        Some(AxisModel { noise: noise?, walk: walk?, bias: bias?, range: range? })
+        let raw = field.or_default()?;
+        let range = raw.range.optional(|range| self.real(range, 1.0, RealRange::above(0.0, 1e6)));
+        resolved!(AxisModel {
+            noise: self.real(&raw.noise, preset.noise, ERROR),
+            walk: self.real(&raw.walk, preset.walk, ERROR),
+            bias: self.real(&raw.bias, preset.bias, ERROR),
+            range: range.map(|range| range.or(preset.range)),
+        })
     }
 }
 

@@ -20,11 +20,13 @@ impl Resolver<'_> {
     ) -> Option<Option<LicenceChoice>> {
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let expression = self.required(&raw.expression, "expression", place, HELP);
-        let expression = expression.and_then(|(text, place)| self.spdx(text, place));
         let holder = self.required(&raw.holder, "holder", place, HELP);
-        let holder = holder.and_then(|(text, place)| self.filled(text, place));
-        let grant = self.grant(raw, source);
-        Some(Some(LicenceChoice { expression: expression?, holder: holder?, grant: grant? }))
+        resolved!(LicenceChoice {
+            expression: expression.and_then(|(text, place)| self.spdx(text, place)),
+            holder: holder.and_then(|(text, place)| self.filled(text, place)),
+            grant: self.grant(raw, source),
+        })
+        .map(Some)
     }
 
     /// Resolves the upstream's grant. Terms that differ from the upstream's public terms need

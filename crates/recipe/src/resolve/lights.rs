@@ -1,13 +1,13 @@
 //! Light that changes with time.
 
-use super::Resolver;
 use super::number::RealRange;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::text::TextSpan;
 use crate::{OutputKind, schema};
 use gs2e_num::units::{Hertz, brief};
-use gs2e_render::lights::{Flicker, LevelMoment, SceneLights, Waveform};
+use gs2e_render::lights::{Flicker, LevelMoment, SceneLights};
 use gs2e_sensor::voltmeter::BetweenFrames;
 use std::collections::BTreeSet;
 
@@ -17,7 +17,8 @@ const HERTZ: RealRange = RealRange::new(1e-3, 1e5);
 const TIME: RealRange = RealRange::new(0.0, 1e6);
 /// Levels: a factor of a million in both directions.
 const STOPS: RealRange = RealRange::new(-20.0, 20.0);
-/// Minimum frames in a period for events. With fewer, the frames miss the bright and the dark parts of a period.
+/// Minimum frames in a period for events. With fewer, the frames miss the bright and the dark parts of a
+/// period.
 const FRAMES_A_PERIOD: f64 = 4.0;
 
 impl Resolver<'_> {
@@ -32,10 +33,7 @@ impl Resolver<'_> {
             return raw.lights.is_absent().then_some(None);
         };
         let level = self.level(&section.level);
-        let flicker = match section.flicker.given() {
-            Some((flicker, place)) => self.flicker(flicker, place).map(Some),
-            None => section.flicker.is_absent().then_some(None),
-        };
+        let flicker = section.flicker.optional(|flicker| self.flicker(flicker));
         let (flicker, level) = (flicker?, level?);
         if flicker.is_none() && level.is_empty() {
             let problem = FieldProblem::of_field("has neither `flicker` nor `level`");
@@ -51,39 +49,39 @@ impl Resolver<'_> {
         Some(Some(SceneLights { flicker, level }))
     }
 
-    fn flicker(&self, raw: &schema::FlickerSection, place: TextSpan) -> Option<Flicker> {
-        self.required(&raw.hz, "hz", place, "write the frequency of the light, for example hz: 100");
-        self.required(&raw.depth, "depth", place, "write the depth of modulation, for example depth: 0.3");
-        let hz = self.real(&raw.hz, 1.0, HERTZ);
-        let depth = self.real(&raw.depth, 1.0, RealRange::above(0.0, 1.0));
-        let waveform = self.or(&raw.waveform, Waveform::default());
-        let phase = self.real(&raw.phase, 0.0, RealRange::new(0.0, 1.0));
-        if raw.hz.is_absent() || raw.depth.is_absent() {
-            return None;
-        }
-        Some(Flicker { hz: hz?, depth: depth?, waveform: waveform?, phase: phase? })
+    fn flicker(&self, field: &Field<schema::FlickerSection>) -> Option<Flicker> {
+        let (raw, place) = field.given()?;
+        let help = "write the frequency of the light, for example hz: 100";
+        let hz = self.required(&raw.hz, "hz", place, help);
+        let help = "write the depth of modulation, for example depth: 0.3";
+        let depth = self.required(&raw.depth, "depth", place, help);
+        resolved!(Flicker {
+            hz: hz.and_then(|_| self.real(&raw.hz, 1.0, HERTZ)),
+            depth: depth.and_then(|_| self.real(&raw.depth, 1.0, RealRange::above(0.0, 1.0))),
+            waveform: raw.waveform.or_default(),
+            phase: self.real(&raw.phase, 0.0, RealRange::new(0.0, 1.0)),
+        })
     }
 
     fn level(&self, field: &Field<Vec<Field<schema::LevelSection>>>) -> Option<Vec<LevelMoment>> {
         let Some((list, _)) = field.given() else { return field.is_absent().then(Vec::new) };
-        let mut moments: Vec<LevelMoment> = Vec::new();
-        let mut is_sound = true;
-        for field in list {
-            let moment = field.given().and_then(|(raw, place)| {
-                self.required(&raw.t, "t", place, "write the time in seconds");
-                self.required(&raw.stops, "stops", place, "write the level in stops");
-                let (t, stops) = (self.real(&raw.t, 0.0, TIME), self.real(&raw.stops, 0.0, STOPS));
-                let moment = LevelMoment { t: t?, stops: stops? };
-                if let Some(last) = moments.last().filter(|last| last.t >= moment.t) {
-                    let found = format!("has t {}, wanted above {}", brief(moment.t), brief(last.t));
-                    return self.refuse(FieldProblem::of_field(found).at(place));
-                }
-                (!raw.t.is_absent() && !raw.stops.is_absent()).then_some(moment)
-            });
-            is_sound &= moment.is_some();
-            moments.extend(moment);
-        }
-        is_sound.then_some(moments)
+        let mut last: Option<f64> = None;
+        all(list, |field| {
+            let (raw, place) = field.given()?;
+            self.required(&raw.t, "t", place, "write the time in seconds");
+            self.required(&raw.stops, "stops", place, "write the level in stops");
+            let (t, stops) = (self.real(&raw.t, 0.0, TIME), self.real(&raw.stops, 0.0, STOPS));
+            let (t, stops) = (t?, stops?);
+            if let Some(last) = last.filter(|last| *last >= t) {
+                let found = format!("has t {}, wanted above {}", brief(t), brief(last));
+                return self.refuse(FieldProblem::of_field(found).at(place));
+            }
+            if raw.t.is_absent() || raw.stops.is_absent() {
+                return None;
+            }
+            last = Some(t);
+            Some(LevelMoment { t, stops })
+        })
     }
 
     /// Checks that the frames of the events follow a flicker.
@@ -94,8 +92,7 @@ impl Resolver<'_> {
         rate: Option<Hertz>,
         place: TextSpan,
     ) -> Option<()> {
-        let absent = schema::SamplingSection::default();
-        let sampling = self.section(sampling, &absent)?;
+        let sampling = sampling.or_default()?;
         if flicker.waveform.jumps() {
             if let Some(place) = sampling.tolerance.place() {
                 let problem = FieldProblem::of_key("and a flicker with waveform square exclude each other");

@@ -1,7 +1,8 @@
 //! Objects: their Gaussians and their paths.
 
-use super::Resolver;
 use super::number::RealRange;
+use super::trajectory::Triple;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
@@ -22,11 +23,9 @@ const SOURCE: &str =
     "write select: { sphere: { centre: [0, 0, 0], radius: 0.5 } }, or scene: { path: cup.ply }";
 const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit or keyframes";
 
-/// A vector as written.
-type Triple = Field<[Field<f64>; 3]>;
-
 impl Resolver<'_> {
-    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are refused.
+    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are
+    /// refused.
     pub(super) fn objects_and_masks(
         &self,
         raw: &schema::RecipeSchema,
@@ -54,8 +53,7 @@ impl Resolver<'_> {
                 self.report(FieldProblem::of_field(message).at(place));
             }
         }
-        let objects: Vec<Option<ObjectSettings>> = list.iter().map(|item| self.object(item)).collect();
-        objects.into_iter().collect()
+        all(list, |item| self.object(item))
     }
 
     fn refuse_masks_of_nothing(
@@ -87,10 +85,12 @@ impl Resolver<'_> {
         let name = self.required(&raw.name, "name", place, "write name: ball");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::check_sensor(name), names::OBJECT_HELP));
-        let from = self.object_source(raw, place);
-        let pivot = self.point(&raw.pivot);
-        let path = self.required(&raw.path, "path", place, PATH).and_then(|(path, _)| self.object_path(path));
-        Some(ObjectSettings { name: name?, from: from?, pivot: pivot?, path: path? })
+        resolved!(ObjectSettings {
+            name,
+            from: self.object_source(raw, place),
+            pivot: self.point(&raw.pivot),
+            path: self.required(&raw.path, "path", place, PATH).and_then(|(path, _)| self.object_path(path)),
+        })
     }
 
     fn object_source(&self, raw: &schema::ObjectSection, place: TextSpan) -> Option<ObjectSource> {
@@ -147,8 +147,7 @@ impl Resolver<'_> {
         match raw {
             schema::ObjectPathSection::Keyframes(field) => {
                 let (list, place) = field.given()?;
-                let keys: Vec<Option<PartKeyframe>> = list.iter().map(|item| self.object_key(item)).collect();
-                let path = PartPath::Keyframes(keys.into_iter().collect::<Option<_>>()?);
+                let path = PartPath::Keyframes(all(list, |item| self.object_key(item))?);
                 match path.check() {
                     Ok(()) => Some(path),
                     Err(because) => {
@@ -167,8 +166,7 @@ impl Resolver<'_> {
                 Some(PartPath::Orbit { centre: centre?, axis: axis??, degrees_per_second: rate? })
             }
             schema::ObjectPathSection::Straight(field) => {
-                let absent = schema::ObjectStraightSection::default();
-                let raw = self.section(field, &absent)?;
+                let raw = field.or_default()?;
                 let (velocity, spin) = (self.point(&raw.velocity), self.turn(&raw.spin));
                 Some(PartPath::Straight { velocity: velocity?.unwrap_or_default(), spin: spin? })
             }
@@ -178,9 +176,11 @@ impl Resolver<'_> {
     fn object_key(&self, item: &Field<schema::ObjectKeySection>) -> Option<PartKeyframe> {
         let (raw, place) = item.given()?;
         let at = self.required(&raw.at, "at", place, "write its time in seconds, from the first pose");
-        let at = at.and_then(|_| self.real(&raw.at, 0.0, SECONDS));
-        let (shift, turn) = (self.point(&raw.shift), self.turn(&raw.turn));
-        Some(PartKeyframe { at: at?, shift: shift?.unwrap_or_default(), turn: turn? })
+        resolved!(PartKeyframe {
+            at: at.and_then(|_| self.real(&raw.at, 0.0, SECONDS)),
+            shift: self.point(&raw.shift).map(Option::unwrap_or_default),
+            turn: self.turn(&raw.turn),
+        })
     }
 
     fn needed_point(&self, field: &Triple, name: &str, within: TextSpan) -> Option<DVec3> {
@@ -190,7 +190,6 @@ impl Resolver<'_> {
 
     /// An axis as long as an angle; no turn if it is absent.
     fn turn(&self, field: &Triple) -> Option<DVec3> {
-        let Some((list, _)) = field.given() else { return field.is_absent().then_some(DVec3::ZERO) };
-        self.numbers(list, TURN).map(DVec3::from_array)
+        self.vector(field, TURN).map(Option::unwrap_or_default)
     }
 }

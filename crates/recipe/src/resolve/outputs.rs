@@ -1,7 +1,7 @@
 //! Products of each trajectory and their spacing.
 
-use super::Resolver;
 use super::number::{RealRange, WholeRange};
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::output::WrittenSpacing;
 use crate::problem::{FieldProblem, quote_text};
@@ -19,14 +19,11 @@ const READOUT_US: WholeRange = WholeRange::new(1, 1_000_000);
 
 impl Resolver<'_> {
     pub(super) fn outputs(&self, field: &Field<Vec<Field<OutputKind>>>) -> Option<BTreeSet<OutputKind>> {
-        let list = match field {
-            Field::Absent => return Some(BTreeSet::from(OutputKind::DEFAULT)),
-            Field::Bad => return None,
-            Field::Given(list, _) => list,
+        let Some((list, _)) = field.given() else {
+            return field.is_absent().then(|| BTreeSet::from(OutputKind::DEFAULT));
         };
-        let found: Vec<_> = list.iter().map(Field::given).collect();
         let mut outputs = BTreeSet::new();
-        for (output, place) in found.into_iter().collect::<Option<Vec<_>>>()? {
+        for (output, place) in all::<_, _, Vec<_>>(list, Field::given)? {
             if !outputs.insert(*output) {
                 self.report(FieldProblem::of_field("names an output twice").at(place));
             }
@@ -46,7 +43,7 @@ impl Resolver<'_> {
         let every = PictureSpacing::written(raw).map(|(output, spacing)| (output, every(spacing)));
         // Every section reports its faults before the first faulty one ends this.
         let every = every.into_iter().map(|(output, every)| Some((output, every?)));
-        Some(PictureSpacing::from_spacings(every.collect::<Option<_>>()?))
+        every.collect::<Option<_>>().map(PictureSpacing::from_spacings)
     }
 
     /// Refuses pictures per second together with the key that counts poses.
@@ -74,12 +71,7 @@ impl Resolver<'_> {
 
     /// Time from the first row of a sharp frame to the last, if the shutter rolls.
     pub(super) fn readout_us(&self, field: &Field<schema::SharpSection>) -> Option<Option<u32>> {
-        let absent = schema::SharpSection::default();
-        let field = &self.section(field, &absent)?.readout_us;
-        if field.is_absent() {
-            return Some(None);
-        }
-        self.small(field, 1, READOUT_US).map(Some)
+        field.or_default()?.readout_us.optional(|readout| self.small(readout, 1, READOUT_US))
     }
 
     /// Refuses blurred frames along a path that is known to be shorter than an exposure.
@@ -118,8 +110,7 @@ impl Resolver<'_> {
         field: &Field<schema::BlurSection>,
         rate: Option<Hertz>,
     ) -> Option<ShutterSettings> {
-        let absent = schema::BlurSection::default();
-        let raw = self.section(field, &absent)?;
+        let raw = field.or_default()?;
         self.refuse_both(&raw.frames, &raw.fps, "frames")?;
         let frames = match self.poses_a_picture(&raw.fps, rate)? {
             // The nearest odd number.
@@ -136,9 +127,8 @@ impl Resolver<'_> {
                     .at(place),
             );
         }
-        let subframes = self.or(&raw.subframes, SubframeRule::Auto);
-        let mean = self.or(&raw.mean, MeanScale::Linear);
-        Some(ShutterSettings { frames: frames?, subframes: subframes?, mean: mean? })
+        let (subframes, mean) = (raw.subframes.or(SubframeRule::Auto), raw.mean.or(MeanScale::Linear));
+        resolved!(ShutterSettings { frames, subframes, mean })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Resolver;
 use super::number::{RealRange, WholeRange};
+use super::trajectory::Triple;
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::text::TextSpan;
@@ -89,7 +90,7 @@ impl Resolver<'_> {
 
     /// Resolves `principal`, which excludes the numbers of the same point.
     fn principal(&self, raw: &schema::CameraSection, camera: TextSpan) -> Option<PrincipalPoint> {
-        let principal = self.or(&raw.principal, PrincipalPoint::Given)?;
+        let principal = raw.principal.or(PrincipalPoint::Given)?;
         if !principal.is_given() && ![&raw.cx, &raw.cy].iter().all(|field| field.is_absent()) {
             let problem = FieldProblem::of_field("has both `principal` and `cx` or `cy`");
             return self.refuse(problem.help("keep one of them").at(camera));
@@ -142,29 +143,23 @@ impl Resolver<'_> {
         field: &Field<schema::RenderSection>,
         usual: RenderRules,
     ) -> Option<RenderChoice> {
-        let absent = schema::RenderSection::default();
-        let raw = self.section(field, &absent)?;
-        let rules = self.or(&raw.rules, usual);
-        let order = self.layering(&raw.order, rules);
-        let antialiased = self.or(&raw.antialiased, schema::AntialiasedKey::Auto);
-        let background = self.background(&raw.background);
-        let near = self.real(&raw.near, 0.0, RealRange::new(0.0, 1.0));
-        Some(RenderChoice {
-            rules: rules?,
-            order: order?,
-            antialiased: match antialiased? {
+        let raw = field.or_default()?;
+        resolved!(RenderChoice {
+            rules: raw.rules.or(usual),
+            order: self.layering(&raw.order, rules),
+            antialiased: raw.antialiased.or(schema::AntialiasedKey::Auto).map(|key| match key {
                 schema::AntialiasedKey::Auto => AntialiasMode::Auto,
                 schema::AntialiasedKey::On => AntialiasMode::On,
                 schema::AntialiasedKey::Off => AntialiasMode::Off,
-            },
-            background: background?,
-            near: if raw.near.is_absent() { None } else { Some(near?) },
+            }),
+            background: self.background(&raw.background),
+            near: raw.near.optional(|near| self.real(near, 0.0, RealRange::new(0.0, 1.0))),
         })
     }
 
     /// Resolves the order of the layers. Only the rules `soft` can blend them.
     fn layering(&self, field: &Field<LayerOrder>, rules: Option<RenderRules>) -> Option<LayerOrder> {
-        let order = self.or(field, LayerOrder::Depth)?;
+        let order = field.or(LayerOrder::Depth)?;
         if order == LayerOrder::Depth || matches!(rules, None | Some(RenderRules::Soft)) {
             return Some(order);
         }
@@ -174,9 +169,8 @@ impl Resolver<'_> {
         self.refuse(problem.at(place))
     }
 
-    fn background(&self, field: &Field<[Field<f64>; 3]>) -> Option<[f64; 3]> {
-        let Some((rgb, _)) = field.given() else { return field.is_absent().then_some([0.0; 3]) };
-        let [r, g, b] = rgb.each_ref().map(|channel| self.real(channel, 0.0, RealRange::new(0.0, 1.0)));
-        Some([r?, g?, b?])
+    fn background(&self, field: &Triple) -> Option<[f64; 3]> {
+        let background = field.optional(|rgb| self.numbers(rgb.given()?.0, RealRange::new(0.0, 1.0)));
+        background.map(Option::unwrap_or_default)
     }
 }

@@ -10,6 +10,9 @@ use crate::{ReconstructMethod, SceneSource, schema};
 use gs2e_scene::dynamic::{SceneSpan, SceneTime};
 use gs2e_train::{TrainingGoal, TrainingSettings};
 
+/// Speeds and lengths of time, in their units.
+const POSITIVE: RealRange = RealRange::above(0.0, 1e6);
+
 const GIVEN: &str = "write reconstruct: { given: { path: point_cloud.ply } }";
 const TRAINED: &str =
     "or have it trained: reconstruct: { builtin: {} }, or with a program, reconstruct: { command: { … } }";
@@ -84,51 +87,41 @@ impl Resolver<'_> {
     /// The time of a scene that changes by itself.
     pub(super) fn scene_time(&self, raw: &schema::TimeSection) -> Option<SceneTime> {
         let start = self.real(&raw.start, 0.0, RealRange::new(0.0, 1e6));
-        let speed = self.real(&raw.speed, 1.0, RealRange::above(0.0, 1e6));
+        let speed = self.real(&raw.speed, 1.0, POSITIVE);
         if let (Some(_), Some(place)) = (raw.rate.place(), raw.duration.place()) {
             let problem = FieldProblem::of_key("and rate exclude each other");
             let help = "keep `rate` for a sequence of files, or `duration` for a file with tracks";
             return self.refuse(problem.help(help).at(place));
         }
         let span = if raw.rate.is_absent() {
-            self.real(&raw.duration, 1.0, RealRange::above(0.0, 1e6)).map(SceneSpan::Duration)
+            self.real(&raw.duration, 1.0, POSITIVE).map(SceneSpan::Duration)
         } else {
-            self.real(&raw.rate, 1.0, RealRange::above(0.0, 1e6)).map(SceneSpan::Rate)
+            self.real(&raw.rate, 1.0, POSITIVE).map(SceneSpan::Rate)
         };
-        Some(SceneTime { start: start?, speed: speed?, span: span? })
+        resolved!(SceneTime { start, speed, span })
     }
 
     /// The settings of a training, with the rendering left at its default: the recipe's is filled in
     /// when the step is wired.
     fn builtin(&self, raw: &schema::BuiltinSection, seed: Option<u64>) -> Option<TrainingSettings> {
         let plain = TrainingSettings::default();
-        let gaussians = self.small(&raw.gaussians, plain.gaussians, WholeRange::new(1, 1 << 24));
-        let iterations = self.small(&raw.iterations, plain.iterations, WholeRange::new(1, 1_000_000));
-        let resolution = self.small(&raw.resolution, plain.resolution, WholeRange::new(16, 16_384));
-        let own = self.whole(&raw.seed, seed.unwrap_or_default(), WholeRange::new(0, u64::MAX));
-        let hold_out = self.small(&raw.hold_out, plain.hold_out, WholeRange::new(0, 1_000_000));
-        let until = self.until(&raw.until);
-        Some(TrainingSettings {
-            gaussians: gaussians?,
-            iterations: iterations?,
-            resolution: resolution?,
-            seed: own?,
-            hold_out: hold_out?,
-            until: until?,
+        resolved!(TrainingSettings {
+            gaussians: self.small(&raw.gaussians, plain.gaussians, WholeRange::new(1, 1 << 24)),
+            iterations: self.small(&raw.iterations, plain.iterations, WholeRange::new(1, 1_000_000)),
+            resolution: self.small(&raw.resolution, plain.resolution, WholeRange::new(16, 16_384)),
+            seed: raw.seed.or(seed.unwrap_or_default()),
+            hold_out: self.small(&raw.hold_out, plain.hold_out, WholeRange::new(0, 1_000_000)),
+            until: self.until(&raw.until),
             ..plain
         })
     }
 
     fn until(&self, field: &Field<schema::UntilSection>) -> Option<TrainingGoal> {
-        let absent = schema::UntilSection::default();
-        let raw = self.section(field, &absent)?;
-        let optional = |field: &Field<f64>, range| match field {
-            Field::Absent => Some(None),
-            field => self.real(field, 0.0, range).map(Some),
-        };
-        let psnr = optional(&raw.psnr, RealRange::above(0.0, 100.0));
-        let minutes = optional(&raw.minutes, RealRange::above(0.0, 1e6));
-        Some(TrainingGoal { psnr: psnr?, minutes: minutes? })
+        let raw = field.or_default()?;
+        resolved!(TrainingGoal {
+            psnr: raw.psnr.optional(|psnr| self.real(psnr, 0.0, RealRange::above(0.0, 100.0))),
+            minutes: raw.minutes.optional(|minutes| self.real(minutes, 0.0, POSITIVE)),
+        })
     }
 
     fn reconstruction(
@@ -155,8 +148,7 @@ impl Resolver<'_> {
                 self.command(raw, place, seed).map(|command| ReconstructMethod::Command(Box::new(command)))
             }
             schema::ReconstructSection::Builtin(field) => {
-                let absent = schema::BuiltinSection::default();
-                self.builtin(self.section(field, &absent)?, seed).map(ReconstructMethod::Builtin)
+                self.builtin(&field.or_default()?, seed).map(ReconstructMethod::Builtin)
             }
         }
     }

@@ -1,12 +1,12 @@
 //! Rigs: cameras on one body.
 
-use super::Resolver;
 use super::number::RealRange;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::rig::{RigCamera, StereoPartner};
 use crate::text::TextSpan;
-use crate::{OutputKind, SceneSource, TrajectoryRecipe, names, schema};
+use crate::{OutputKind, Recipe, SceneSource, names, schema};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_image::Size;
 use gs2e_num::se3::{RotationError, Se3, rotation_from_matrix, rotation_from_quaternion};
@@ -54,8 +54,7 @@ impl Resolver<'_> {
             let is_first = pairs.iter().flatten().any(|(pair, _)| Some(&pair[0]) == name);
             self.rig_camera(item, is_first, around)
         };
-        let cameras: Vec<Option<RigCamera>> = list.iter().map(camera).collect();
-        let mut cameras = cameras.into_iter().collect::<Option<Vec<RigCamera>>>()?;
+        let mut cameras: Vec<RigCamera> = all(list, camera)?;
         for ([first, second], place) in pairs? {
             let find = |name: &String| cameras.iter().position(|camera| camera.name == *name);
             let (Some(first), Some(second)) = (find(&first), find(&second)) else { continue };
@@ -152,23 +151,18 @@ impl Resolver<'_> {
         let name = self.required(&raw.name, "name", place, "write name: left, its folder in the release");
         let name =
             name.and_then(|(name, at)| self.named(name, at, names::check_camera(name), names::CAMERA_HELP));
-        let mount = self.mount(&raw.extrinsic);
-        let camera = match &raw.camera {
-            Field::Absent => around.camera,
-            own => self.camera(own, around.source),
-        };
-        let sensors = match &raw.sensor {
-            Field::Absent => Some(None),
-            own => self.sensor(own, around.between, around.rate).map(|own| Some(SensorSet::One(own))),
-        };
-        let outputs = self.camera_outputs(&raw.outputs, is_first, around.outputs);
-        Some(RigCamera {
-            name: name?,
-            mount: mount?,
-            camera: camera?,
-            sensors: sensors?,
-            outputs: outputs?,
-            second: None,
+        resolved!(RigCamera {
+            name,
+            mount: self.mount(&raw.extrinsic),
+            camera: match &raw.camera {
+                Field::Absent => around.camera,
+                own => self.camera(own, around.source),
+            },
+            sensors: raw
+                .sensor
+                .optional(|own| self.sensor(own, around.between, around.rate).map(SensorSet::One)),
+            outputs: self.camera_outputs(&raw.outputs, is_first, around.outputs),
+            second: Some(None),
         })
     }
 
@@ -205,8 +199,7 @@ impl Resolver<'_> {
 
     /// The place of a camera on the body, by position and rotation or by a matrix.
     fn mount(&self, field: &Field<schema::ExtrinsicSection>) -> Option<CameraMount> {
-        let absent = schema::ExtrinsicSection::default();
-        let raw = self.section(field, &absent)?;
+        let raw = field.or_default()?;
         let Some((rows, place)) = raw.camera_from_body.given() else {
             let (position, rotation) =
                 (self.place_on_body(&raw.position), self.rotation_on_body(&raw.rotation));
@@ -221,8 +214,7 @@ impl Resolver<'_> {
     }
 
     fn place_on_body(&self, field: &Field<[Field<f64>; 3]>) -> Option<DVec3> {
-        let Some((list, _)) = field.given() else { return field.is_absent().then_some(DVec3::ZERO) };
-        self.numbers(list, PLACE).map(DVec3::from_array)
+        self.vector(field, PLACE).map(Option::unwrap_or_default)
     }
 
     fn rotation_on_body(&self, field: &Field<[Field<f64>; 4]>) -> Option<DQuat> {
@@ -267,11 +259,14 @@ fn placed(position: DVec3, rotation: DQuat) -> CameraMount {
     CameraMount { position: position + DVec3::ZERO, rotation: rotation + DQuat::from_array([0.0; 4]) }
 }
 
-/// The trajectories with those of the cameras, each after that of its body.
-pub(super) fn with_cameras(trajectories: Vec<TrajectoryRecipe>, rig: &[RigCamera]) -> Vec<TrajectoryRecipe> {
-    let all = trajectories.into_iter().flat_map(|body| {
-        let cameras: Vec<TrajectoryRecipe> = rig.iter().map(|camera| body.of_camera(camera)).collect();
+/// The recipe with the trajectories of its rig's cameras, each after that of its body.
+pub(super) fn with_cameras(recipe: Recipe) -> Recipe {
+    let all = recipe.trajectories.into_iter().flat_map(|body| {
+        let cameras: Vec<_> = recipe.rig.iter().map(|camera| body.of_camera(camera)).collect();
         std::iter::once(body).chain(cameras)
     });
-    all.collect()
+    let trajectories = all.collect();
+    // The first camera of a rig measures the speeds in pixels.
+    let camera = recipe.rig.first().map_or(recipe.camera, |first| first.camera);
+    Recipe { trajectories, camera, ..recipe }
 }

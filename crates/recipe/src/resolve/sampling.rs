@@ -18,16 +18,14 @@ const TOLERANCE: RealRange = RealRange::above(0.0, 1.0);
 
 impl Resolver<'_> {
     pub(super) fn rate(&self, field: &Field<schema::SamplingSection>) -> Option<Hertz> {
-        let absent = schema::SamplingSection::default();
-        let raw = self.section(field, &absent)?;
-        self.ratio(&raw.rate, 2400, RealRange::new(MIN_RATE_HZ, MAX_RATE_HZ)).map(Hertz)
+        let range = RealRange::new(MIN_RATE_HZ, MAX_RATE_HZ);
+        self.ratio(&field.or_default()?.rate, 2400, range).map(Hertz)
     }
 
     /// Resolves the summation of speed laws: the paper's sum, or the integral. The integral defines
     /// speeds between the poses too, and a tolerance needs it.
     pub(super) fn summation(&self, field: &Field<schema::SamplingSection>) -> Option<SummationRule> {
-        let absent = schema::SamplingSection::default();
-        let raw = self.section(field, &absent)?;
+        let raw = field.or_default()?;
         match (raw.law.given(), raw.tolerance.is_absent()) {
             (Some((SummationRule::Sum, at)), false) => {
                 let found = "is sum, which defines no speed between the poses, where tolerance puts frames";
@@ -42,8 +40,7 @@ impl Resolver<'_> {
     /// Resolves the interpolation between frames; `linear` by default. A tolerance chooses its own
     /// if the recipe has none.
     pub(super) fn between(&self, field: &Field<schema::SamplingSection>) -> Option<BetweenFrames> {
-        let absent = schema::SamplingSection::default();
-        self.or(&self.section(field, &absent)?.between, BetweenFrames::Linear)
+        field.or_default()?.between.or(BetweenFrames::Linear)
     }
 
     /// Resolves the error for which frames are chosen, if the recipe has one. It is defined for the
@@ -53,14 +50,13 @@ impl Resolver<'_> {
         field: &Field<schema::SamplingSection>,
         sensors: Option<&SensorSet>,
     ) -> Option<Option<ErrorTolerance>> {
-        let absent = schema::SamplingSection::default();
-        let raw = self.section(field, &absent)?;
+        let raw = field.or_default()?;
         let Some((_, place)) = raw.tolerance.given() else {
             return raw.tolerance.is_absent().then_some(None);
         };
         let rms = self.real(&raw.tolerance, 0.0, TOLERANCE)?;
         if sensors?.iter().any(|(_, sensor)| !sensor.as_model().takes_tolerance()) {
-            return self.refuse(intolerant(raw).at(place));
+            return self.refuse(intolerant(&raw).at(place));
         }
         // Without the key, the pilot chooses the interpolation.
         let between = if raw.between.is_absent() { None } else { Some(self.between(field)?) };

@@ -3,13 +3,14 @@
 mod front_end;
 mod models;
 
-use super::Resolver;
 use super::number::RealRange;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
+use gs2e_sensor::noise::ThresholdMismatch;
 use gs2e_sensor::voltmeter::{
     BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
 };
@@ -127,23 +128,21 @@ impl Resolver<'_> {
     ) -> Option<SensorChoice> {
         let default = Field::Given(Box::default(), self.root);
         let (sensor, place) = match field {
-            Field::Absent => (self.voltmeter_sensor(&default, between)?, self.root),
+            Field::Absent => (self.voltmeter_sensor(&default, between), self.root),
             Field::Bad => return None,
             Field::Given(schema::SensorSection::Voltmeter(raw), _) => {
-                (self.voltmeter_sensor(raw, between)?, raw.place()?)
+                (self.voltmeter_sensor(raw, between), raw.place()?)
             }
+            // Both parts are evaluated before a fault returns, so that both are reported.
             Field::Given(schema::SensorSection::Esim(raw), _) => {
                 let (raw, place) = raw.given()?;
-                // Both are evaluated before a fault returns, so that both are reported.
-                let (linear, esim) = (self.only_linear(between, "the sensor esim", place), self.esim(raw));
-                linear?;
-                (esim?.into(), place)
+                let linear = self.only_linear(between, "the sensor esim", place);
+                (linear.and(self.esim(raw)).map(SensorChoice::from), place)
             }
             Field::Given(schema::SensorSection::V2e(raw), _) => {
                 let (raw, place) = raw.given()?;
-                let (linear, v2e) = (self.only_linear(between, "the sensor v2e", place), self.v2e(raw));
-                linear?;
-                (v2e?.into(), place)
+                let linear = self.only_linear(between, "the sensor v2e", place);
+                (linear.and(self.v2e(raw)).map(SensorChoice::from), place)
             }
             Field::Given(schema::SensorSection::TwinOf(_), place) => {
                 let problem = FieldProblem::of_field("is a twin of another sensor, and there is no other");
@@ -151,8 +150,8 @@ impl Resolver<'_> {
             }
         };
         let sensor = match field.given().and_then(|(raw, _)| raw.contrast()) {
-            Some((contrast, threshold)) => self.with_contrast(sensor, contrast, threshold)?,
-            None => sensor,
+            Some((contrast, threshold)) => self.with_contrast(sensor?, contrast, threshold)?,
+            None => sensor?,
         };
         self.possible(&sensor, rate?, place).then_some(sensor)
     }
@@ -206,45 +205,23 @@ impl Resolver<'_> {
         let preset = Self::preset_of(raw);
         let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
         let threshold = self.threshold_in_volts(raw, &usual);
-        let (floor, refractory) = (
-            self.floor(&raw.floor, usual.floor.clone()),
-            self.refractory(&raw.refractory, usual.settings.refractory),
-        );
-        let law = self.or(&raw.law, SamplerKind::Exact);
-        let gain = self.or(&raw.gain, DriftGain::Log);
-        let initial = self.or(&raw.initial, InitialVoltage::Zero);
-        let cap = self.cap(&raw.max_events_per_pixel_frame);
-        let (allow_cap, hot_pixels) = (self.or(&raw.allow_cap, false), self.hot_pixels(&raw.hot_pixels));
-        let latency = self.latency(&raw.latency);
+        let floor = self.floor(&raw.floor, usual.floor.clone());
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
-            || floor.as_ref().is_some_and(|floor| !floor.is_absent())
-            || models::follows_light(latency);
-        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
-        let readout = self.readout(&raw.readout);
-        let [threshold_on, threshold_off, threshold_spread] = threshold?;
-        let front_end = front_end?;
+            || floor.as_ref().is_some_and(|floor| !floor.is_absent());
+        let model = resolved!(VoltmeterModel {
+            threshold_on: threshold.map(|threshold| threshold.on),
+            threshold_off: threshold.map(|threshold| threshold.off),
+            threshold_spread: threshold.map(|threshold| threshold.spread),
+            law: raw.law.or(SamplerKind::Exact),
+            gain: raw.gain.or(DriftGain::Log),
+            initial: raw.initial.or(InitialVoltage::Zero),
+            floor,
+            settings: models::settings!(self, raw, usual.settings, in_lux: in_lux),
+            ..VoltmeterModel::new(k?)
+        })?;
         // The constants of a preset in lux depend on the light of white.
-        let k = preset.map_or(k?, |preset| preset.model_at(front_end.white_lux()).k);
-        Some(VoltmeterModel {
-            threshold_on,
-            threshold_off,
-            law: law?,
-            gain: gain?,
-            initial: initial?,
-            threshold_spread,
-            floor: floor?,
-            settings: SensorSettings {
-                max_events_per_pixel_frame: cap?,
-                allow_cap: allow_cap?,
-                hot_pixels: hot_pixels?,
-                refractory: refractory?,
-                front_end,
-                labels: labels?,
-                latency: latency?,
-                readout: readout?,
-            },
-            ..VoltmeterModel::new(k)
-        })
+        let k = preset.map_or(model.k, |preset| preset.model_at(model.settings.front_end.white_lux()).k);
+        Some(VoltmeterModel { k, ..model })
     }
 
     fn k(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<[f64; 6]> {
@@ -268,9 +245,8 @@ impl Resolver<'_> {
                 let help =
                     "write units: { time: us, brightness: 255 }; time is us, ms or s, brightness 255 or 1";
                 let units = self.required(&raw.units, "units", place, help);
-                let k: Vec<Option<f64>> =
-                    k.iter().zip(K).map(|(k, range)| self.real(k, 0.0, range)).collect();
-                Some(units?.0.to_official([k[0]?, k[1]?, k[2]?, k[3]?, k[4]?, k[5]?]))
+                let k: Option<Vec<f64>> = all(k.iter().zip(K), |(k, range)| self.real(k, 0.0, range));
+                Some(units?.0.to_official(k?.try_into().ok()?))
             }
         }
     }
@@ -293,24 +269,19 @@ impl Resolver<'_> {
 
     /// Resolves the thresholds of a voltmeter. They are voltages, which only the constants turn into
     /// contrasts, so a recipe that writes them names its constants too.
-    fn threshold_in_volts(&self, raw: &schema::VoltmeterSection, usual: &VoltmeterModel) -> Option<[f64; 3]> {
+    fn threshold_in_volts(
+        &self,
+        raw: &schema::VoltmeterSection,
+        usual: &VoltmeterModel,
+    ) -> Option<ThresholdMismatch> {
         if let (Some(at), Field::Absent, Field::Absent) = (raw.threshold.place(), &raw.preset, &raw.k) {
             let found = "has a unit of the preset's own, and the recipe names no preset";
             let help = "write preset: davis346, where a threshold of 1 is a contrast of 0.134, or preset: \
                         dvs346-paper, where it is 0.190";
             return self.refuse(FieldProblem::of_field(found).help(help).at(at));
         }
-        self.threshold(&raw.threshold, usual)
-    }
-
-    /// Resolves the thresholds of ON and OFF, and their spread.
-    fn threshold(&self, field: &Field<schema::ThresholdSection>, usual: &VoltmeterModel) -> Option<[f64; 3]> {
-        let absent = schema::ThresholdSection::default();
-        let raw = self.section(field, &absent)?;
-        let on = self.real(&raw.on, usual.threshold_on, models::THRESHOLD);
-        let off = self.real(&raw.off, usual.threshold_off, models::THRESHOLD);
-        let spread = self.threshold_spread(&raw.spread, usual.threshold_spread);
-        Some([on?, off?, spread?])
+        let (on, off, spread) = (usual.threshold_on, usual.threshold_off, usual.threshold_spread);
+        self.threshold_of(&raw.threshold, ThresholdMismatch { on, off, spread })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Resolution of the source of poses and Gaussians.
 
-use super::Resolver;
 use super::number::{RealRange, WholeRange};
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::schema::CaptureSection;
@@ -14,8 +14,8 @@ use gs2e_source::solving::{FramePicking, PoseSolving};
 use gs2e_source::{DiskCapture, PoseFile, ViewSelection};
 use std::path::PathBuf;
 
-/// Maximum number of views that a recipe may ask for.
-const MAX_VIEWS: u32 = 1_000_000;
+/// Numbers of views that a recipe may ask for.
+const VIEWS: WholeRange = WholeRange::new(1, 1_000_000);
 
 impl Resolver<'_> {
     pub(super) fn source(&self, field: &Field<schema::SourceSection>) -> Option<SceneSource> {
@@ -41,29 +41,28 @@ impl Resolver<'_> {
 
     fn still_life(&self, field: &Field<schema::ProceduralSection>) -> Option<StillLife> {
         let (raw, _) = field.given()?;
-        let StillLife { gaussians, views, arc, seed, .. } = StillLife::default();
-        let kind = self.or(&raw.kind, schema::KindKey::StillLife);
-        let gaussians = self.small(&raw.gaussians, gaussians, WholeRange::new(100, 10_000_000));
-        let views = self.small(&raw.views, views, WholeRange::new(2, 10_000));
-        let arc = self.real(&raw.arc, arc, RealRange::above(0.0, 360.0));
-        let seed = self.or(&raw.seed, seed);
-        let fountain = self.fountain(&raw.fountain);
-        let schema::KindKey::StillLife = kind?;
-        Some(StillLife { gaussians: gaussians?, views: views?, arc: arc?, seed: seed?, fountain: fountain? })
+        let plain = StillLife::default();
+        let still_life = resolved!(StillLife {
+            gaussians: self.small(&raw.gaussians, plain.gaussians, WholeRange::new(100, 10_000_000)),
+            views: self.small(&raw.views, plain.views, WholeRange::new(2, 10_000)),
+            arc: self.real(&raw.arc, plain.arc, RealRange::above(0.0, 360.0)),
+            seed: raw.seed.or(plain.seed),
+            fountain: raw.fountain.optional(|fountain| self.fountain(fountain)),
+        });
+        let schema::KindKey::StillLife = raw.kind.or(schema::KindKey::StillLife)?;
+        still_life
     }
 
-    fn fountain(&self, field: &Field<schema::FountainSection>) -> Option<Option<Fountain>> {
-        let Some((raw, _)) = field.given() else { return field.is_absent().then_some(None) };
+    fn fountain(&self, field: &Field<schema::FountainSection>) -> Option<Fountain> {
+        let (raw, _) = field.given()?;
         let drops = self.small(&raw.drops, Fountain::default().drops, WholeRange::new(1, 1_000_000));
-        let absent = schema::TimeSection::default();
-        let time = self.section(&raw.time, &absent)?;
+        let time = raw.time.or_default()?;
         if let Some(place) = time.rate.place() {
             let problem =
                 FieldProblem::of_field("is the rate of a sequence of files, which a fountain does not have");
             return self.refuse(problem.help("write duration: 2, in seconds").at(place));
         }
-        let time = self.scene_time(time);
-        Some(Some(Fountain { drops: drops?, time: time? }))
+        resolved!(Fountain { drops, time: self.scene_time(&time) })
     }
 
     fn captured(
@@ -73,25 +72,21 @@ impl Resolver<'_> {
         place: TextSpan,
     ) -> Option<SceneSource> {
         let path = self.path(&raw.path, place);
-        let views = match &raw.views {
-            Field::Absent => Some(None),
-            given => self.small(given, 1, WholeRange::new(1, u64::from(MAX_VIEWS))).map(Some),
-        };
-        let (exclude, poses) = (self.exclude(kind, raw), self.pose_file(kind, raw));
-        let (id, url) = (self.said(&raw.upstream_id), self.formed(&raw.upstream_url, forms::URL));
-        let accessed = self.formed(&raw.accessed, forms::DAY);
-        let accepted = raw.terms_accepted.given().map(|(accepted, _)| *accepted);
-        let terms_accepted = (accepted.is_some() || raw.terms_accepted.is_absent()).then_some(accepted);
-        let selection = ViewSelection { views: views?, exclude: exclude?, poses: poses? };
-        let captured = DiskCapture { kind, path: path?, selection, solving: None };
+        let selection = resolved!(ViewSelection {
+            views: raw.views.optional(|views| self.small(views, 1, VIEWS)),
+            exclude: self.exclude(kind, raw),
+            poses: self.pose_file(kind, raw),
+        });
+        let stated = resolved!(UpstreamOrigin {
+            id: self.said(&raw.upstream_id),
+            url: self.formed(&raw.upstream_url, forms::URL),
+            accessed: self.formed(&raw.accessed, forms::DAY),
+            terms_accepted: raw.terms_accepted.optional(|accepted| Some(*accepted.given()?.0)),
+        });
+        let captured = DiskCapture { kind, path: path?, selection: selection?, solving: None };
         // Statements of the recipe win over values that the folders reveal.
-        let known = UpstreamOrigin::from_capture(&captured);
-        let upstream = UpstreamOrigin {
-            id: id?.or(known.id),
-            url: url?.or(known.url),
-            accessed: accessed?,
-            terms_accepted: terms_accepted?,
-        };
+        let (known, stated) = (UpstreamOrigin::from_capture(&captured), stated?);
+        let upstream = UpstreamOrigin { id: stated.id.or(known.id), url: stated.url.or(known.url), ..stated };
         Some(SceneSource::Captured(captured, upstream))
     }
 
@@ -102,39 +97,26 @@ impl Resolver<'_> {
             let problem = FieldProblem::of_key("applies only to a video, which has frames");
             return self.refuse(problem.help("remove it").at(place));
         }
-        let plain = PoseSolving::default();
-        let vocabulary = match &raw.vocabulary {
-            Field::Absent => Some(None),
-            given => self.path(given, self.root).map(Some),
-        };
-        let pairs = match &raw.pairs {
-            Field::Absent => Some(None),
-            given => given.given().map(|(pairs, _)| Some(*pairs)),
-        };
-        let lens = self.or(&raw.lens, plain.lens);
-        let features = self.small(&raw.features, plain.features, WholeRange::new(256, 65_536));
-        let registered = self.real(&raw.registered, plain.registered, RealRange::new(0.0, 1.0));
-        let frames = FramePicking::default();
-        let every = self.small(&raw.every, frames.every, WholeRange::new(1, 1_000_000));
-        let sharpness = self.real(&raw.sharpness, frames.sharpness, RealRange::new(0.0, 1.0));
-        let frames = FramePicking { every: every?, sharpness: sharpness? };
-        Some(PoseSolving {
-            lens: lens?,
-            features: features?,
-            pairs: pairs?,
-            vocabulary: vocabulary?,
-            registered: registered?,
-            frames: kind.is_video().then_some(frames),
+        let (plain, picking) = (PoseSolving::default(), FramePicking::default());
+        let frames = resolved!(FramePicking {
+            every: self.small(&raw.every, picking.every, WholeRange::new(1, 1_000_000)),
+            sharpness: self.real(&raw.sharpness, picking.sharpness, RealRange::new(0.0, 1.0)),
+        });
+        resolved!(PoseSolving {
+            lens: raw.lens.or(plain.lens),
+            features: self.small(&raw.features, plain.features, WholeRange::new(256, 65_536)),
+            pairs: raw.pairs.optional(|pairs| Some(*pairs.given()?.0)),
+            vocabulary: raw.vocabulary.optional(|vocabulary| self.path(vocabulary, self.root)),
+            registered: self.real(&raw.registered, plain.registered, RealRange::new(0.0, 1.0)),
+            frames: frames.map(|frames| kind.is_video().then_some(frames)),
         })
     }
 
     /// Resolves the patterns of excluded names. By default, the known leftover files of the dataset
     /// are excluded.
     fn exclude(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Vec<String>> {
-        let list = match &raw.exclude {
-            Field::Absent => return Some(kind.leftovers()),
-            Field::Bad => return None,
-            Field::Given(list, _) => list,
+        let Some((list, _)) = raw.exclude.given() else {
+            return raw.exclude.is_absent().then(|| kind.leftovers());
         };
         let pattern = |item: &Field<String>| {
             let (text, place) = item.given()?;
@@ -145,8 +127,7 @@ impl Resolver<'_> {
                 }
             }
         };
-        let patterns: Vec<Option<String>> = list.iter().map(pattern).collect();
-        patterns.into_iter().collect()
+        all(list, pattern)
     }
 
     fn pose_file(&self, kind: CaptureKind, raw: &schema::FolderSection) -> Option<Option<PoseFile>> {
@@ -162,15 +143,6 @@ impl Resolver<'_> {
                 );
                 self.refuse(problem.help("remove it: this source has one").at(*place))
             }
-        }
-    }
-
-    /// Returns an optional text that is not blank.
-    fn said(&self, field: &Field<String>) -> Option<Option<String>> {
-        match field {
-            Field::Absent => Some(None),
-            Field::Bad => None,
-            Field::Given(text, place) => self.filled(text, *place).map(Some),
         }
     }
 

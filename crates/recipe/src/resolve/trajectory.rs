@@ -8,7 +8,7 @@ mod refine;
 mod speed;
 mod vector;
 
-use super::Resolver;
+use super::{Resolver, all};
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
@@ -17,11 +17,10 @@ use gs2e_num::units::Hertz;
 use gs2e_trajectory::novel::NovelGroup;
 use gs2e_trajectory::path::CameraPath;
 use gs2e_trajectory::sample::SummationRule;
-use gs2e_trajectory::speed::SpeedChoice;
-use novel::NovelGroups;
 use std::collections::BTreeSet;
 
 pub(crate) use speed::{CONSTANT_SPEED, PAPERS_SPEED};
+pub(super) use vector::Triple;
 
 const PATHS: &str = "refine, novel, orbit and keyframes";
 
@@ -68,9 +67,7 @@ impl Resolver<'_> {
             );
         }
         self.refuse_repeated_names(list);
-        let all: Vec<Option<Vec<TrajectoryRecipe>>> =
-            list.iter().map(|item| self.trajectory(item, list, setting)).collect();
-        let all = all.into_iter().collect::<Option<Vec<_>>>()?.concat();
+        let all = all::<_, _, Vec<_>>(list, |item| self.trajectory(item, list, setting))?.concat();
         // Last, because it needs the number of poses of every base.
         self.refuse_few_poses(list, &all);
         Some(all)
@@ -116,20 +113,20 @@ impl Resolver<'_> {
             return None;
         }
         if let Field::Given(novel, at) = &raw.novel {
-            let groups = self.novel(novel, *at, list, around);
-            return self.groups(&groups?, &name?, &speed?, raw, setting);
+            let groups = self.novel(novel, *at, list, around)?;
+            let (written, speed, place) = (name?, speed?, raw.name.place()?);
+            let group = |path: NovelGroup| {
+                let name = novel::group_folder(&written, path.group);
+                let name =
+                    self.named(&name, place, names::check_trajectory(&name), names::TRAJECTORY_HELP)?;
+                let base = Some(groups.base.clone());
+                let whole = TrajectoryRecipe::new(written.clone(), CameraPath::Novel(path), speed.clone());
+                Some(TrajectoryRecipe { name, base, ..whole })
+            };
+            return groups.drawn(setting.seed?, setting.scene?, &written).map(group).collect();
         }
         let path = self.path_of(raw, place, around);
-        let (name, path, speed) = (name?, path?, speed?);
-        Some(vec![TrajectoryRecipe {
-            written: name.clone(),
-            name,
-            path,
-            base: None,
-            mounted: None,
-            speed,
-            drawn: None,
-        }])
+        Some(vec![TrajectoryRecipe::new(name?, path?, speed?)])
     }
 
     /// Returns true, after reporting it, if there is more than one path.
@@ -162,33 +159,6 @@ impl Resolver<'_> {
             }
             _ => None,
         }
-    }
-
-    /// Returns the trajectories of the groups of a novel trajectory.
-    fn groups(
-        &self,
-        groups: &NovelGroups,
-        written: &str,
-        speed: &SpeedChoice,
-        raw: &schema::TrajectorySection,
-        setting: TrajectoryContext<'_>,
-    ) -> Option<Vec<TrajectoryRecipe>> {
-        let place = raw.name.place()?;
-        let group = |path: NovelGroup| {
-            let name = novel::group_folder(written, path.group);
-            let name = self.named(&name, place, names::check_trajectory(&name), names::TRAJECTORY_HELP)?;
-            let (written, base) = (written.to_owned(), Some(groups.base.clone()));
-            Some(TrajectoryRecipe {
-                name,
-                written,
-                path: CameraPath::Novel(path),
-                base,
-                mounted: None,
-                speed: speed.clone(),
-                drawn: None,
-            })
-        };
-        groups.drawn(setting.seed?, setting.scene?, written).map(group).collect()
     }
 }
 

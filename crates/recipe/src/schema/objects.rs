@@ -16,8 +16,9 @@
 use super::super::field::Field;
 use serde::Deserialize;
 
-/// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects) describes them.
-#[derive(Debug, Default, Deserialize)]
+/// An object: its Gaussians, by `select` or `scene`, and its path. [scene.md](scene.md#moving-objects)
+/// describes them.
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectSection {
     /// Name: letters, digits, `.`, `_` and `-`. Range: at most 100 bytes. Required.
@@ -28,26 +29,26 @@ pub(crate) struct ObjectSection {
     pub scene: Field<PlacedSection>,
     /// Path of the object. Required.
     pub path: Field<ObjectPathSection>,
-    /// Point about which the object turns, world coordinates at rest. Unit: scene units. Default: the mean of its
-    /// means.
+    /// Point about which the object turns, world coordinates at rest. Unit: scene units. Default: the mean of
+    /// its means.
     pub pivot: Field<[Field<f64>; 3]>,
 }
 
 /// Gaussians of the scene, by their means or by their numbers.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SelectSection {
     /// Those with a mean in a box.
     Box(Field<BoxSection>),
     /// Those with a mean in a ball.
     Sphere(Field<SphereSection>),
-    /// Those with the numbers in a file, one a line, from 0 in the order of the scene file. The path is relative to
-    /// the recipe.
+    /// Those with the numbers in a file, one a line, from 0 in the order of the scene file. The path is
+    /// relative to the recipe.
     Ids(Field<String>),
 }
 
 /// A box along the axes of the world: `box: { low: [0, 0, 0], high: [1, 1, 1] }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct BoxSection {
     /// Least corner. Unit: scene units. Required.
@@ -57,7 +58,7 @@ pub(crate) struct BoxSection {
 }
 
 /// A ball: `sphere: { centre: [0, 0, 0], radius: 1 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct SphereSection {
     /// Centre. Unit: scene units. Required.
@@ -67,21 +68,22 @@ pub(crate) struct SphereSection {
 }
 
 /// A scene file and its place in the world.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PlacedSection {
     /// Scene file, relative to the recipe. Required.
     pub path: Field<String>,
     /// Place of the file's origin, world coordinates. Unit: scene units. Default: `[0, 0, 0]`.
     pub at: Field<[Field<f64>; 3]>,
-    /// Turn of the file's axes: an axis in world axes, as long as the angle. Unit: degrees. Default: `[0, 0, 0]`.
+    /// Turn of the file's axes: an axis in world axes, as long as the angle. Unit: degrees. Default: `[0, 0,
+    /// 0]`.
     pub turn: Field<[Field<f64>; 3]>,
     /// Scene units per unit of the file. Default: `1`.
     pub scale: Field<f64>,
 }
 
 /// Form of the path.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ObjectPathSection {
     /// C2 splines through at least two keyframes; the first is at 0 s. They must last as long as the
@@ -94,20 +96,20 @@ pub(crate) enum ObjectPathSection {
 }
 
 /// A keyframe of an object.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectKeySection {
     /// Time from the first pose of the trajectory. Unit: s. Required.
     pub at: Field<f64>,
     /// Displacement of the pivot from its place at rest, world axes. Unit: scene units. Default: `[0, 0, 0]`.
     pub shift: Field<[Field<f64>; 3]>,
-    /// Turn about the pivot: an axis in world axes, as long as the angle. The way from keyframe to keyframe is the
-    /// shorter one. Unit: degrees. Default: `[0, 0, 0]`.
+    /// Turn about the pivot: an axis in world axes, as long as the angle. The way from keyframe to keyframe
+    /// is the shorter one. Unit: degrees. Default: `[0, 0, 0]`.
     pub turn: Field<[Field<f64>; 3]>,
 }
 
 /// A rotation: `orbit: { centre: [0, 0, 0], axis: [0, 1, 0], degrees_per_second: 90 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectOrbitSection {
     /// A point of the axis, world coordinates. Unit: scene units. Required.
@@ -119,7 +121,7 @@ pub(crate) struct ObjectOrbitSection {
 }
 
 /// A steady motion: `straight: { velocity: [1, 0, 0], spin: [0, 90, 0] }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ObjectStraightSection {
     /// Velocity, world axes. Unit: scene units per second. Default: `[0, 0, 0]`.

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Source of the Gaussians, with its parameters.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum ReconstructSection {
     /// A trained scene file.
@@ -17,21 +17,22 @@ pub(crate) enum ReconstructSection {
     Command(Field<Box<CommandSection>>),
 }
 
-/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with time.
-#[derive(Debug, Default, Deserialize)]
+/// A scene file: `.ply`, compressed `.ply`, `.splat`, `.spz` or `.sog`; with `time`, one that changes with
+/// time.
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct GivenSection {
     /// Path of the scene file, relative to the recipe. Required.
     pub path: Field<String>,
-    /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene files. See
-    /// [scene.md](scene.md#scenes-that-change-with-time). Default: none, a scene at rest.
+    /// Time of a scene that changes by itself: a file with tracks, or a folder with a sequence of scene
+    /// files. See [scene.md](scene.md#scenes-that-change-with-time). Default: none, a scene at rest.
     pub time: Field<TimeSection>,
     /// True if the scene was trained on undistorted photos. Default: none.
     pub undistorted: Field<UnsupportedField>,
 }
 
 /// The time of a scene that changes by itself, at each time of a trajectory.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct TimeSection {
     /// Moment of the scene at the first pose. Unit: s. Default: `0`.
@@ -45,7 +46,7 @@ pub(crate) struct TimeSection {
 }
 
 /// The training fits what `render` renders: its rules, antialiasing and background.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct BuiltinSection {
     /// Number of Gaussians, at most. Default: `200000`.
@@ -64,7 +65,7 @@ pub(crate) struct BuiltinSection {
 }
 
 /// The first reason that holds ends the training.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct UntilSection {
     /// Mean PSNR of the held-out photos that is enough; compared at each of about twenty reports.
@@ -77,7 +78,7 @@ pub(crate) struct UntilSection {
 
 /// Arguments, `probe` and `program` may contain names in braces;
 /// [training.md](training.md#training-with-another-program) lists the names.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct CommandSection {
     /// Name of the program, searched for in `PATH`, or `"{name}"` of `files`. Required.
@@ -111,7 +112,7 @@ pub(crate) struct CommandSection {
 }
 
 /// Bounds, both included.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct CountSection {
     /// Minimum number of Gaussians. Default: no bound.

@@ -18,22 +18,22 @@ use crate::OutputKind;
 use serde::Deserialize;
 
 /// Cameras on one body that follows each trajectory. [scene.md](scene.md#rigs) describes them.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigSection {
     /// The cameras, at least one. The first one measures the speeds in pixels. Required.
     pub cameras: Field<Vec<Field<RigCameraSection>>>,
-    /// Pairs of cameras that are rectified, by name, each camera in one pair at most: the first and the second, usually
-    /// left and right. Default: `[]`.
+    /// Pairs of cameras that are rectified, by name, each camera in one pair at most: the first and the
+    /// second, usually left and right. Default: `[]`.
     pub stereo: Field<Vec<Field<[Field<String>; 2]>>>,
 }
 
 /// A camera of a rig.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RigCameraSection {
-    /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and `-`; at
-    /// most 100 bytes. Required.
+    /// Name, which is the camera's folder below that of each trajectory. Range: letters, digits, `.`, `_` and
+    /// `-`; at most 100 bytes. Required.
     pub name: Field<String>,
     /// Place of the camera on the body. Default: `{}`.
     pub extrinsic: Field<ExtrinsicSection>,
@@ -45,9 +45,9 @@ pub(crate) struct RigCameraSection {
     pub outputs: Field<Vec<Field<OutputKind>>>,
 }
 
-/// Place of a camera on a body, by position and rotation or by a matrix. The axes of the body are those of a camera:
-/// x right, y down, z forward.
-#[derive(Debug, Default, Deserialize)]
+/// Place of a camera on a body, by position and rotation or by a matrix. The axes of the body are those of a
+/// camera: x right, y down, z forward.
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ExtrinsicSection {
     /// Centre of the camera in the axes of the body. Unit: scene units. Default: `[0, 0, 0]`.
@@ -55,6 +55,7 @@ pub(crate) struct ExtrinsicSection {
     /// Rotation from camera to body: `[qx, qy, qz, qw]`. Range: of length 1. Default: `[0, 0, 0, 1]`.
     pub rotation: Field<[Field<f64>; 4]>,
     /// Rows of the 4x4 matrix that maps points of the body to points of the camera, instead of `position` and
-    /// `rotation`: `T_cam_imu` of Kalibr, for an inertial sensor at the body. Unit: scene units. Default: none.
+    /// `rotation`: `T_cam_imu` of Kalibr, for an inertial sensor at the body. Unit: scene units. Default:
+    /// none.
     pub camera_from_body: Field<[Field<[Field<f64>; 4]>; 4]>,
 }

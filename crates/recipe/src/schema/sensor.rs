@@ -17,7 +17,7 @@ use serde::Deserialize;
 /// Model of the sensor, with its parameters; [sensors.md](sensors.md) describes the models. A number
 /// may be a law from which it is drawn for each trajectory: `{ uniform: [a, b] }`,
 /// `{ log_uniform: [a, b] }`, or `{ normal: [mean, sd], within: [a, b] }`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SensorSection {
     /// The stochastic process of DVS-Voltmeter.
@@ -55,7 +55,7 @@ impl SensorSection {
 
 /// Contrasts of one event: changes of the natural logarithm of the brightness. One number is both, and a list
 /// of two is ON and OFF: `contrast: 0.2`, `contrast: [0.2, 0.3]`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ContrastSection {
     /// Contrast of ON events. Default: the sensor's.
@@ -65,7 +65,7 @@ pub(crate) struct ContrastSection {
 }
 
 /// Contrast thresholds. The unit is the sensor's.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ThresholdSection {
     /// Threshold of ON events. Default: the sensor's.
@@ -77,7 +77,7 @@ pub(crate) struct ThresholdSection {
 }
 
 /// Time after an event in which a pixel fires no other.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RefractorySection {
     /// Length of the dead time. Unit: us. Default: `0`.
@@ -88,7 +88,7 @@ pub(crate) struct RefractorySection {
 }
 
 /// Hot pixels fire ON events at random times.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct HotPixelsSection {
     /// Share of all pixels that are hot. Required.
@@ -101,7 +101,7 @@ pub(crate) struct HotPixelsSection {
 }
 
 /// Rates of noise events at one light.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FloorPointSection {
     /// Light on the sensor; rises from point to point. Unit: lux. Required.
@@ -113,7 +113,7 @@ pub(crate) struct FloorPointSection {
 }
 
 /// Delay of events after the crossing of their thresholds. Events of a pixel keep their order.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct LatencySection {
     /// Mean delay in bright light. Unit: us. Required.
@@ -129,7 +129,7 @@ pub(crate) struct LatencySection {
 
 /// Bus between the pixels and the stream. Waiting events are late, and further events of their pixels
 /// are lost.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ReadoutSection {
     /// Largest number of events per second. Unit: million events per second. Required.
@@ -142,7 +142,7 @@ pub(crate) struct ReadoutSection {
 }
 
 /// The defaults are the encoded luminance that the published simulators read.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FrontEndSection {
     /// Weights of red, green and blue. Default: `rec601`.
@@ -160,7 +160,7 @@ pub(crate) struct FrontEndSection {
 }
 
 /// Weights of the colours.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum LuminanceSection {
     /// 0.299, 0.587, 0.114 (ITU-R BT.601).
@@ -172,7 +172,7 @@ pub(crate) enum LuminanceSection {
 }
 
 /// Limits of the brightness in greys; white is 255.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RangeSection {
     /// Lowest brightness. Unit: grey. Default: `0`.

@@ -8,7 +8,7 @@ use gs2e_source::solving::{PairRule, SolvedLens};
 use serde::Deserialize;
 
 /// Kind of the source, with its parameters.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SourceSection {
     /// The embedded scene, which needs no data: its own camera has 640x360 pixels.
@@ -33,7 +33,7 @@ pub(crate) enum SourceSection {
 }
 
 /// Parameters of the embedded scene.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ProceduralSection {
     /// Embedded scene to use. Default: `still-life`.
@@ -51,8 +51,9 @@ pub(crate) struct ProceduralSection {
     pub fountain: Field<FountainSection>,
 }
 
-/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See [scene.md](scene.md#scenes-that-change-with-time).
-#[derive(Debug, Default, Deserialize)]
+/// A fountain: `fountain: { drops: 500, time: { duration: 2 } }`. See
+/// [scene.md](scene.md#scenes-that-change-with-time).
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FountainSection {
     /// Number of drops, in addition to the Gaussians of the table. Default: `500`.
@@ -69,7 +70,7 @@ pub(crate) enum KindKey {
 }
 
 /// A capture on disk.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FolderSection {
     /// Folder or file of the capture, relative to the recipe. Required.
@@ -94,7 +95,7 @@ pub(crate) struct FolderSection {
 }
 
 /// Photos without poses, or a video. See [photos.md](photos.md).
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct UnposedSection {
     /// Folder of the photos, or the video, relative to the recipe. Required.

@@ -25,7 +25,7 @@ use serde::Deserialize;
 
 /// A trajectory has a name, one of the four paths, and a speed. [trajectories.md](trajectories.md)
 /// describes them.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct TrajectorySection {
     /// Name, which is also the folder in the release: letters, digits, `.`, `_` and `-`. Range: at
@@ -46,7 +46,7 @@ pub(crate) struct TrajectorySection {
 
 /// At most one of `factor`, `frames` and `duration` sets the number of poses; with a speed in px/s
 /// none may be given.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct RefineSection {
     /// Half-width of the smoothing window; 0 turns smoothing off. Unit: poses. Default: `2`.
@@ -75,7 +75,7 @@ pub(crate) struct RefineSection {
 }
 
 /// The path length mixes rotation, in radians, and translation over this scale.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct MetricSection {
     /// Divisor of translation: `scene` for the median distance of the cameras to the point nearest
@@ -84,7 +84,7 @@ pub(crate) struct MetricSection {
 }
 
 /// Kind of the curve.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum CurveSection {
     /// Cubic splines, C2 through every pose.
@@ -98,7 +98,7 @@ pub(crate) enum CurveSection {
 }
 
 /// Parameters of a Bezier curve: `bezier: { degree: 3 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct BezierSection {
     /// Degree of the curve. Required.
@@ -106,7 +106,7 @@ pub(crate) struct BezierSection {
 }
 
 /// Makes `groups` trajectories, called `<name>-0` and so on.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct NovelSection {
     /// Trajectory from which the key poses are drawn; it must not be novel. Default: the first that
@@ -128,7 +128,7 @@ pub(crate) struct NovelSection {
 }
 
 /// Kind of the curve, as for a refined path, or drawn at random.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum NovelCurveSection {
     /// A fair draw between `cubic` and `bezier`, whose degree is drawn from 2 to 5.
@@ -146,7 +146,7 @@ pub(crate) enum NovelCurveSection {
 /// Points and directions are world coordinates. Missing ones are taken from the capture. Without a
 /// capture they are guessed from the scene, as `gs2e info` shows it; without a scene all are
 /// required.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct OrbitSection {
     /// Point that the camera looks at. Unit: scene units. Default: from the capture or the scene.
@@ -164,7 +164,7 @@ pub(crate) struct OrbitSection {
 }
 
 /// At most one of `factor`, `frames` and `duration` sets the number of poses.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct KeyframesSection {
     /// Key poses in order of time, at least one. Required.
@@ -185,7 +185,7 @@ pub(crate) struct KeyframesSection {
 }
 
 /// A position, and either `rotation` or both `look_at` and `up`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PoseSection {
     /// Centre of the camera, world coordinates. Unit: scene units. Required.
@@ -201,7 +201,7 @@ pub(crate) struct PoseSection {
 }
 
 /// Form of the speed.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum SpeedSection {
     /// Relative speed as an expression in `t`, which runs from 0 to 1; proved positive before
@@ -215,7 +215,7 @@ pub(crate) enum SpeedSection {
 }
 
 /// Levels of the speed: `list: { multipliers: [1, 0.5, 2], blend: 0.1 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ListSection {
     /// Levels of relative speed, at least one. Required.
@@ -228,7 +228,7 @@ pub(crate) struct ListSection {
 }
 
 /// Speed of the picture: `flow: { px_s: 400 }`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct FlowSection {
     /// Median optical flow of a frame, averaged over the trajectory. Unit: px/s. Required.

@@ -2,8 +2,8 @@
 
 use crate::field::Field;
 use crate::problem::{FieldProblem, quote_text};
-use crate::resolve::Resolver;
 use crate::resolve::number::{RealRange, WholeRange};
+use crate::resolve::{Resolver, all};
 use crate::schema;
 use crate::text::TextSpan;
 use gs2e_source::reconstruct::{
@@ -20,6 +20,9 @@ const LICENCE: &str =
 const SCENE: &str = "write scene: scene.ply, the file below {out} that the program writes";
 const NAME_HELP: &str = "names consist of a to z, 0 to 9, - and _";
 
+/// Numbers of iterations and of Gaussians.
+const NUMBER: WholeRange = WholeRange::new(1, 1_000_000_000);
+
 /// Placeholders of arguments that are known when the recipe is read.
 const SEED: &str = "seed";
 const ITERATIONS: &str = "iterations";
@@ -35,7 +38,7 @@ impl Resolver<'_> {
         seed: Option<u64>,
     ) -> Option<TrainerCommand> {
         let files = self.files(&raw.files);
-        let iterations = self.iterations(&raw.iterations);
+        let iterations = raw.iterations.optional(|iterations| self.whole(iterations, 0, NUMBER));
         // Names become known step by step: the program may refer to files, the version command also
         // to values of the recipe, and only the arguments to the folders of a training.
         let mut known: Known<'_> = files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
@@ -46,37 +49,24 @@ impl Resolver<'_> {
         if let Some(Some(iterations)) = iterations {
             known.insert(ITERATIONS, Some(iterations.to_string()));
         }
-        let probe = match &raw.probe {
-            Field::Absent => Some(None),
-            field => self.arguments(field, &known).map(Some),
-        };
+        let probe = raw.probe.optional(|probe| self.arguments(probe, &known));
         known.extend(ArgumentPlaces::ALL.map(|name| (name, None)));
         let arguments = self.arguments(&raw.arguments, &known);
         let version = self.required(&raw.version, "version", place, VERSION);
-        let version = version.and_then(|(text, at)| self.filled(text, at));
         let licence = self.required(&raw.licence, "licence", place, LICENCE);
-        let licence = licence.and_then(|(text, at)| self.tool_terms(raw.program.given()?.0, text, at));
-        let environment = self.environment(&raw.environment);
-        let scene = self.below_out(&raw.scene);
-        let hold_out = match &raw.hold_out {
-            Field::Absent => Some(None),
-            field => self.small(field, 0, WholeRange::new(2, 1_000_000)).map(Some),
-        };
-        let gaussians = self.limits(&raw.gaussians);
-        let min_psnr = self.real(&raw.min_psnr, TrainerCommand::MIN_PSNR_DB, RealRange::new(0.0, 100.0));
-        Some(TrainerCommand {
-            program: program?,
-            arguments: arguments?,
-            version: version?,
-            environment: environment?,
-            scene: scene?,
-            hold_out: hold_out?,
-            gaussians: gaussians?,
-            min_psnr: min_psnr?,
-            probe: probe?,
-            files: files?,
-            licence: licence?,
-            iterations: iterations?,
+        resolved!(TrainerCommand {
+            program,
+            arguments,
+            version: version.and_then(|(text, at)| self.filled(text, at)),
+            licence: licence.and_then(|(text, at)| self.tool_terms(raw.program.given()?.0, text, at)),
+            environment: self.environment(&raw.environment),
+            scene: raw.scene.optional(|scene| self.below_out(scene)),
+            hold_out: raw.hold_out.optional(|every| self.small(every, 0, WholeRange::new(2, 1_000_000))),
+            gaussians: self.limits(&raw.gaussians),
+            min_psnr: self.real(&raw.min_psnr, TrainerCommand::MIN_PSNR_DB, RealRange::new(0.0, 100.0)),
+            probe,
+            files,
+            iterations,
         })
     }
 
@@ -95,13 +85,9 @@ impl Resolver<'_> {
         field: &Field<Vec<Field<String>>>,
         known: &Known<'_>,
     ) -> Option<Vec<ArgumentTemplate>> {
-        let none = Vec::new();
-        let list = self.section(field, &none)?;
-        let read: Vec<Option<ArgumentTemplate>> = list
-            .iter()
-            .map(|item| item.given().and_then(|(text, place)| self.argument(text, place, known)))
-            .collect();
-        read.into_iter().collect()
+        all(field.or_default()?, |item: Field<String>| {
+            item.given().and_then(|(text, place)| self.argument(text, place, known))
+        })
     }
 
     fn argument(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
@@ -121,20 +107,11 @@ impl Resolver<'_> {
     }
 
     fn files(&self, field: &Field<BTreeMap<String, Field<String>>>) -> Option<BTreeMap<String, PathBuf>> {
-        let none = BTreeMap::new();
-        let mut files = Some(BTreeMap::new());
-        for (name, path) in self.section(field, &none)? {
-            let found = path.given().and_then(|(text, place)| {
-                self.refuse_name(name, place)?;
-                Some(self.folders[place.file as usize].join(self.filled(text, place)?))
-            });
-            // The loop goes on after a fault, so that every file is judged.
-            match (&mut files, found) {
-                (Some(files), Some(path)) => drop(files.insert(name.clone(), path)),
-                _ => files = None,
-            }
-        }
-        files
+        all(field.or_default()?, |(name, path): (String, Field<String>)| {
+            let (text, place) = path.given()?;
+            self.refuse_name(&name, place)?;
+            Some((name, self.folders[place.file as usize].join(self.filled(text, place)?)))
+        })
     }
 
     fn refuse_name(&self, name: &str, place: TextSpan) -> Option<()> {
@@ -155,45 +132,30 @@ impl Resolver<'_> {
         &self,
         field: &Field<BTreeMap<String, Field<String>>>,
     ) -> Option<BTreeMap<String, String>> {
-        let none = BTreeMap::new();
-        let variable = |(name, value): (&String, &Field<String>)| {
+        all(field.or_default()?, |(name, value): (String, Field<String>)| {
             let (text, place) = value.given()?;
             if name.is_empty() || name.contains(['=', '\0']) || text.contains('\0') {
                 return self.refuse(FieldProblem::of_key("is not a valid environment variable").at(place));
             }
-            Some((name.clone(), text.clone()))
-        };
-        let read: Vec<_> = self.section(field, &none)?.iter().map(variable).collect();
-        read.into_iter().collect()
+            Some((name, text.clone()))
+        })
     }
 
     /// Resolves the path of a file below `{out}`.
-    fn below_out(&self, field: &Field<String>) -> Option<Option<String>> {
-        let Some((text, place)) = field.given() else { return field.is_absent().then_some(None) };
+    fn below_out(&self, field: &Field<String>) -> Option<String> {
+        let (text, place) = field.given()?;
         let text = self.filled(text, place)?;
         if !Path::new(&text).components().all(|part| matches!(part, Component::Normal(_))) {
             let problem =
                 FieldProblem::of_field(format!("is {}, wanted a file below {{out}}", quote_text(&text)));
             return self.refuse(problem.help(SCENE).at(place));
         }
-        Some(Some(text))
-    }
-
-    fn iterations(&self, field: &Field<u64>) -> Option<Option<u64>> {
-        match field {
-            Field::Absent => Some(None),
-            field => self.whole(field, 0, WholeRange::new(1, 1_000_000_000)).map(Some),
-        }
+        Some(text)
     }
 
     fn limits(&self, field: &Field<schema::CountSection>) -> Option<GaussianCount> {
-        let absent = schema::CountSection::default();
-        let raw = self.section(field, &absent)?;
-        let end = |field: &Field<u64>| match field {
-            Field::Absent => Some(None),
-            field => self.whole(field, 0, WholeRange::new(1, 1_000_000_000)).map(Some),
-        };
-        let (min, max) = (end(&raw.min), end(&raw.max));
-        Some(GaussianCount { min: min?, max: max? })
+        let raw = field.or_default()?;
+        let end = |field: &Field<u64>| field.optional(|end| self.whole(end, 0, NUMBER));
+        resolved!(GaussianCount { min: end(&raw.min), max: end(&raw.max) })
     }
 }

@@ -23,19 +23,13 @@ const SUM: &str = "rec601 is 0.299, 0.587, 0.114, and rec709 is 0.2126, 0.7152, 
 impl Resolver<'_> {
     /// Resolves a front end. `in_lux` says that the sensor behind it depends on the light of white.
     pub(super) fn front_end(&self, field: &Field<schema::FrontEndSection>, in_lux: bool) -> Option<FrontEnd> {
-        let absent = schema::FrontEndSection::default();
-        let raw = self.section(field, &absent)?;
-        let luminance = self.luminance(&raw.luminance);
-        let decode = self.or(&raw.decode, ChannelDecode::None);
-        let exposure = self.real(&raw.exposure, 1.0, EXPOSURE);
-        let range = self.brightness_range(&raw.range);
-        let lux = self.lux(&raw.lux, in_lux);
-        Some(FrontEnd {
-            luminance: luminance?,
-            decode: decode?,
-            exposure: exposure?,
-            range: range?,
-            lux: lux?,
+        let raw = field.or_default()?;
+        resolved!(FrontEnd {
+            luminance: self.luminance(&raw.luminance),
+            decode: raw.decode.or(ChannelDecode::None),
+            exposure: self.real(&raw.exposure, 1.0, EXPOSURE),
+            range: self.brightness_range(&raw.range),
+            lux: self.lux(&raw.lux, in_lux),
         })
     }
 
@@ -65,23 +59,17 @@ impl Resolver<'_> {
     }
 
     fn weights(&self, fields: &[Field<f64>; 3], place: TextSpan) -> Option<LuminanceWeights> {
-        let [r, g, b] = [0, 1, 2].map(|i| self.real(&fields[i], 0.0, WEIGHT));
-        let [r, g, b] = [r?, g?, b?];
-        LuminanceWeights::from_weights([r, g, b]).ok().or_else(|| {
-            let sum = front_end::told_sum(&[r, g, b]);
+        let weights = self.numbers(fields, WEIGHT)?;
+        LuminanceWeights::from_weights(weights).ok().or_else(|| {
+            let sum = front_end::told_sum(&weights);
             let found = format!("sums to {sum}, wanted 1 within 1e-6");
             self.refuse(FieldProblem::of_field(found).help(SUM).at(place))
         })
     }
 
     fn brightness_range(&self, field: &Field<schema::RangeSection>) -> Option<front_end::GreyRange> {
-        let absent = schema::RangeSection::default();
-        let raw = self.section(field, &absent)?;
-        let min = self.real(&raw.min, 0.0, GREY);
-        let max = match &raw.max {
-            Field::Absent => Some(None),
-            max => self.real(max, 0.0, GREY).map(Some),
-        };
+        let raw = field.or_default()?;
+        let (min, max) = (self.real(&raw.min, 0.0, GREY), raw.max.optional(|max| self.real(max, 0.0, GREY)));
         let (min, max) = (min?, max?);
         match (max, field.place()) {
             (Some(max), Some(place)) if max <= min => self

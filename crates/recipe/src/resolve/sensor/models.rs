@@ -1,7 +1,7 @@
 //! The sensors `esim` and `v2e`, and the parts that sensors share.
 
-use super::super::Resolver;
 use super::super::number::{RealRange, WholeRange};
+use super::super::{Resolver, all};
 use crate::drawn::RANDOMISED;
 use crate::field::Field;
 use crate::problem::FieldProblem;
@@ -12,12 +12,12 @@ use gs2e_sensor::esim::{EsimModel, TRAINABLE};
 use gs2e_sensor::latency;
 use gs2e_sensor::latency::PixelLatency;
 use gs2e_sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
-use gs2e_sensor::readout::{ArbiterOrder, ReadoutBus};
+use gs2e_sensor::readout::ReadoutBus;
 use gs2e_sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
 use gs2e_sensor::voltmeter::BetweenFrames;
 
 /// Range of the thresholds.
-pub(super) const THRESHOLD: RealRange = RealRange::new(1e-6, 1e6);
+const THRESHOLD: RealRange = RealRange::new(1e-6, 1e6);
 /// Range of the spreads of thresholds.
 const SPREAD: RealRange = RealRange::new(0.0, 1e6);
 /// Range of the delays of events, us.
@@ -25,10 +25,25 @@ const DELAY: RealRange = RealRange::new(0.0, 1e6);
 /// Range of the event rates, Hz.
 const RATE: RealRange = RealRange::new(0.0, 1e9);
 
-/// Returns true if a latency depends on the light of white.
-pub(super) fn follows_light(latency: Option<Option<PixelLatency>>) -> bool {
-    latency.flatten().is_some_and(|latency| latency.tau_us > 0.0)
+/// The settings that the sections of all sensors have. `in_lux` is true if the sensor depends on the light of white
+/// by more than its latency.
+macro_rules! settings {
+    ($resolver:ident, $raw:ident, $usual:expr, in_lux: $in_lux:expr) => {{
+        let latency = $resolver.latency(&$raw.latency);
+        let follows_light = latency.flatten().is_some_and(|latency| latency.tau_us > 0.0);
+        resolved!(SensorSettings {
+            refractory: $resolver.refractory(&$raw.refractory, $usual.refractory),
+            hot_pixels: $resolver.hot_pixels(&$raw.hot_pixels),
+            max_events_per_pixel_frame: $resolver.cap(&$raw.max_events_per_pixel_frame),
+            allow_cap: $raw.allow_cap.or(false),
+            front_end: $resolver.front_end(&$raw.front_end, $in_lux || follows_light),
+            labels: $raw.labels.or(false),
+            readout: $resolver.readout(&$raw.readout),
+            latency,
+        })
+    }};
 }
+pub(super) use settings;
 
 impl Resolver<'_> {
     pub(super) fn esim(&self, raw: &schema::EsimSection) -> Option<EsimModel> {
@@ -42,68 +57,25 @@ impl Resolver<'_> {
             None => raw.preset.is_absent().then(EsimModel::default),
         };
         let usual = preset.clone().unwrap_or_default();
-        let threshold = self.threshold_of(&raw.threshold, usual.threshold);
-        let mismatch = self.or(&raw.mismatch, usual.mismatch);
-        let intensity = self.or(&raw.intensity, usual.intensity);
-        let eps = self.real(&raw.eps, usual.eps, RealRange::above(0.0, 1e6));
-        let refractory = self.refractory(&raw.refractory, usual.settings.refractory);
-        let hot_pixels = self.hot_pixels(&raw.hot_pixels);
-        let cap = self.cap(&raw.max_events_per_pixel_frame);
-        let allow_cap = self.or(&raw.allow_cap, false);
-        let latency = self.latency(&raw.latency);
-        let in_lux = follows_light(latency);
-        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
-        let readout = self.readout(&raw.readout);
-        preset?;
-        Some(EsimModel {
-            threshold: threshold?,
-            mismatch: mismatch?,
-            intensity: intensity?,
-            eps: eps?,
-            settings: SensorSettings {
-                refractory: refractory?,
-                hot_pixels: hot_pixels?,
-                max_events_per_pixel_frame: cap?,
-                allow_cap: allow_cap?,
-                front_end: front_end?,
-                labels: labels?,
-                readout: readout?,
-                latency: latency?,
-            },
-        })
+        let model = resolved!(EsimModel {
+            threshold: self.threshold_of(&raw.threshold, usual.threshold),
+            mismatch: raw.mismatch.or(usual.mismatch),
+            intensity: raw.intensity.or(usual.intensity),
+            eps: self.real(&raw.eps, usual.eps, RealRange::above(0.0, 1e6)),
+            settings: settings!(self, raw, usual.settings, in_lux: false),
+        });
+        preset.and(model)
     }
 
     pub(super) fn v2e(&self, raw: &schema::V2eSection) -> Option<V2eModel> {
         let usual = V2eModel::from(self.v2e_preset(&raw.preset)?);
-        let threshold = self.threshold_of(&raw.threshold, usual.threshold);
-        let cutoff = self.real(&raw.cutoff, usual.cutoff, RealRange::new(0.0, 1e9));
-        let filter = self.or(&raw.filter, usual.filter);
-        let leak = self.leak(&raw.leak, usual.leak);
-        let shot = self.real(&raw.shot, usual.shot, RATE);
-        let refractory = self.refractory(&raw.refractory, usual.settings.refractory);
-        let hot_pixels = self.hot_pixels(&raw.hot_pixels);
-        let cap = self.cap(&raw.max_events_per_pixel_frame);
-        let allow_cap = self.or(&raw.allow_cap, false);
-        let latency = self.latency(&raw.latency);
-        let in_lux = follows_light(latency);
-        let (front_end, labels) = (self.front_end(&raw.front_end, in_lux), self.or(&raw.labels, false));
-        let readout = self.readout(&raw.readout);
-        Some(V2eModel {
-            threshold: threshold?,
-            cutoff: cutoff?,
-            filter: filter?,
-            leak: leak?,
-            shot: shot?,
-            settings: SensorSettings {
-                refractory: refractory?,
-                hot_pixels: hot_pixels?,
-                max_events_per_pixel_frame: cap?,
-                allow_cap: allow_cap?,
-                front_end: front_end?,
-                labels: labels?,
-                readout: readout?,
-                latency: latency?,
-            },
+        resolved!(V2eModel {
+            threshold: self.threshold_of(&raw.threshold, usual.threshold),
+            cutoff: self.real(&raw.cutoff, usual.cutoff, RATE),
+            filter: raw.filter.or(usual.filter),
+            leak: self.leak(&raw.leak, usual.leak),
+            shot: self.real(&raw.shot, usual.shot, RATE),
+            settings: settings!(self, raw, usual.settings, in_lux: false),
         })
     }
 
@@ -131,33 +103,26 @@ impl Resolver<'_> {
             .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
     }
 
-    fn threshold_of(
+    pub(super) fn threshold_of(
         &self,
         field: &Field<schema::ThresholdSection>,
         usual: ThresholdMismatch,
     ) -> Option<ThresholdMismatch> {
-        let absent = schema::ThresholdSection::default();
-        let raw = self.section(field, &absent)?;
-        let on = self.real(&raw.on, usual.on, THRESHOLD);
-        let off = self.real(&raw.off, usual.off, THRESHOLD);
-        Some(ThresholdMismatch {
-            spread: self.threshold_spread(&raw.spread, usual.spread)?,
-            on: on?,
-            off: off?,
+        let raw = field.or_default()?;
+        resolved!(ThresholdMismatch {
+            on: self.real(&raw.on, usual.on, THRESHOLD),
+            off: self.real(&raw.off, usual.off, THRESHOLD),
+            spread: self.real(&raw.spread, usual.spread, SPREAD),
         })
     }
 
-    pub(super) fn threshold_spread(&self, field: &Field<f64>, usual: f64) -> Option<f64> {
-        self.real(field, usual, SPREAD)
-    }
-
     fn leak(&self, field: &Field<schema::LeakSection>, usual: LeakNoise) -> Option<LeakNoise> {
-        let absent = schema::LeakSection::default();
-        let raw = self.section(field, &absent)?;
-        let rate = self.real(&raw.rate, usual.rate, RATE);
-        let jitter = self.real(&raw.jitter, usual.jitter, RealRange::new(0.0, 10.0));
-        let cov = self.real(&raw.cov, usual.cov, RealRange::new(0.0, 3.0));
-        Some(LeakNoise { rate: rate?, jitter: jitter?, cov: cov? })
+        let raw = field.or_default()?;
+        resolved!(LeakNoise {
+            rate: self.real(&raw.rate, usual.rate, RATE),
+            jitter: self.real(&raw.jitter, usual.jitter, RealRange::new(0.0, 10.0)),
+            cov: self.real(&raw.cov, usual.cov, RealRange::new(0.0, 3.0)),
+        })
     }
 
     pub(super) fn refractory(
@@ -165,11 +130,11 @@ impl Resolver<'_> {
         field: &Field<schema::RefractorySection>,
         usual: RefractoryPeriod,
     ) -> Option<RefractoryPeriod> {
-        let absent = schema::RefractorySection::default();
-        let raw = self.section(field, &absent)?;
-        let period_us = self.real(&raw.period_us, usual.period_us, RealRange::new(0.0, 1e9));
-        let reference = self.or(&raw.reference, usual.reference);
-        Some(RefractoryPeriod { period_us: period_us?, reference: reference? })
+        let raw = field.or_default()?;
+        resolved!(RefractoryPeriod {
+            period_us: self.real(&raw.period_us, usual.period_us, RealRange::new(0.0, 1e9)),
+            reference: raw.reference.or(usual.reference),
+        })
     }
 
     /// Resolves the points of a noise floor. They rise, or the sensor is refused.
@@ -182,12 +147,13 @@ impl Resolver<'_> {
         let point = |field: &Field<schema::FloorPointSection>| {
             let (raw, place) = field.given()?;
             self.required(&raw.lux, "lux", place, "write lux: 10, the light on the sensor")?;
-            let lux = self.real(&raw.lux, 1.0, RealRange::above(0.0, 1e9));
-            let [on, off] = [&raw.on, &raw.off].map(|rate| self.real(rate, 0.0, RATE));
-            Some(FloorPoint { lux: lux?, on: on?, off: off? })
+            resolved!(FloorPoint {
+                lux: self.real(&raw.lux, 1.0, RealRange::above(0.0, 1e9)),
+                on: self.real(&raw.on, 0.0, RATE),
+                off: self.real(&raw.off, 0.0, RATE),
+            })
         };
-        let points: Vec<Option<FloorPoint>> = points.iter().map(point).collect();
-        let points: Vec<FloorPoint> = points.into_iter().collect::<Option<_>>()?;
+        let points: Vec<FloorPoint> = all(points, point)?;
         if points.windows(2).any(|pair| pair[0].lux >= pair[1].lux) {
             let found = FieldProblem::of_field("has lights that do not rise from point to point");
             return self.refuse(found.help("order the points by lux, each light once").at(place));
@@ -203,40 +169,40 @@ impl Resolver<'_> {
         let rate = self.required(&raw.rate, "rate", place, "write rate: 10, events per second");
         // An absent key was reported, and the defaults below are not for use.
         share.and(rate)?;
-        let share = self.real(&raw.share, 0.0, RealRange::new(0.0, 1.0));
-        let rate = self.real(&raw.rate, 0.0, RATE);
-        let spread = self.real(&raw.spread, 0.0, RealRange::new(0.0, 3.0));
-        Some(HotPixelNoise { share: share?, rate: rate?, spread: spread? })
+        resolved!(HotPixelNoise {
+            share: self.real(&raw.share, 0.0, RealRange::new(0.0, 1.0)),
+            rate: self.real(&raw.rate, 0.0, RATE),
+            spread: self.real(&raw.spread, 0.0, RealRange::new(0.0, 3.0)),
+        })
     }
 
     pub(super) fn latency(&self, field: &Field<schema::LatencySection>) -> Option<Option<PixelLatency>> {
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let us = self.required(&raw.us, "us", place, "write us: 100, in microseconds");
-        let jitter_us = self.real(&raw.jitter_us, 0.0, DELAY);
-        let tau_us = self.real(&raw.tau_us, 0.0, DELAY);
-        let max_us = self.real(&raw.max_us, latency::MAX_US, RealRange::above(0.0, 1e6));
-        let (_, at) = us?;
-        let us = self.real(&raw.us, 0.0, DELAY)?;
-        let max_us = max_us?;
-        if us > max_us {
-            let found = FieldProblem::of_field(format!("is {us}, above the largest delay of {max_us} us"));
-            return self.refuse(found.help("write a larger max_us").at(at));
-        }
-        Some(Some(PixelLatency { us, jitter_us: jitter_us?, tau_us: tau_us?, max_us }))
+        resolved!(PixelLatency {
+            jitter_us: self.real(&raw.jitter_us, 0.0, DELAY),
+            tau_us: self.real(&raw.tau_us, 0.0, DELAY),
+            max_us: self.real(&raw.max_us, latency::MAX_US, RealRange::above(0.0, 1e6)),
+            us: us.and_then(|(_, at)| {
+                let (us, max) = (self.real(&raw.us, 0.0, DELAY)?, max_us?);
+                let found =
+                    || FieldProblem::of_field(format!("is {us}, above the largest delay of {max} us"));
+                if us > max { self.refuse(found().help("write a larger max_us").at(at)) } else { Some(us) }
+            }),
+        })
+        .map(Some)
     }
 
     pub(super) fn readout(&self, field: &Field<schema::ReadoutSection>) -> Option<Option<ReadoutBus>> {
         let Some((raw, place)) = field.given() else { return field.is_absent().then_some(None) };
         let help = "write rate_mev_s: 12, in millions of events per second";
         let rate = self.required(&raw.rate_mev_s, "rate_mev_s", place, help);
-        let arbiter = self.or(&raw.arbiter, ArbiterOrder::default());
-        let queue = match raw.queue {
-            Field::Absent => Some(None),
-            _ => self.whole(&raw.queue, 0, WholeRange::new(0, 1_000_000_000_000)).map(Some),
-        };
-        rate?;
-        let rate_mev_s = self.real(&raw.rate_mev_s, 0.0, RealRange::new(1e-6, 1e6));
-        Some(Some(ReadoutBus { rate_mev_s: rate_mev_s?, arbiter: arbiter?, queue: queue? }))
+        resolved!(ReadoutBus {
+            rate_mev_s: rate.and_then(|_| self.real(&raw.rate_mev_s, 0.0, RealRange::new(1e-6, 1e6))),
+            arbiter: raw.arbiter.or_default(),
+            queue: raw.queue.optional(|queue| self.whole(queue, 0, WholeRange::new(0, 1_000_000_000_000))),
+        })
+        .map(Some)
     }
 
     pub(super) fn cap(&self, field: &Field<u64>) -> Option<u32> {

@@ -29,14 +29,13 @@ impl Resolver<'_> {
         usual: PoseCount,
         place: TextSpan,
         around: PathContext<'_>,
-    ) -> Option<(PoseCount, bool)> {
+    ) -> (Option<PoseCount>, Option<bool>) {
         let count = if around.flows {
             self.flow_count(raw)
         } else {
             self.count(raw, usual, place, around.setting.rate)
         };
-        let literal = self.literal(raw, around);
-        Some((count?, literal?))
+        (count, self.literal(raw, around))
     }
 
     /// Refuses any number of poses, because a flow determines it.
@@ -96,7 +95,7 @@ impl Resolver<'_> {
 
     fn literal(&self, raw: PoseSpread<'_>, around: PathContext<'_>) -> Option<bool> {
         let Some(field) = raw.literal else { return Some(false) };
-        let literal = self.or(field, false)?;
+        let literal = field.or(false)?;
         if literal && around.flows {
             let problem = FieldProblem::of_key(
                 "cannot be combined with a speed in px/s, which is not a share of chords",

@@ -5,8 +5,8 @@ use super::count::PoseSpread;
 use super::novel::USUAL_FRAMES;
 use crate::field::Field;
 use crate::problem::FieldProblem;
-use crate::resolve::Resolver;
 use crate::resolve::number::RealRange;
+use crate::resolve::{Resolver, all};
 use crate::schema;
 use crate::text::TextSpan;
 use glam::{DQuat, DVec3};
@@ -24,16 +24,16 @@ impl Resolver<'_> {
         around: PathContext<'_>,
     ) -> Option<KeyframePath> {
         let poses = self.poses(&raw.poses, place);
-        let spread = PoseSpread {
-            factor: Some(&raw.factor),
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
-        let spread = self.spread(spread, USUAL_FRAMES, place, around);
-        let (curve, scale) = (self.curve(&raw.curve), self.scale(&raw.metric));
-        let (count, literal) = spread?;
-        Some(KeyframePath { poses: poses?, count, curve: curve?, scale: scale?, literal })
+        let schema::KeyframesSection { factor, frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
+        let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
+        resolved!(KeyframePath {
+            poses,
+            count,
+            curve: self.curve(&raw.curve),
+            scale: self.scale(&raw.metric),
+            literal,
+        })
     }
 
     fn poses(
@@ -46,8 +46,7 @@ impl Resolver<'_> {
             let problem = FieldProblem::of_field("is an empty list, wanted at least one");
             return self.refuse(problem.help(POSES).at(place));
         }
-        let poses: Vec<Option<Keyframe>> = list.iter().map(|item| self.keyframe(item)).collect();
-        poses.into_iter().collect()
+        all(list, |item| self.keyframe(item))
     }
 
     fn keyframe(&self, item: &Field<schema::PoseSection>) -> Option<Keyframe> {

@@ -85,23 +85,15 @@ impl Resolver<'_> {
         around: PathContext<'_>,
     ) -> Option<NovelGroups> {
         let base = self.base(&raw.base, place, list);
-        let groups = self.small(&raw.groups, USUAL_GROUPS, GROUPS);
-        let keyframes = self.small(&raw.keyframes, USUAL_KEYFRAMES, KEYFRAMES);
-        let spread = PoseSpread {
-            factor: None,
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
-        let spread = self.spread(spread, USUAL_FRAMES, place, around);
-        let curve = self.novel_curve(&raw.curve);
-        let (count, literal) = spread?;
-        Some(NovelGroups {
-            base: base?,
-            groups: groups?,
-            keyframes: keyframes?,
+        let schema::NovelSection { frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: None, frames, duration, literal: Some(literal) };
+        let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
+        resolved!(NovelGroups {
+            base,
+            groups: self.small(&raw.groups, USUAL_GROUPS, GROUPS),
+            keyframes: self.small(&raw.keyframes, USUAL_KEYFRAMES, KEYFRAMES),
             count,
-            curve: curve?,
+            curve: self.novel_curve(&raw.curve),
             literal,
         })
     }

@@ -26,7 +26,7 @@ impl Resolver<'_> {
         let up = self.direction(&raw.up);
         let arc = self.arc(&raw.arc);
         let spread = PoseSpread { factor: None, frames: &raw.frames, duration: &raw.duration, literal: None };
-        let spread = self.spread(spread, USUAL_FRAMES, place, around);
+        let (count, _) = self.spread(spread, USUAL_FRAMES, place, around);
         let fields = [(&raw.centre, "centre"), (&raw.from, "from"), (&raw.up, "up")];
         if !around.setting.has_views() && !around.setting.has_scene {
             let help = "without a capture or a scene, an orbit needs centre, from and up";
@@ -41,8 +41,7 @@ impl Resolver<'_> {
             let problem = FieldProblem::of_field("is not a circle: it starts at its centre, or on its axis");
             return self.refuse(problem.help("place from off the line through centre along up").at(place));
         }
-        let (count, _) = spread?;
-        Some(OrbitPath { centre, from, up, arc: arc?, count })
+        Some(OrbitPath { centre, from, up, arc: arc?, count: count? })
     }
 
     fn arc(&self, field: &Field<f64>) -> Option<f64> {

@@ -9,7 +9,7 @@ use crate::resolve::number::{RealRange, WholeRange};
 use crate::schema;
 use crate::text::TextSpan;
 use gs2e_trajectory::curve::CurveKind;
-use gs2e_trajectory::refine::{EndRule, GapRule, RefinePath, RotationMean, TranslationScale, ViewOrder};
+use gs2e_trajectory::refine::{RefinePath, TranslationScale};
 
 /// Range of the degree of a Bezier curve. At higher degrees, the control points say little about
 /// the course.
@@ -35,37 +35,24 @@ impl Resolver<'_> {
         let help = "write refine: {} for the path of the paper: the captured path, smoothed and densified";
         let (raw, place) = self.required(field, "refine", within, help)?;
         let usual = RefinePath::default();
-        let window = self.small(&raw.window, usual.window, WholeRange::new(0, 1000));
-        let spread = PoseSpread {
-            factor: Some(&raw.factor),
-            frames: &raw.frames,
-            duration: &raw.duration,
-            literal: Some(&raw.literal),
-        };
-        let spread = self.spread(spread, usual.count, place, around);
-        let order = self.or(&raw.order, ViewOrder::Name);
-        let rotation = self.or(&raw.rotation, RotationMean::Mean);
-        let ends = self.or(&raw.ends, EndRule::Truncated);
-        let scale = self.scale(&raw.metric);
-        let gaps = self.or(&raw.gaps, GapRule::Bridge);
-        let curve = self.curve(&raw.curve);
-        let (count, literal) = spread?;
-        Some(RefinePath {
-            window: window?,
+        let schema::RefineSection { factor, frames, duration, literal, .. } = raw;
+        let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
+        let (count, literal) = self.spread(spread, usual.count, place, around);
+        resolved!(RefinePath {
+            window: self.small(&raw.window, usual.window, WholeRange::new(0, 1000)),
             count,
-            order: order?,
-            rotation: rotation?,
-            ends: ends?,
-            scale: scale?,
-            gaps: gaps?,
-            curve: curve?,
+            order: raw.order.or(usual.order),
+            rotation: raw.rotation.or(usual.rotation),
+            ends: raw.ends.or(usual.ends),
+            scale: self.scale(&raw.metric),
+            gaps: raw.gaps.or(usual.gaps),
+            curve: self.curve(&raw.curve),
             literal,
         })
     }
 
     pub(super) fn scale(&self, field: &Field<schema::MetricSection>) -> Option<TranslationScale> {
-        let absent = schema::MetricSection::default();
-        let field = &self.section(field, &absent)?.scale;
+        let field = field.or_default()?.scale;
         let Some((NumberLiteral(text), place)) = field.given() else {
             return field.is_absent().then_some(TranslationScale::Scene);
         };

@@ -2,8 +2,8 @@
 
 use crate::field::Field;
 use crate::problem::FieldProblem;
-use crate::resolve::Resolver;
 use crate::resolve::number::RealRange;
+use crate::resolve::{Resolver, all};
 use crate::schema;
 use crate::text::TextSpan;
 use gs2e_trajectory::sample::SummationRule;
@@ -58,14 +58,11 @@ impl Resolver<'_> {
                 let problem = FieldProblem::of_field("is an empty list, wanted at least one multiplier");
                 return self.refuse(problem.help(help).at(place));
             }
-            let all: Vec<Option<f64>> =
-                levels.iter().map(|level| self.real(level, 1.0, RealRange::above(0.0, 1e12))).collect();
-            all.into_iter().collect::<Option<Vec<f64>>>()
+            all(levels, |level| self.real(level, 1.0, RealRange::above(0.0, 1e12)))
         });
         let blend = self.blend(&raw.blend);
         let meaning = self.meaning(&raw.meaning, law);
-        let list = SpeedLevels::new(levels?, blend?, meaning?);
-        list.map_or_else(
+        SpeedLevels::new(levels?, blend?, meaning?).map_or_else(
             |error| self.refuse(FieldProblem::of_field(format!("is not a speed: {error}")).at(place)),
             Some,
         )
@@ -86,7 +83,7 @@ impl Resolver<'_> {
     }
 
     fn meaning(&self, field: &Field<SpeedMeaning>, law: Option<SummationRule>) -> Option<SpeedMeaning> {
-        let meaning = self.or(field, SpeedMeaning::Speed)?;
+        let meaning = field.or(SpeedMeaning::Speed)?;
         if meaning == SpeedMeaning::FrameRate && law == Some(SummationRule::Integral) {
             let problem = FieldProblem::of_field("is frame-rate, which sums steps and cannot be integrated");
             let help = "write sampling: { law: sum }, without a tolerance";
@@ -98,13 +95,14 @@ impl Resolver<'_> {
     fn flow(&self, raw: &schema::FlowSection, place: TextSpan) -> Option<FlowSpeed> {
         let help = "write flow: { px_s: 400 }, the median flow of a frame in pixels per second";
         self.required(&raw.px_s, "px_s", place, help);
-        let px_s = self.real(&raw.px_s, 1.0, RealRange::above(0.0, 1e9));
-        let shape = match &raw.function {
-            Field::Absent => Some(default_speed(CONSTANT_SPEED)),
-            Field::Bad => None,
-            Field::Given(text, place) => self.law(text, *place),
-        };
-        Some(FlowSpeed { px_s: px_s?, shape: shape? })
+        resolved!(FlowSpeed {
+            px_s: self.real(&raw.px_s, 1.0, RealRange::above(0.0, 1e9)),
+            shape: match &raw.function {
+                Field::Absent => Some(default_speed(CONSTANT_SPEED)),
+                Field::Bad => None,
+                Field::Given(text, place) => self.law(text, *place),
+            },
+        })
     }
 
     fn law(&self, text: &str, place: TextSpan) -> Option<SpeedExpression> {

@@ -10,7 +10,7 @@ use gs2e_sensor::noise::RedrawRule;
 use serde::Deserialize;
 
 /// Brightness is `ln(eps + L/255)`, or `L/255`; thresholds are differences of it.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct EsimSection {
     /// Named set of the keys below: `trainable`, without noise and dead time, for methods that learn from

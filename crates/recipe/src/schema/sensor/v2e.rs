@@ -11,7 +11,7 @@ use serde::Deserialize;
 /// Every key may differ from the preset. `clean` has a threshold spread of 0.02 and no noise;
 /// `noisy` has a spread of 0.05, a cutoff of 30 Hz, a leak of 0.1 Hz with jitter and cov 0.1, and
 /// shot noise of 5 Hz.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct V2eSection {
     /// Named set of the keys below: `clean`, `noisy`, or `randomised`, which has ranges from which
@@ -52,7 +52,7 @@ pub(crate) struct V2eSection {
 }
 
 /// Leak of the remembered level.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct LeakSection {
     /// Number of leak events of a pixel per second. Unit: Hz. Default: the preset's.

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 /// Brightness is `k1 ln(L + k2)`, `L` the grey from 0 to 255. A threshold divided by `k1` is a
 /// contrast in `ln(L + k2)`.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct VoltmeterSection {
     /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
