@@ -2,14 +2,11 @@
 
 mod trial;
 
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs, machine};
+use super::{BackendArg, CommonArgs, Console, ExitKind, VerbError, machine};
 use fearless_simd::Level;
 use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
-use gs2e_gpu as gpu;
-use gs2e_gpu::{FeatureSet, GpuFeature, ListedGpu};
+use gs2e_gpu::{self as gpu, FeatureSet, GpuFeature, ListedGpu};
 use gs2e_num::units::format_amount;
 use gs2e_render::backend::Backend;
 use gs2e_store::space::DiskSpace;
@@ -92,10 +89,8 @@ impl DoctorArgs {
             Err(because) => page.row("GPU", because.to_string()),
             Ok(listed) => {
                 for (index, gpu) in listed.iter().enumerate() {
-                    let tried = scene
-                        .as_ref()
-                        .zip(on_cpu.as_ref())
-                        .map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
+                    let trial = scene.as_ref().zip(on_cpu.as_ref());
+                    let tried = trial.map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
                     let label = format!("GPU {index}");
                     let ListedGpu { name, kind, driver, binding, buffer, opened, .. } = gpu;
                     let used = opened.as_ref().map(gpu::GpuDevice::features).unwrap_or_default();
@@ -196,7 +191,7 @@ fn store(path: &Path, page: &mut DoctorPage) {
     page.row("disk", words);
     page.set("store", json!(text));
     page.set("disk_free", json!(disk.as_ref().ok().map(|disk| disk.free)));
-    page.set("file_system", json!(disk.as_ref().ok().map(|disk| disk.kind.clone())));
+    page.set("file_system", json!(disk.as_ref().ok().map(|disk| &disk.kind)));
 }
 
 /// The trial of a GPU, compared with the picture of the CPU.
@@ -224,16 +219,11 @@ fn used_renderer(common: &CommonArgs) -> Result<String, VerbError> {
 fn other_programs(programs: &ProgramFinder, page: &mut DoctorPage) {
     let mut values = serde_json::Map::new();
     for (name, arguments, purpose) in PROGRAMS {
-        let said = programs.ask(name, arguments);
-        let version = said.as_deref().ok().and_then(|text| text.lines().find(|line| !line.trim().is_empty()));
-        let version = version.map(|line| line.trim().to_owned());
+        let said = programs.ask(name, arguments).unwrap_or_default();
+        let mut lines = said.lines().map(str::trim);
         // Without its packages, Python says so in the last line.
-        let version = match (name, said.as_deref()) {
-            ("python3", Ok(text)) => text.lines().last().map(|line| line.trim().to_owned()),
-            _ => version,
-        };
-        let text = version.clone().unwrap_or_else(|| format!("not found; it is for {purpose}"));
-        page.row(name, text);
+        let version = if name == "python3" { lines.next_back() } else { lines.find(|line| !line.is_empty()) };
+        page.row(name, version.map_or_else(|| format!("not found; it is for {purpose}"), str::to_owned));
         values.insert(name.to_owned(), json!(version));
     }
     page.set("programs", Value::Object(values));

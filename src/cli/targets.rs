@@ -1,6 +1,6 @@
 //! The recipes that a verb works on, as the user names them.
 
-use super::problem::VerbError;
+use super::VerbError;
 use clap::Args;
 use gs2e_files as files;
 use gs2e_files::escape;

@@ -151,44 +151,6 @@ impl fmt::Display for RecipeFault {
 
 impl std::error::Error for RecipeFault {}
 
-impl miette::Diagnostic for RecipeFault {
-    fn code<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(Self::code(self)))
-    }
-
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|h| Box::new(h) as Box<dyn fmt::Display>)
-    }
-
-    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
-        self.span.map(|_| &*self.text as &dyn miette::SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = miette::LabeledSpan> + '_>> {
-        let (start, end) = self.span?;
-        Some(Box::new(std::iter::once(miette::LabeledSpan::new(None, start, end - start))))
-    }
-}
-
-impl miette::SourceCode for SourceText {
-    fn read_span<'a>(
-        &'a self,
-        span: &miette::SourceSpan,
-        before: usize,
-        after: usize,
-    ) -> Result<Box<dyn miette::SpanContents<'a> + 'a>, miette::MietteError> {
-        let inner = self.body.read_span(span, before, after)?;
-        Ok(Box::new(miette::MietteSpanContents::new_named(
-            shown_path(&self.path),
-            inner.data(),
-            *inner.span(),
-            inner.line(),
-            inner.column(),
-            inner.line_count(),
-        )))
-    }
-}
-
 /// The faults of the recipes: at least one, and at most [`LISTED`] of them in full.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecipeFaults {
@@ -253,9 +215,3 @@ impl fmt::Display for RecipeFaults {
 }
 
 impl std::error::Error for RecipeFaults {}
-
-impl miette::Diagnostic for RecipeFaults {
-    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn miette::Diagnostic> + 'a>> {
-        Some(Box::new(self.listed.iter().map(|f| f as &dyn miette::Diagnostic)))
-    }
-}

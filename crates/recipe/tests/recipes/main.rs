@@ -105,14 +105,3 @@ fn a_long_list_is_cut_and_counted() {
     let faults = read(&format!("{FIXTURES}/many.yaml")).unwrap_err();
     assert_eq!((faults.listed().len(), faults.more()), (20, 5));
 }
-
-#[test]
-fn the_graphical_report_shows_the_place() {
-    let faults = read(&format!("{FIXTURES}/unknown-field.yaml")).unwrap_err();
-    let mut report = String::new();
-    let handler = miette::GraphicalReportHandler::new_themed(miette::GraphicalTheme::none());
-    handler.render_report(&mut report, &faults.listed()[0]).unwrap();
-    for part in ["recipe-invalid", "unknown-field.yaml:14:5", "treshold: { on: 1.0 }", "did you mean"] {
-        assert!(report.contains(part), "no {part} in {report}");
-    }
-}
