@@ -17,10 +17,13 @@ use std::path::{Path, PathBuf};
 /// The path that means stdout.
 const STDOUT: &str = "-";
 
+/// Writes the content of an output.
+type OutputFill<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
+
 /// A file or stdout, with the function that writes its content.
 pub(super) struct OutputFile<'a> {
     pub(super) path: &'a Path,
-    pub(super) fill: &'a dyn Fn(&mut dyn Write) -> io::Result<()>,
+    pub(super) fill: OutputFill<'a>,
 }
 
 /// Returns true if a path means stdout.
@@ -93,9 +96,7 @@ pub(super) fn write_output(
 }
 
 /// Writes the outputs that have a path, as [`write_outputs`] does.
-pub(super) fn write_given(
-    outputs: &[(Option<&Path>, &dyn Fn(&mut dyn Write) -> io::Result<()>)],
-) -> Result<(), VerbError> {
+pub(super) fn write_given(outputs: &[(Option<&Path>, OutputFill<'_>)]) -> Result<(), VerbError> {
     let given = outputs.iter().filter_map(|(path, fill)| Some(OutputFile { path: (*path)?, fill: *fill }));
     write_outputs(&given.collect::<Vec<_>>())
 }
@@ -138,7 +139,7 @@ pub(super) fn not_written(path: &Path, error: impl Display) -> VerbError {
     VerbError::failed("not-written", format!("{}: {error}", path.display()))
 }
 
-fn print_to(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn print_to(fill: OutputFill<'_>) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     fill(&mut out)?;
     out.flush()

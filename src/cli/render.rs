@@ -14,15 +14,13 @@ use gs2e_render::{
     AntialiasMode, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle, RenderWork,
     RenderedImages,
 };
-use gs2e_scene as scene;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::lens::Distortion;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_scene::dynamic::file::read_dynamic;
 use gs2e_scene::dynamic::{SceneSpan, SceneTime};
-use gs2e_source as source;
-use gs2e_source::view;
+use gs2e_scene::{self as scene, Gaussians};
+use gs2e_source::{self as source, view};
 use numbers::ColourArg;
 use picture::{ChannelArg, ChannelImage, PictureFormat};
 use serde_json::json;

@@ -2,8 +2,7 @@
 
 use super::VerbError;
 use clap::Args;
-use gs2e_files as files;
-use gs2e_files::escape;
+use gs2e_files::{self as files, escape};
 use gs2e_recipe as recipe;
 use std::path::{Path, PathBuf};
 

@@ -64,8 +64,7 @@ impl RebuildArgs {
             let help = "a rebuild needs a folder for temporary files; TMPDIR names another one";
             let folder = tempfile::tempdir().map_err(|e| not_rebuilt(e).help(help))?;
             let common = CommonArgs { store: folder.path().join("store"), ..common.clone() };
-            let again = folder.path().join("release");
-            self.make(open_backend(&class, &common)?, recipes, &again, &common, console)?;
+            let again = self.make(open_backend(&class, &common)?, recipes, &common, console)?;
             found.faults.extend(rebuilt::compare_tops(dir, &again).map_err(not_rebuilt)?);
             for scene in &scenes {
                 found.faults.extend(rebuilt::compare_scenes(dir, &again, scene).map_err(not_rebuilt)?);
@@ -88,15 +87,14 @@ impl RebuildArgs {
         Ok(recipes)
     }
 
-    /// Builds these scenes by a back end, and releases them to a folder.
+    /// Builds these scenes by a back end, and releases them next to the store. Returns the folder.
     fn make(
         &self,
         backend: Backend,
         recipes: Vec<Recipe>,
-        to: &Path,
         common: &CommonArgs,
         console: &Console,
-    ) -> Result<(), VerbError> {
+    ) -> Result<PathBuf, VerbError> {
         let chosen = &RendererChoice::new(RendererKind::One(backend), common.omit(), common.programs());
         let context = ReleaseContext::read(&self.recipes)?;
         // No other process knows this new store, so there is no holder to report.
@@ -117,10 +115,11 @@ impl RebuildArgs {
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
         // The store is deleted together with the release, so hard links are safe here and no byte
         // is copied.
-        let released = ReleaseTarget::claim(to, claim, &mut |_| {}).and_then(|mut target| {
+        let to = common.store.with_file_name("release");
+        let released = ReleaseTarget::claim(&to, claim, &mut |_| {}).and_then(|mut target| {
             JudgedRelease::new(built, cancel)?.write(&mut target, LinkMode::Hard, cancel)
         });
-        released.map(|_| ()).map_err(not_rebuilt)
+        released.map(|_| to).map_err(not_rebuilt)
     }
 }
 
