@@ -48,18 +48,19 @@ mod train;
 mod trajectory;
 mod verdicts;
 mod why;
+mod words;
 
 pub use arguments::command_line;
 use arguments::{misread, parse, wants_json};
 
-use common::{BackendArg, CommonArgs};
-
 use clap::{Parser, Subcommand};
-use console::Console;
+use common::{BackendArg, CommonArgs};
 pub use console::ConsoleStreams;
+use console::{Console, path};
 pub use environment::Environment;
 use gs2e_files::programs::SUPERVISE;
 use gs2e_recipe as recipe;
+use message::UserMessage;
 pub use problem::ExitKind;
 use problem::VerbError;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
@@ -185,10 +186,8 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
     // Before any path is used, so that all paths of the command line are relative to this folder.
     if let Some(directory) = &cli.common.directory {
         std::env::set_current_dir(directory).map_err(|e| {
-            VerbError::usage(
-                "input-missing",
-                format!("failed to change to folder {}: {e}", directory.display()),
-            )
+            let what = format!("failed to change to folder {}: {e}", directory.display());
+            VerbError::usage("input-missing", what)
         })?;
     }
     let common = &cli.common;

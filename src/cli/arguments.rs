@@ -1,7 +1,6 @@
 //! Arguments as words: how they are parsed, shown in errors, and listed in the help of each verb.
 
-use super::problem::VerbError;
-use super::{Cli, console};
+use super::{Cli, VerbError, console};
 use clap::error::ErrorKind;
 use clap::{CommandFactory as _, FromArgMatches as _};
 use gs2e_files::escape;
@@ -16,58 +15,22 @@ pub fn command_line() -> clap::Command {
 
 /// The common options that have an effect in some verbs only. All verbs accept them, so that scripts
 /// can pass one set of options; the help of a verb lists its own.
-const RELEVANT: [(&str, &[&str]); 10] = [
-    (
-        "store",
-        &["build", "plan", "why", "check", "release", "gc", "study", "info", "submit", "status", "cancel"],
-    ),
-    (
-        "jobs",
-        &[
-            "build",
-            "plan",
-            "release",
-            "audit",
-            "render",
-            "simulate",
-            "stress",
-            "study",
-            "train",
-            "trajectory",
-        ],
-    ),
-    ("keep_going", &["build", "release"]),
+const RELEVANT: [(&str, &str); 10] = [
+    ("store", "build plan why check release gc study info submit status cancel"),
+    ("jobs", "build plan release audit render simulate stress study train trajectory"),
+    ("keep_going", "build release"),
     ("backend", RENDERING),
     ("gpu", RENDERING),
     ("gpu_without", RENDERING),
-    (
-        "no_omit",
-        &["build", "plan", "why", "check", "release", "gc", "render", "study", "submit", "status", "cancel"],
-    ),
-    ("allow_commands", &["build", "release", "submit"]),
-    ("no_wait", &["build", "release", "gc", "submit"]),
-    ("verbose", &["build", "release"]),
+    ("no_omit", "build plan why check release gc render study submit status cancel"),
+    ("allow_commands", "build release submit"),
+    ("no_wait", "build release gc submit"),
+    ("verbose", "build release"),
 ];
 
 /// Verbs that render, or that compute the keys of what is rendered.
-const RENDERING: &[&str] = &[
-    "doctor",
-    "build",
-    "plan",
-    "why",
-    "check",
-    "release",
-    "gc",
-    "render",
-    "study",
-    "stress",
-    "audit",
-    "train",
-    "trajectory",
-    "submit",
-    "status",
-    "cancel",
-];
+const RENDERING: &str = "doctor build plan why check release gc render study stress audit train trajectory submit \
+                         status cancel";
 
 fn hide_irrelevant(command: clap::Command) -> clap::Command {
     let common: Vec<clap::Arg> = command.get_arguments().filter(|arg| arg.is_global_set()).cloned().collect();
@@ -75,7 +38,7 @@ fn hide_irrelevant(command: clap::Command) -> clap::Command {
         let name = verb.get_name().to_owned();
         let is_irrelevant = |arg: &&clap::Arg| {
             let known = RELEVANT.iter().find(|(id, _)| arg.get_id() == *id);
-            known.is_some_and(|(_, verbs)| !verbs.contains(&name.as_str()))
+            known.is_some_and(|(_, verbs)| !verbs.split(' ').any(|verb| verb == name))
         };
         // A common option that the verb has itself is not passed down to it, so it stays hidden.
         verb.args(common.iter().filter(is_irrelevant).cloned().map(|arg| arg.hide(true)))

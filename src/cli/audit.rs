@@ -3,14 +3,10 @@
 mod parts;
 mod rebuild;
 
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
 use super::verdicts::{show_findings, tell_count};
-use super::{CommonArgs, check};
-use gs2e_audit as audit;
+use super::{CommonArgs, Console, ExitKind, UserMessage, VerbError, check};
 use gs2e_audit::recheck::recheck_tree;
-use gs2e_audit::{AuditFault, AuditOptions};
+use gs2e_audit::{self as audit, AuditFault, AuditOptions};
 use gs2e_check::Verdict;
 use gs2e_export::{IncludedExporter, SilentProgress};
 use gs2e_recipe::TakedownList;
@@ -76,9 +72,7 @@ impl AuditArgs {
             report.made_again = again.scenes.len();
         }
         for fault in &report.faults {
-            if console.json {
-                console.result(&to_json(fault));
-            }
+            console.result(&to_json(fault));
             console.show(&fault_message(fault));
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
@@ -91,29 +85,25 @@ impl AuditArgs {
             console.say(&format!("this audit covers: {}", report.covers.join("; ")));
             proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));
         }
-        if console.json {
-            console.result(&json!({
-                "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,
-                "proved": proved, "unproved": unproved, "written_by": report.written_by,
-                "signed_by": report.signed_by, "verified": report.verified,
-            }));
-        }
+        console.result(&json!({
+            "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,
+            "proved": proved, "unproved": unproved, "written_by": report.written_by,
+            "signed_by": report.signed_by, "verified": report.verified,
+        }));
         Ok(if count + faulty == 0 { ExitKind::Done } else { ExitKind::Fault })
     }
 }
 
 fn fault_message(fault: &AuditFault) -> UserMessage {
     let place = fault.file.as_ref().or(fault.scene.as_ref()).map_or("the release", String::as_str);
-    UserMessage::new(MessageLevel::Error, fault.code.name(), format!("{place}: {}", fault.message))
-        .help(fault.help)
+    UserMessage::error(fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help)
 }
 
 /// The fields of every message, and the file and scene of the fault.
 fn to_json(fault: &AuditFault) -> Value {
     let mut value = fault_message(fault).to_json();
-    value["path"] = json!(fault.file);
-    value["file"] = json!(fault.file);
-    value["scene"] = json!(fault.scene);
+    let own = [("path", &fault.file), ("file", &fault.file), ("scene", &fault.scene)];
+    own.into_iter().for_each(|(name, text)| value[name] = json!(text));
     value["message"] = json!(fault.message);
     value
 }

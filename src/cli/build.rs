@@ -6,16 +6,14 @@ mod store;
 use end::tell_evicted;
 pub(super) use end::{exit_kind, tell_end};
 
-pub(super) use store::{open_store, option_tag, store_options, tell_notices};
+pub(super) use store::{lock_claim, open_store, option_tag, read_store, store_options, tell_notices};
 
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
-use super::progress::{EndSummary, Progress};
+use super::progress::{EndSummary, Progress, ShownRun};
 use super::renderers::tell_gpu;
-use super::verdicts::{findings_of_run, findings_of_settled, show_findings, tell_count};
+use super::verdicts::{findings_of_steps, show_findings, tell_count};
 use super::{
-    CommonArgs, RecipeTargets, commands, failure, left_out, machine, on_interrupt, output, plan, takedown,
+    CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, commands, failure, left_out,
+    machine, on_interrupt, output, path, plan, takedown,
 };
 use gs2e_build::cluster::submission::read_shard;
 use gs2e_build::plan::Plan;
@@ -24,10 +22,9 @@ use gs2e_build::plan::lens::{UnfitLens, unfit_lens};
 use gs2e_build::plan::past::past_costs;
 use gs2e_build::plan::shard::SceneShard;
 use gs2e_build::plan::size::expected_bytes;
-use gs2e_build::plan::survey::{PlanSurvey, SettledScene, SettledStep, plan_all, survey_recipes};
-use gs2e_build::run;
+use gs2e_build::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
 use gs2e_build::run::backends::RendererChoice;
-use gs2e_build::run::{RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
+use gs2e_build::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use gs2e_build::stage::StepId;
 use gs2e_files::{escape, is_there};
 use gs2e_num::units::Hertz;
@@ -171,24 +168,21 @@ impl BuildArgs {
         let PlanSurvey { settled, plan, taken_down } = surveyed;
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
-        let mut findings = findings_of_settled(&settled, &store)?;
-        let mut outputs = outputs_of_settled(&settled);
-        let settled = settled.iter().map(|scene| scene.steps.len()).sum();
-        let mut summary = if plan.steps().is_empty() {
-            RunSummary::default()
+        let mut steps: Vec<StepOutputs<'_>> = settled.iter().flat_map(StepOutputs::of_settled).collect();
+        let (count, targets, care) = (steps.len(), &self.targets, &self.care);
+        let (plan, mut summary) = if plan.steps().is_empty() {
+            (plan, RunSummary::default())
         } else {
-            let (targets, care) = (&self.targets, &self.care);
-            let request = BuildRequest { settled, targets, chosen: &chosen, common, care, console };
-            let (plan, summary) = request.build(plan, &store)?;
-            findings.extend(findings_of_run(&plan, &summary, &store)?);
-            outputs.extend(outputs_of_run(&plan, &summary));
-            summary
+            let request = BuildRequest { settled: count, targets, chosen: &chosen, common, care, console };
+            request.build(plan, &store)?
         };
-        summary.kept += settled;
+        summary.kept += count;
+        steps.extend(StepOutputs::of_run(&plan, &summary));
+        let findings = findings_of_steps(&steps, &store)?;
         let faults = show_findings(&findings, console);
         tell_count(&findings, console);
         match &self.to {
-            Some(to) => link_outputs(to, &store, &outputs, console)?,
+            Some(to) => link_outputs(to, &store, &steps, console)?,
             None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.say(
                 "`gs2e build --to DIR` links the files there; `gs2e release --to DIR` writes them as a dataset",
             ),
@@ -234,54 +228,58 @@ impl BuildArgs {
     }
 }
 
-/// Each step's name, as scene/trajectory/step, and its outputs.
-type StepOutputs = Vec<(String, Vec<StoredOutput>)>;
-
-fn outputs_of_settled(settled: &[SettledScene]) -> StepOutputs {
-    let of_scene = |scene: &SettledScene| {
-        let named = |step: &SettledStep| (format!("{}/{}", scene.scene, step.name), step.outputs.clone());
-        scene.steps.iter().map(named).collect::<Vec<_>>()
-    };
-    settled.iter().flat_map(of_scene).collect()
+/// A step with its outputs.
+pub(super) struct StepOutputs<'a> {
+    pub(super) scene: &'a str,
+    /// The name within the scene.
+    pub(super) step: &'a str,
+    pub(super) outputs: &'a [StoredOutput],
 }
 
-fn outputs_of_run(plan: &Plan, summary: &RunSummary) -> StepOutputs {
-    let products = summary.products.iter().map(|(id, product)| (&plan.steps()[id.0], product));
-    products
-        .map(|(step, product)| (format!("{}/{}", plan.scene_of(step), step.name), product.outputs.clone()))
-        .collect()
+impl<'a> StepOutputs<'a> {
+    fn of_settled(scene: &'a SettledScene) -> impl Iterator<Item = Self> {
+        scene.steps.iter().map(|step| Self { scene: &scene.scene, step: &step.name, outputs: &step.outputs })
+    }
+
+    fn of_run(plan: &'a Plan, summary: &'a RunSummary) -> impl Iterator<Item = Self> {
+        summary.products.iter().map(|(id, product)| {
+            let step = &plan.steps()[id.0];
+            Self { scene: plan.scene_of(step), step: &step.name, outputs: &product.outputs }
+        })
+    }
 }
 
 /// Makes the folder of links that the user asked for.
-fn link_outputs(to: &Path, store: &Store, outputs: &StepOutputs, console: &Console) -> Result<(), VerbError> {
+fn link_outputs(
+    to: &Path,
+    store: &Store,
+    steps: &[StepOutputs<'_>],
+    console: &Console,
+) -> Result<(), VerbError> {
     let link = || {
         let tree = LinkTree::new(store, to)?;
-        outputs.iter().try_for_each(|(name, outputs)| tree.link_step(name, outputs))
+        steps.iter().try_for_each(|s| tree.link_step(&format!("{}/{}", s.scene, s.step), s.outputs))
     };
     link().map_err(|e: LinkError| {
         VerbError::failed("not-linked", format!("failed to link: {e}"))
             .help("choose an empty folder, or one that an earlier `gs2e build --to` filled")
     })?;
-    let files: usize = outputs.iter().map(|(_, outputs)| outputs.len()).sum();
-    console.say(&format!(
-        "{} has links to {files} files of the store: read them, and do not write to them",
-        escape::path(to)
-    ));
+    let (to, files) = (path(to), steps.iter().map(|step| step.outputs.len()).sum::<usize>());
+    console
+        .say(&format!("{to} has links to {files} files of the store: read them, and do not write to them"));
     Ok(())
 }
 
 /// Prints one line for programs per step of the scenes that are up to date at a glance.
 fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
-    if console.json {
-        for scene in settled {
-            for step in &scene.steps {
-                let name = format!("{}/{}", scene.scene, step.name);
-                let outputs = plan::output_files(store, &step.outputs);
-                console.result(&json!({
-                    "scene": scene.scene, "step": name, "state": "kept", "key": step.key, "outputs": outputs,
-                    "seconds": null,
-                }));
-            }
+    for scene in settled.iter().filter(|_| console.json) {
+        for step in &scene.steps {
+            let name = format!("{}/{}", scene.scene, step.name);
+            let outputs = plan::output_files(store, &step.outputs);
+            console.result(&json!({
+                "scene": scene.scene, "step": name, "state": "kept", "key": step.key, "outputs": outputs,
+                "seconds": null,
+            }));
         }
     }
 }
@@ -380,7 +378,7 @@ impl BuildRequest<'_> {
             let [needed, free] = [bytes, space.free as f64].map(|bytes| bytes * 1e-9);
             let mount = escape::path(&space.mount);
             let what = format!("the outputs take about {needed:.1} GB, and {mount} has {free:.1} GB free");
-            let warning = UserMessage::new(MessageLevel::Warning, "disk-space", what);
+            let warning = UserMessage::warning("disk-space", what);
             self.console.tell(&warning.help("gs2e gc, or another --store"));
         }
         Ok(())
@@ -398,9 +396,9 @@ impl BuildRequest<'_> {
         let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
-        let progress = Progress::new(plan, store, console, options.budget.cores, &expected);
-        let progress = progress.with_settled(self.settled).falling_back(chosen.falls_back());
-        let progress = progress.on_host(&common.environment);
+        let (settled, falls_back, environment) = (self.settled, chosen.falls_back(), &common.environment);
+        let shown = ShownRun { plan, settled, falls_back, store, console, environment };
+        let progress = Progress::new(shown, options.budget.cores, &expected);
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();

@@ -1,9 +1,7 @@
 //! `gs2e cancel`: ends the queued and running tasks of scenes.
 
-use super::CommonArgs;
 use super::cluster::{ClusterAccess, ClusterTargets, recipe_digest};
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, Console, ExitKind, VerbError};
 use gs2e_build::cluster::queue::TaskId;
 use gs2e_build::cluster::slurm::Slurm;
 use gs2e_store::Digest;
@@ -47,10 +45,8 @@ impl CancelArgs {
             console.say(&format!("task {task} goes on: it also builds scenes that were not named"));
         }
         console.say(&format!("cancelled {} tasks", ended.len()));
-        if console.json {
-            let names = |tasks: &[TaskId]| tasks.iter().map(ToString::to_string).collect::<Vec<_>>();
-            console.result(&json!({ "cancelled": names(&ended), "running": names(&shared) }));
-        }
+        let names = |tasks: &[TaskId]| tasks.iter().map(ToString::to_string).collect::<Vec<_>>();
+        console.result(&json!({ "cancelled": names(&ended), "running": names(&shared) }));
         Ok(ExitKind::Done)
     }
 }

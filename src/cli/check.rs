@@ -3,18 +3,18 @@
 
 mod dataset;
 
-use super::build::store_options;
-use super::console::{Console, path};
-use super::problem::{ExitKind, VerbError};
+use super::build::read_store;
+use super::problem::not_built;
 use super::verdicts::{count_line, findings_of_step, short_number};
-use super::{CommonArgs, RecipeTargets, is_recipe_path};
+use super::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError, is_recipe_path, path};
 use gs2e_audit::recheck::{RecheckError, recheck_tree};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::assess_plan;
 use gs2e_build::stage::{checks, scene_checks};
 use gs2e_check::{Finding, NAMES, Verdict};
 use gs2e_recipe as recipe;
-use gs2e_store::{Store, StoreAccess};
+use gs2e_store::Store;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `check`.
@@ -49,8 +49,7 @@ impl CheckArgs {
         let findings = match (&self.tree, &self.dataset.events) {
             (_, Some(place)) => self.dataset.run(place, console)?.findings,
             (Some(tree), None) if !tree.is_dir() => {
-                let what = format!("{} is not a folder", path(tree));
-                return Err(VerbError::usage("input-missing", what));
+                return Err(VerbError::usage("input-missing", format!("{} is not a folder", path(tree))));
             }
             (Some(tree), None) => {
                 let found = recheck_tree(tree, &self.scenes).map_err(|error| of_tree(&error))?;
@@ -82,12 +81,12 @@ impl CheckArgs {
 
     /// Each check that failed.
     fn failed(&self, findings: &[Finding]) -> Vec<String> {
-        let found = findings.iter().filter_map(|f| match f.verdict {
+        let failed = |f: &Finding| match f.verdict {
             Verdict::Fail => Some(format!("{}: {} failed", f.subject, f.check)),
             Verdict::Warn if self.strict => Some(format!("{}: {} warned", f.subject, f.check)),
             _ => None,
-        });
-        found.collect()
+        };
+        findings.iter().filter_map(failed).collect()
     }
 
     /// Each required check that was not run, and each without a finding.
@@ -108,7 +107,7 @@ impl CheckArgs {
         let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
         // The output is a list of findings, so programs get no other record.
         super::takedown::show_takedown(taken_down, &console.for_people());
-        let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
+        let store = read_store(common)?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         built_findings(&plan, &store, &self.scenes)
     }
@@ -133,11 +132,8 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
             continue;
         }
         // A missing verdict must not look like a pass.
-        let Some(outputs) = &assessed.outputs else {
-            let message = format!("{scene}/{} is not built, or no longer up to date", step.name);
-            return Err(VerbError::failed("not-built", message).step(scene, &step.name).help("gs2e build"));
-        };
-        findings.extend(findings_of_step((scene, &step.name), outputs, store)?);
+        let outputs = assessed.outputs.as_ref().ok_or_else(|| not_built(scene, &step.name))?;
+        findings.extend(findings_of_step(scene, &step.name, outputs, store)?);
     }
     Ok(findings)
 }
@@ -154,32 +150,24 @@ fn show_findings(findings: &[Finding], verbose: bool, console: &Console) {
 
 /// Prints one record per finding, for programs.
 pub(super) fn records(findings: &[Finding], console: &Console) {
-    for finding in findings {
-        console.result(&serde_json::to_value(finding).expect("a finding is plain data"));
-    }
+    findings.iter().for_each(|finding| console.result(&json!(finding)));
 }
 
 /// One line per finding, the faults first; with `verbose`, also the smallest fault that each would
 /// have found.
 fn table(findings: &[Finding], verbose: bool) -> Vec<String> {
     let mut sorted: Vec<&Finding> = findings.iter().collect();
-    let rank = |verdict| match verdict {
-        Verdict::Fail => 0,
-        Verdict::Waived => 1,
-        Verdict::Warn => 2,
-        Verdict::NotRun => 3,
-        Verdict::Pass => 4,
+    let ranked = |verdict| match verdict {
+        Verdict::Fail => (0, "FAIL"),
+        Verdict::Waived => (1, "waived"),
+        Verdict::Warn => (2, "warn"),
+        Verdict::NotRun => (3, "not run"),
+        Verdict::Pass => (4, "pass"),
     };
     // Stable: findings of one verdict keep their order.
-    sorted.sort_by_key(|f| rank(f.verdict));
+    sorted.sort_by_key(|f| ranked(f.verdict).0);
     let line = |f: &&Finding| {
-        let verdict = match f.verdict {
-            Verdict::Fail => "FAIL",
-            Verdict::Waived => "waived",
-            Verdict::Warn => "warn",
-            Verdict::NotRun => "not run",
-            Verdict::Pass => "pass",
-        };
+        let verdict = ranked(f.verdict).1;
         let power = f.detects.as_ref().filter(|_| verbose).map_or_else(String::new, |fault| {
             let unit = if fault.unit == "1" { String::new() } else { format!(" {}", fault.unit) };
             format!(" (detects {}{unit})", short_number(fault.size))

@@ -1,10 +1,7 @@
 //! Scenes on a shared store, for the verbs that deal with a batch system.
 
 use super::build::{TrustOptions, open_store, store_options};
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs, RecipeTargets, takedown};
+use super::{BackendArg, CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, takedown};
 use gs2e_build::cluster::ClusterError;
 use gs2e_build::cluster::finished::{PlanProgress, scene_progress};
 use gs2e_build::cluster::scene_state::{AskedScene, ClusterView, SceneFailure, SceneState};
@@ -44,13 +41,26 @@ pub(super) struct ClusterScenes {
     pub(super) states: Vec<SceneState>,
 }
 
+impl ClusterScenes {
+    /// The messages about the scenes that failed.
+    pub(super) fn failures(&self) -> impl Iterator<Item = UserMessage> {
+        self.plan.scenes().iter().zip(&self.states).filter_map(|(recipe, state)| match state {
+            SceneState::Failed(failure) => Some(failure_message(&recipe.scene, failure)),
+            _ => None,
+        })
+    }
+}
+
 impl ClusterTargets {
     /// Replaces scene ids by recipes, and makes all paths absolute: tasks and plans do not know the current
     /// folder.
     pub(super) fn resolve(&mut self) -> Result<(), VerbError> {
         self.targets.resolve()?;
-        self.targets.recipes.iter_mut().try_for_each(make_absolute)?;
-        if is_bucket(&self.shared_store) { Ok(()) } else { make_absolute(&mut self.shared_store) }
+        let shared = Some(&mut self.shared_store).filter(|shared| !is_bucket(shared));
+        for path in self.targets.recipes.iter_mut().chain(shared) {
+            *path = absolute(path)?;
+        }
+        Ok(())
     }
 
     /// Refuses a folder that is no shared store.
@@ -97,10 +107,10 @@ impl ClusterTargets {
         }
         let scenes = asked_scenes(&plan, &progress);
         let view = ClusterView::look(&self.shared_store, slurm, &scenes)?;
-        view.refused().iter().for_each(|error| {
+        for error in view.refused() {
             let what = format!("{error}; its tasks are not known");
-            console.tell(&UserMessage::new(MessageLevel::Warning, "plan-unread", what));
-        });
+            console.tell(&UserMessage::warning("plan-unread", what));
+        }
         let is_recorded = |key: &Key| matches!(store.shared_record(key), Ok(Some(_)));
         let states = scenes.iter().map(|scene| view.state(scene, &is_recorded)).collect();
         Ok(ClusterScenes { plan, progress, view, states })
@@ -114,8 +124,7 @@ impl ClusterTargets {
     ) -> Result<Store, VerbError> {
         let shared = Some(self.shared_store.clone());
         if access == ClusterAccess::Offer {
-            let care = TrustOptions::sharing(shared);
-            return open_store(common, &care, console);
+            return open_store(common, &TrustOptions::sharing(shared), console);
         }
         let opening = StoreOptions { shared, ..store_options(common, StoreAccess::Read) };
         Ok(Store::open(&common.store, opening, &mut |_| {})?)
@@ -143,11 +152,6 @@ pub(super) fn recipe_digest(recipe: &Recipe) -> Digest {
     Digest::of_bytes(recipe.meta.merged.to_string().as_bytes())
 }
 
-fn make_absolute(path: &mut PathBuf) -> Result<(), VerbError> {
-    *path = absolute(path)?;
-    Ok(())
-}
-
 pub(super) fn absolute(path: &Path) -> Result<PathBuf, VerbError> {
     std::path::absolute(path)
         .map_err(|e| VerbError::usage("input-missing", format!("failed to find {}: {e}", path.display())))
@@ -160,11 +164,8 @@ impl From<ClusterError> for VerbError {
             ClusterError::Absent { .. } => Self::failed("no-slurm", what)
                 .help("run this where jobs are submitted; --dry-run prints the script"),
             ClusterError::Failed { said, .. } => {
-                let message = UserMessage::new(MessageLevel::Error, "slurm", what);
-                let lines = said.lines().filter(|line| !line.trim().is_empty());
-                let message =
-                    lines.fold(message, |message, line| message.detail(format!("  {}", line.trim())));
-                Self::from_message(ExitKind::Failed, message)
+                let lines = said.lines().map(str::trim).filter(|line| !line.is_empty());
+                Self::new(ExitKind::Failed, UserMessage::error("slurm", what).quote(lines))
             }
             ClusterError::Unread { .. } => Self::failed("slurm", what),
             ClusterError::Io { .. } => Self::failed("plan-files", what),
@@ -176,13 +177,10 @@ impl From<ClusterError> for VerbError {
 }
 
 /// The message about a scene that is not done.
-pub(super) fn failure_message(scene: &str, failure: &SceneFailure) -> UserMessage {
+fn failure_message(scene: &str, failure: &SceneFailure) -> UserMessage {
     let SceneFailure { task, because, last, .. } = failure;
     let what = format!("{scene}: task {task} failed: {because}");
-    let message = UserMessage::new(MessageLevel::Error, "task-failed", what).scene(scene);
-    if last.is_empty() {
-        return message;
-    }
-    let message = message.detail("the last lines of its log:");
-    last.iter().fold(message, |message, line| message.detail(format!("  {line}")))
+    let message = UserMessage::error("task-failed", what).scene(scene);
+    let log = (!last.is_empty()).then(|| "the last lines of its log:".to_owned());
+    message.details(log).quote(last)
 }

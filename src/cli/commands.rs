@@ -1,9 +1,7 @@
 //! Programs that recipes name. A recipe may come from a stranger, so none of its programs runs
 //! unless the user allows it.
 
-use super::CommonArgs;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, ExitKind, UserMessage, VerbError};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::{StepAction, StepAssessment};
 use gs2e_build::stage::Stage as _;
@@ -33,30 +31,20 @@ pub(super) fn refuse_commands(
             scenes.entry(programs).or_default().push(plan.scene_of(step));
         }
     }
-    if scenes.is_empty() {
-        Ok(())
-    } else {
-        Err(VerbError::from_message(ExitKind::Usage, refusal_message(&scenes)))
-    }
+    if scenes.is_empty() { Ok(()) } else { Err(VerbError::new(ExitKind::Usage, refusal_message(&scenes))) }
 }
 
 /// The message about refused commands, each with its scenes.
 fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
     let count: usize = scenes.values().map(Vec::len).sum();
-    let new = |what: String| {
-        UserMessage::new(MessageLevel::Error, "command-refused", format!("{what}; nothing was run"))
-    };
-    // A detail that begins with a space continues the line before it.
-    let show = |message: UserMessage, programs: &[String]| {
-        programs.iter().fold(message, |message, line| message.detail(format!("  {line}")))
-    };
+    let new = |what: String| UserMessage::error("command-refused", format!("{what}; nothing was run"));
     if let (Some((programs, of)), 1) = (scenes.first_key_value(), count) {
         let what = format!("{}/{STEP} would run a program that the recipe names", of[0]);
-        return show(new(what).step(of[0], STEP), programs).help(HELP);
+        return new(what).step(of[0], STEP).quote(programs).help(HELP);
     }
     let mut message = new(format!("{count} scenes would run programs that their recipes name"));
     for (programs, of) in scenes.iter().take(SHOWN) {
-        message = show(message.detail(format!("for {}", quoted_names(of))), programs);
+        message = message.detail(format!("for {}", quoted_names(of))).quote(programs);
     }
     if scenes.len() > SHOWN {
         message = message.detail(format!("and {} other commands", scenes.len() - SHOWN));
@@ -67,8 +55,7 @@ fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
 /// The message about a step that was not allowed to run programs while other steps ran.
 pub(super) fn refused_step(scene: &str, step: &str, programs: &[String]) -> UserMessage {
     let what = format!("{scene}/{step} would run a program that the recipe names; it was not run");
-    let message = UserMessage::new(MessageLevel::Error, "command-refused", what).step(scene, step);
-    programs.iter().fold(message, |message, line| message.detail(format!("  {line}"))).help(HELP)
+    UserMessage::error("command-refused", what).step(scene, step).quote(programs).help(HELP)
 }
 
 /// The only step that runs programs.

@@ -1,15 +1,12 @@
 //! The options of all verbs, and the machine, renderer and programs that they choose.
 
-use super::console::Console;
 use super::environment::Environment;
-use super::machine;
-use super::problem::VerbError;
+use super::{Console, VerbError, machine};
 use clap::{Args, ValueEnum};
 use gs2e_build::run::backends::{AutoRenderers, RendererChoice, RendererKind};
-use gs2e_files as files;
+use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
-use gs2e_gpu as gpu;
-use gs2e_gpu::{GpuDevice, GpuPool};
+use gs2e_gpu::{self as gpu, GpuDevice, GpuPool};
 use gs2e_render::backend::Backend;
 use gs2e_render::{GpuError, OmissionPolicy};
 use std::path::PathBuf;
@@ -89,8 +86,8 @@ impl CommonArgs {
         // The link in /proc still leads to the running executable after its file was replaced or
         // deleted.
         let own = PathBuf::from("/proc/self/exe");
-        let own = if files::is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
-        ProgramFinder::new(self.environment.path(), own)
+        let own = if is_there(&own) { own } else { std::env::current_exe().unwrap_or_default() };
+        ProgramFinder::new(self.environment.path.as_deref(), own)
     }
 
     /// Number of cores to use.
@@ -120,18 +117,11 @@ impl CommonArgs {
             BackendArg::Gpu => {
                 let choice = self.gpu.clone().unwrap_or(gpu::DeviceChoice::Any);
                 let pool = GpuPool::open(&choice, self.features_left_out());
-                pool.map(Backend::from).map_err(|e| no_adapter(&e))
+                let refused = |e: GpuError| VerbError::usage("no-adapter", e.to_string()).help(e.help());
+                pool.map(Backend::from).map_err(refused)
             }
-            _ if self.gpu.is_some() => Err(VerbError::usage(
-                "no-adapter",
-                "--gpu selects a GPU, but the backend is not a GPU".to_owned(),
-            )
-            .help("add --backend gpu")),
-            _ if self.gpu_without.is_some() => Err(VerbError::usage(
-                "no-adapter",
-                "--gpu-without leaves out features of a GPU, but the backend is not a GPU".to_owned(),
-            )
-            .help("add --backend gpu")),
+            _ if self.gpu.is_some() => Err(not_of_gpu("--gpu selects a GPU")),
+            _ if self.gpu_without.is_some() => Err(not_of_gpu("--gpu-without leaves out features of a GPU")),
             BackendArg::Auto | BackendArg::Cpu => Ok(Backend::Cpu),
             BackendArg::Reference => Ok(Backend::Reference),
         }
@@ -165,7 +155,8 @@ pub(super) enum BackendArg {
     Reference,
 }
 
-/// The error for a requested GPU that is absent or cannot be used.
-fn no_adapter(error: &GpuError) -> VerbError {
-    VerbError::usage("no-adapter", error.to_string()).help(error.help())
+/// The error for an option of GPUs without one. `option` says what it does.
+fn not_of_gpu(option: &str) -> VerbError {
+    VerbError::usage("no-adapter", format!("{option}, but the backend is not a GPU"))
+        .help("add --backend gpu")
 }

@@ -4,8 +4,7 @@
 //! character shown (see [`gs2e_files::escape`]). So a name from outside cannot move the cursor, change a
 //! title, or start a line of its own.
 
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
+use super::{ExitKind, UserMessage, VerbError};
 use gs2e_files::escape;
 use std::io::{self, IsTerminal, Write};
 use std::path::Path;
@@ -101,16 +100,13 @@ impl Console {
         let _ = writeln!(self.writing().streams.notes, "{}", escape::line(line));
     }
 
-    /// Prints a result for programs: one JSON value on a line of stdout.
-    pub(super) fn result(&self, value: &serde_json::Value) {
-        self.print(&escape::json(&value.to_string()));
-    }
-
-    /// Prints a large result without building a JSON value of it first.
-    pub(super) fn large_result(&self, value: &impl serde::Serialize) {
-        let text =
-            serde_json::to_string(value).expect("results hold no paths, and all else has a form in JSON");
-        self.print(&escape::json(&text));
+    /// Prints a result for programs if the user asked for them: one JSON value on a line of stdout.
+    pub(super) fn result(&self, value: &impl serde::Serialize) {
+        if self.json {
+            let text = serde_json::to_string(value);
+            let text = text.expect("results hold no paths, and all else has a form in JSON");
+            self.print(&escape::json(&text));
+        }
     }
 
     /// Prints a line on stdout.
@@ -130,9 +126,7 @@ impl Console {
 
     /// Prints a message for people, even if the user asked for quiet, and for programs.
     pub(super) fn tell(&self, message: &UserMessage) {
-        if self.json {
-            self.result(&message.to_json());
-        }
+        self.result(&message.to_json());
         self.show(message);
     }
 
@@ -143,9 +137,7 @@ impl Console {
 
     /// Prints the reason for the early end of a verb.
     pub(super) fn problem(&self, problem: &VerbError) {
-        if self.json {
-            problem.to_json().iter().for_each(|fault| self.result(fault));
-        }
+        problem.to_json().iter().for_each(|fault| self.result(fault));
         problem.to_lines().iter().for_each(|line| self.insist(line));
     }
 
@@ -171,12 +163,8 @@ impl Console {
         };
         match lost {
             Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-                let message = UserMessage::new(
-                    MessageLevel::Error,
-                    "results-lost",
-                    "failed to write results to stdout",
-                );
-                self.show(&message.because(error.to_string()));
+                let message = UserMessage::error("results-lost", "failed to write results to stdout");
+                self.show(&message.because(error));
                 // A lost result does not turn an interrupt into a failure.
                 if exit == ExitKind::Interrupted { exit } else { ExitKind::Failed }
             }
@@ -238,7 +226,7 @@ mod tests {
 
     #[test]
     fn no_text_leaves_its_line() {
-        let message = UserMessage::new(MessageLevel::Error, "x", WICKED).because(WICKED).help(WICKED);
+        let message = UserMessage::error("x", WICKED).because(WICKED).help(WICKED);
         let [stdout, stderr] = written(false, |console| {
             console.say(WICKED);
             console.print(WICKED);
@@ -253,7 +241,7 @@ mod tests {
         let value = json!({ "path": WICKED, "c1": "\u{9b}31m\u{7f}" });
         let [stdout, _] = written(true, |console| {
             console.result(&value);
-            console.large_result(&value);
+            console.result(&value);
         });
         assert!(stdout.chars().all(|c| c == '\n' || !escape::is_hidden(c)), "{stdout}");
         let read: Vec<serde_json::Value> = stdout.lines().map(|l| serde_json::from_str(l).unwrap()).collect();

@@ -3,21 +3,15 @@
 pub(super) mod events;
 mod picture;
 
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::output;
-use super::problem::{ExitKind, VerbError};
-use events::EventConversion;
+use super::{Console, ExitKind, VerbError, output, path};
+use events::{EventConversion, InputEvents};
 use gs2e_event::file::EventFormat;
 use gs2e_files as files;
-use gs2e_files::write_by_rename;
 use gs2e_num::units::format_amount;
-use gs2e_scene as scene;
 use gs2e_scene::form::{FormatLoss, SceneFormat};
-use gs2e_scene::{Gaussians, SceneError, ply};
+use gs2e_scene::{self as scene, Gaussians, SceneError, ply};
 use serde_json::json;
-use std::fs::File;
-use std::io::{Read as _, Write as _};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `convert`.
@@ -46,7 +40,8 @@ impl ConvertArgs {
         // it.
         let drawn = self.picture.of(&self.output)?;
         if let (true, Some(format)) = (drawn, self.events.format(&self.input)) {
-            return self.picture.draw((&self.input, format), &self.output, &self.events, console);
+            let events = InputEvents { path: &self.input, format, options: &self.events };
+            return self.picture.draw(&events, &self.output, console);
         }
         if let Some(conversion) = self.of_events()? {
             return conversion.run(console);
@@ -54,15 +49,14 @@ impl ConvertArgs {
         let form = self.form()?;
         output::screen_outputs([self.output.as_path()], [], false)?;
         let scene = self.read()?;
-        let (bytes, mut losses) = form.write(&scene).map_err(|e| {
-            VerbError::failed("not-written", format!("{}: failed to {e}", self.output.display()))
-        })?;
+        let written = form.write(&scene);
+        let (bytes, mut losses) =
+            written.map_err(|e| output::not_written(&self.output, format_args!("failed to {e}")))?;
         losses.extend(self.left_out());
         if !losses.is_empty() && !self.lossy {
-            return Err(self.refused(&losses));
+            return Err(refuse_losses(&self.output, losses.iter().map(loss_words)));
         }
-        write_by_rename(&self.output, |part| File::create_new(part)?.write_all(&bytes))
-            .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", self.output.display())))?;
+        output::write_whole(&self.output, &bytes).map_err(|e| output::not_written(&self.output, e))?;
         self.tell(&scene, bytes.len(), &losses, console);
         Ok(ExitKind::Done)
     }
@@ -70,29 +64,20 @@ impl ConvertArgs {
     /// The conversion of events, if both names are those of event files.
     fn of_events(&self) -> Result<Option<EventConversion<'_>>, VerbError> {
         let formats = [&self.input, &self.output].map(|path| self.events.format(path));
-        let name = |path: &Path| path.display().to_string();
+        let [input, output] = [&self.input, &self.output].map(|path| path.display());
         match formats {
             [None, None] => Ok(None),
             [Some(_), Some(EventFormat::Mcap)] => refuse_usage(format!(
-                "{}: a .mcap is read only; `gs2e export --to mcap` writes recordings of releases",
-                name(&self.output)
+                "{output}: a .mcap is read only; `gs2e export --to mcap` writes recordings of releases"
             )),
-            [Some(from), Some(to)] => Ok(Some(EventConversion {
-                from: (&self.input, from),
-                to: (&self.output, to),
-                options: &self.events,
+            [Some(format), Some(to)] => Ok(Some(EventConversion {
+                from: InputEvents { path: &self.input, format, options: &self.events },
+                output: &self.output,
+                to,
                 lossy: self.lossy,
             })),
-            [Some(_), None] => refuse_usage(format!(
-                "{} is an event file, but {} is not",
-                name(&self.input),
-                name(&self.output)
-            )),
-            [None, Some(_)] => refuse_usage(format!(
-                "{} is an event file, but {} is not",
-                name(&self.output),
-                name(&self.input)
-            )),
+            [Some(_), None] => refuse_usage(format!("{input} is an event file, but {output} is not")),
+            [None, Some(_)] => refuse_usage(format!("{output} is an event file, but {input} is not")),
         }
     }
 
@@ -113,11 +98,12 @@ impl ConvertArgs {
         {
             return Err(VerbError::usage("input-missing", format!("{input} cannot be read: {e}")));
         }
-        scene::read_any(&self.input).map_err(|error| match error {
-            SceneError::Content { because, .. } => {
-                VerbError::failed("input-unreadable", format!("{input}: failed to {because}"))
-            }
-            other => VerbError::failed("input-unreadable", format!("failed to {other}")),
+        scene::read_any(&self.input).map_err(|error| {
+            let said = match error {
+                SceneError::Content { because, .. } => format!("{input}: failed to {because}"),
+                other => format!("failed to {other}"),
+            };
+            VerbError::failed("input-unreadable", said)
         })
     }
 
@@ -132,15 +118,6 @@ impl ConvertArgs {
         (!names.is_empty()).then_some(FormatLoss { field: "other properties", what, largest: None })
     }
 
-    fn refused(&self, losses: &[FormatLoss]) -> VerbError {
-        let what = format!("{} cannot store all of the input", self.output.display());
-        let message =
-            UserMessage::new(MessageLevel::Error, "lossy", what).help("pass --lossy to write it anyway");
-        let message =
-            losses.iter().fold(message, |m, loss| m.detail(format!("{}: {}", loss.field, loss.what)));
-        VerbError::from_message(ExitKind::Usage, message)
-    }
-
     fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[FormatLoss], console: &Console) {
         let (screening, written) = (scene.screening, scene.len());
         let output = self.output.display();
@@ -148,18 +125,27 @@ impl ConvertArgs {
         if screening.non_finite > 0 {
             console.say(&format!("dropped {} with a NaN or an infinity", screening.non_finite));
         }
-        losses.iter().for_each(|loss| console.say(&format!("{}: {}", loss.field, loss.what)));
-        if console.json {
-            console.result(&json!({
-                "input": path(&self.input), "output": path(&self.output), "read": screening.read,
-                "dropped": screening.non_finite, "written": written, "bytes": bytes, "lost": losses,
-            }));
-        }
+        losses.iter().for_each(|loss| console.say(&loss_words(loss)));
+        console.result(&json!({
+            "input": path(&self.input), "output": path(&self.output), "read": screening.read,
+            "dropped": screening.non_finite, "written": written, "bytes": bytes, "lost": losses,
+        }));
     }
+}
+
+fn loss_words(loss: &FormatLoss) -> String {
+    format!("{}: {}", loss.field, loss.what)
+}
+
+/// The error for an output that cannot hold everything.
+fn refuse_losses(output: &Path, losses: impl Iterator<Item = String>) -> VerbError {
+    VerbError::usage("lossy", format!("{} cannot store all of the input", output.display()))
+        .details(losses)
+        .help("pass --lossy to write it anyway")
 }
 
 fn refuse_usage<T>(what: String) -> Result<T, VerbError> {
     let scenes =
         "scenes read: .ply, compressed .ply, .splat, .spz, .sog or a SOG folder; written: .ply, .spz, .splat";
-    Err(VerbError::usage("format", what).help(&format!("{scenes}; {}", events::SUPPORTED)))
+    Err(VerbError::usage("format", what).help(format!("{scenes}; {}", events::SUPPORTED)))
 }

@@ -1,12 +1,11 @@
 //! `gs2e diff`: the differences of two release trees, each with its reason.
 
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
+use super::{Console, ExitKind, VerbError};
 use gs2e_release::diff::{
     DiffReason, FileChange, ReleaseDifference, SceneChange, SceneSize, ValueChange, diff_releases,
 };
 use gs2e_store::Digest;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `diff`.
@@ -31,13 +30,12 @@ impl DiffArgs {
                 .help("pass two folders that `gs2e release --to DIR` wrote")
         })?;
         if console.json {
-            console.result(&serde_json::to_value(&difference).expect("a difference is plain data"));
+            console.result(&json!(difference));
         } else {
             difference_lines(&difference).iter().for_each(|line| console.print(line));
         }
         let ReleaseDifference { added, removed, changed, unchanged, .. } = &difference;
-        let counts = [added.len(), removed.len(), changed.len(), *unchanged];
-        let [added, removed, changed, unchanged] = counts;
+        let [added, removed, changed] = [added.len(), removed.len(), changed.len()];
         console.say(&format!(
             "scenes: {added} added, {removed} removed, {changed} changed, {unchanged} unchanged"
         ));

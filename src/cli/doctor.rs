@@ -2,19 +2,17 @@
 
 mod trial;
 
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs, machine};
+use super::{BackendArg, CommonArgs, Console, ExitKind, VerbError, machine};
 use fearless_simd::Level;
 use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
-use gs2e_gpu as gpu;
-use gs2e_gpu::{FeatureSet, GpuFeature, ListedGpu};
+use gs2e_gpu::{self as gpu, FeatureSet, GpuFeature, ListedGpu};
 use gs2e_num::units::format_amount;
 use gs2e_render::backend::Backend;
 use gs2e_store::space::DiskSpace;
 use gs2e_store::{FORMAT, Store, StoreAccess, StoreOptions};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::Path;
 use trial::{TrialPicture, TrialScene};
 
@@ -30,18 +28,14 @@ pub(super) struct DoctorArgs {
     no_trial: bool,
 }
 
+/// Prints the versions of Python and of the packages that the loader needs.
+const PYTHON: &str = "import sys, h5py, numpy; print('Python', sys.version.split()[0], 'h5py', h5py.__version__, 'numpy', numpy.__version__)";
+
 /// Other programs, their arguments for a version, and their purpose.
 const PROGRAMS: [(&str, &[&str], &str); 6] = [
     ("colmap", &["help"], "poses of photos and videos"),
     ("ffmpeg", &["-version"], "frames of videos"),
-    (
-        "python3",
-        &[
-            "-c",
-            "import sys, h5py, numpy; print('Python', sys.version.split()[0], 'h5py', h5py.__version__, 'numpy', numpy.__version__)",
-        ],
-        "the loader of a release",
-    ),
+    ("python3", &["-c", PYTHON], "the loader of a release"),
     ("sbatch", &["--version"], "gs2e submit"),
     ("apptainer", &["--version"], "gs2e submit --container"),
     ("minisign", &["-v"], "keys of signatures"),
@@ -59,8 +53,9 @@ impl DoctorPage {
         self.rows.push((label.to_owned(), text.into()));
     }
 
-    fn set(&mut self, name: &str, value: Value) {
-        self.value.insert(name.to_owned(), value);
+    fn set(&mut self, values: Value) {
+        let Value::Object(values) = values else { return };
+        self.value.extend(values);
     }
 }
 
@@ -92,10 +87,8 @@ impl DoctorArgs {
             Err(because) => page.row("GPU", because.to_string()),
             Ok(listed) => {
                 for (index, gpu) in listed.iter().enumerate() {
-                    let tried = scene
-                        .as_ref()
-                        .zip(on_cpu.as_ref())
-                        .map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
+                    let trial = scene.as_ref().zip(on_cpu.as_ref());
+                    let tried = trial.map(|(scene, on_cpu)| try_gpu(scene, on_cpu, gpu));
                     let label = format!("GPU {index}");
                     let ListedGpu { name, kind, driver, binding, buffer, opened, .. } = gpu;
                     let used = opened.as_ref().map(gpu::GpuDevice::features).unwrap_or_default();
@@ -115,10 +108,8 @@ impl DoctorArgs {
         }
         let used = used_renderer(common)?;
         page.row("used by default", used.clone());
-        page.set("cpu_trial", json!(rate));
-        page.set("gpus", json!(values));
-        page.set("gpu_error", json!(listed.err().map(|because| because.to_string())));
-        page.set("used", json!(used));
+        let error = listed.err().map(|because| because.to_string());
+        page.set(json!({ "cpu_trial": rate, "gpus": values, "gpu_error": error, "used": used }));
         Ok(())
     }
 }
@@ -150,9 +141,7 @@ fn own_program(page: &mut DoctorPage) {
     let buckets = if s3 { "with S3" } else { "without S3" };
     let version = env!("CARGO_PKG_VERSION");
     page.row("gs2e", format!("{version}, {system}, {buckets}"));
-    page.set("version", json!(version));
-    page.set("system", json!(system));
-    page.set("s3", json!(s3));
+    page.set(json!({ "version": version, "system": system, "s3": s3 }));
 }
 
 fn processor(common: &CommonArgs, page: &mut DoctorPage) {
@@ -167,10 +156,8 @@ fn processor(common: &CommonArgs, page: &mut DoctorPage) {
     let free = if memory == u64::MAX { "unknown".to_owned() } else { format_amount(memory, "B") };
     page.row("memory", format!("{free} for steps (80 % of what is free)"));
     page.row("cores in use", common.cores().to_string());
-    page.set("processor", json!(name));
-    page.set("cores", json!(cores));
-    page.set("vectors", json!(level));
-    page.set("memory", json!((memory != u64::MAX).then_some(memory)));
+    let memory = (memory != u64::MAX).then_some(memory);
+    page.set(json!({ "processor": name, "cores": cores, "vectors": level, "memory": memory }));
 }
 
 /// The store, and the file system on which it is or would be.
@@ -194,9 +181,8 @@ fn store(path: &Path, page: &mut DoctorPage) {
         }
     };
     page.row("disk", words);
-    page.set("store", json!(text));
-    page.set("disk_free", json!(disk.as_ref().ok().map(|disk| disk.free)));
-    page.set("file_system", json!(disk.as_ref().ok().map(|disk| disk.kind.clone())));
+    let (free, kind) = disk.map(|disk| (disk.free, disk.kind)).ok().unzip();
+    page.set(json!({ "store": text, "disk_free": free, "file_system": kind }));
 }
 
 /// The trial of a GPU, compared with the picture of the CPU.
@@ -222,19 +208,14 @@ fn used_renderer(common: &CommonArgs) -> Result<String, VerbError> {
 }
 
 fn other_programs(programs: &ProgramFinder, page: &mut DoctorPage) {
-    let mut values = serde_json::Map::new();
+    let mut values = BTreeMap::new();
     for (name, arguments, purpose) in PROGRAMS {
-        let said = programs.ask(name, arguments);
-        let version = said.as_deref().ok().and_then(|text| text.lines().find(|line| !line.trim().is_empty()));
-        let version = version.map(|line| line.trim().to_owned());
+        let said = programs.ask(name, arguments).unwrap_or_default();
+        let mut lines = said.lines().map(str::trim);
         // Without its packages, Python says so in the last line.
-        let version = match (name, said.as_deref()) {
-            ("python3", Ok(text)) => text.lines().last().map(|line| line.trim().to_owned()),
-            _ => version,
-        };
-        let text = version.clone().unwrap_or_else(|| format!("not found; it is for {purpose}"));
-        page.row(name, text);
-        values.insert(name.to_owned(), json!(version));
+        let version = if name == "python3" { lines.next_back() } else { lines.find(|line| !line.is_empty()) };
+        page.row(name, version.map_or_else(|| format!("not found; it is for {purpose}"), str::to_owned));
+        values.insert(name, version.map(str::to_owned));
     }
-    page.set("programs", Value::Object(values));
+    page.set(json!({ "programs": values }));
 }

@@ -3,7 +3,7 @@
 
 use gs2e_store::BucketEnvironment;
 use rustix::system::uname;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Values of the variables; `None` where one is not set.
@@ -41,10 +41,6 @@ impl Environment {
     /// Name of this machine.
     pub(super) fn host(&self) -> String {
         self.node.clone().unwrap_or_else(|| uname().nodename().to_string_lossy().into_owned())
-    }
-
-    pub(super) fn path(&self) -> Option<&OsStr> {
-        self.path.as_deref()
     }
 
     pub(super) fn home(&self) -> Option<&Path> {

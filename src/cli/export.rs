@@ -1,9 +1,6 @@
 //! `gs2e export`: writes a trajectory of a release in the layout of a published method.
 
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
-use super::{on_interrupt, output};
+use super::{Console, ExitKind, VerbError, on_interrupt, output, path};
 use gs2e_export::{
     ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, FORMATS, SubjectChoice,
     TestViews, format_named, write_export,
@@ -83,45 +80,35 @@ impl ExportArgs {
         let Some(format) = format_named(&self.to) else {
             let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
             let what = format!("{} is no format of exports", self.to);
-            return Err(VerbError::usage("format", what).help(&names.join(", ")));
+            return Err(VerbError::usage("format", what).help(names.join(", ")));
         };
         if self.epoch.is_some() && !format.has_epoch() {
             let what = format!("--epoch: {} has no absolute times", format.name());
             return Err(VerbError::usage("epoch", what).help("--to mcap has"));
         }
         output::refuse_inside(&self.out, &self.release, "the release")?;
-        let description = self.export(format, console).map_err(|error| self.to_error(error))?;
+        let description = self.export(format, console).map_err(Self::to_error)?;
         let selection = &description["selection"];
-        console.say(&format!(
-            "{}: {} of {}, {} poses, {} frames, {} files",
-            self.out.display(),
-            selection["trajectory"].as_str().unwrap_or_default(),
-            selection["scene"].as_str().unwrap_or_default(),
-            selection["poses"],
-            selection["frames"],
-            description["files"]
-        ));
-        if console.json {
-            console.result(&json!({ "output": path(&self.out), "export": description }));
-        }
+        let [trajectory, scene] =
+            ["trajectory", "scene"].map(|name| selection[name].as_str().unwrap_or_default());
+        let (poses, frames, files) = (&selection["poses"], &selection["frames"], &description["files"]);
+        let out = self.out.display();
+        console
+            .say(&format!("{out}: {trajectory} of {scene}, {poses} poses, {frames} frames, {files} files"));
+        console.result(&json!({ "output": path(&self.out), "export": description }));
         Ok(ExitKind::Done)
     }
 
     fn export(&self, format: &dyn ExportFormat, console: &Console) -> Result<Value, ExportError> {
-        let Self { scene, trajectory, sensor, .. } = self;
-        let choice =
-            SubjectChoice { scene: scene.clone(), trajectory: trajectory.clone(), sensor: sensor.clone() };
-        let subject = ExportSubject::open(&self.release, &choice)?;
+        let open = |scene: Option<&String>, trajectory: Option<&String>| {
+            let (scene, trajectory) = (scene.cloned(), trajectory.cloned());
+            let choice = SubjectChoice { scene, trajectory, sensor: self.sensor.clone() };
+            ExportSubject::open(&self.release, &choice)
+        };
+        let subject = open(self.scene.as_ref(), self.trajectory.as_ref())?;
         let test = match &self.test_from {
             None => TestViews::Every(self.test_every as usize),
-            Some(other) => {
-                let choice = SubjectChoice {
-                    scene: Some(subject.scene.clone()),
-                    trajectory: Some(other.clone()),
-                    sensor: choice.sensor,
-                };
-                TestViews::From(Box::new(ExportSubject::open(&self.release, &choice)?))
-            }
+            other => TestViews::From(Box::new(open(Some(&subject.scene), other.as_ref())?)),
         };
         let mut plan = ExportPlan::new(&subject, &test, self.window)?;
         plan.epoch_us = self.epoch.unwrap_or(plan.epoch_us);
@@ -132,32 +119,28 @@ impl ExportArgs {
         written
     }
 
-    fn to_error(&self, error: ExportError) -> VerbError {
-        let message = |kind, code, what: String| (kind, UserMessage::new(MessageLevel::Error, code, what));
+    fn to_error(error: ExportError) -> VerbError {
         let said = error.to_string();
-        let (exit, message) = match error {
-            ExportError::Source(_) => message(ExitKind::Failed, "input-unreadable", said),
-            ExportError::Selection(_) => message(ExitKind::Usage, "selection", said),
-            ExportError::Exists { .. } => message(ExitKind::Usage, "output-unwritable", said),
-            ExportError::Data(_) => message(ExitKind::Failed, "not-written", said),
-            ExportError::Interrupted => message(ExitKind::Interrupted, "interrupted", said),
+        match error {
+            ExportError::Source(_) => VerbError::failed("input-unreadable", said),
+            ExportError::Selection(_) => VerbError::usage("selection", said),
+            ExportError::Exists { .. } => VerbError::usage("output-unwritable", said),
+            ExportError::Data(_) => VerbError::failed("not-written", said),
+            ExportError::Interrupted => VerbError::interrupted(said),
             ExportError::Write { source, .. } => {
                 let code = if is_full(&source) { "disk-full" } else { "output-unwritable" };
-                message(ExitKind::Failed, code, said)
+                VerbError::failed(code, said)
             }
             ExportError::Unmet { unmet, .. } => {
-                let (exit, refusal) = message(ExitKind::Usage, "unmet", said);
                 let lines = unmet.iter().map(|need| format!("{}: {}", need.what, need.remedy));
-                (exit, lines.fold(refusal, UserMessage::detail).help("build a release that meets them"))
+                VerbError::usage("unmet", said).details(lines).help("build a release that meets them")
             }
             ExportError::Lossy { losses, .. } => {
-                let (exit, refusal) = message(ExitKind::Usage, "lossy", said);
                 let line = |loss: &ExportLoss| format!("{}: {}", loss.field, loss.what);
                 let lines = losses.iter().filter(|loss| loss.figure.is_some()).map(line);
-                (exit, lines.fold(refusal, UserMessage::detail).help("pass --lossy to write it anyway"))
+                VerbError::usage("lossy", said).details(lines).help("pass --lossy to write it anyway")
             }
-        };
-        VerbError::from_message(exit, message)
+        }
     }
 }
 

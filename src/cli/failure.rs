@@ -1,8 +1,7 @@
 //! Messages about failed steps: each is printed at once, and all are printed again at the end.
 
-use super::commands;
-use super::message::{MessageLevel, UserMessage};
 use super::problem::{FULL, stage_failed, unplanned_message};
+use super::{UserMessage, commands};
 use gs2e_build::run::StepError;
 use gs2e_build::stage::StageError;
 use gs2e_files::programs::ProgramFailure;
@@ -24,7 +23,7 @@ pub(super) struct StepPlace<'a> {
 /// The message about a failed step.
 pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessage {
     let StepPlace { scene, step, .. } = at;
-    let new = |code, what: String| UserMessage::new(MessageLevel::Error, code, what).step(scene, step);
+    let new = |code, what: String| UserMessage::error(code, what).step(scene, step);
     match error {
         StepError::Plan(error) => unplanned_message(error),
         StepError::Moved(_) => new("input-moved", format!("{scene}/{step}: {error}"))
@@ -38,13 +37,9 @@ pub(super) fn failure_message(at: StepPlace<'_>, error: &StepError) -> UserMessa
         }
         StepError::Store(StoreError::Nondeterministic(sides)) => {
             let what = format!("{scene}/{step}: the same inputs produced different bytes");
-            let kept = if sides.replaced {
-                "the first output was lost, the new one is kept"
-            } else {
-                "the first output is kept"
-            };
+            let lost = if sides.replaced { "was lost, the new one is kept" } else { "is kept" };
             mismatch_message(new("nondeterministic", what), sides)
-                .help(format!("{kept}; gs2e why {scene}/{step} shows the inputs"))
+                .help(format!("the first output {lost}; gs2e why {scene}/{step} shows the inputs"))
         }
         StepError::Store(StoreError::SharedMismatch(sides)) => {
             shared_mismatch(new("nondeterministic", format!("{scene}/{step}: {sides}")), sides)
@@ -68,12 +63,9 @@ fn shared_mismatch(message: UserMessage, sides: &SharedMismatch) -> UserMessage 
 fn command_failed(scene: &str, step: &str, error: &ProgramFailure) -> UserMessage {
     let ProgramFailure { program, command, how, last, log } = error;
     let what = format!("{scene}/{step}: {program} failed: {how}");
-    let message = UserMessage::new(MessageLevel::Error, "command-failed", what).step(scene, step).path(log);
-    let message = message.detail(format!("command: {command}"));
-    let message = match last.as_slice() {
-        [] => message.detail("it printed nothing"),
-        last => last.iter().fold(message.detail("its last output:"), |m, line| m.detail(format!("  {line}"))),
-    };
+    let printed = if last.is_empty() { "it printed nothing" } else { "its last output:" };
+    let message = UserMessage::error("command-failed", what).step(scene, step).path(log);
+    let message = message.detail(format!("command: {command}")).detail(printed).quote(last);
     message.help("the file above has its full output; finished steps are kept")
 }
 
@@ -101,28 +93,22 @@ fn mismatch_message(message: UserMessage, sides: &OutputMismatch) -> UserMessage
         .detail(format!("key: {}", sides.now.key))
         .detail(side("before", &sides.before))
         .detail(side("now", &sides.now));
-    match &sides.first {
-        Some(place) => message.detail(format!("first difference: {place}")),
-        None => message,
-    }
+    message.details(sides.first.iter().map(|place| format!("first difference: {place}")))
 }
 
 /// The lines about the failed steps at the end, by scene, each with the command that explains the
-/// step. `failed` holds scene, step and message. `options` are the options with which the command
-/// finds the recipes and the store.
-pub(super) fn retry_commands(failed: &[(String, String, UserMessage)], options: &str) -> Vec<String> {
-    let mut sorted: Vec<&(String, String, UserMessage)> = failed.iter().collect();
+/// step. `options` are the options with which the command finds the recipes and the store.
+pub(super) fn retry_commands(failed: &[UserMessage], options: &str) -> Vec<String> {
+    let mut sorted: Vec<(&str, &str, &str)> = failed.iter().map(UserMessage::step_and_what).collect();
     // The sort is stable: steps of one scene keep the order in which they failed.
-    sorted.sort_by(|a, b| a.0.cmp(&b.0));
+    sorted.sort_by_key(|(scene, ..)| *scene);
     let mut lines = vec!["failed:".to_owned()];
-    let mut last = None;
-    for (scene, step, message) in sorted {
-        if last != Some(scene) {
-            lines.push(format!(" {scene}"));
+    for of_scene in sorted.chunk_by(|a, b| a.0 == b.0) {
+        lines.push(format!(" {}", of_scene[0].0));
+        for (scene, step, what) in of_scene {
+            lines.push(format!("  {what}"));
+            lines.push(format!("  for details: gs2e why {scene}/{step}{options}"));
         }
-        last = Some(scene);
-        lines.push(format!("  {}", message.what()));
-        lines.push(format!("  for details: gs2e why {scene}/{step}{options}"));
     }
     lines
 }
@@ -171,10 +157,10 @@ mod tests {
 
     #[test]
     fn failures_are_told_again_by_scene() {
-        let message = |text: &str| UserMessage::new(MessageLevel::Error, "step-failed", text);
+        let message = |text: &str| UserMessage::error("step-failed", text);
         let failed = ["b/x", "a/y", "b/w"].map(|name| {
             let (scene, step) = name.split_once('/').unwrap();
-            (scene.to_owned(), step.to_owned(), message(&format!("{name}: failed to please")))
+            message(&format!("{name}: failed to please")).step(scene, step)
         });
         let wanted = "failed:\n a\n  a/y: failed to please\n  for details: gs2e why a/y -q\n b\n  b/x: failed \
                       to please\n  for details: gs2e why b/x -q\n  b/w: failed to please\n  for details: gs2e \

@@ -2,17 +2,15 @@
 
 mod shared;
 
-use super::build::{TrustOptions, open_store, store_options};
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, RecipeTargets};
+use super::build::{TrustOptions, open_store, read_store};
+use super::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::{StepAction, StepAssessment, assess_plan};
 use gs2e_build::plan::kept::kept_names;
 use gs2e_files::is_there;
 use gs2e_recipe as recipe;
 use gs2e_store::gc::{GcSweep, SweepSummary};
-use gs2e_store::{KeptFiles, Key, Store, StoreAccess};
+use gs2e_store::{KeptFiles, Key, Store};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -54,7 +52,7 @@ impl GcArgs {
         super::takedown::show_takedown(taken_down, console);
         // A dry run needs no lock, and creates no store.
         let store = if self.dry_run || !is_there(&common.store) {
-            Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?
+            read_store(common)?
         } else {
             open_store(common, &TrustOptions::default(), console)?
         };
@@ -94,22 +92,20 @@ impl GcArgs {
     fn tell(&self, swept: &SweepSummary, frames: KeptFiles, console: &Console) {
         let SweepSummary { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
         let done = if self.dry_run { "would delete" } else { "deleted" };
-        let mb = |bytes: u64| bytes as f64 * 1e-6;
-        let (size, kept, left) = (mb(bytes), mb(kept_bytes), mb(trash_bytes));
+        let [size, kept, left, framed] =
+            [bytes, kept_bytes, trash_bytes, frames.bytes].map(|bytes| bytes as f64 * 1e-6);
         console.say(&format!("{done} {blobs} blobs, {size:.1} MB, and {records} records"));
         if trash > 0 {
             console.say(&format!("{done} {trash} trash files, {left:.1} MB"));
         }
         if frames.files > 0 {
-            console.say(&format!("{done} {} files of frames, {:.1} MB", frames.files, mb(frames.bytes)));
+            console.say(&format!("{done} {} files of frames, {framed:.1} MB", frames.files));
         }
         console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
-        if console.json {
-            let mut record = json!(swept);
-            record["dry_run"] = json!(self.dry_run);
-            (record["frames"], record["frame_bytes"]) = (json!(frames.files), json!(frames.bytes));
-            console.result(&record);
-        }
+        let mut record = json!(swept);
+        record["dry_run"] = json!(self.dry_run);
+        (record["frames"], record["frame_bytes"]) = (json!(frames.files), json!(frames.bytes));
+        console.result(&record);
     }
 }
 

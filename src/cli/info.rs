@@ -5,10 +5,8 @@ mod events;
 mod scene;
 mod tree;
 
-use super::console::{Console, path};
 use super::convert::events::EventInputOptions;
-use super::input;
-use super::problem::{ExitKind, VerbError};
+use super::{Console, ExitKind, VerbError, input, path};
 use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::EventFormat;
 use gs2e_files as files;
@@ -64,10 +62,8 @@ impl InfoArgs {
             console.say(&format!("a first recipe is in {}", path(file)));
         }
         if console.json {
-            let mut value = json!({ "kind": facts.kind, "path": path(&self.path) });
-            if let (Some(all), Value::Object(own)) = (value.as_object_mut(), facts.value) {
-                all.extend(own);
-            }
+            let mut value = facts.value;
+            (value["kind"], value["path"]) = (json!(facts.kind), json!(path(&self.path)));
             console.result(&value);
             return Ok(ExitKind::Done);
         }
@@ -99,7 +95,7 @@ impl InfoArgs {
 
     fn file_facts(&self, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
         // Opening gives the reason for a device, a dangling link or a missing permission.
-        files::open(place).map_err(|e| unreadable(place, &e))?;
+        files::open(place).map_err(|e| input::unreadable_path(place, e))?;
         // The file itself states its version of EVT.
         if let Some(format) = EventFormat::for_path(place, EvtVersion::Evt2) {
             let opened = self.events.open(place, format)?;
@@ -133,7 +129,7 @@ impl InfoArgs {
 /// Writes a first recipe. A file that exists may be a recipe that a person changed, so it stays.
 fn write_recipe(file: &Path, recipe: &[String]) -> Result<(), VerbError> {
     if recipe.is_empty() {
-        let what = "--recipe: only a scene has a first recipe".to_owned();
+        let what = "--recipe: only a scene has a first recipe";
         return Err(VerbError::usage("usage", what).help("gs2e init writes recipes for captures"));
     }
     let write = || File::create_new(file)?.write_all((recipe.join("\n") + "\n").as_bytes());
@@ -142,10 +138,6 @@ fn write_recipe(file: &Path, recipe: &[String]) -> Result<(), VerbError> {
 
 fn not_written(file: &Path, error: &io::Error) -> VerbError {
     VerbError::usage("output-unwritable", format!("cannot write {}: {error}", path(file)))
-}
-
-fn unreadable(place: &Path, error: &io::Error) -> VerbError {
-    VerbError::failed("input-unreadable", format!("{} cannot be read: {error}", place.display()))
 }
 
 /// A number in five significant digits.

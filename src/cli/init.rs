@@ -5,21 +5,16 @@ mod names;
 mod sample;
 mod write;
 
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, input};
-use clap::ValueEnum;
+use super::words::{Word, one_of};
+use super::{CommonArgs, Console, ExitKind, UserMessage, VerbError, input, path};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use gs2e_files::is_there;
-use gs2e_recipe::draft;
-use gs2e_recipe::draft::{CameraPace, RecipeDraft};
+use gs2e_recipe::draft::{self, CameraPace, RecipeDraft};
 use gs2e_source::inventory::{AcceptanceRules, InventoryScene};
 use gs2e_source::kind::CaptureKind;
 use gs2e_source::{DiskCapture, SourceWarning, ViewSelection, check_pattern, inventory};
 use names::FileName;
 use serde_json::{Value, json};
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `init`.
@@ -74,35 +69,16 @@ pub(super) struct InitArgs {
     exclude: Vec<String>,
     /// Speed of the cameras: 200, 400 or 800 px/s; with --preset paper 10, 5 or 2.5 poses per view
     /// [default: medium]
-    #[arg(long, value_enum)]
-    pace: Option<TempoArg>,
+    #[arg(long, value_parser = one_of(&PACES))]
+    pace: Option<CameraPace>,
     /// Settings of the paper, with its frame rate, instead of a speed in pixels and as many frames as
     /// the sensor needs
-    #[arg(long, value_enum)]
-    preset: Option<PresetArg>,
+    #[arg(long, value_parser = PossibleValuesParser::new(["paper"]))]
+    preset: Option<String>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PresetArg {
-    Paper,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum TempoArg {
-    Mild,
-    Medium,
-    Strong,
-}
-
-impl From<TempoArg> for CameraPace {
-    fn from(tempo: TempoArg) -> Self {
-        match tempo {
-            TempoArg::Mild => Self::Mild,
-            TempoArg::Medium => Self::Medium,
-            TempoArg::Strong => Self::Strong,
-        }
-    }
-}
+const PACES: [Word<CameraPace>; 3] =
+    [("mild", "", CameraPace::Mild), ("medium", "", CameraPace::Medium), ("strong", "", CameraPace::Strong)];
 
 /// Parser of a kind of capture by its name.
 fn kind_parser() -> impl TypedValueParser<Value = CaptureKind> {
@@ -148,14 +124,12 @@ impl InitArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         common.limit_cores();
         if !self.classes.is_empty() && !self.format.dataset().is_some_and(|dataset| dataset.has_classes) {
-            return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes".to_owned()));
+            return Err(VerbError::usage("usage", "--classes: only MVImgNet has classes"));
         }
         if self.scene.is_some() && self.format.needs_poses() {
             let what =
                 "--scene: the poses of photos are found in a world of their own, which no scene file has";
-            return Err(
-                VerbError::usage("usage", what.to_owned()).help("leave it out: the scenes are trained")
-            );
+            return Err(VerbError::usage("usage", what).help("leave it out: the scenes are trained"));
         }
         if self.train && self.format.has_gaussians() {
             let what = format!("--train: a {} folder has the Gaussians, and no photos", self.format.name());
@@ -164,21 +138,17 @@ impl InitArgs {
         let reconstructs = draft::defaults_reconstruct(&self.to)?;
         // Existing defaults are never rewritten, so the pace would have no effect.
         if reconstructs.is_some() && (self.pace.is_some() || self.preset.is_some()) {
-            let what = format!(
-                "--pace and --preset are written into {}, which exists",
-                draft::defaults_in(&self.to).display()
-            );
-            return Err(
-                VerbError::usage("usage", what).help("change the speed there, or leave the option out")
-            );
+            let file = draft::defaults_in(&self.to);
+            let what = format!("--pace and --preset are written into {}, which exists", file.display());
+            let help = "change the speed there, or leave the option out";
+            return Err(VerbError::usage("usage", what).help(help));
         }
         let entries = inventory::take_inventory(self.format, &self.dir, &self.rules())
             .map_err(|e| input::no_source("dataset", &e, &self.dir))?;
         if entries.is_empty() {
             let what = format!("found no {} scene in {}", self.format.name(), self.dir.display());
-            return Err(
-                VerbError::usage("input-missing", what).help("gs2e init --help describes each layout")
-            );
+            let help = "gs2e init --help describes each layout";
+            return Err(VerbError::usage("input-missing", what).help(help));
         }
         let mut outcome = InitOutcome::default();
         let candidates = self.candidates(entries, &mut outcome);
@@ -186,11 +156,8 @@ impl InitArgs {
         // Nothing is written before this line, so wrong input leaves no folder behind.
         write::make_folder(&self.to)?;
         if reconstructs.is_none() {
-            let pace = self.pace.unwrap_or(TempoArg::Medium).into();
-            let text = match self.preset {
-                Some(PresetArg::Paper) => draft::paper_defaults_text(pace),
-                None => draft::defaults_text(pace),
-            };
+            let text = if self.preset.is_some() { draft::paper_defaults_text } else { draft::defaults_text };
+            let text = text(self.pace.unwrap_or(CameraPace::Medium));
             write::write_file(&draft::defaults_in(&self.to), &text)?;
         }
         let pattern = self.scene.as_deref();
@@ -199,7 +166,7 @@ impl InitArgs {
         let own = self.format.has_gaussians() || self.format.needs_poses() || self.train || reconstructs;
         let pattern = pattern.or((!own).then_some(NEXT_TO_VIEWS));
         for candidate in chosen {
-            self.write(candidate, (pattern, reconstructs), &mut outcome)?;
+            self.write(candidate, pattern, reconstructs, &mut outcome)?;
         }
         write::write_rejected(&self.to, &outcome.rejected)?;
         outcome.tell(&self, console);
@@ -211,7 +178,7 @@ impl InitArgs {
             min_side: self.min_side,
             min_views: self.min_views,
             selection: self.selection(),
-            classes: self.classes.iter().cloned().collect::<BTreeSet<String>>(),
+            classes: self.classes.iter().cloned().collect(),
         }
     }
 
@@ -274,7 +241,8 @@ impl InitArgs {
     fn write(
         &self,
         candidate: SceneCandidate,
-        (pattern, reconstructs): (Option<&str>, bool),
+        pattern: Option<&str>,
+        reconstructs: bool,
         outcome: &mut InitOutcome,
     ) -> Result<(), VerbError> {
         let SceneCandidate { scene, recipe, path, notices } = candidate;
@@ -327,39 +295,33 @@ impl InitOutcome {
         }
         if let Some(first) = self.rejected.first() {
             let (count, list) = (self.rejected.len(), write::rejected_in(&init.to));
-            let (scene, _, _, because) = first;
+            let (list, (scene, _, _, because)) = (list.display(), first);
             console.say(&format!(
-                "{count} scenes were rejected, listed in {}; the first, {scene}: {because}",
-                list.display()
+                "{count} scenes were rejected, listed in {list}; the first, {scene}: {because}"
             ));
         }
         if let Some(first) = self.without_scene.first() {
             let count = self.without_scene.len();
             let what = format!("{count} of the new recipes name a scene file that does not exist");
-            let message = UserMessage::new(MessageLevel::Warning, "scene-missing", what).path(first);
+            let message = UserMessage::warning("scene-missing", what).path(first);
             let help = "train the scenes first; or delete these recipes, and run gs2e init again with --train or --scene";
             console.for_people().tell(&message.help(help));
         }
-        if console.json {
-            console.result(&self.to_json());
-        }
+        console.result(&self.to_json());
     }
 
     fn to_json(&self) -> Value {
         let rejected = self.rejected.iter().map(|(scene, folder, code, because)| {
             json!({ "scene": scene, "path": path(folder), "code": code, "because": because })
         });
-        let written =
-            self.written.iter().map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
-        let notices =
-            self.notices.iter().map(|(scene, notices)| json!({ "scene": scene, "because": notices }));
+        let written = self.written.iter();
+        let written = written.map(|(scene, recipe)| json!({ "scene": scene, "recipe": path(recipe) }));
+        let noticed = self.notices.iter();
+        let noticed = noticed.map(|(scene, because)| json!({ "scene": scene, "because": because }));
         json!({
-            "written": written.collect::<Vec<_>>(),
-            "kept": self.kept,
-            "left": self.left,
-            "rejected": rejected.collect::<Vec<_>>(),
-            "noticed": notices.collect::<Vec<_>>(),
-            "without_scene": self.without_scene.iter().map(path).collect::<Vec<_>>(),
+            "written": Value::from_iter(written), "kept": self.kept, "left": self.left,
+            "rejected": Value::from_iter(rejected), "noticed": Value::from_iter(noticed),
+            "without_scene": Value::from_iter(self.without_scene.iter().map(path)),
         })
     }
 }

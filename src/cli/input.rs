@@ -1,10 +1,11 @@
 //! Errors about files and folders that the user named and that cannot be used.
 
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
+use super::VerbError;
+use gs2e_event::EventFileError;
 use gs2e_files as files;
 use gs2e_image::Size;
 use gs2e_source::SourceError;
+use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
@@ -15,9 +16,22 @@ pub(super) fn missing_file(what: &str, path: &Path) -> VerbError {
 
 /// The error for a file that exists and cannot be read.
 pub(super) fn unreadable_file(what: &str, error: &dyn std::error::Error) -> VerbError {
-    let message =
-        UserMessage::new(MessageLevel::Error, "input-unreadable", format!("failed to read the {what}"));
-    VerbError::from_message(ExitKind::Failed, message.because(error.to_string()))
+    VerbError::failed("input-unreadable", format!("failed to read the {what}")).because(error)
+}
+
+/// The error for a file or folder that cannot be read.
+pub(super) fn unreadable_path(path: &Path, error: impl Display) -> VerbError {
+    VerbError::failed("input-unreadable", format!("{} cannot be read: {error}", path.display()))
+}
+
+/// The error for the content of a file.
+pub(super) fn wrong_content(path: &Path, error: impl Display) -> VerbError {
+    VerbError::failed("input-unreadable", format!("{}: {error}", path.display()))
+}
+
+/// The error for a file whose events cannot be read.
+pub(super) fn wrong_events(path: &Path, error: &EventFileError) -> VerbError {
+    wrong_content(path, format_args!("failed to read events: {error}"))
 }
 
 /// Refuses a path where no regular file lies, also if nothing would read it. `what` names its option.
@@ -40,8 +54,7 @@ pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbErr
         }
         SourceError::Absent { dir, because } => {
             let text = format!("cannot determine the layout of the {what}");
-            let message = UserMessage::new(MessageLevel::Error, "input-missing", text);
-            VerbError::from_message(ExitKind::Usage, message.path(dir).because(because))
+            VerbError::usage("input-missing", text).path(dir).because(because)
         }
         error => unreadable_file(what, error),
     }

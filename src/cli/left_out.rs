@@ -1,6 +1,6 @@
 //! The table of work that a build left out, for people: one table per rendered trajectory.
 
-use super::console::Console;
+use super::Console;
 use gs2e_release::left_out::OmissionRow;
 use gs2e_sampling::rendered::TimeSaved;
 use std::collections::BTreeMap;

@@ -6,9 +6,10 @@ use serde_json::json;
 use std::path::Path;
 
 /// The severity of a message.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum MessageLevel {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum MessageLevel {
     /// Something was not done.
+    #[default]
     Error,
     /// The program goes on.
     Warning,
@@ -17,7 +18,7 @@ pub(super) enum MessageLevel {
 }
 
 /// A message with a stable code.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct UserMessage {
     level: MessageLevel,
     code: &'static str,
@@ -35,10 +36,19 @@ pub(super) struct UserMessage {
 }
 
 impl UserMessage {
-    pub(super) fn new(level: MessageLevel, code: &'static str, what: impl Into<String>) -> Self {
-        let what = what.into();
-        let (scene, step, path, named_at, help) = (None, None, None, None, None);
-        Self { level, code, what, scene, step, path, named_at, details: Vec::new(), why: Vec::new(), help }
+    /// A message about something that was not done.
+    pub(super) fn error(code: &'static str, what: impl Into<String>) -> Self {
+        Self { code, what: what.into(), ..Self::default() }
+    }
+
+    /// A message while the program goes on.
+    pub(super) fn warning(code: &'static str, what: impl Into<String>) -> Self {
+        Self { level: MessageLevel::Warning, ..Self::error(code, what) }
+    }
+
+    /// A message before the program goes on.
+    pub(super) fn waiting(code: &'static str, what: impl Into<String>) -> Self {
+        Self { level: MessageLevel::Waiting, ..Self::error(code, what) }
     }
 
     /// Sets the scene that the message is about.
@@ -63,14 +73,24 @@ impl UserMessage {
 
     /// Adds a line about the failure or its place. A line that begins with a space continues the
     /// line before it.
-    pub(super) fn detail(mut self, line: impl Into<String>) -> Self {
-        self.details.push(line.into());
+    pub(super) fn detail(self, line: impl Into<String>) -> Self {
+        self.details([line.into()])
+    }
+
+    /// Adds lines as [`UserMessage::detail`] does.
+    pub(super) fn details(mut self, lines: impl IntoIterator<Item = String>) -> Self {
+        self.details.extend(lines);
         self
     }
 
+    /// Adds lines of another program, each as a part of the line before it.
+    pub(super) fn quote(self, lines: impl IntoIterator<Item = impl std::fmt::Display>) -> Self {
+        self.details(lines.into_iter().map(|line| format!("  {line}")))
+    }
+
     /// Adds a cause. The nearest cause is added first.
-    pub(super) fn because(mut self, why: impl Into<String>) -> Self {
-        self.why.push(why.into());
+    pub(super) fn because(mut self, why: impl std::fmt::Display) -> Self {
+        self.why.push(why.to_string());
         self
     }
 
@@ -79,9 +99,10 @@ impl UserMessage {
         Self { help: Some(help.into()), ..self }
     }
 
-    /// The failure, in one line.
-    pub(super) fn what(&self) -> &str {
-        &self.what
+    /// The scene and the step, or nothing, and the failure in one line.
+    pub(super) fn step_and_what(&self) -> (&str, &str, &str) {
+        let [scene, step] = [&self.scene, &self.step].map(|part| part.as_deref().unwrap_or_default());
+        (scene, step, &self.what)
     }
 
     /// The lines for people.
@@ -145,7 +166,7 @@ mod tests {
 
     fn whole() -> UserMessage {
         let at = RecipePosition { file: "recipes/a.yaml".into(), line: 5, column: 22 };
-        UserMessage::new(MessageLevel::Error, "input-missing", "a/b: the source is not there")
+        UserMessage::error("input-missing", "a/b: the source is not there")
             .step("a/b", "capture")
             .path(Path::new("data/b"))
             .named_at(Some(at))
@@ -158,7 +179,7 @@ mod tests {
         let wanted = "error: a/b: the source is not there\n data/b, named at recipes/a.yaml:5:22\n \
                       because open data/b: no such file\nhelp: a path is relative to the recipe's folder";
         assert_eq!(whole().to_lines().join("\n"), wanted);
-        assert_eq!(UserMessage::new(MessageLevel::Waiting, "locked", "x").to_lines(), ["waiting: x"]);
+        assert_eq!(UserMessage::waiting("locked", "x").to_lines(), ["waiting: x"]);
     }
 
     #[test]
@@ -176,7 +197,7 @@ mod tests {
         ];
         assert_eq!(fields.map(|field| value[field].as_str()), wanted.map(Some));
         assert_eq!([&value["line"], &value["column"]], [&json!(5), &json!(22)]);
-        let bare = UserMessage::new(MessageLevel::Warning, "x", "y").to_json();
+        let bare = UserMessage::warning("x", "y").to_json();
         assert!(
             ["scene", "step", "path", "line", "column", "help"].iter().all(|field| bare[field].is_null())
         );

@@ -4,21 +4,26 @@
 //! A link is followed, and the file that it leads to is replaced. A replaced file keeps its mode. A
 //! file without write permission is refused, as is anything but a regular file. `-` is stdout.
 
-use super::problem::VerbError;
-use gs2e_files as files;
+use super::VerbError;
 use gs2e_files::rename::{PartialFile, link_target, parent_folder};
+use gs2e_files::{self as files, write_by_rename};
 use gs2e_store::space::is_full;
 use std::collections::BTreeSet;
+use std::fmt::Display;
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// The path that means stdout.
 const STDOUT: &str = "-";
 
+/// Writes the content of an output.
+type OutputFill<'a> = &'a dyn Fn(&mut dyn Write) -> io::Result<()>;
+
 /// A file or stdout, with the function that writes its content.
 pub(super) struct OutputFile<'a> {
     pub(super) path: &'a Path,
-    pub(super) fill: &'a dyn Fn(&mut dyn Write) -> io::Result<()>,
+    pub(super) fill: OutputFill<'a>,
 }
 
 /// Returns true if a path means stdout.
@@ -82,6 +87,20 @@ fn resolved(path: &Path) -> PathBuf {
     joined.unwrap_or(whole)
 }
 
+/// Writes one output as [`write_outputs`] does.
+pub(super) fn write_output(
+    path: &Path,
+    fill: impl Fn(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), VerbError> {
+    write_outputs(&[OutputFile { path, fill: &fill }])
+}
+
+/// Writes the outputs that have a path, as [`write_outputs`] does.
+pub(super) fn write_given(outputs: &[(Option<&Path>, OutputFill<'_>)]) -> Result<(), VerbError> {
+    let given = outputs.iter().filter_map(|(path, fill)| Some(OutputFile { path: (*path)?, fill: *fill }));
+    write_outputs(&given.collect::<Vec<_>>())
+}
+
 /// Writes all outputs. Each file is written under a temporary name in its folder, and gets its own
 /// name when the last one is complete.
 pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError> {
@@ -110,7 +129,17 @@ pub(super) fn unwritable_file(path: &Path, error: io::Error) -> VerbError {
     VerbError::failed(code, format!("failed to write {}: {error}", path.display()))
 }
 
-fn print_to(fill: &dyn Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+/// Writes a file whole or not at all.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    write_by_rename(path, |part| File::create_new(part)?.write_all(bytes))
+}
+
+/// The error for a file in a format that cannot hold its content, or that was not written.
+pub(super) fn not_written(path: &Path, error: impl Display) -> VerbError {
+    VerbError::failed("not-written", format!("{}: {error}", path.display()))
+}
+
+fn print_to(fill: OutputFill<'_>) -> io::Result<()> {
     let mut out = BufWriter::new(io::stdout().lock());
     fill(&mut out)?;
     out.flush()

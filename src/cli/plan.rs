@@ -1,10 +1,7 @@
 //! `gs2e plan`: shows the steps that `build` would run, may run and keep, each with its reason.
 
 use super::build::{option_tag, store_options};
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, RecipeTargets};
+use super::{CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, path};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::{StepAction, StepAssessment, StepReason, assess_plan};
 use gs2e_build::plan::edits::{edits_of_step, edits_since};
@@ -66,12 +63,8 @@ impl PlanArgs {
         let opening = StoreOptions { verify: self.verify, ..store_options(common, StoreAccess::Read) };
         let store = Store::open(&common.store, opening, &mut |_| {})?;
         let chosen = common.renderers()?;
-        let surveyed = survey_recipes(
-            &self.targets.recipes,
-            &chosen.knowing(&store),
-            &store,
-            &option_tag(&chosen, None),
-        );
+        let (renderers, tag) = (chosen.knowing(&store), option_tag(&chosen, None));
+        let surveyed = survey_recipes(&self.targets.recipes, &renderers, &store, &tag);
         let PlanSurvey { settled, plan, taken_down } = surveyed?;
         let assessed = assess_plan(&plan, &store)?;
         super::build::refuse_lens(&plan)?;
@@ -83,12 +76,13 @@ impl PlanArgs {
         let forecast = PlanForecast::of_plan(&plan, &assessed, &store);
         size_warning(&forecast).iter().for_each(|warning| tell_warning(warning, console));
         if self.estimate {
-            estimate_run(&plan, &assessed, &store, common, &forecast, console)?;
+            let estimate = EstimateTotal::of_plan(&plan, &assessed, &store, common.cores())?;
+            estimate.tell(&forecast, console);
             return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store)?;
         if console.json {
-            console.large_result(&rows);
+            console.result(&rows);
         } else {
             show_rows(&rows, console);
             forecast_words(&forecast).iter().for_each(|line| console.say(line));
@@ -110,7 +104,7 @@ pub(super) fn refuse_no_scene(plan: &Plan) -> Result<(), VerbError> {
 pub(super) fn tell_warning(warning: &PlanWarning, console: &Console) {
     let PlanWarning { scene, code, what, help } = warning;
     let what = scene.as_ref().map_or_else(|| what.clone(), |scene| format!("{scene}: {what}"));
-    console.for_people().tell(&UserMessage::new(MessageLevel::Warning, code, what).help(help));
+    console.for_people().tell(&UserMessage::warning(code, what).help(help));
 }
 
 /// All steps, sorted by scene.
@@ -135,9 +129,8 @@ fn plan_rows<'a>(
     let mut has_frames = Vec::new();
     for (name, a) in kept_names(plan, assessed, store).into_iter().zip(assessed) {
         let name = name.filter(|_| a.action != StepAction::Keep);
-        has_frames.push(
-            name.map(|name| store.frames_of(&name)).transpose()?.is_some_and(|files| !files.is_empty()),
-        );
+        let frames = name.map(|name| store.frames_of(&name)).transpose()?;
+        has_frames.push(frames.is_some_and(|files| !files.is_empty()));
     }
     let edits: Vec<Vec<RecipeEdit>> = plan.scenes().iter().map(|recipe| edits_since(recipe, store)).collect();
     let others = plan.steps().iter().zip(assessed).zip(has_frames).map(|((step, a), kept_frames)| PlanRow {
@@ -196,58 +189,59 @@ struct EstimateTotal {
     bytes: f64,
     /// Memory of the step that needs the most.
     memory: f64,
+    #[serde(skip)]
+    cores: usize,
 }
 
-fn estimate_run(
-    plan: &Plan,
-    assessed: &[StepAssessment],
-    store: &Store,
-    common: &CommonArgs,
-    forecast: &PlanForecast,
-    console: &Console,
-) -> Result<(), VerbError> {
-    let mut sum = EstimateTotal::default();
-    let past = past_costs(plan, store)?;
-    let runs: Vec<bool> = assessed.iter().map(|a| a.action != StepAction::Keep).collect();
-    let bytes = expected_bytes(plan, &past);
-    let steps = past.into_iter().zip(bytes).zip(&runs).zip(sharing_steps(plan, &runs));
-    for (((past, bytes), runs), shares) in steps {
-        if !runs {
-            continue;
+impl EstimateTotal {
+    fn of_plan(
+        plan: &Plan,
+        assessed: &[StepAssessment],
+        store: &Store,
+        cores: usize,
+    ) -> Result<Self, VerbError> {
+        let mut sum = Self { cores, ..Self::default() };
+        let past = past_costs(plan, store)?;
+        let runs: Vec<bool> = assessed.iter().map(|a| a.action != StepAction::Keep).collect();
+        let bytes = expected_bytes(plan, &past);
+        let steps = past.into_iter().zip(bytes).zip(&runs).zip(sharing_steps(plan, &runs));
+        for (((past, bytes), _), shares) in steps.filter(|((_, runs), _)| **runs) {
+            sum.steps += 1;
+            sum.bytes += bytes.unwrap_or(0.0);
+            let Some(past) = past else {
+                sum.unknown += 1;
+                continue;
+            };
+            sum.core_seconds += if shares { past.core_seconds } else { past.alone_core_seconds };
+            sum.memory = sum.memory.max(past.memory);
         }
-        sum.steps += 1;
-        sum.bytes += bytes.unwrap_or(0.0);
-        let Some(past) = past else {
-            sum.unknown += 1;
-            continue;
-        };
-        sum.core_seconds += if shares { past.core_seconds } else { past.alone_core_seconds };
-        sum.memory = sum.memory.max(past.memory);
+        sum.seconds = sum.core_seconds / cores as f64;
+        Ok(sum)
     }
-    let cores = common.cores();
-    sum.seconds = sum.core_seconds / cores as f64;
-    if console.json {
-        let mut estimate = json!(sum);
-        estimate["release"] = json!(forecast);
-        console.result(&estimate);
-        return Ok(());
+
+    fn tell(&self, forecast: &PlanForecast, console: &Console) {
+        if console.json {
+            let mut estimate = json!(self);
+            estimate["release"] = json!(forecast);
+            return console.result(&estimate);
+        }
+        let Self { steps, unknown, core_seconds, seconds, bytes, memory, cores } = self;
+        let outputs = bytes_text(*bytes);
+        if unknown == steps && *steps > 0 {
+            console.print(&format!(
+                "{steps} steps would run, or may: time and memory are unknown, because no step like them ran before"
+            ));
+            console.print(&format!("outputs of known size: {outputs}"));
+            return console.print_lines(&forecast_words(forecast).join("\n"));
+        }
+        console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
+        console
+            .print(&format!("{outputs} of outputs; {:.0} MB of memory for the largest step", memory * 1e-6));
+        if *unknown > 0 {
+            console
+                .print(&format!("{unknown} of them are not counted: no step of their kind has run before"));
+        }
     }
-    let EstimateTotal { steps, unknown, core_seconds, seconds, bytes, memory } = sum;
-    let outputs = bytes_text(bytes);
-    if unknown == steps && steps > 0 {
-        console.print(&format!(
-            "{steps} steps would run, or may: time and memory are unknown, because no step like them ran before"
-        ));
-        console.print(&format!("outputs of known size: {outputs}"));
-        console.print_lines(&forecast_words(forecast).join("\n"));
-        return Ok(());
-    }
-    console.print(&format!("{steps} steps would or may run: about {core_seconds:.1} core seconds, {seconds:.1} s on {cores} cores"));
-    console.print(&format!("{outputs} of outputs; {:.0} MB of memory for the largest step", memory * 1e-6));
-    if unknown > 0 {
-        console.print(&format!("{unknown} of them are not counted: no step of their kind has run before"));
-    }
-    Ok(())
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cast saturates")]
@@ -260,10 +254,8 @@ fn bytes_text(bytes: f64) -> String {
 pub(super) fn edited_words(reason: &StepReason, edits: &[&RecipeEdit]) -> String {
     match reason {
         StepReason::ParamChanged { .. } if !edits.is_empty() => {
-            format!(
-                "the recipe changed: {}",
-                edits.iter().map(|edit| edit_words(edit)).collect::<Vec<_>>().join("; ")
-            )
+            let edits: Vec<String> = edits.iter().map(|edit| edit_words(edit)).collect();
+            format!("the recipe changed: {}", edits.join("; "))
         }
         other => reason_words(other),
     }

@@ -1,39 +1,36 @@
 //! Errors that end a verb early, and the exit code that follows.
 
-use super::message::{MessageLevel, UserMessage};
+use super::UserMessage;
 use gs2e_build::plan::assess::PlanError;
 use gs2e_build::plan::survey::SurveyError;
 use gs2e_build::stage::StageError;
 use gs2e_recipe::RecipeFaults;
 use gs2e_store::StoreError;
+use std::fmt::Display;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// The end of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
 pub enum ExitKind {
     /// Done.
-    Done,
+    Done = 0,
     /// A step failed.
-    Failed,
+    Failed = 1,
     /// The command line or a recipe is wrong, and nothing ran.
-    Usage,
+    Usage = 2,
     /// A check or an audit found a fault.
-    Fault,
+    Fault = 3,
     /// The run was interrupted, and finished steps are kept.
-    Interrupted,
+    Interrupted = 130,
 }
 
 impl ExitKind {
     /// The exit code of the process.
     #[must_use]
     pub fn code(self) -> u8 {
-        match self {
-            Self::Done => 0,
-            Self::Failed => 1,
-            Self::Usage => 2,
-            Self::Fault => 3,
-            Self::Interrupted => 130,
-        }
+        self as u8
     }
 }
 
@@ -60,40 +57,56 @@ enum ProblemText {
 }
 
 impl VerbError {
-    fn new(exit: ExitKind, code: &'static str, what: String) -> Self {
-        Self::from_message(exit, UserMessage::new(MessageLevel::Error, code, what))
-    }
-
     /// Ends a verb with this message.
-    pub(super) fn from_message(exit: ExitKind, message: UserMessage) -> Self {
+    pub(super) fn new(exit: ExitKind, message: UserMessage) -> Self {
         Self { exit, said: ProblemText::Message(Box::new(message)) }
     }
 
     /// The command line or the input is wrong, and nothing ran.
-    pub(super) fn usage(code: &'static str, what: String) -> Self {
-        Self::new(ExitKind::Usage, code, what)
+    pub(super) fn usage(code: &'static str, what: impl Into<String>) -> Self {
+        Self::new(ExitKind::Usage, UserMessage::error(code, what))
     }
 
     /// The command line cannot be parsed. `what` is the error, and `lines` is the longer text for
     /// people.
     pub(super) fn misread(what: String, lines: Vec<String>) -> Self {
-        let message = UserMessage::new(MessageLevel::Error, "usage", what).help("gs2e --help");
+        let message = UserMessage::error("usage", what).help("gs2e --help");
         Self { exit: ExitKind::Usage, said: ProblemText::Misread(Box::new(message), lines) }
     }
 
     /// An operation failed.
-    pub(super) fn failed(code: &'static str, what: String) -> Self {
-        Self::new(ExitKind::Failed, code, what)
+    pub(super) fn failed(code: &'static str, what: impl Into<String>) -> Self {
+        Self::new(ExitKind::Failed, UserMessage::error(code, what))
     }
 
     /// A check found a fault.
-    pub(super) fn fault(code: &'static str, what: String) -> Self {
-        Self::new(ExitKind::Fault, code, what)
+    pub(super) fn fault(code: &'static str, what: impl Into<String>) -> Self {
+        Self::new(ExitKind::Fault, UserMessage::error(code, what))
+    }
+
+    /// The user interrupted the program.
+    pub(super) fn interrupted(what: impl Into<String>) -> Self {
+        Self::new(ExitKind::Interrupted, UserMessage::error("interrupted", what))
     }
 
     /// Adds the remedy.
-    pub(super) fn help(self, help: &str) -> Self {
+    pub(super) fn help(self, help: impl Into<String>) -> Self {
         self.with(|message| message.help(help))
+    }
+
+    /// Adds a cause.
+    pub(super) fn because(self, why: impl Display) -> Self {
+        self.with(|message| message.because(why))
+    }
+
+    /// Adds lines about the error.
+    pub(super) fn details(self, lines: impl IntoIterator<Item = String>) -> Self {
+        self.with(|message| message.details(lines))
+    }
+
+    /// Adds the file that the error is about.
+    pub(super) fn path(self, path: &Path) -> Self {
+        self.with(|message| message.path(path))
     }
 
     /// Adds the step that the error is about.
@@ -193,37 +206,41 @@ impl From<PlanError> for VerbError {
     fn from(error: PlanError) -> Self {
         match error {
             PlanError::Store(error) => error.into(),
-            error => Self::from_message(ExitKind::Usage, unplanned_message(&error)),
+            error => Self::new(ExitKind::Usage, unplanned_message(&error)),
         }
     }
+}
+
+/// The error for a step without outputs in the store.
+pub(super) fn not_built(scene: &str, step: &str) -> VerbError {
+    VerbError::failed("not-built", format!("{scene}/{step} is not built, or no longer up to date"))
+        .step(scene, step)
+        .help("gs2e build")
 }
 
 /// The message about a step that cannot be compared with the store.
 pub(super) fn unplanned_message(error: &PlanError) -> UserMessage {
     match error {
-        PlanError::Missing { scene, step, path, named_at } => UserMessage::new(
-            MessageLevel::Error,
-            "input-missing",
-            format!("{scene}: the source of {step} does not exist"),
-        )
-        .step(scene, step)
-        .path(path)
-        .named_at(named_at.clone())
-        .help("a path is relative to the recipe's folder"),
+        PlanError::Missing { scene, step, path, named_at } => {
+            let what = format!("{scene}: the source of {step} does not exist");
+            let message = UserMessage::error("input-missing", what).step(scene, step).path(path);
+            message.named_at(named_at.clone()).help("a path is relative to the recipe's folder")
+        }
         PlanError::Source { scene, step, cause } => {
             stage_failed("input-unreadable", scene, step, cause).help("fix it and run the same command")
         }
-        PlanError::Store(error) => UserMessage::new(MessageLevel::Error, "store", format!("failed {error}")),
+        PlanError::Store(error) => UserMessage::error("store", format!("failed {error}")),
     }
 }
 
 /// The message about a step with an error in its own work.
 pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &StageError) -> UserMessage {
-    let (doing, why) = match error {
-        StageError::Work { doing, cause } => (doing.clone(), Some(cause.to_string())),
-        StageError::Io { path, source } => (format!("use {}", path.display()), Some(source.to_string())),
-        other => (other.to_string(), None),
+    let failed = |doing: &dyn Display| {
+        UserMessage::error(code, format!("{scene}/{step}: failed to {doing}")).step(scene, step)
     };
-    let message = UserMessage::new(MessageLevel::Error, code, format!("{scene}/{step}: failed to {doing}"));
-    why.into_iter().fold(message.step(scene, step), UserMessage::because)
+    match error {
+        StageError::Work { doing, cause } => failed(doing).because(cause),
+        StageError::Io { path, source } => failed(&format!("use {}", path.display())).because(source),
+        other => failed(other),
+    }
 }

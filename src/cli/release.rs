@@ -1,13 +1,14 @@
 //! `gs2e release`: builds the recipes, checks the results, and writes the tree that people
 //! download.
 
-use super::build::{BuildRequest, TrustOptions, exit_kind, open_store, tell_end};
-use super::console::{Console, path};
+use super::build::{BuildRequest, TrustOptions, exit_kind, lock_claim, open_store, tell_end};
 use super::export::BarProgress;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, FULL, VerbError};
+use super::problem::FULL;
 use super::verdicts::{show_findings, tell_count};
-use super::{CommonArgs, RecipeTargets, check, clock, on_interrupt};
+use super::words::{Word, one_of};
+use super::{
+    CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, check, on_interrupt, path,
+};
 use gs2e_build::plan::Plan;
 use gs2e_build::plan::assess::{StepAction, assess_plan};
 use gs2e_build::run::RunSummary;
@@ -18,13 +19,12 @@ use gs2e_publish::{
     BuiltPlan, GuardedPath, JudgedRelease, LinkMode, ReleaseContext, ReleaseError, ReleaseTarget,
     TargetClaim, WrittenRelease,
 };
-use gs2e_recipe as recipe;
-use gs2e_recipe::{Recipe, ReconstructMethod};
+use gs2e_recipe::{self as recipe, Recipe, ReconstructMethod};
+use gs2e_release::GatherError;
 use gs2e_release::include::{IncludeFailure, IncludeRefusal, foresee_exports};
 use gs2e_release::signature::SigningKey;
-use gs2e_release::{GatherError, HeldBackScene};
 use gs2e_store::space::is_full;
-use gs2e_store::{LockClaim, ReleaseRoot, Store};
+use gs2e_store::{ReleaseRoot, Store};
 use serde_json::json;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -48,8 +48,8 @@ pub(super) struct ReleaseArgs {
     #[arg(long)]
     replace: bool,
     /// Transfer of file contents from the store to the release
-    #[arg(long, value_enum, value_name = "HOW", default_value_t = LinkArg::Reflink)]
-    link: LinkArg,
+    #[arg(long, value_parser = one_of(&LINKS), value_name = "HOW", default_value = "reflink")]
+    link: LinkMode,
     /// Alias of `--link copy`.
     #[arg(long, hide = true, conflicts_with = "link")]
     copy: bool,
@@ -63,13 +63,14 @@ pub(super) struct ReleaseArgs {
     care: TrustOptions,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum LinkArg {
-    /// Share blocks until one side is changed, if the file system can; else copy
-    Reflink,
-    /// Copy every byte
-    Copy,
-}
+const LINKS: [Word<LinkMode>; 2] = [
+    (
+        "reflink",
+        "Share blocks until one side is changed, if the file system can; else copy",
+        LinkMode::Reflink,
+    ),
+    ("copy", "Copy every byte", LinkMode::Copy),
+];
 
 impl ReleaseArgs {
     pub(super) fn run(mut self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
@@ -111,20 +112,9 @@ impl ReleaseArgs {
         let progress = BarProgress::new(console, Arc::clone(cancel));
         let exporter = &IncludedExporter { progress: &progress };
         let ready = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
-        let judged = JudgedRelease::new(ready, cancel).map_err(|error| release_problem(error, console))?;
-        let mut findings: Vec<Finding> = judged.findings().cloned().collect();
-        let faults = show_findings(&findings, console);
-        if self.care.strict && faults > 0 {
-            let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
-            return Err(VerbError::fault("check-warned", message));
-        }
-        let written = judged.write(&mut target, self.linking(), cancel);
+        let written = self.write(ready, &mut target, cancel, console);
         progress.finish();
-        store.flush()?;
-        let written = written.inspect_err(|_| tell_count(&findings, console));
-        let written = written.map_err(|error| release_problem(error, console))?;
-        findings.extend(written.agreement.iter().cloned());
-        tell_count(&findings, console);
+        let written = written?;
         // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary, &written))?;
         self.tell(&written, &mut target, console);
@@ -132,6 +122,30 @@ impl ReleaseArgs {
             self.sign(&key, console)?;
         }
         Ok(if built == ExitKind::Done && !written.held_back.is_empty() { ExitKind::Fault } else { built })
+    }
+
+    /// Writes the scenes that passed their checks.
+    fn write(
+        &self,
+        built: BuiltPlan<'_>,
+        target: &mut ReleaseTarget,
+        cancel: &AtomicBool,
+        console: &Console,
+    ) -> Result<WrittenRelease, VerbError> {
+        let store = built.store;
+        let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
+        let mut findings: Vec<Finding> = judged.findings().cloned().collect();
+        let faults = show_findings(&findings, console);
+        if self.care.strict && faults > 0 {
+            let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
+            return Err(VerbError::fault("check-warned", message));
+        }
+        let link = if self.copy { LinkMode::Copy } else { self.link };
+        let written = judged.write(target, link, cancel);
+        store.flush()?;
+        findings.extend(written.iter().flat_map(|written| written.agreement.iter().cloned()));
+        tell_count(&findings, console);
+        written.map_err(|error| release_problem(error, console))
     }
 
     fn sign(&self, key: &SigningKey, console: &Console) -> Result<(), VerbError> {
@@ -145,14 +159,6 @@ impl ReleaseArgs {
         Ok(())
     }
 
-    fn linking(&self) -> LinkMode {
-        match self.link {
-            _ if self.copy => LinkMode::Copy,
-            LinkArg::Reflink => LinkMode::Reflink,
-            LinkArg::Copy => LinkMode::Copy,
-        }
-    }
-
     /// Claims the target, and waits while another process writes there.
     fn claim(
         &self,
@@ -161,12 +167,11 @@ impl ReleaseArgs {
         cancel: &AtomicBool,
         console: &Console,
     ) -> Result<ReleaseTarget, VerbError> {
-        let claim =
-            LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
-        let claim = TargetClaim { replace: self.replace, guarded, claim, wait: !common.no_wait, cancel };
+        let (claim, wait) = (lock_claim(common), !common.no_wait);
+        let claim = TargetClaim { replace: self.replace, guarded, claim, wait, cancel };
         let target = ReleaseTarget::claim(&self.to, claim, &mut |holder| {
             let what = format!("{} is in use by {holder}", self.to.display());
-            console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));
+            console.tell(&UserMessage::waiting("locked", what));
         });
         let mut target = target.map_err(|error| release_problem(error, console))?;
         tell_notes(&mut target, console);
@@ -202,7 +207,10 @@ impl ReleaseArgs {
         for warning in &written.warnings {
             console.say(&format!("warning: {warning}"));
         }
-        written.held_back.iter().for_each(|scene| tell_held_back(scene, console));
+        for scene in &written.held_back {
+            let message = UserMessage::error("held-back", format!("{} is held back", scene.id));
+            console.tell(&scene.reasons().into_iter().fold(message, UserMessage::because));
+        }
         let (to, mb) = (self.to.display(), written.bytes as f64 * 1e-6);
         let WrittenRelease { scenes, files, .. } = written;
         console.say(&if written.stood {
@@ -210,20 +218,11 @@ impl ReleaseArgs {
         } else {
             format!("released {scenes} scene(s) to {to}: {files} files, {mb:.1} MB")
         });
-        if console.json {
-            console.result(&json!({
-                "release": path(&self.to), "files": written.files, "bytes": written.bytes, "written": !written.stood,
-                "held_back": written.held_back.iter().map(|scene| &scene.id).collect::<Vec<_>>(),
-            }));
-        }
+        console.result(&json!({
+            "release": path(&self.to), "files": written.files, "bytes": written.bytes, "written": !written.stood,
+            "held_back": written.held_back.iter().map(|scene| &scene.id).collect::<Vec<_>>(),
+        }));
     }
-}
-
-/// Names a scene that a partial release lacks, and the reasons.
-fn tell_held_back(scene: &HeldBackScene, console: &Console) {
-    let message = UserMessage::new(MessageLevel::Error, "held-back", format!("{} is held back", scene.id));
-    let message = scene.reasons().into_iter().fold(message, UserMessage::because);
-    console.tell(&message);
 }
 
 /// Reads a secret key, and asks for its password on the terminal if it has one.
@@ -276,39 +275,28 @@ fn root(target: &ReleaseTarget, summary: &RunSummary, written: &WrittenRelease) 
 
 fn tell_notes(target: &mut ReleaseTarget, console: &Console) {
     for note in target.take_notes() {
-        console.tell(&UserMessage::new(MessageLevel::Warning, "kept", note));
+        console.tell(&UserMessage::warning("kept", note));
     }
 }
 
 fn refuse_stale(plan: &Plan, store: &Store) -> Result<(), VerbError> {
     let assessed = assess_plan(plan, store)?;
-    let stale: Vec<String> = plan
-        .steps()
-        .iter()
-        .zip(&assessed)
-        .filter(|(_, a)| a.action != StepAction::Keep)
-        .map(|(step, _)| format!("{}/{}", plan.scene_of(step), step.name))
-        .collect();
-    match stale.first() {
-        None => Ok(()),
-        Some(first) => {
-            let message = format!("{} steps are not up to date, the first is {first}", stale.len());
-            Err(VerbError::failed("stale", message).help("run gs2e build, or leave out --no-build"))
-        }
-    }
+    let mut stale = plan.steps().iter().zip(&assessed).filter(|(_, a)| a.action != StepAction::Keep);
+    let Some((first, _)) = stale.next() else { return Ok(()) };
+    let (count, scene, step) = (stale.count() + 1, plan.scene_of(first), &first.name);
+    let message = format!("{count} steps are not up to date, the first is {scene}/{step}");
+    Err(VerbError::failed("stale", message).help("run gs2e build, or leave out --no-build"))
 }
 
 /// The ways out after failed checks; `sound` is the number of scenes without one.
 fn check_help(failed: &[Finding], sound: usize) -> String {
     let checks: BTreeSet<&str> = failed.iter().map(|finding| finding.check.as_str()).collect();
-    let waivers: Vec<String> = checks
-        .into_iter()
-        .filter(|check| is_waivable(check))
-        .map(|check| format!("{{ check: {check}, because: \"{REASON}\" }}"))
-        .collect();
+    let waiver = |check: &str| format!("{{ check: {check}, because: \"{REASON}\" }}");
+    let waivers: Vec<String> = checks.into_iter().filter(|check| is_waivable(check)).map(waiver).collect();
     let mut ways = vec!["fix the cause that each finding names".to_owned()];
     if sound > 0 {
-        ways.push(format!("or release the other {} with --partial", counted_noun(sound, "scene")));
+        let scenes = if sound == 1 { "scene".to_owned() } else { format!("{sound} scenes") };
+        ways.push(format!("or release the other {scenes} with --partial"));
     }
     if !waivers.is_empty() {
         ways.push(format!("or accept it in the recipe: checks: {{ waive: [{}] }}", waivers.join(", ")));
@@ -316,27 +304,17 @@ fn check_help(failed: &[Finding], sound: usize) -> String {
     ways.join("; ")
 }
 
-fn counted_noun(count: usize, noun: &str) -> String {
-    if count == 1 { noun.to_owned() } else { format!("{count} {noun}s") }
-}
-
 /// An export of `release.yaml` that cannot be made.
 fn include_problem(refusal: IncludeRefusal) -> VerbError {
     let said = format!("{refusal}; nothing was released");
-    let (exit, code) = match refusal.kind {
-        IncludeFailure::Refused => (ExitKind::Usage, "unmet"),
-        IncludeFailure::Failed | IncludeFailure::Unwritten => (ExitKind::Failed, "not-written"),
-        IncludeFailure::Interrupted => (ExitKind::Interrupted, "interrupted"),
+    let problem = match refusal.kind {
+        IncludeFailure::Refused => {
+            VerbError::usage("unmet", said).help("change `include:` in release.yaml, or the recipe")
+        }
+        IncludeFailure::Failed | IncludeFailure::Unwritten => VerbError::failed("not-written", said),
+        IncludeFailure::Interrupted => VerbError::interrupted(said),
     };
-    let message = UserMessage::new(MessageLevel::Error, code, said);
-    let message = refusal.details.into_iter().fold(message, UserMessage::detail);
-    VerbError::from_message(
-        exit,
-        match refusal.kind {
-            IncludeFailure::Refused => message.help("change `include:` in release.yaml, or the recipe"),
-            IncludeFailure::Failed | IncludeFailure::Unwritten | IncludeFailure::Interrupted => message,
-        },
-    )
+    problem.details(refusal.details)
 }
 
 fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
@@ -344,10 +322,8 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
     match error {
         ReleaseError::Checks { failed, sound } => {
             // People have seen these findings at the end of the build.
-            if console.json {
-                check::records(&failed, console);
-            }
-            VerbError::fault("check-failed", format!("not released: {message}")).help(&check_help(&failed, sound))
+            check::records(&failed, console);
+            VerbError::fault("check-failed", format!("not released: {message}")).help(check_help(&failed, sound))
         }
         ReleaseError::Foreign { .. } => {
             VerbError::usage("foreign-folder", message).help(
@@ -360,9 +336,7 @@ fn release_problem(error: ReleaseError, console: &Console) -> VerbError {
             .help("every scene is on the takedown list; an existing release is left unchanged and may still contain them"),
         ReleaseError::Gather(GatherError::NotBuilt { .. }) => VerbError::failed("not-built", message),
         ReleaseError::Include(refusal) => include_problem(refusal),
-        ReleaseError::Interrupted => {
-            VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", message))
-        }
+        ReleaseError::Interrupted => VerbError::interrupted(message),
         ReleaseError::Recheck(_) => VerbError::failed("unreadable", message),
         ReleaseError::Store(error) => error.into(),
         _ if is_full(&error) => VerbError::failed("disk-full", format!("no space: {message}")).help(FULL),

@@ -4,13 +4,9 @@ mod account;
 mod numbers;
 mod picture;
 
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::output::{self, OutputFile};
-use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs, input};
+use super::words::{RENDERED, Word, one_of};
+use super::{BackendArg, CommonArgs, Console, ExitKind, VerbError, input, output, path};
 use account::RenderAccount;
-use clap::ValueEnum;
 use gs2e_files::is_there;
 use gs2e_gpu as gpu;
 use gs2e_render::backend::Backend;
@@ -18,19 +14,16 @@ use gs2e_render::{
     AntialiasMode, LayerOrder, RenderChoice, RenderError, RenderRules, RenderStyle, RenderWork,
     RenderedImages,
 };
-use gs2e_scene as scene;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::lens::Distortion;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_scene::dynamic::file::read_dynamic;
 use gs2e_scene::dynamic::{SceneSpan, SceneTime};
-use gs2e_source as source;
-use gs2e_source::view;
+use gs2e_scene::{self as scene, Gaussians};
+use gs2e_source::{self as source, view};
 use numbers::ColourArg;
 use picture::{ChannelArg, ChannelImage, PictureFormat};
 use serde_json::json;
-use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -62,11 +55,11 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "K", default_value_t = 0)]
     index: usize,
     /// Conventions for extents, culling and stops
-    #[arg(long, value_enum, default_value_t = RulesArg::Official)]
-    rules: RulesArg,
+    #[arg(long, value_parser = one_of(&RENDERED), default_value = "official")]
+    rules: RenderRules,
     /// Order of layers of nearly the same depth; blended needs --rules soft
-    #[arg(long, value_enum, default_value_t = LayerOrderArg::Depth)]
-    order: LayerOrderArg,
+    #[arg(long, value_parser = one_of(&ORDERS), default_value = "depth")]
+    order: LayerOrder,
     /// Compensate opacity for the screen-space dilation [default: as the scene file says, else off]
     #[arg(long)]
     antialiased: bool,
@@ -90,46 +83,30 @@ pub(super) struct RenderArgs {
     out: PathBuf,
 }
 
-/// The rule sets of published renderers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum RulesArg {
-    /// Published CUDA rasteriser: 3-sigma extents, rounded out to tiles
-    Official,
-    /// Every pixel where a layer's opacity reaches 1/255
-    Exact,
-    /// Conventions of gsplat
-    Gsplat,
-    /// Like exact, but layers fade in: opacity is a continuous function of the view
-    Soft,
-}
-
 /// The orders of layers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum LayerOrderArg {
-    /// By the depth of the means
-    Depth,
-    /// Blended: each layer covers the other in part
-    Blended,
+const ORDERS: [Word<LayerOrder>; 2] = [
+    ("depth", "By the depth of the means", LayerOrder::Depth),
+    ("blended", "Blended: each layer covers the other in part", LayerOrder::Blended),
+];
+
+/// What is rendered, and how.
+struct SceneShot {
+    scene: Arc<Gaussians>,
+    style: RenderStyle,
+    view: CameraView,
 }
 
-impl From<RulesArg> for RenderRules {
-    fn from(conventions: RulesArg) -> Self {
-        match conventions {
-            RulesArg::Official => Self::Official,
-            RulesArg::Exact => Self::Exact,
-            RulesArg::Gsplat => Self::Gsplat,
-            RulesArg::Soft => Self::Soft,
-        }
-    }
+/// The images of a shot, the class of the back end, and its work.
+struct RenderedShot {
+    backend: String,
+    work: RenderWork,
+    images: RenderedImages,
 }
 
 impl RenderArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        output::screen_outputs(
-            [self.out.as_path()],
-            [self.scene.as_path(), self.view.as_path()],
-            console.json,
-        )?;
+        let inputs = [self.scene.as_path(), self.view.as_path()];
+        output::screen_outputs([self.out.as_path()], inputs, console.json)?;
         // Options are checked before the scene is read, which may take long.
         let format = PictureFormat::for_path(&self.out, self.channel)?;
         let (velocity, mut warnings) = self.motion()?;
@@ -146,40 +123,23 @@ impl RenderArgs {
         let camera = Camera { lens: self.lens, ..chosen.camera };
         let still = CameraView::at_rest(camera, chosen.world_from_camera);
         let view = CameraView { velocity, ..still };
-        let mut rendered = RenderedImages::default();
-        let scene = Arc::new(gaussians);
-        let (backend, work) = self.rendered(common, &scene, (style, &view), &mut rendered, console)?;
+        let shot = SceneShot { scene: Arc::new(gaussians), style, view };
+        let RenderedShot { backend, work, images } = self.rendered(common, &shot, console)?;
         let rendering = started.elapsed();
 
-        let picture = ChannelImage::from_rendered(self.channel, rendered).expect("the channel was asked for");
-        let fill = |out: &mut dyn io::Write| picture.write(format, out);
-        output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
-        let account = RenderAccount {
-            channel: self.channel.name(),
-            backend,
-            view: chosen.name,
-            size: chosen.camera.size,
-            work,
-            screening,
-            reading,
-            rendering,
-            warnings,
-        };
-        self.tell(&account, style, console);
-        Ok(ExitKind::Done)
-    }
-
-    fn tell(&self, account: &RenderAccount, style: RenderStyle, console: &Console) {
+        let picture = ChannelImage::from_rendered(self.channel, images).expect("the channel was asked for");
+        output::write_output(&self.out, |out| picture.write(format, out))?;
+        let (channel, view, size) = (self.channel.name(), chosen.name, chosen.camera.size);
+        let account =
+            RenderAccount { channel, backend, view, size, work, screening, reading, rendering, warnings };
         account.tell(console);
-        if console.json {
-            let mut value = account.to_json();
-            value["file"] = json!(path(&self.out));
-            value["style"] = json!(style);
-            if let Some(lens) = self.lens {
-                value["lens"] = json!(lens.to_string());
-            }
-            console.result(&value);
+        let mut value = account.to_json();
+        (value["file"], value["style"]) = (json!(path(&self.out)), json!(style));
+        if let Some(lens) = self.lens {
+            value["lens"] = json!(lens.to_string());
         }
+        console.result(&value);
+        Ok(ExitKind::Done)
     }
 
     /// The velocity of the camera, and warnings about it.
@@ -188,11 +148,10 @@ impl RenderArgs {
     /// The channel needs a velocity, and none is given.
     fn motion(&self) -> Result<(CameraVelocity, Vec<String>), VerbError> {
         let name = self.channel.name();
+        let help = "pass --velocity vx,vy,vz,wx,wy,wz in camera axes; 0,0,0,0,0,0 is a camera at rest";
         match self.velocity {
             None if self.channel.moves() => {
                 let what = format!("{name} needs the velocity of the camera");
-                let help =
-                    "pass --velocity vx,vy,vz,wx,wy,wz in camera axes; 0,0,0,0,0,0 is a camera at rest";
                 Err(VerbError::usage("velocity-missing", what).help(help))
             }
             Some(_) if !self.channel.moves() => {
@@ -210,8 +169,8 @@ impl RenderArgs {
         let chosen = view::choose_view(capture, warnings, self.index).ok_or_else(|| {
             let views = if count == 1 { "1 view".to_owned() } else { format!("{count} views") };
             let what = format!("{} has {views}, but none with index {}", self.view.display(), self.index);
-            VerbError::usage("no-view", what)
-                .help(&format!("pass --index from 0 to {}", count.saturating_sub(1)))
+            let help = format!("pass --index from 0 to {}", count.saturating_sub(1));
+            VerbError::usage("no-view", what).help(help)
         })?;
         // Refused before the scene is read: a wrong size in a camera file could ask for any amount
         // of memory.
@@ -245,31 +204,24 @@ impl RenderArgs {
 
     fn style(&self, gaussians: &Gaussians) -> RenderStyle {
         let antialiased = if self.antialiased { AntialiasMode::On } else { AntialiasMode::Auto };
-        let order = match self.order {
-            LayerOrderArg::Depth => LayerOrder::Depth,
-            LayerOrderArg::Blended => LayerOrder::Blended,
-        };
-        let (rules, background) = (self.rules.into(), self.background.0);
+        let Self { rules, order, background: ColourArg(background), .. } = *self;
         RenderChoice { rules, order, antialiased, background, near: None }.resolve(gaussians.antialiased)
     }
-}
 
-impl RenderArgs {
-    /// Renders with the requested back end. Returns its class and the work that it did.
+    /// Renders with the requested back end.
     fn rendered(
         &self,
         common: &CommonArgs,
-        scene: &Arc<Gaussians>,
-        (style, view): (RenderStyle, &CameraView),
-        out: &mut RenderedImages,
+        shot: &SceneShot,
         console: &Console,
-    ) -> Result<(String, RenderWork), VerbError> {
-        let want = self.channel.wanted();
-        let mut by = |backend: &Backend| {
-            let mut renderer = backend.renderer(scene.clone(), style)?;
+    ) -> Result<RenderedShot, VerbError> {
+        let SceneShot { scene, style, view } = shot;
+        let by = |backend: &Backend| {
+            let mut images = RenderedImages::default();
+            let mut renderer = backend.renderer(scene.clone(), *style)?;
             renderer.omit(common.omit());
-            let work = renderer.render(view, want, out)?;
-            Ok::<_, RenderError>((backend.class(), work))
+            let work = renderer.render(view, self.channel.wanted(), &mut images)?;
+            Ok::<_, RenderError>(RenderedShot { backend: backend.class(), work, images })
         };
         if common.backend != BackendArg::Auto {
             return by(&common.backend()?).map_err(render_failed);
@@ -292,8 +244,6 @@ impl RenderArgs {
 
 #[expect(clippy::needless_pass_by_value, reason = "it is what is handled here")]
 fn render_failed(error: RenderError) -> VerbError {
-    let message =
-        UserMessage::new(MessageLevel::Error, "step-failed", "failed to render").because(error.to_string());
-    let problem = VerbError::from_message(ExitKind::Failed, message);
+    let problem = VerbError::failed("step-failed", "failed to render").because(&error);
     if let RenderError::Gpu(because) = &error { problem.help(because.help()) } else { problem }
 }

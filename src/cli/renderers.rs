@@ -1,6 +1,6 @@
 //! The back ends of a command as users hear of them. The policy is [`gs2e_build::run::backends`].
 
-use super::console::Console;
+use super::Console;
 use gs2e_build::run::backends::RendererChoice;
 
 /// Reports a GPU that is needed and cannot be used.

@@ -1,6 +1,6 @@
 //! The properties of a sensor by itself, printed before it runs.
 
-use super::console::Console;
+use super::Console;
 use gs2e_sensor::SensorSet;
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_sensor::screening::{ConstantLightNoise, SensorScreening};

@@ -8,21 +8,18 @@ mod warnings;
 pub(super) use sensor::sensor_from;
 pub(super) use sequence::{FrameInputs, StampedFrames, full_scale, open_stack, parse_rate};
 
-use super::CommonArgs;
-use super::console::Console;
-use super::convert::events::RawCodec;
-use super::message::{MessageLevel, UserMessage};
+use super::convert::events::{EventOutputOptions, WRITTEN};
 use super::output::{self, unwritable_file};
-use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, Console, ExitKind, VerbError, input};
 use account::SimulateReport;
 use gs2e_event::file::{EventFile, EventFormat};
-use gs2e_event::{Event, EventFileError, EventSink, h5};
+use gs2e_event::{EventFileError, EventSink};
 use gs2e_files::{is_there, write_by_rename};
 use gs2e_num::seed::Seed;
 use gs2e_num::units::Hertz;
+use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::frames::array::FullScale;
 use gs2e_sensor::frames::motion::FrameMotion;
-use gs2e_sensor::frames::{DenseFrame, FrameError};
 use gs2e_sensor::front_end::{ChannelDecode, GreyRange, LuminanceWeights};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind};
 use gs2e_sensor::{
@@ -111,13 +108,8 @@ pub(super) struct SimulateArgs {
     /// File for the events: .h5, .npz, .raw, .aedat4, .txt or .csv
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Codec of a .raw
-    #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
-    codec: RawCodec,
-    /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for
-    /// zstd and lz4
-    #[arg(long, value_name = "FILTER", default_value_t)]
-    h5_filter: h5::ChunkFilter,
+    #[command(flatten)]
+    output: EventOutputOptions,
 }
 
 /// A value by its name in recipes.
@@ -125,26 +117,10 @@ fn parse_word<T: DeserializeOwned>(text: &str) -> Result<T, String> {
     T::deserialize(StrDeserializer::<WordError>::new(text)).map_err(|e| e.to_string())
 }
 
-/// The frames that the user names.
-enum SimulateInput<'a> {
-    Frames(&'a Path),
-    Video(&'a Path),
-}
-
 impl SimulateArgs {
-    fn input(&self) -> SimulateInput<'_> {
-        match (&self.frames, &self.video) {
-            (_, Some(video)) => SimulateInput::Video(video),
-            (Some(frames), None) => SimulateInput::Frames(frames),
-            (None, None) => unreachable!("the parser requires one of them"),
-        }
-    }
-
     /// Path of the frames or of the video.
     fn input_path(&self) -> &Path {
-        match self.input() {
-            SimulateInput::Frames(path) | SimulateInput::Video(path) => path,
-        }
+        self.video.as_ref().or(self.frames.as_ref()).expect("the parser requires one of them")
     }
 
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
@@ -153,17 +129,17 @@ impl SimulateArgs {
         let optional = [self.rates.as_deref(), self.stamps.as_deref(), sensor_file];
         let inputs = optional.into_iter().flatten().chain([self.input_path()]);
         output::screen_outputs([self.out.as_path()], inputs, console.json)?;
-        let format = EventFormat::for_output(&self.out, self.codec.into()).ok_or_else(|| {
+        let format = EventFormat::for_output(&self.out, self.output.codec).ok_or_else(|| {
             let what = format!("{}: not an event format", self.out.display());
-            VerbError::usage("format", what).help(super::convert::events::WRITTEN)
+            VerbError::usage("format", what).help(WRITTEN)
         })?;
         common.limit_cores();
         // Interrupts are caught before a file exists that an interrupt could leave behind.
         let stop = super::on_interrupt()?;
         let (sensor, drawn) = sensor::choose_sensor(&self)?;
-        let mut sequence = match self.input() {
-            SimulateInput::Frames(frames) => StampedFrames::open_inputs(self.inputs(frames))?,
-            SimulateInput::Video(video) => StampedFrames::open_video(video, &common.programs())?,
+        let mut sequence = match &self.video {
+            None => StampedFrames::open_inputs(self.inputs())?,
+            Some(video) => StampedFrames::open_video(video, &common.programs())?,
         };
         // Labels that were asked for must not be dropped silently.
         if sensor.as_model().labels() && !format.keeps_labels() {
@@ -173,20 +149,15 @@ impl SimulateArgs {
         sensor::check_rates(&sensor, self.rates.is_some(), sequence.may_be_coloured)?;
         let screening = sensor.screen(sequence.rate());
         let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{}: {e}", self.sensor)))?;
-        super::screening::show_screening(
-            &format!("sensor {}", self.sensor),
-            &self.sensor,
-            &screening,
-            true,
-            console,
-        );
+        let what = format!("sensor {}", self.sensor);
+        super::screening::show_screening(&what, &self.sensor, &screening, true, console);
         super::screening::tell_front_end(&sensor.as_model().front_end(), console);
         if !drawn.is_empty() {
-            let to_error: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
-            console.say(&format!("drawn with seed {}: {}", self.seed, to_error.join(", ")));
+            let numbers: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
+            console.say(&format!("drawn with seed {}: {}", self.seed, numbers.join(", ")));
         }
         sequence.notices.iter().for_each(|line| console.say(line));
-        let account = self.write(&sensor, &mut sequence, format, (console, &stop))?;
+        let account = self.write(&sensor, &mut sequence, format, &Watch { console, stop: &stop })?;
         if account.events == 0 {
             // A note, so that programs get one object.
             console.say(
@@ -198,9 +169,9 @@ impl SimulateArgs {
         Ok(ExitKind::Done)
     }
 
-    fn inputs<'a>(&'a self, frames: &'a Path) -> FrameInputs<'a> {
+    fn inputs(&self) -> FrameInputs<'_> {
         FrameInputs {
-            frames,
+            frames: self.input_path(),
             rates: self.rates.as_deref(),
             stamps: self.stamps.as_deref(),
             fps: self.fps,
@@ -214,13 +185,13 @@ impl SimulateArgs {
         sensor: &SensorChoice,
         sequence: &mut StampedFrames,
         format: EventFormat,
-        watch: (&Console, &AtomicBool),
+        watch: &Watch<'_>,
     ) -> Result<SimulationAccount, VerbError> {
         let size = sequence.frames.size();
         let stream = SimulatedStream { sensor, size, span_us: sequence.span_us() };
         let mut done = SimulationAccount::default();
         let written = write_by_rename(&self.out, |part| {
-            let mut sink = stream.create_file(part, format, self.h5_filter)?;
+            let mut sink = stream.create_file(part, format, self.output.h5_filter)?;
             done = self.simulate(sensor, sequence, &mut *sink, watch)?;
             EventFile::finish(sink, stream.length_us())?;
             Ok(())
@@ -233,14 +204,11 @@ impl SimulateArgs {
         &self,
         sensor: &SensorChoice,
         sequence: &mut StampedFrames,
-        sink: &mut dyn EventFile,
-        (console, stop): (&Console, &AtomicBool),
+        sink: &mut dyn EventSink,
+        Watch { console, stop }: &Watch<'_>,
     ) -> Result<SimulationAccount, SimulateFailure> {
-        let mut sink = SinkOf(sink);
-        let bar = match console.is_live() {
-            true => ProgressBar::new(sequence.frames.len() as u64),
-            false => ProgressBar::hidden(),
-        };
+        let length = sequence.frames.len() as u64;
+        let bar = if console.is_live() { ProgressBar::new(length) } else { ProgressBar::hidden() };
         let mut motion = FrameMotion::new(sequence.frames.len());
         let mut tap = |frame: &DenseFrame| {
             motion.see(&frame.luminance);
@@ -250,63 +218,48 @@ impl SimulateArgs {
         let model = sensor.as_model();
         let pixels = model.start(sequence.frames.size(), self.origin.0, Seed(self.seed));
         let pixels = pixels.map_err(SimulateError::from)?;
-        let mut channel = [SensorChannel::new(pixels, &mut sink).behind(model.front_end())];
+        let mut channel = [SensorChannel::new(pixels, sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
-        warnings::motion_warnings(&motion, self.input_path(), sequence)
-            .iter()
-            .for_each(|line| console.say(line));
+        let warnings = warnings::motion_warnings(&motion, self.input_path(), sequence);
+        warnings.iter().for_each(|line| console.say(line));
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 
     fn to_error(&self, failure: SimulateFailure) -> VerbError {
-        let failed = |what: &str, code, why: String| {
-            VerbError::from_message(
-                ExitKind::Failed,
-                UserMessage::new(MessageLevel::Error, code, what).because(why),
-            )
+        let error = match failure {
+            SimulateFailure::Write(EventFileError::Io(e)) => return unwritable_file(&self.out, e),
+            SimulateFailure::Write(e) => {
+                return VerbError::failed("not-written", "failed to write the events").because(e);
+            }
+            SimulateFailure::Simulate(error) => error,
         };
-        match failure {
-            SimulateFailure::Write(EventFileError::Io(e)) => unwritable_file(&self.out, e),
-            SimulateFailure::Write(e) => failed("failed to write the events", "not-written", e.to_string()),
-            SimulateFailure::Simulate(SimulateError::Interrupted) => {
-                let what = format!("interrupted: nothing was written to {}", self.out.display());
-                VerbError::from_message(
-                    ExitKind::Interrupted,
-                    UserMessage::new(MessageLevel::Error, "interrupted", what),
-                )
+        match error {
+            SimulateError::Interrupted => {
+                VerbError::interrupted(format!("interrupted: nothing was written to {}", self.out.display()))
             }
-            SimulateFailure::Simulate(SimulateError::Frames(e)) => self.unreadable(&e),
-            SimulateFailure::Simulate(SimulateError::Sensor(SensorError::Sink(e))) => {
-                unwritable_file(&self.out, e)
-            }
-            SimulateFailure::Simulate(SimulateError::Sensor(SensorError::Setup(because))) => {
+            SimulateError::Frames(e) => input::unreadable_file("frames", &e).path(self.input_path()),
+            SimulateError::Sensor(SensorError::Sink(e)) => unwritable_file(&self.out, e),
+            SimulateError::Sensor(SensorError::Setup(because)) => {
                 VerbError::usage("sensor", format!("{}: {because}", self.sensor))
             }
-            SimulateFailure::Simulate(SimulateError::Sensor(e @ SensorError::Cap { .. })) => {
-                failed("failed to simulate the events", "step-failed", e.to_string()).help(
+            SimulateError::Sensor(e) => {
+                let failed = VerbError::failed("step-failed", "failed to simulate the events").because(&e);
+                if !matches!(e, SensorError::Cap { .. }) {
+                    return failed;
+                }
+                failed.help(
                     "raise max_events_per_pixel_frame, or pass --allow-cap to keep the first events and count the others",
                 )
             }
-            SimulateFailure::Simulate(SimulateError::Sensor(e)) => {
-                failed("failed to simulate the events", "step-failed", e.to_string())
-            }
         }
-    }
-
-    fn unreadable(&self, error: &FrameError) -> VerbError {
-        let message = UserMessage::new(MessageLevel::Error, "input-unreadable", "failed to read the frames");
-        VerbError::from_message(ExitKind::Failed, message.path(self.input_path()).because(error.to_string()))
     }
 }
 
-/// An event file as an event sink.
-struct SinkOf<'a>(&'a mut dyn EventFile);
-
-impl EventSink for SinkOf<'_> {
-    fn append(&mut self, events: &[Event]) -> io::Result<()> {
-        self.0.append(events)
-    }
+/// The console, and the flag that an interrupt sets.
+struct Watch<'a> {
+    console: &'a Console,
+    stop: &'a AtomicBool,
 }
 
 /// The reason why there is no file.

@@ -1,16 +1,11 @@
 //! `gs2e status`: the state of each scene that tasks of a batch system build.
 
-use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, failure_message};
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, clock, output};
+use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets};
+use super::{CommonArgs, Console, ExitKind, VerbError, clock, output};
 use gs2e_build::cluster::page::{ShownScene, StatusPage};
 use gs2e_build::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
 use gs2e_build::cluster::slurm::Slurm;
-use gs2e_files::write_by_rename;
 use serde_json::{Value, json};
-use std::fs::File;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -42,29 +37,23 @@ impl StatusArgs {
         let found = self.targets.look(common, ClusterAccess::Look, slurm.as_ref(), console)?;
         let ClusterScenes { plan, progress, states, .. } = &found;
         for ((recipe, progress), state) in plan.scenes().iter().zip(&progress.scenes).zip(states) {
+            let (scene, finished, steps) = (&recipe.scene, progress.finished, progress.steps);
             if console.json {
                 let mut line = to_json(state);
-                line["scene"] = json!(recipe.scene);
-                line["steps"] = json!(progress.steps);
-                line["finished"] = json!(progress.finished);
+                line["scene"] = json!(scene);
+                (line["steps"], line["finished"]) = (json!(steps), json!(finished));
                 console.result(&line);
             } else {
-                let steps = format!("{}/{} steps", progress.finished, progress.steps);
-                console.print(&format!("{}  {}  {steps}", state, recipe.scene));
+                console.print(&format!("{state}  {scene}  {finished}/{steps} steps"));
             }
         }
         if !console.json {
-            let failures = plan.scenes().iter().zip(states).filter_map(|(recipe, state)| match state {
-                SceneState::Failed(failure) => Some(failure_message(&recipe.scene, failure)),
-                _ => None,
-            });
-            failures.for_each(|message| console.show(&message));
+            found.failures().for_each(|message| console.show(&message));
         }
         console.say(&StateCounts::of(states).to_string());
         if let Some(file) = &self.html {
             let page = compose_page(&found, &self.targets.shared_store);
-            write_by_rename(file, |part| File::create_new(part)?.write_all(page.as_bytes()))
-                .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", file.display())))?;
+            output::write_whole(file, page.as_bytes()).map_err(|e| output::not_written(file, e))?;
             console.say(&format!("wrote {}", file.display()));
         }
         Ok(ExitKind::Done)

@@ -2,10 +2,7 @@
 
 mod page;
 
-use super::console::Console;
-use super::output::{self, OutputFile};
-use super::problem::{ExitKind, VerbError};
-use super::{BackendArg, CommonArgs, input};
+use super::{BackendArg, CommonArgs, Console, ExitKind, VerbError, input, output};
 use clap::builder::PossibleValuesParser;
 use gs2e_files::is_there;
 use gs2e_gpu as gpu;
@@ -13,8 +10,8 @@ use gs2e_lab::stress::splat::SplatBench;
 use gs2e_lab::stress::{NotRun, Outcome, StressArea, StressCase, area_cases};
 use gs2e_render::backend::Backend;
 use gs2e_scene as scene;
+use serde::Serialize;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -37,7 +34,8 @@ pub(super) struct StressArgs {
 }
 
 /// The result of a case.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 enum CaseVerdict {
     Pass,
     Fail,
@@ -65,16 +63,15 @@ impl StressArgs {
         let areas = StressArea::ALL.into_iter().filter(|area| self.wants(*area));
         let mut cases: Vec<StressCase<'_>> = areas.flat_map(|area| area_cases(area, &stage)).collect();
         self.keep_named(&mut cases)?;
-        let mut rows = Vec::with_capacity(cases.len());
-        for case in &cases {
+        let run = |case| {
             let row = StressRow::from_case(case);
             row.tell(console);
-            rows.push(row);
-        }
+            row
+        };
+        let rows: Vec<StressRow> = cases.iter().map(run).collect();
         console.say(&summary_line(&rows));
         if let Some(path) = &self.markdown {
-            let fill = |out: &mut dyn Write| page::write_page(&rows, out);
-            output::write_outputs(&[OutputFile { path, fill: &fill }])?;
+            output::write_output(path, |out| page::write_page(&rows, out))?;
         }
         Ok(exit_kind(&rows))
     }
@@ -171,36 +168,27 @@ impl StressRow {
 
     fn to_json(&self) -> Value {
         let Self { id, area, case, backend, regime, unit, seconds, .. } = self;
-        let verdict = match self.verdict() {
-            CaseVerdict::Pass => "pass",
-            CaseVerdict::Fail => "fail",
-            CaseVerdict::NotRun => "not-run",
-        };
         let found = self.outcome.as_ref().ok();
-        let of = |value: fn(&gs2e_lab::stress::CaseResult) -> Value| found.map_or(Value::Null, value);
+        let worst = found.map(|found| found.worst);
         json!({
-            "id": id, "area": area, "case": case, "backend": backend, "regime": regime, "verdict": verdict,
-            "computed": of(|f| json!(f.worst.computed)), "answer": of(|f| json!(f.worst.answer)),
-            "error": of(|f| json!(f.worst.error)), "limit": of(|f| json!(f.worst.limit)), "unit": unit,
-            "at": of(|f| json!(f.at)), "points": of(|f| json!(f.points)),
+            "id": id, "area": area, "case": case, "backend": backend, "regime": regime, "verdict": self.verdict(),
+            "computed": worst.map(|worst| worst.computed), "answer": worst.map(|worst| worst.answer),
+            "error": worst.map(|worst| worst.error), "limit": worst.map(|worst| worst.limit), "unit": unit,
+            "at": found.map(|found| &found.at), "points": found.map(|found| found.points),
             "because": self.outcome.as_ref().err().map(|why| why.0.as_str()), "seconds": seconds,
         })
     }
 }
 
-fn count_verdict(rows: &[StressRow], verdict: CaseVerdict) -> usize {
-    rows.iter().filter(|row| row.verdict() == verdict).count()
-}
-
 fn summary_line(rows: &[StressRow]) -> String {
     let [ok, misses, not_run] = [CaseVerdict::Pass, CaseVerdict::Fail, CaseVerdict::NotRun]
-        .map(|verdict| count_verdict(rows, verdict));
+        .map(|verdict| rows.iter().filter(|row| row.verdict() == verdict).count());
     let seconds: f64 = rows.iter().map(|row| row.seconds).sum();
     format!("{ok} ok, {misses} miss their limit, {not_run} not run; {seconds:.1} s")
 }
 
 fn exit_kind(rows: &[StressRow]) -> ExitKind {
-    if count_verdict(rows, CaseVerdict::Fail) > 0 { ExitKind::Fault } else { ExitKind::Done }
+    if rows.iter().any(|row| row.verdict() == CaseVerdict::Fail) { ExitKind::Fault } else { ExitKind::Done }
 }
 
 #[cfg(test)]

@@ -7,10 +7,7 @@ mod subject;
 mod thresholds;
 mod work_precision;
 
-use super::CommonArgs;
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::{ExitKind, VerbError};
+use super::{CommonArgs, Console, ExitKind, VerbError};
 use gs2e_lab::work_precision::lab::LabError;
 use gs2e_sensor::SimulateError;
 use std::ops::ControlFlow;
@@ -72,8 +69,7 @@ fn end_problem(error: SimulateError) -> VerbError {
 }
 
 fn interrupted_problem() -> VerbError {
-    let what = "interrupted: nothing was written";
-    VerbError::from_message(ExitKind::Interrupted, UserMessage::new(MessageLevel::Error, "interrupted", what))
+    VerbError::interrupted("interrupted: nothing was written")
 }
 
 /// The error for a frame that cannot be rendered.

@@ -3,11 +3,9 @@
 mod arrays;
 mod watch;
 
-use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, absolute, failure_message};
-use super::console::Console;
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, machine, on_interrupt};
-use gs2e_build::cluster::scene_state::{SceneState, StateCounts};
+use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets, absolute};
+use super::{CommonArgs, Console, ExitKind, VerbError, machine, on_interrupt};
+use gs2e_build::cluster::scene_state::StateCounts;
 use gs2e_build::cluster::script::BatchOptions;
 use gs2e_build::cluster::slurm::Slurm;
 use gs2e_files::escape::is_hidden;
@@ -154,18 +152,13 @@ impl SubmitArgs {
             let job = slurm.submit(private_script(&array.script)?.path())?;
             let plan = &array.submission.plan;
             let scenes: usize = plan.tasks.iter().map(Vec::len).sum();
+            let (tasks, cores, memory_mb) = (plan.tasks.len(), plan.cores, plan.memory_mb);
             console.say(&format!(
-                "job {job}: {scenes} scenes in {} tasks, each with {} cores and {} MB",
-                plan.tasks.len(),
-                plan.cores,
-                plan.memory_mb
+                "job {job}: {scenes} scenes in {tasks} tasks, each with {cores} cores and {memory_mb} MB"
             ));
-            if console.json {
-                console.result(&json!({
-                    "job": job, "tasks": plan.tasks.len(), "scenes": scenes, "cores": plan.cores,
-                    "memory_mb": plan.memory_mb,
-                }));
-            }
+            console.result(&json!({
+                "job": job, "tasks": tasks, "scenes": scenes, "cores": cores, "memory_mb": memory_mb,
+            }));
             names.insert(array.submission.name());
         }
         Ok(names)
@@ -173,11 +166,7 @@ impl SubmitArgs {
 
     /// Reports the scenes that are not done, and returns the exit code.
     fn end(&self, found: &ClusterScenes, console: &Console) -> ExitKind {
-        for (recipe, state) in found.plan.scenes().iter().zip(&found.states) {
-            if let SceneState::Failed(failure) = state {
-                console.tell(&failure_message(&recipe.scene, failure));
-            }
-        }
+        found.failures().for_each(|message| console.tell(&message));
         let StateCounts { failed, open, .. } = StateCounts::of(&found.states);
         if failed + open > 0 {
             return ExitKind::Failed;
@@ -191,12 +180,11 @@ impl SubmitArgs {
     fn batch_options(&self) -> Result<BatchOptions, VerbError> {
         let ResourceArgs { account, partition, time, gres, .. } = &self.resources;
         let given = [("account", account), ("partition", partition), ("time", time), ("gres", gres)];
-        let slurm: Vec<_> =
-            given.into_iter().filter_map(|(name, value)| Some((name, value.clone()?))).collect();
+        let given = given.into_iter().filter_map(|(name, value)| Some((name, value.clone()?)));
+        let slurm: Vec<_> = given.collect();
         if let Some((name, value)) = slurm.iter().find(|(_, value)| value.chars().any(is_hidden)) {
-            let what =
-                format!("--{name} `{value}` has a control or invisible character, wanted one line of text");
-            return Err(VerbError::usage("usage", what));
+            let wanted = "has a control or invisible character, wanted one line of text";
+            return Err(VerbError::usage("usage", format!("--{name} `{value}` {wanted}")));
         }
         let absolute = |path: &Option<PathBuf>| path.as_deref().map(absolute).transpose();
         Ok(BatchOptions {

@@ -1,9 +1,8 @@
 //! The recipes that a verb works on, as the user names them.
 
-use super::problem::VerbError;
+use super::VerbError;
 use clap::Args;
-use gs2e_files as files;
-use gs2e_files::escape;
+use gs2e_files::{self as files, escape};
 use gs2e_recipe as recipe;
 use std::path::{Path, PathBuf};
 

@@ -1,27 +1,21 @@
 //! `gs2e train`: trains a scene on the photos of a capture.
 
-use super::console::{Console, path};
-use super::message::{MessageLevel, UserMessage};
-use super::output::{self, OutputFile};
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, input, machine};
-use clap::ValueEnum;
+use super::words::{TRAINED, one_of};
+use super::{CommonArgs, Console, ExitKind, VerbError, input, machine, output, path};
 use gs2e_build::run;
 use gs2e_num::units::format_amount;
 use gs2e_render::RenderRules;
 use gs2e_render::backend::Backend;
 use gs2e_scene::ply::write_ply;
 use gs2e_source::kind::CaptureKind;
-use gs2e_source::{Capture, DiskCapture};
-use gs2e_train as training;
+use gs2e_source::{Capture, DiskCapture, SourceWarning};
 use gs2e_train::{
-    CheckpointFile, TrainedGaussians, TrainingEnd, TrainingError, TrainingGoal, TrainingSettings,
-    TrainingWatch,
+    self as training, CheckpointFile, TrainedGaussians, TrainingEnd, TrainingError, TrainingGoal,
+    TrainingSettings, TrainingWatch,
 };
 use serde_json::json;
-use std::io;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Arguments of `train`.
@@ -55,8 +49,8 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "MINUTES", value_parser = positive)]
     until_minutes: Option<f64>,
     /// Conventions of the renderings that are trained
-    #[arg(long, value_enum, default_value_t = TrainedRule::Soft)]
-    rule: TrainedRule,
+    #[arg(long, value_parser = one_of(&TRAINED), default_value = "soft")]
+    rule: RenderRules,
     /// File that keeps the state: an interrupted training goes on from it
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -65,24 +59,11 @@ pub(super) struct TrainArgs {
     memory: Option<u64>,
 }
 
-/// The rule sets that can be trained.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum TrainedRule {
-    /// Layers fade in: opacity is a continuous function of the view
-    Soft,
-    /// Published CUDA rasteriser: 3-sigma extents, rounded out to tiles
-    Official,
-    /// Every pixel where a layer's opacity reaches 1/255
-    Exact,
-    /// Conventions of gsplat
-    Gsplat,
-}
-
 /// The back end of the training: the CPU unless a GPU is requested.
 fn trained_backend(common: &CommonArgs) -> Result<Backend, VerbError> {
     match common.backend()? {
         Backend::Reference => {
-            let what = "--backend reference has no gradients".to_owned();
+            let what = "--backend reference has no gradients";
             Err(VerbError::usage("backend", what).help("train with --backend cpu or --backend gpu"))
         }
         backend => Ok(backend),
@@ -93,17 +74,6 @@ fn trained_backend(common: &CommonArgs) -> Result<Backend, VerbError> {
 fn positive(text: &str) -> Result<f64, String> {
     let wanted = || format!("`{text}` is not a number above 0");
     text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0).ok_or_else(wanted)
-}
-
-impl From<TrainedRule> for RenderRules {
-    fn from(rule: TrainedRule) -> Self {
-        match rule {
-            TrainedRule::Soft => Self::Soft,
-            TrainedRule::Official => Self::Official,
-            TrainedRule::Exact => Self::Exact,
-            TrainedRule::Gsplat => Self::Gsplat,
-        }
-    }
 }
 
 impl TrainArgs {
@@ -117,15 +87,20 @@ impl TrainArgs {
         let disk = self.disk()?;
         let (capture, warnings) = disk.read().map_err(|e| input::unreadable_file("capture", &e))?;
         // The photos are straightened here, so the warning about their distortion does not apply.
-        let is_ignored = |warning: &gs2e_source::SourceWarning| {
-            !matches!(warning, gs2e_source::SourceWarning::DistortionIgnored { .. })
-        };
-        warnings.iter().filter(|w| is_ignored(w)).for_each(|w| console.say(&format!("warning: {w}")));
+        for warning in warnings.iter().filter(|w| !matches!(w, SourceWarning::DistortionIgnored { .. })) {
+            console.say(&format!("warning: {warning}"));
+        }
         self.refuse_memory(&capture)?;
         let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
-        let trained = self.train(&capture, &files, &backend, (console, &stop))?;
-        let fill = |out: &mut dyn io::Write| write_ply(&trained.scene, out);
-        output::write_outputs(&[OutputFile { path: &self.out, fill: &fill }])?;
+        let watch = TrainingWatch {
+            goes_on: &|| !stop.load(Ordering::Relaxed),
+            news: &mut |news| console.say(&news.to_string()),
+            clock: Some(run::monotonic_seconds),
+            checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
+        };
+        let trained = training::train_capture(&capture, &files, &self.settings(), &backend, watch)
+            .map_err(|e| self.to_error(&e))?;
+        output::write_output(&self.out, |out| write_ply(&trained.scene, out))?;
         self.tell(&trained, began, console);
         Ok(ExitKind::Done)
     }
@@ -157,9 +132,8 @@ impl TrainArgs {
         if needed <= budget {
             return Ok(());
         }
-        let amount = |bytes| format_amount(bytes, "B");
-        let what =
-            format!("the training needs about {} of memory, budget {}", amount(needed), amount(budget));
+        let [needed, budget] = [needed, budget].map(|bytes| format_amount(bytes, "B"));
+        let what = format!("the training needs about {needed} of memory, budget {budget}");
         Err(VerbError::usage("memory", what).help("lower --gaussians or --resolution"))
     }
 
@@ -170,58 +144,32 @@ impl TrainArgs {
             resolution: self.resolution,
             seed: self.seed,
             hold_out: self.hold_out,
-            rules: self.rule.into(),
+            rules: self.rule,
             until: TrainingGoal { psnr: self.until_psnr, minutes: self.until_minutes },
             ..TrainingSettings::default()
         }
     }
 
-    fn train(
-        &self,
-        capture: &Capture,
-        files: &[(String, PathBuf)],
-        backend: &Backend,
-        (console, stop): (&Console, &AtomicBool),
-    ) -> Result<TrainedGaussians, VerbError> {
-        let goes_on = || !stop.load(Ordering::Relaxed);
-        let watch = TrainingWatch {
-            goes_on: &goes_on,
-            news: &mut |news| console.say(&news.to_string()),
-            clock: Some(run::monotonic_seconds),
-            checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
-        };
-        training::train_capture(capture, files, &self.settings(), backend, watch)
-            .map_err(|e| self.to_error(&e))
-    }
-
     fn to_error(&self, error: &TrainingError) -> VerbError {
-        let new = |exit, code, what: &str, because: Option<String>| {
-            let message = UserMessage::new(MessageLevel::Error, code, what);
-            VerbError::from_message(exit, because.into_iter().fold(message, UserMessage::because))
-        };
-        let because = error.to_string();
+        let what = format!("failed to {error}");
         match error {
             TrainingError::Stopped => {
                 let kept = match &self.checkpoint {
                     Some(file) => format!("the same command goes on from {}", file.display()),
                     None => "nothing was written; --checkpoint keeps the state".to_owned(),
                 };
-                new(ExitKind::Interrupted, "interrupted", &format!("interrupted: {kept}"), None)
+                VerbError::interrupted(format!("interrupted: {kept}"))
             }
             TrainingError::FewViews { .. }
             | TrainingError::PointsUnseen { .. }
-            | TrainingError::NoCommonView { .. } => {
-                VerbError::usage("capture", format!("failed to {because}"))
-            }
+            | TrainingError::NoCommonView { .. } => VerbError::usage("capture", what),
             TrainingError::Photo { .. } | TrainingError::Points(_) => {
-                VerbError::failed("input-unreadable", format!("failed to {because}"))
+                VerbError::failed("input-unreadable", what)
             }
-            TrainingError::Settings(_) => VerbError::usage("training", format!("failed to {because}")),
-            TrainingError::Checkpoint { .. } => {
-                VerbError::failed("checkpoint", format!("failed to {because}"))
-            }
+            TrainingError::Settings(_) => VerbError::usage("training", what),
+            TrainingError::Checkpoint { .. } => VerbError::failed("checkpoint", what),
             TrainingError::NotFinite { .. } | TrainingError::Render { .. } => {
-                VerbError::failed("step-failed", format!("failed to {because}"))
+                VerbError::failed("step-failed", what)
             }
         }
     }
@@ -240,13 +188,11 @@ impl TrainArgs {
             TrainingEnd::Minutes => format!(" and {} iterations: the time is used up", record.iterations),
         };
         console.say(&format!("{out}: {} Gaussians in {seconds:.0} s{early}{held}", scene.len()));
-        if console.json {
-            let [psnr, ssim] = means.map_or([None; 2], |means| means.map(Some));
-            console.result(&json!({
-                "file": path(&self.out), "gaussians": scene.len(), "iterations": record.iterations,
-                "ended": record.ended, "seconds": seconds, "psnr": psnr, "ssim": ssim,
-                "held_out": record.held_out,
-            }));
-        }
+        let [psnr, ssim] = means.map_or([None; 2], |means| means.map(Some));
+        console.result(&json!({
+            "file": path(&self.out), "gaussians": scene.len(), "iterations": record.iterations,
+            "ended": record.ended, "seconds": seconds, "psnr": psnr, "ssim": ssim,
+            "held_out": record.held_out,
+        }));
     }
 }

@@ -2,18 +2,13 @@
 
 mod account;
 
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
 use super::output::{self, OutputFile};
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, input};
+use super::{CommonArgs, Console, ExitKind, VerbError, input};
 use account::TrajectoryAccount;
-use gs2e_recipe as recipe;
-use gs2e_recipe::{ChainError, TrajectoryChain, TrajectoryFragment};
+use gs2e_recipe::{self as recipe, ChainError, TrajectoryChain, TrajectoryFragment};
 use gs2e_render::backend::Backend;
 use gs2e_render::flow::PixelFlowMeter;
-use gs2e_scene::camera;
-use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::{self, Camera};
 use gs2e_source::Capture;
 use gs2e_source::kind::CaptureKind;
 use gs2e_trajectory::flow::FlowMeter;
@@ -73,9 +68,7 @@ impl TrajectoryArgs {
             TrajectoryAccount::new(&self.name, captured.as_ref().map(|c| c.kind), &made, camera, warnings);
         self.write(&made)?;
         account.tell(console);
-        if console.json {
-            console.result(&account.to_json(self.files()));
-        }
+        console.result(&account.to_json(self.files()));
         Ok(ExitKind::Done)
     }
 
@@ -99,8 +92,7 @@ impl TrajectoryArgs {
             }
         };
         let fills: Vec<_> = self.files().map(|(option, path)| (path, fill(option))).collect();
-        let outputs: Vec<OutputFile<'_>> =
-            fills.iter().map(|(path, fill)| OutputFile { path, fill }).collect();
+        let outputs: Vec<_> = fills.iter().map(|(path, fill)| OutputFile { path, fill }).collect();
         output::write_outputs(&outputs)
     }
 
@@ -114,15 +106,10 @@ impl TrajectoryArgs {
         warnings: &mut Vec<String>,
     ) -> Result<Option<CaptureInput>, VerbError> {
         let Some(place) = &self.capture else {
-            return match chain.needs_views() {
-                None => Ok(None),
-                Some(name) => {
-                    let what = format!("the trajectory `{name}` needs a capture, and none is given");
-                    Err(VerbError::usage("input-missing", what).help(
-                        "pass --capture with a COLMAP model, a transforms.json, or a 3DGS model folder",
-                    ))
-                }
-            };
+            let Some(name) = chain.needs_views() else { return Ok(None) };
+            let what = format!("the trajectory `{name}` needs a capture, and none is given");
+            let help = "pass --capture with a COLMAP model, a transforms.json, or a 3DGS model folder";
+            return Err(VerbError::usage("input-missing", what).help(help));
         };
         let kind = CaptureKind::kind_of(place).map_err(|e| input::no_source("capture", &e, place))?;
         let (capture, noticed) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
@@ -143,18 +130,14 @@ impl TrajectoryArgs {
             let what = format!("the speed of `{name}` is in pixels per second, and {what}");
             VerbError::usage("input-missing", what).help(help)
         };
-        let scene = self.scene.as_ref();
-        let scene = scene
-            .ok_or_else(|| missing("no scene is given", "pass --scene with a .ply, .splat, .spz or .sog"))?;
-        let camera = camera.ok_or_else(|| {
-            let help = "pass --capture, or write in the recipe camera: { width, height, fx, fy, cx, cy }";
-            missing("there is no camera", help)
-        })?;
+        let help = "pass --scene with a .ply, .splat, .spz or .sog";
+        let scene = self.scene.as_ref().ok_or_else(|| missing("no scene is given", help))?;
+        let help = "pass --capture, or write in the recipe camera: { width, height, fx, fy, cx, cy }";
+        let camera = camera.ok_or_else(|| missing("there is no camera", help))?;
         let gaussians = gs2e_scene::read_file(scene).map_err(|e| input::unreadable_file("scene", &e))?;
         let style = fragment.render.resolve(gaussians.antialiased);
-        let renderer = backend.renderer(Arc::new(gaussians), style);
-        let renderer =
-            renderer.map_err(|e| VerbError::failed("step-failed", format!("failed to render: {e}")))?;
+        let failed = |e| VerbError::failed("step-failed", format!("failed to render: {e}"));
+        let renderer = backend.renderer(Arc::new(gaussians), style).map_err(failed)?;
         Ok(Some(PixelFlowMeter::new(renderer, camera)))
     }
 }
@@ -169,13 +152,11 @@ struct CaptureInput {
 fn chain_error(error: &ChainError) -> VerbError {
     match error {
         ChainError::Unknown { names, .. } => VerbError::usage("no-trajectory", error.to_string())
-            .help(&format!("its trajectories: {}", names.join(", "))),
+            .help(format!("its trajectories: {}", names.join(", "))),
         ChainError::Circular { .. } => VerbError::usage("recipe-invalid", error.to_string()),
-        ChainError::Make { source, .. } => VerbError::from_message(
-            ExitKind::Failed,
-            UserMessage::new(MessageLevel::Error, "step-failed", error.to_string())
-                .because(source.to_string()),
-        ),
+        ChainError::Make { source, .. } => {
+            VerbError::failed("step-failed", error.to_string()).because(source)
+        }
     }
 }
 

@@ -1,13 +1,9 @@
 //! Findings at the end of a build: counts, and each finding that needs a person's attention.
 
-use super::console::Console;
-use super::message::{MessageLevel, UserMessage};
-use super::problem::VerbError;
+use super::build::StepOutputs;
+use super::{Console, UserMessage, VerbError};
 use gs2e_build::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
-use gs2e_build::plan::Plan;
-use gs2e_build::plan::survey::SettledScene;
-use gs2e_build::run::RunSummary;
-use gs2e_build::stage::{checks, scene_checks};
+use gs2e_build::stage::scene_checks;
 use gs2e_check::{Finding, Verdict, advice};
 use gs2e_store::Store;
 use gs2e_store::record::StoredOutput;
@@ -17,7 +13,8 @@ const MAX_SHOWN: usize = 20;
 
 /// The findings on a scene or on one of its trajectories, from the outputs of their step.
 pub(super) fn findings_of_step(
-    (scene, step): (&str, &str),
+    scene: &str,
+    step: &str,
     outputs: &[StoredOutput],
     store: &Store,
 ) -> Result<Vec<Finding>, VerbError> {
@@ -29,34 +26,13 @@ pub(super) fn findings_of_step(
     })
 }
 
-/// Findings on the trajectories and scenes that a run made or kept.
-pub(super) fn findings_of_run(
-    plan: &Plan,
-    summary: &RunSummary,
-    store: &Store,
-) -> Result<Vec<Finding>, VerbError> {
+/// Findings on the trajectories and scenes among these steps.
+pub(super) fn findings_of_steps(steps: &[StepOutputs<'_>], store: &Store) -> Result<Vec<Finding>, VerbError> {
     let mut findings = Vec::new();
-    for (id, product) in &summary.products {
-        let step = &plan.steps()[id.0];
-        if [checks::NAME, scene_checks::NAME].contains(&step.step.stage()) {
-            findings.extend(findings_of_step((plan.scene_of(step), &step.name), &product.outputs, store)?);
-        }
-    }
-    Ok(findings)
-}
-
-/// Findings on scenes that were up to date without a plan.
-pub(super) fn findings_of_settled(
-    settled: &[SettledScene],
-    store: &Store,
-) -> Result<Vec<Finding>, VerbError> {
-    let mut findings = Vec::new();
-    for scene in settled {
-        for step in &scene.steps {
-            // The steps of both stages are named after them.
-            if step.name == scene_checks::NAME || step.name.ends_with("/checks") {
-                findings.extend(findings_of_step((&scene.scene, &step.name), &step.outputs, store)?);
-            }
+    for StepOutputs { scene, step, outputs } in steps {
+        // The steps of both stages are named after them.
+        if *step == scene_checks::NAME || step.ends_with("/checks") {
+            findings.extend(findings_of_step(scene, step, outputs, store)?);
         }
     }
     Ok(findings)
@@ -64,15 +40,10 @@ pub(super) fn findings_of_settled(
 
 /// Number of findings by verdict, as one line.
 pub(super) fn count_line(findings: &[Finding]) -> String {
-    let count = |verdict| findings.iter().filter(|f| f.verdict == verdict).count();
-    format!(
-        "{} pass, {} warn, {} fail, {} waived, {} not run",
-        count(Verdict::Pass),
-        count(Verdict::Warn),
-        count(Verdict::Fail),
-        count(Verdict::Waived),
-        count(Verdict::NotRun)
-    )
+    let verdicts = [Verdict::Pass, Verdict::Warn, Verdict::Fail, Verdict::Waived, Verdict::NotRun];
+    let [pass, warn, fail, waived, not_run] =
+        verdicts.map(|verdict| findings.iter().filter(|f| f.verdict == verdict).count());
+    format!("{pass} pass, {warn} warn, {fail} fail, {waived} waived, {not_run} not run")
 }
 
 /// Says how many findings have each verdict.
@@ -85,9 +56,6 @@ pub(super) fn tell_count(findings: &[Finding], console: &Console) {
 /// Shows each warning, fault and accepted fault, with what to do about it. Returns the
 /// number of warnings and faults.
 pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
-    if findings.is_empty() {
-        return 0;
-    }
     let rank = |finding: &&Finding| match finding.verdict {
         Verdict::Fail => 0,
         Verdict::Warn => 1,
@@ -98,9 +66,7 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
     shown.sort_by_key(rank);
     for (number, finding) in shown.iter().enumerate() {
         let message = to_message(finding);
-        if console.json {
-            console.result(&message.to_json());
-        }
+        console.result(&message.to_json());
         // A quiet build shows failures only.
         if number < MAX_SHOWN && (!console.quiet || finding.verdict == Verdict::Fail) {
             console.show(&message);
@@ -113,19 +79,15 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
 }
 
 fn to_message(finding: &Finding) -> UserMessage {
-    let level = if finding.verdict == Verdict::Fail { MessageLevel::Error } else { MessageLevel::Warning };
+    let new = if finding.verdict == Verdict::Fail { UserMessage::error } else { UserMessage::warning };
     let accepted = if finding.verdict == Verdict::Waived { " (waived by the recipe)" } else { "" };
     let Finding { check, subject, because, .. } = finding;
-    let message = UserMessage::new(level, "check", format!("{subject}: {check}: {because}{accepted}"));
+    let message = new("check", format!("{subject}: {check}: {because}{accepted}"));
     let unit = if finding.unit == "1" { String::new() } else { format!(" {}", finding.unit) };
     let value = |value: f64| format!("{}{unit}", short_number(value));
-    let message = match (finding.measured, finding.limit) {
-        (Some(measured), Some(limit)) => {
-            message.detail(format!("measured {}, limit {}", value(measured), value(limit)))
-        }
-        (Some(measured), None) => message.detail(format!("measured {}", value(measured))),
-        _ => message,
-    };
+    let limit = finding.limit.map_or_else(String::new, |limit| format!(", limit {}", value(limit)));
+    let measured = finding.measured.map(|measured| format!("measured {}{limit}", value(measured)));
+    let message = message.details(measured);
     if finding.verdict == Verdict::Waived { message } else { message.help(advice(check)) }
 }
 

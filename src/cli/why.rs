@@ -1,17 +1,14 @@
 //! `gs2e why`: shows the parts of a step's key, and the changes since the step was last made.
 
-use super::build::store_options;
-use super::console::Console;
+use super::build::read_store;
 use super::plan::{edit_words, edited_words};
-use super::problem::{ExitKind, VerbError};
-use super::{CommonArgs, RecipeTargets};
+use super::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError};
 use gs2e_build::plan::assess::{DescriptionChange, StepAction, StepAssessment, StepReason, assess_plan};
 use gs2e_build::plan::edits::{edits_of_step, edits_since};
 use gs2e_build::plan::{Plan, PlannedStep};
-use gs2e_recipe as recipe;
-use gs2e_recipe::RecipeEdit;
+use gs2e_recipe::{self as recipe, RecipeEdit};
 use gs2e_store::description::ExplanationLine;
-use gs2e_store::{Store, StoreAccess, StoreError};
+use gs2e_store::{Store, StoreError};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -29,7 +26,7 @@ pub(super) struct WhyArgs {
 impl WhyArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
-        let store = Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})?;
+        let store = read_store(common)?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         let assessed = assess_plan(&plan, &store)?;
         let (scene, chosen) = choose_steps(&plan, &self.name)?;
@@ -101,7 +98,7 @@ fn choose_steps<'p>(
     let Some((_, scene, step)) = matches.max_by_key(|(length, ..)| *length) else {
         let known: Vec<&str> = plan.scenes().iter().take(5).map(|r| r.scene.as_str()).collect();
         let message = format!("no scene `{name}` among {} recipes", plan.scenes().len());
-        return Err(VerbError::usage("no-scene", message).help(&format!("scenes here: {}", known.join(", "))));
+        return Err(VerbError::usage("no-scene", message).help(format!("scenes here: {}", known.join(", "))));
     };
     let chosen = move |planned: &PlannedStep| {
         let below =
@@ -111,7 +108,7 @@ fn choose_steps<'p>(
     if !plan.steps().iter().any(&chosen) {
         let names: Vec<&str> = plan.steps_of(scene).map(|(_, s)| s.name.as_str()).collect();
         let message = format!("scene `{}` has no step `{step}`", plan.scenes()[scene].scene);
-        return Err(VerbError::usage("no-step", message).help(&format!("its steps: {}", names.join(", "))));
+        return Err(VerbError::usage("no-step", message).help(format!("its steps: {}", names.join(", "))));
     }
     Ok((scene, chosen))
 }
@@ -150,14 +147,14 @@ fn show_explanation(why: &StepExplanation<'_>, edits: &[RecipeEdit], console: &C
     let StepExplanation { scene, step, assessed, lines, changes } = why;
     let edits = edits_of_step(edits, step);
     console.print(&format!("{scene}/{step}: {}", edited_words(&assessed.reason, &edits)));
-    edits
-        .iter()
-        .for_each(|edit| console.print(&format!("  changed since the last run: {}", edit_words(edit))));
+    for edit in &edits {
+        console.print(&format!("  changed since the last run: {}", edit_words(edit)));
+    }
     // Parameters have other names and forms than the keys of the recipe that they follow from.
     let own = changes.iter().filter(|change| edits.is_empty() || !change.path.starts_with("params."));
     for DescriptionChange { path, old, new } in own {
-        let was = |text: &str| if text.is_empty() { "absent".to_owned() } else { text.to_owned() };
-        console.print(&format!("  changed since the last run: {path}: {} -> {}", was(old), was(new)));
+        let [old, new] = [old, new].map(|text| if text.is_empty() { "absent" } else { text });
+        console.print(&format!("  changed since the last run: {path}: {old} -> {new}"));
     }
     match &assessed.key {
         Some(key) => console.print(&format!("  key {key}")),

@@ -1,15 +1,12 @@
 //! `gs2e audit --shard I/N --parts FOLDER` writes a part of an audit, and `gs2e audit --parts FOLDER` gives the
 //! verdict.
 
-use crate::cli::console::Console;
-use crate::cli::output;
-use crate::cli::problem::VerbError;
+use crate::cli::{Console, VerbError, input, output};
 use gs2e_audit::{AuditPart, PartsError};
 use gs2e_build::plan::shard::SceneShard;
-use gs2e_files as files;
-use gs2e_files::{MAX_DOCUMENT, write_by_rename};
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use gs2e_files::{self as files, MAX_DOCUMENT};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Options of an audit in parts.
@@ -29,14 +26,11 @@ impl PartArgs {
         let (Some(shard), Some(folder)) = (self.shard, &self.parts) else { return Ok(false) };
         output::refuse_inside(folder, dir, "the release")?;
         let SceneShard { number, of } = shard;
-        let part = AuditPart::audit(dir, number, of).map_err(|e| {
-            VerbError::failed("input-unreadable", format!("{} cannot be read: {e}", dir.display()))
-        })?;
+        let part = AuditPart::audit(dir, number, of).map_err(|e| input::unreadable_path(dir, e))?;
         let path = folder.join(format!("part-{number}-of-{of}.json"));
         let text = serde_json::to_vec(&part).expect("a part is plain data");
-        fs::create_dir_all(folder)
-            .and_then(|()| write_by_rename(&path, |new| File::create_new(new)?.write_all(&text)))
-            .map_err(|e| VerbError::failed("not-written", format!("{}: {e}", path.display())))?;
+        let written = fs::create_dir_all(folder).and_then(|()| output::write_whole(&path, &text));
+        written.map_err(|e| output::not_written(&path, e))?;
         let (files, bytes) = part.size();
         let mb = bytes as f64 * 1e-6;
         console.say(&format!("{}: {files} files, {mb:.1} MB. --parts gives the verdict", path.display()));
@@ -55,8 +49,7 @@ impl PartArgs {
                 continue;
             }
             let text = files::read(&path, MAX_DOCUMENT).map_err(|e| unread(&path, e))?;
-            let part = serde_json::from_slice(&text).map_err(|e| unread(&path, e.into()))?;
-            parts.push(part);
+            parts.push(serde_json::from_slice(&text).map_err(|e| unread(&path, e.into()))?);
         }
         Ok(Some(parts))
     }
@@ -68,9 +61,9 @@ impl PartArgs {
         let message = VerbError::usage("parts", format!("{folder}: {error}"));
         match error {
             PartsError::Missing { number, of } => {
-                message.help(&format!("gs2e audit {dir} --shard {number}/{of} --parts {folder}"))
+                message.help(format!("gs2e audit {dir} --shard {number}/{of} --parts {folder}"))
             }
-            PartsError::Empty => message.help(&format!("gs2e audit {dir} --shard 1/8 --parts {folder}")),
+            PartsError::Empty => message.help(format!("gs2e audit {dir} --shard 1/8 --parts {folder}")),
             PartsError::Unlike { .. } => message.help("write all parts again, into an empty folder"),
         }
     }

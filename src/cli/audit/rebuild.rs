@@ -2,22 +2,19 @@
 //! separate store, and compares every byte.
 
 use crate::cli::build::{BuildRequest, TrustOptions, exit_kind};
-use crate::cli::console::Console;
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::{ExitKind, VerbError};
-use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use crate::cli::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError, input, on_interrupt};
 use gs2e_audit::{AuditFault, rebuilt};
 use gs2e_build::plan::Plan;
 use gs2e_build::run::backends::{RendererChoice, RendererKind};
 use gs2e_export::{IncludedExporter, SilentProgress};
-use gs2e_gpu as gpu;
+use gs2e_gpu::DeviceChoice;
 use gs2e_publish::{BuiltPlan, JudgedRelease, LinkMode, ReleaseContext, ReleaseTarget, TargetClaim};
-use gs2e_recipe as recipe;
-use gs2e_recipe::Recipe;
+use gs2e_recipe::{self as recipe, Recipe};
 use gs2e_release::ReleaseManifest;
 use gs2e_render::backend::Backend;
 use gs2e_store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// Options of `audit --rebuild`.
@@ -51,9 +48,8 @@ impl RebuildArgs {
         console: &Console,
     ) -> Result<Option<RebuildOutcome>, VerbError> {
         let Some(count) = self.rebuild.or(full.then_some(usize::MAX)) else { return Ok(None) };
-        let manifest = rebuilt::read_manifest(dir).map_err(|e| {
-            VerbError::failed("input-unreadable", format!("{}: {e}", dir.join("manifest.json").display()))
-        })?;
+        let manifest =
+            rebuilt::read_manifest(dir).map_err(|e| input::wrong_content(&dir.join("manifest.json"), e))?;
         let chosen = draw_scenes(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
         let mut found = RebuildOutcome { scenes: chosen, faults: Vec::new() };
@@ -65,16 +61,13 @@ impl RebuildArgs {
         }
         for (class, recipes) in classes {
             let scenes: Vec<String> = recipes.iter().map(|recipe| recipe.scene.clone()).collect();
-            let folder = tempfile::tempdir().map_err(|e| {
-                let help = "a rebuild needs a folder for temporary files; TMPDIR names another one";
-                VerbError::failed("rebuild", e.to_string()).help(help)
-            })?;
-            let again = self.make(&class, recipes, folder.path(), common, console)?;
-            let tops = rebuilt::compare_tops(dir, &again);
-            found.faults.extend(tops.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
+            let help = "a rebuild needs a folder for temporary files; TMPDIR names another one";
+            let folder = tempfile::tempdir().map_err(|e| not_rebuilt(e).help(help))?;
+            let common = CommonArgs { store: folder.path().join("store"), ..common.clone() };
+            let again = self.make(open_backend(&class, &common)?, recipes, &common, console)?;
+            found.faults.extend(rebuilt::compare_tops(dir, &again).map_err(not_rebuilt)?);
             for scene in &scenes {
-                let compared = rebuilt::compare_scenes(dir, &again, scene);
-                found.faults.extend(compared.map_err(|e| VerbError::failed("rebuild", e.to_string()))?);
+                found.faults.extend(rebuilt::compare_scenes(dir, &again, scene).map_err(not_rebuilt)?);
             }
         }
         // The top of the release is compared once per class, so its faults may repeat.
@@ -94,21 +87,15 @@ impl RebuildArgs {
         Ok(recipes)
     }
 
-    /// Builds and releases these scenes below `folder`. Returns the path of the release.
+    /// Builds these scenes by a back end, and releases them next to the store. Returns the folder.
     fn make(
         &self,
-        class: &str,
+        backend: Backend,
         recipes: Vec<Recipe>,
-        folder: &Path,
         common: &CommonArgs,
         console: &Console,
     ) -> Result<PathBuf, VerbError> {
-        let common = &CommonArgs { store: folder.join("store"), ..common.clone() };
-        let chosen = &RendererChoice::new(
-            RendererKind::One(open_backend(class, common)?),
-            common.omit(),
-            common.programs(),
-        );
+        let chosen = &RendererChoice::new(RendererKind::One(backend), common.omit(), common.programs());
         let context = ReleaseContext::read(&self.recipes)?;
         // No other process knows this new store, so there is no holder to report.
         let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
@@ -118,14 +105,9 @@ impl RebuildArgs {
         let (plan, summary) = building.build(plan, &store)?;
         match exit_kind(&summary) {
             ExitKind::Done => {}
-            ExitKind::Interrupted => {
-                let message =
-                    UserMessage::new(MessageLevel::Error, "interrupted", "nothing was compared".to_owned());
-                return Err(VerbError::from_message(ExitKind::Interrupted, message));
-            }
-            _ => return Err(VerbError::failed("rebuild", "failed to rebuild a scene".to_owned())),
+            ExitKind::Interrupted => return Err(VerbError::interrupted("nothing was compared")),
+            _ => return Err(not_rebuilt("failed to rebuild a scene")),
         }
-        let to = folder.join("release");
         let cancel = &on_interrupt()?;
         let claim =
             TargetClaim { replace: false, guarded: &[], claim: LockClaim::default(), wait: false, cancel };
@@ -133,13 +115,16 @@ impl RebuildArgs {
         let built = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
         // The store is deleted together with the release, so hard links are safe here and no byte
         // is copied.
-        ReleaseTarget::claim(&to, claim, &mut |_| {})
-            .and_then(|mut target| {
-                JudgedRelease::new(built, cancel)?.write(&mut target, LinkMode::Hard, cancel)
-            })
-            .map_err(|e| VerbError::failed("rebuild", e.to_string()))?;
-        Ok(to)
+        let to = common.store.with_file_name("release");
+        let released = ReleaseTarget::claim(&to, claim, &mut |_| {}).and_then(|mut target| {
+            JudgedRelease::new(built, cancel)?.write(&mut target, LinkMode::Hard, cancel)
+        });
+        released.map(|_| to).map_err(not_rebuilt)
     }
+}
+
+fn not_rebuilt(error: impl Display) -> VerbError {
+    VerbError::failed("rebuild", error.to_string())
 }
 
 /// Draws `count` scenes, or all if there are fewer. The ids with the lowest hashes of seed and id
@@ -166,20 +151,17 @@ fn open_backend(class: &str, common: &CommonArgs) -> Result<Backend, VerbError> 
     let backend = match class {
         class if class.is_empty() || Backend::is_cpu(class) => Backend::Cpu,
         class if Backend::is_gpu(class) => {
-            let device = common.device(&gpu::DeviceChoice::Any);
-            let device = device
-                .map_err(|e| VerbError::failed("no-adapter", format!("{class} rendered the release: {e}")))?;
-            device.into()
+            let refused = |e| VerbError::failed("no-adapter", format!("{class} rendered the release: {e}"));
+            common.device(&DeviceChoice::Any).map_err(refused)?.into()
         }
         _ => Backend::Reference,
     };
     // Only the bytes of a GPU depend on the machine.
     if backend.takes_gpu() && backend.class() != class {
-        let message = format!(
-            "{class} rendered the release, but this machine has {}: bytes cannot be compared",
-            backend.class()
-        );
-        return Err(VerbError::failed("no-adapter", message));
+        let own = backend.class();
+        let what =
+            format!("{class} rendered the release, but this machine has {own}: bytes cannot be compared");
+        return Err(VerbError::failed("no-adapter", what));
     }
     Ok(backend)
 }

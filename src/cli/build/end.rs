@@ -1,8 +1,6 @@
 //! The last lines of a build, and its exit code.
 
-use crate::cli::console::Console;
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::ExitKind;
+use crate::cli::{Console, ExitKind, UserMessage};
 use gs2e_build::run::RunSummary;
 use gs2e_store::EvictedFiles;
 
@@ -41,8 +39,8 @@ pub(super) fn tell_evicted(evicted: EvictedFiles, console: &Console) {
 /// Prints the last line, and for programs the interruption of a run.
 pub(in crate::cli) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
     let line = last_line(summary, seconds);
-    if summary.interrupted && console.json {
-        console.result(&UserMessage::new(MessageLevel::Error, "interrupted", line.as_str()).to_json());
+    if summary.interrupted {
+        console.result(&UserMessage::error("interrupted", line.as_str()).to_json());
     }
     if summary.confirmed > 0 {
         console.say(&format!("{} steps of the shared store rerun, each with its bytes", summary.confirmed));

@@ -1,15 +1,12 @@
 //! The store of a build: how it is opened, and its notices.
 
 use super::{SyncArg, TrustOptions};
-use crate::cli::console::Console;
 use crate::cli::environment::Environment;
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::VerbError;
-use crate::cli::{CommonArgs, clock};
+use crate::cli::{CommonArgs, Console, UserMessage, VerbError, clock};
 use gs2e_build::run::backends::RendererChoice;
 use gs2e_files::stat::FileStat;
 use gs2e_store::space::DiskSpace;
-use gs2e_store::{Digest, LockClaim, Store, StoreAccess, StoreOptions};
+use gs2e_store::{Digest, LockClaim, Store, StoreAccess, StoreError, StoreOptions};
 use std::path::{Path, PathBuf};
 
 /// Names this program, its options that may change a key, and the shared store: a scene that was settled
@@ -38,19 +35,30 @@ pub(super) fn open_cache(
     console: &Console,
 ) -> Result<Store, VerbError> {
     let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
-    let claim =
-        LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() };
-    let sync_each = care.sync == SyncArg::Always;
-    let shared = care.shared_store.clone();
-    let verify = care.verify;
-    let opening =
-        StoreOptions { verify, sync_each, claim, shared, cache_size, ..store_options(common, access) };
+    let opening = StoreOptions {
+        verify: care.verify,
+        sync_each: care.sync == SyncArg::Always,
+        claim: lock_claim(common),
+        shared: care.shared_store.clone(),
+        cache_size,
+        ..store_options(common, access)
+    };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
-        console.tell(&UserMessage::new(MessageLevel::Waiting, "locked", what));
+        console.tell(&UserMessage::waiting("locked", what));
     })?;
     tell_notices(&store, console);
     Ok(store)
+}
+
+/// What other processes are told about this one while they wait.
+pub(in crate::cli) fn lock_claim(common: &CommonArgs) -> LockClaim {
+    LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() }
+}
+
+/// Opens the store for reading.
+pub(in crate::cli) fn read_store(common: &CommonArgs) -> Result<Store, StoreError> {
+    Store::open(&common.store, store_options(common, StoreAccess::Read), &mut |_| {})
 }
 
 /// The options with which this user opens the store.
@@ -67,17 +75,13 @@ fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     // The store may not exist yet; its nearest existing ancestor is on the same file system.
     let there = path.ancestors().find(|path| path.is_dir())?;
     DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
-    Some(
-        environment
-            .cache_folder()?
-            .join("gs2e")
-            .join(Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short()),
-    )
+    let name = Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short();
+    Some(environment.cache_folder()?.join("gs2e").join(name))
 }
 
 /// Prints the repairs of the store since the last call.
 pub(in crate::cli) fn tell_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
-        console.tell(&UserMessage::new(MessageLevel::Warning, "state-rebuilt", notice));
+        console.tell(&UserMessage::warning("state-rebuilt", notice));
     }
 }

@@ -1,10 +1,8 @@
 //! `gs2e check --events`: checks of a dataset that another program or a camera made.
 
-use crate::cli::console::Console;
-use crate::cli::convert::events::{ASSUMED, TimeUnitArg};
-use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::VerbError;
-use crate::cli::{input, simulate};
+use crate::cli::convert::events::{ASSUMED, TIME_UNITS};
+use crate::cli::words::one_of;
+use crate::cli::{Console, VerbError, input, output, simulate};
 use gs2e_dataset::depth::EXTENSIONS;
 use gs2e_dataset::layout::{DatasetLayout, DatasetPaths};
 use gs2e_dataset::npy_events::NpyEvents;
@@ -54,8 +52,8 @@ pub(super) struct DatasetArgs {
     #[arg(long, value_name = "N", requires = "events", value_parser = parse_steps)]
     depth_scale: Option<f64>,
     /// Unit of the times of a .txt or .csv [default: whole numbers are microseconds; s with --as tum]
-    #[arg(long, requires = "events", value_enum, value_name = "UNIT")]
-    time_unit: Option<TimeUnitArg>,
+    #[arg(long, requires = "events", value_parser = one_of(&TIME_UNITS), value_name = "UNIT")]
+    time_unit: Option<TextTimeUnit>,
     /// Size of the sensor, for files that do not state it [default: that of the frames]
     #[arg(long, value_name = "WIDTHxHEIGHT", requires = "events", value_parser = input::parse_size)]
     size: Option<Size>,
@@ -82,7 +80,8 @@ impl DatasetArgs {
         let hint = self.size.or(frames.as_ref().map(|frames| frames.size));
         let poses = paths.poses.as_deref().map(read_poses).transpose()?;
         let events = EventPlace { path: &paths.events, hint, unit: self.unit() };
-        let opened = events.open().map_err(|e| unreadable_events(&paths.events, &e))?;
+        let unreadable = |e: EventFileError| input::wrong_content(&paths.events, e);
+        let opened = events.open().map_err(unreadable)?;
         if opened.assumes_us {
             console.say(ASSUMED);
         }
@@ -99,11 +98,11 @@ impl DatasetArgs {
             poses: poses.as_ref(),
             views: views.as_ref(),
         };
-        let report = check_dataset(&dataset).map_err(|e| unreadable_events(&paths.events, &e))?;
+        let report = check_dataset(&dataset).map_err(unreadable)?;
         if let Some(to) = &self.report {
-            let pictures = pictures(&dataset, &report).map_err(|e| unreadable_events(&paths.events, &e))?;
+            let pictures = pictures(&dataset, &report).map_err(unreadable)?;
             let page = compose_dataset_page(&name, &report, &pictures);
-            output::write_outputs(&[OutputFile { path: to, fill: &|out| out.write_all(page.as_bytes()) }])?;
+            output::write_output(to, |out| out.write_all(page.as_bytes()))?;
         }
         Ok(report)
     }
@@ -115,15 +114,13 @@ impl DatasetArgs {
     /// The unit of the times of a text, if the user or the layout states it.
     fn unit(&self) -> Option<TextTimeUnit> {
         let of_layout = (self.layout() == Some(DatasetLayout::Tum)).then_some(TextTimeUnit::Second);
-        self.time_unit.map(TextTimeUnit::from).or(of_layout)
+        self.time_unit.or(of_layout)
     }
 
     /// The files: those of the layout, replaced by those that the user names.
     fn paths(&self, place: &Path) -> DatasetPaths {
-        let found = self.layout().map_or_else(
-            || DatasetPaths { events: place.to_owned(), ..DatasetPaths::default() },
-            |layout| layout.paths(place),
-        );
+        let alone = || DatasetPaths { events: place.to_owned(), ..DatasetPaths::default() };
+        let found = self.layout().map_or_else(alone, |layout| layout.paths(place));
         DatasetPaths {
             events: found.events,
             frames: self.frames.clone().or(found.frames),
@@ -146,9 +143,8 @@ impl DatasetArgs {
         else {
             return if self.depth.is_some() { Err(incomplete_views()) } else { Ok(None) };
         };
-        let camera = camera::parse_camera(&read_text(camera)?, frames.size).map_err(|because| {
-            VerbError::failed("input-unreadable", format!("{}: {because}", camera.display()))
-        })?;
+        let camera = camera::parse_camera(&read_text(camera)?, frames.size)
+            .map_err(|because| input::wrong_content(camera, because))?;
         let images = match &paths.frames {
             Some(folder) if folder.is_dir() => {
                 FolderListing::list_folder(folder).map_err(|e| unreadable_frames(&e))?.images
@@ -174,8 +170,8 @@ impl DatasetArgs {
         };
         let found = listing.images.len();
         if found != stamps_us.len() {
-            let what =
-                format!("{} has {found} images, and there are {} stamps", place.display(), stamps_us.len());
+            let (place, stamps) = (place.display(), stamps_us.len());
+            let what = format!("{place} has {found} images, and there are {stamps} stamps");
             return Err(VerbError::usage("stamps", what));
         }
         let size = image_size(&listing.images[0]).map_err(|e| unreadable_frames(&e))?;
@@ -200,7 +196,7 @@ fn parse_steps(text: &str) -> Result<f64, String> {
 
 fn incomplete_views() -> VerbError {
     let what = "--depth is compared with frames by poses and camera, and one of these is absent";
-    VerbError::usage("depth", what.to_owned()).help("pass --frames, --stamps, --poses and --camera too")
+    VerbError::usage("depth", what).help("pass --frames, --stamps, --poses and --camera too")
 }
 
 /// The depth image of each frame: by the stem of its name, or else by its place in the order of names.
@@ -216,11 +212,9 @@ fn pair_views(depth: &Path, images: &[PathBuf], stamps_us: &[i64]) -> Result<Vec
     } else if depths.len() == stamps_us.len() {
         depths.into_iter().map(Some).collect()
     } else {
+        let (place, count, frames) = (depth.display(), depths.len(), stamps_us.len());
         let what = format!(
-            "{} has {} depth images for {} frames, and {found} have the name of a frame",
-            depth.display(),
-            depths.len(),
-            stamps_us.len()
+            "{place} has {count} depth images for {frames} frames, and {found} have the name of a frame"
         );
         return Err(VerbError::usage("depth", what)
             .help("name each like its frame, or give one per frame in the order of names"));
@@ -260,24 +254,18 @@ fn read_stamps(path: &Path) -> Result<Vec<i64>, VerbError> {
     if path.extension().is_some_and(|extension| extension == "npy") {
         return npy::read_stamps(path).map_err(|e| input::unreadable_file("stamps", &e));
     }
-    text::parse_stamps(&read_text(path)?)
-        .map_err(|e| VerbError::failed("input-unreadable", format!("{}: {e}", path.display())))
+    text::parse_stamps(&read_text(path)?).map_err(|e| input::wrong_content(path, e))
 }
 
 fn read_poses(path: &Path) -> Result<Trajectory, VerbError> {
-    text::parse_poses(&read_text(path)?)
-        .map_err(|e| VerbError::failed("input-unreadable", format!("{}: {e}", path.display())))
+    text::parse_poses(&read_text(path)?).map_err(|e| input::wrong_content(path, e))
 }
 
 fn read_text(path: &Path) -> Result<String, VerbError> {
     files::read_text(path, files::MAX_DOCUMENT).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => input::missing_file("file", path),
-        _ => VerbError::failed("input-unreadable", format!("{}: {e}", path.display())),
+        _ => input::wrong_content(path, e),
     })
-}
-
-fn unreadable_events(path: &Path, error: &EventFileError) -> VerbError {
-    VerbError::failed("input-unreadable", format!("{}: {error}", path.display()))
 }
 
 /// Events on the clock of the dataset.
@@ -299,17 +287,12 @@ impl EventPlace<'_> {
         if self.path.is_dir() {
             let because = "the sensor's size is not known: give --size WIDTHxHEIGHT, or frames";
             let size = self.hint.ok_or_else(|| EventFileError::Container(because.to_owned()))?;
-            return Ok(OpenedEvents {
-                source: Box::new(NpyEvents::open(self.path)?),
-                size,
-                assumes_us: false,
-            });
+            let source = Box::new(NpyEvents::open(self.path)?);
+            return Ok(OpenedEvents { source, size, assumes_us: false });
         }
-        let format = EventFormat::for_path(self.path, EvtVersion::Evt2).ok_or_else(|| {
-            EventFileError::Container(
-                "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap".to_owned(),
-            )
-        })?;
+        let unknown = "its name has no known extension: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap";
+        let format = EventFormat::for_path(self.path, EvtVersion::Evt2)
+            .ok_or_else(|| EventFileError::Container(unknown.to_owned()))?;
         let OpenEventFile { source, header, assumes_us, .. } = self.open_known(format)?;
         Ok(OpenedEvents { source, size: header.size, assumes_us })
     }

@@ -1,22 +1,19 @@
 //! Events in another file format.
 
-use crate::cli::console::{Console, path};
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::{ExitKind, VerbError};
-use crate::cli::{input, output};
-use clap::ValueEnum;
+use super::refuse_losses;
+use crate::cli::words::{Word, one_of};
+use crate::cli::{Console, ExitKind, VerbError, input, output, path};
 use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFile, EventFormat, OpenEventFile, ReadHints};
 use gs2e_event::sorted::SortedEvents;
 use gs2e_event::text::TextTimeUnit;
 use gs2e_event::{Event, EventFileError, EventSource as _, file, h5};
-use gs2e_files as files;
-use gs2e_files::write_by_rename;
+use gs2e_files::{self as files, write_by_rename};
 use gs2e_image::Size;
 use gs2e_num::units::format_amount;
 use serde_json::json;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The names of the event formats, for help texts.
 pub(in crate::cli) const SUPPORTED: &str = "events: .h5, .npz, .raw, .aedat4, .txt, .csv, .mcap";
@@ -27,15 +24,22 @@ pub(in crate::cli) const WRITTEN: &str = "events: .h5, .npz, .raw, .aedat4, .txt
 /// Options of event conversions.
 #[derive(Debug, clap::Args)]
 pub(super) struct EventOptions {
+    #[command(flatten)]
+    output: EventOutputOptions,
+    #[command(flatten)]
+    input: EventInputOptions,
+}
+
+/// Options of event files that are written.
+#[derive(Debug, clap::Args)]
+pub(in crate::cli) struct EventOutputOptions {
     /// Codec of a .raw
-    #[arg(long, value_enum, default_value_t = RawCodec::Evt2)]
-    codec: RawCodec,
+    #[arg(long, value_parser = one_of(&CODECS), default_value = "evt2")]
+    pub(in crate::cli) codec: EvtVersion,
     /// Compression of a .h5: gzip[:0-9], zstd[:1-19], lz4 or none; other programs need a plugin for
     /// zstd and lz4
     #[arg(long, value_name = "FILTER", default_value_t)]
-    h5_filter: h5::ChunkFilter,
-    #[command(flatten)]
-    input: EventInputOptions,
+    pub(in crate::cli) h5_filter: h5::ChunkFilter,
 }
 
 /// Properties of event files that do not state them.
@@ -45,67 +49,32 @@ pub(in crate::cli) struct EventInputOptions {
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = input::parse_size)]
     size: Option<Size>,
     /// Unit of the times in a .txt or .csv [default: whole numbers are microseconds]
-    #[arg(long, value_enum, value_name = "UNIT")]
-    time_unit: Option<TimeUnitArg>,
+    #[arg(long, value_parser = one_of(&TIME_UNITS), value_name = "UNIT")]
+    time_unit: Option<TextTimeUnit>,
     /// Topic of a .mcap, if several hold events
     #[arg(long, value_name = "NAME")]
     topic: Option<String>,
 }
 
 /// The codecs of a .raw.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(in crate::cli) enum RawCodec {
-    /// Prophesee's EVT 2.0
-    Evt2,
-    /// Prophesee's EVT 3.0
-    Evt3,
-}
-
-impl From<RawCodec> for EvtVersion {
-    fn from(codec: RawCodec) -> Self {
-        match codec {
-            RawCodec::Evt2 => Self::Evt2,
-            RawCodec::Evt3 => Self::Evt3,
-        }
-    }
-}
+const CODECS: [Word<EvtVersion>; 2] =
+    [("evt2", "Prophesee's EVT 2.0", EvtVersion::Evt2), ("evt3", "Prophesee's EVT 3.0", EvtVersion::Evt3)];
 
 /// The note on a text whose whole times have no unit.
 pub(in crate::cli) const ASSUMED: &str = "note: no unit is stated for the times: whole numbers are read as microseconds; --time-unit states another";
 
 /// Units of time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(in crate::cli) enum TimeUnitArg {
-    /// Seconds
-    S,
-    /// Milliseconds
-    Ms,
-    /// Microseconds
-    Us,
-    /// Nanoseconds
-    Ns,
-}
-
-impl From<TimeUnitArg> for TextTimeUnit {
-    fn from(unit: TimeUnitArg) -> Self {
-        match unit {
-            TimeUnitArg::S => Self::Second,
-            TimeUnitArg::Ms => Self::Millisecond,
-            TimeUnitArg::Us => Self::Microsecond,
-            TimeUnitArg::Ns => Self::Nanosecond,
-        }
-    }
-}
+pub(in crate::cli) const TIME_UNITS: [Word<TextTimeUnit>; 4] = [
+    ("s", "Seconds", TextTimeUnit::Second),
+    ("ms", "Milliseconds", TextTimeUnit::Millisecond),
+    ("us", "Microseconds", TextTimeUnit::Microsecond),
+    ("ns", "Nanoseconds", TextTimeUnit::Nanosecond),
+];
 
 impl EventOptions {
     /// The event format that belongs to a name.
     pub(super) fn format(&self, path: &Path) -> Option<EventFormat> {
-        EventFormat::for_path(path, self.codec.into())
-    }
-
-    /// Opens a file of events.
-    pub(super) fn open(&self, path: &Path, format: EventFormat) -> Result<OpenEventFile, VerbError> {
-        self.input.open(path, format)
+        EventFormat::for_path(path, self.output.codec)
     }
 }
 
@@ -115,25 +84,35 @@ impl EventInputOptions {
         if let Err(e) = files::open(path) {
             return Err(VerbError::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
         }
-        file::open(path, format, self.hints()).map_err(|e| {
-            VerbError::failed("input-unreadable", format!("{}: failed to read events: {e}", path.display()))
-        })
+        let hints = ReadHints { size: self.size, unit: self.time_unit, topic: self.topic.as_deref() };
+        file::open(path, format, hints).map_err(|e| input::wrong_events(path, &e))
     }
+}
 
-    fn hints(&self) -> ReadHints<'_> {
-        ReadHints {
-            size: self.size,
-            unit: self.time_unit.map(TextTimeUnit::from),
-            topic: self.topic.as_deref(),
+/// The event file of a conversion.
+pub(super) struct InputEvents<'a> {
+    pub(super) path: &'a Path,
+    pub(super) format: EventFormat,
+    pub(super) options: &'a EventOptions,
+}
+
+impl InputEvents<'_> {
+    /// Opens the file. Says so if its times are assumed to be in microseconds.
+    pub(super) fn open(&self, console: &Console) -> Result<OpenEventFile, VerbError> {
+        let opened = self.options.input.open(self.path, self.format)?;
+        if opened.assumes_us {
+            console.say(ASSUMED);
         }
+        Ok(opened)
     }
 }
 
 /// A conversion of events from one file to another.
 pub(super) struct EventConversion<'a> {
-    pub(super) from: (&'a PathBuf, EventFormat),
-    pub(super) to: (&'a PathBuf, EventFormat),
-    pub(super) options: &'a EventOptions,
+    pub(super) from: InputEvents<'a>,
+    pub(super) output: &'a Path,
+    /// The format of the output.
+    pub(super) to: EventFormat,
     pub(super) lossy: bool,
 }
 
@@ -151,32 +130,23 @@ struct ConversionSummary {
 impl EventConversion<'_> {
     pub(super) fn run(&self, console: &Console) -> Result<ExitKind, VerbError> {
         // Losses that follow from the formats are refused before the events are read.
-        output::screen_outputs([self.to.0.as_path()], [], false)?;
-        let mut opened = self.options.open(self.from.0, self.from.1)?;
-        if opened.assumes_us {
-            console.say(ASSUMED);
-        }
+        output::screen_outputs([self.output], [], false)?;
+        let mut opened = self.from.open(console)?;
         let before = self.losses_of_format(&opened);
         if !before.is_empty() && !self.lossy {
-            return Err(self.refused(&before));
+            return Err(refuse_losses(self.output, before.into_iter()));
         }
         let mut done = ConversionSummary::default();
-        let written = write_by_rename(self.to.0, |part| {
+        let written = write_by_rename(self.output, |part| {
             done = self.copy(&mut opened, part)?;
             // These losses are only known after all events were read.
             if self.lossy || done.losses().is_empty() { Ok(()) } else { Err(ConvertFailure::Lossy) }
         });
-        match written {
-            Ok(()) => {}
-            Err(ConvertFailure::Lossy) => return Err(self.refused(&done.losses())),
-            Err(ConvertFailure::Read(e)) => {
-                let what = format!("{}: failed to read events: {e}", self.from.0.display());
-                return Err(VerbError::failed("input-unreadable", what));
-            }
-            Err(ConvertFailure::Write(e)) => {
-                return Err(VerbError::failed("not-written", format!("{}: {e}", self.to.0.display())));
-            }
-        }
+        written.map_err(|failure| match failure {
+            ConvertFailure::Lossy => refuse_losses(self.output, done.losses().into_iter()),
+            ConvertFailure::Read(e) => input::wrong_events(self.from.path, &e),
+            ConvertFailure::Write(e) => output::not_written(self.output, e),
+        })?;
         let losses = [before, done.losses()].concat();
         self.tell(&opened, &done, &losses, console);
         Ok(ExitKind::Done)
@@ -184,28 +154,18 @@ impl EventConversion<'_> {
 
     /// Properties of events that the output's format cannot hold.
     fn losses_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
-        let labels = opened.header.labelled && !self.to.1.keeps_labels();
+        let labels = opened.header.labelled && !self.to.keeps_labels();
         let labels = labels.then(|| "labels (signal or noise) are dropped".to_owned());
         labels.into_iter().collect()
     }
 
     /// Properties of the recording that the output's format cannot hold: no event changes without them.
     fn notes_of_format(&self, opened: &OpenEventFile) -> Vec<String> {
-        let law = opened.header.law.filter(|_| !self.to.1.keeps_law());
+        let law = opened.header.law.filter(|_| !self.to.keeps_law());
         let law = law.map(|law| {
             format!("the contrast thresholds are not stored: ON {:.4}, OFF {:.4}", law.c_on, law.c_off)
         });
         law.into_iter().collect()
-    }
-
-    fn refused(&self, losses: &[String]) -> VerbError {
-        let what = format!("{} cannot store all of the input", self.to.0.display());
-        let message =
-            UserMessage::new(MessageLevel::Error, "lossy", what).help("pass --lossy to write it anyway");
-        VerbError::from_message(
-            ExitKind::Usage,
-            losses.iter().fold(message, |m, loss| m.detail(loss.clone())),
-        )
     }
 
     fn copy(&self, opened: &mut OpenEventFile, part: &Path) -> Result<ConversionSummary, ConvertFailure> {
@@ -214,7 +174,8 @@ impl EventConversion<'_> {
         let mut more = sorted.next_chunk(&mut chunk).map_err(ConvertFailure::Read)?;
         let last = |chunk: &[Event]| chunk.last().map(|event| event.t.floor_micros());
         let mut last_us = last(&chunk).unwrap_or(opened.offset_us);
-        let h5 = h5::H5Options { filter: self.options.h5_filter, t_offset_us: opened.offset_us };
+        let filter = self.from.options.output.h5_filter;
+        let h5 = h5::H5Options { filter, t_offset_us: opened.offset_us };
         // A file that states the origin of its times is believed. For other files, the times of the
         // first chunk show whether 32 bits can hold them.
         let h5 = match chunk.first() {
@@ -222,8 +183,8 @@ impl EventConversion<'_> {
             _ => h5,
         };
         let options = file::WriteOptions { zero_us: 0, h5 };
-        let mut sink =
-            file::create(part, self.to.1, &opened.header, options).map_err(ConvertFailure::Write)?;
+        let sink = file::create(part, self.to, &opened.header, options);
+        let mut sink = sink.map_err(ConvertFailure::Write)?;
         while more {
             done.count(&chunk);
             last_us = last(&chunk).unwrap_or(last_us);
@@ -238,19 +199,17 @@ impl EventConversion<'_> {
     }
 
     fn tell(&self, opened: &OpenEventFile, done: &ConversionSummary, losses: &[String], console: &Console) {
-        let (output, size) = (self.to.0, opened.header.size);
+        let (output, size) = (self.output, opened.header.size);
         let ConversionSummary { events, on, untimed, bytes, .. } = *done;
         let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
         console.say(&format!("{}: {} from a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
         let notes = self.notes_of_format(opened);
         notes.iter().for_each(|note| console.say(&format!("note: {note}")));
         losses.iter().for_each(|loss| console.say(loss));
-        if console.json {
-            console.result(&json!({
-                "input": path(self.from.0), "output": path(output), "width": size.width, "height": size.height,
-                "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses, "notes": notes,
-            }));
-        }
+        console.result(&json!({
+            "input": path(self.from.path), "output": path(output), "width": size.width, "height": size.height,
+            "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses, "notes": notes,
+        }));
     }
 }
 

@@ -1,17 +1,14 @@
 //! Events as a picture.
 
-use super::events::{ASSUMED, EventOptions};
+use super::events::InputEvents;
 use super::refuse_usage;
-use crate::cli::console::{Console, path};
-use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::{Console, ExitKind, VerbError, input, output, path};
 use clap::ValueEnum;
-use gs2e_event::file::EventFormat;
 use gs2e_event::picture::WindowCounts;
 use gs2e_event::picture::rate::RateBars;
 use gs2e_event::picture::surface::TimeSurface;
 use gs2e_event::{Event, EventFileError, EventSink, EventSource};
-use gs2e_image::{Image, Size, png};
+use gs2e_image::{Size, png};
 use gs2e_num::units::format_amount;
 use serde_json::json;
 use std::collections::TryReserveError;
@@ -58,31 +55,6 @@ fn parse_window(text: &str) -> Result<TimeWindow, String> {
     }
 }
 
-/// The accumulator of a picture.
-enum EventCanvas {
-    Frame(WindowCounts),
-    Surface(TimeSurface),
-    Rate(RateBars),
-}
-
-impl EventCanvas {
-    fn image(&self, tau_us: Option<u32>) -> Image<[u8; 3]> {
-        match self {
-            Self::Frame(picture) => picture.image(),
-            Self::Surface(surface) => surface.image(tau_us.map_or_else(|| surface.usual_tau_us(), f64::from)),
-            Self::Rate(rate) => rate.image(),
-        }
-    }
-
-    fn sink(&mut self) -> &mut dyn EventSink {
-        match self {
-            Self::Frame(picture) => picture,
-            Self::Surface(surface) => surface,
-            Self::Rate(rate) => rate,
-        }
-    }
-}
-
 impl PictureOptions {
     /// Returns true if the name of the output asks for a picture.
     ///
@@ -100,64 +72,60 @@ impl PictureOptions {
     /// Draws the events of a file, and writes the picture.
     pub(super) fn draw(
         &self,
-        (input, format): (&Path, EventFormat),
+        input: &InputEvents<'_>,
         output: &Path,
-        options: &EventOptions,
         console: &Console,
     ) -> Result<ExitKind, VerbError> {
-        output::screen_outputs([output], [input], console.json)?;
-        let mut opened = options.open(input, format)?;
-        if opened.assumes_us {
-            console.say(ASSUMED);
-        }
+        output::screen_outputs([output], [input.path], console.json)?;
+        let mut opened = input.open(console)?;
         let size = opened.header.size;
         let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
+        let mut pour = |sink: &mut dyn EventSink| {
+            let poured = pour_events(&mut *opened.source, &window_us, sink);
+            poured.map_err(|e| input::wrong_events(input.path, &e))
+        };
         // A large sensor may need more memory than there is; that is an error here and not an
         // abort.
-        let mut canvas = self.canvas(size, window_us.clone()).map_err(|e| {
-            let what = format!("{}: a picture of {size}: {}", output.display(), io::Error::from(e));
-            VerbError::failed("not-written", what)
-        })?;
-        let events = pour_events(&mut *opened.source, &window_us, canvas.sink()).map_err(|e| {
-            let what = format!("{}: failed to read events: {e}", input.display());
-            VerbError::failed("input-unreadable", what)
-        })?;
-        let image = canvas.image(self.tau);
-        let fill = |out: &mut dyn io::Write| png::write_image(&image, out);
-        output::write_outputs(&[OutputFile { path: output, fill: &fill }])?;
+        let too_large = |e: TryReserveError| {
+            output::not_written(output, format_args!("a picture of {size}: {}", io::Error::from(e)))
+        };
+        let (events, image) = match self.kind() {
+            PictureKind::Frame => {
+                let mut frame = WindowCounts::new(size, window_us.clone()).map_err(too_large)?;
+                (pour(&mut frame)?, frame.image())
+            }
+            PictureKind::Surface => {
+                let mut surface = TimeSurface::new(size, window_us.clone()).map_err(too_large)?;
+                let events = pour(&mut surface)?;
+                (events, surface.image(self.tau.map_or_else(|| surface.usual_tau_us(), f64::from)))
+            }
+            PictureKind::Rate => {
+                let mut rate = RateBars::new(window_us.clone());
+                (pour(&mut rate)?, rate.image())
+            }
+        };
+        output::write_output(output, |out| png::write_image(&image, out))?;
         console.say(&self.account(output, events, size, image.size()));
-        if console.json {
-            let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
-            console.result(&json!({
-                "input": path(input), "output": path(output), "picture": kind, "events": events,
-                "width": image.size().width, "height": image.size().height,
-            }));
-        }
+        let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
+        console.result(&json!({
+            "input": path(input.path), "output": path(output), "picture": kind, "events": events,
+            "width": image.size().width, "height": image.size().height,
+        }));
         Ok(ExitKind::Done)
     }
 
     /// The line about a picture.
     fn account(&self, output: &Path, events: u64, sensor: Size, picture: Size) -> String {
         let output = output.display();
-        match self.window {
-            Some(_) if events == 0 => format!("warning: {output}: no events in this window"),
-            _ => {
-                let shown = format_amount(events, "events");
-                format!("{output}: {shown} from a sensor of {sensor}, {picture}")
-            }
+        if self.window.is_some() && events == 0 {
+            return format!("warning: {output}: no events in this window");
         }
+        let shown = format_amount(events, "events");
+        format!("{output}: {shown} from a sensor of {sensor}, {picture}")
     }
 
     fn kind(&self) -> PictureKind {
         self.picture.unwrap_or(PictureKind::Frame)
-    }
-
-    fn canvas(&self, size: Size, window_us: Range<i64>) -> Result<EventCanvas, TryReserveError> {
-        Ok(match self.kind() {
-            PictureKind::Frame => EventCanvas::Frame(WindowCounts::new(size, window_us)?),
-            PictureKind::Surface => EventCanvas::Surface(TimeSurface::new(size, window_us)?),
-            PictureKind::Rate => EventCanvas::Rate(RateBars::new(window_us)),
-        })
     }
 }
 

@@ -1,8 +1,6 @@
 //! `gs2e gc --shared-store`: deletes files without a recent use from a folder that several machines share.
 
-use crate::cli::console::Console;
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::{Console, ExitKind, UserMessage, VerbError};
 use gs2e_files::is_there;
 use gs2e_store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
 use serde_json::json;
@@ -22,9 +20,9 @@ pub(super) fn run(
 ) -> Result<ExitKind, VerbError> {
     if is_bucket(shared) {
         let what = format!("{} is not a folder", shared.display());
-        return Err(VerbError::usage("not-shared", what).help(
-            "in a bucket, a lifecycle rule deletes old objects; a step whose objects are gone is made again",
-        ));
+        let help =
+            "in a bucket, a lifecycle rule deletes old objects; a step whose objects are gone is made again";
+        return Err(VerbError::usage("not-shared", what).help(help));
     }
     if !is_there(&shared.join("VERSION")) {
         let what = format!("there is no shared store in {}", shared.display());
@@ -43,15 +41,12 @@ pub(super) fn run(
 }
 
 fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
-    let SharedSwept {
-        records, blobs, bytes, kept_records, restored, deleted, deleted_bytes, refused, ..
-    } = *swept;
-    let mb = |bytes: u64| bytes as f64 * 1e-6;
+    let SharedSwept { records, blobs, kept_records, restored, deleted, refused, .. } = *swept;
+    let [mb, deleted_mb] = [swept.bytes, swept.deleted_bytes].map(|bytes| bytes as f64 * 1e-6);
     let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
-    console.say(&format!("{moved} {records} records and {blobs} blobs, {:.1} MB, to the trash", mb(bytes)));
+    console.say(&format!("{moved} {records} records and {blobs} blobs, {mb:.1} MB, to the trash"));
     console.say(&format!(
-        "{removed} {deleted} files of the trash, of old plans and of killed processes, {:.1} MB",
-        mb(deleted_bytes)
+        "{removed} {deleted} files of the trash, of old plans and of killed processes, {deleted_mb:.1} MB"
     ));
     if restored > 0 {
         console.say(&format!("{restored} files were used meanwhile, and are back"));
@@ -64,11 +59,9 @@ fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
         let seconds = swept.clock_difference;
         let what =
             format!("the clocks of machines differ by {seconds} s; files stay two hours longer for that");
-        console.show(&UserMessage::new(MessageLevel::Warning, "clock-skew", what));
+        console.show(&UserMessage::warning("clock-skew", what));
     }
-    if console.json {
-        let mut record = json!(swept);
-        record["dry_run"] = json!(dry_run);
-        console.result(&record);
-    }
+    let mut record = json!(swept);
+    record["dry_run"] = json!(dry_run);
+    console.result(&record);
 }

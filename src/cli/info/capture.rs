@@ -1,15 +1,13 @@
 //! Properties of a capture.
 
 use super::{PathFacts, short};
-use crate::cli::console::Console;
-use crate::cli::input;
-use crate::cli::problem::VerbError;
+use crate::cli::{Console, VerbError, input};
 use gs2e_scene::camera::Camera;
 use gs2e_source::kind::CaptureKind;
 use gs2e_source::{Capture, LensModel, SourceWarning};
 use gs2e_trajectory::NamedPose;
-use gs2e_trajectory::knots::GAP;
-use gs2e_trajectory::walk::CaptureEvenness;
+use gs2e_trajectory::knots::{CaptureGap, GAP};
+use gs2e_trajectory::walk::{CaptureEvenness, ViewDetour};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,10 +39,8 @@ fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<Path
         capture.views.iter().filter(|view| view.sha256.is_none()).map(|view| view.name.as_str()).collect();
     let evenness = capture_evenness(&capture);
     let value = json!({
-        "capture": kind.name(),
-        "views": capture.views.len(),
-        "photos_missing": missing,
-        "photos_unused": capture.unused.len(),
+        "capture": kind.name(), "views": capture.views.len(),
+        "photos_missing": missing, "photos_unused": capture.unused.len(),
         "cameras": cameras.iter().map(CameraGroup::value).collect::<Vec<_>>(),
         "evenness": evenness.as_ref().ok().map(evenness_value),
         "warnings": warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
@@ -154,15 +150,12 @@ fn evenness_rows(evenness: Result<&CaptureEvenness, &String>) -> Vec<(&'static s
         "the largest distance of two cameras, which look at no common point"
     };
     let mut rows = vec![("scale", format!("{} units, {what}", short(found.scale)))];
-    if let Some(longest) = found.steps.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median)) {
-        let times = short(longest.times_median);
-        rows.push((
-            "longest step",
-            format!("{times} median steps, from `{}` to `{}`", longest.after, longest.before),
-        ));
+    if let Some(longest) = longest_step(found) {
+        let (times, after, before) = (short(longest.times_median), &longest.after, &longest.before);
+        rows.push(("longest step", format!("{times} median steps, from `{after}` to `{before}`")));
     }
     rows.push(("gaps", format!("{} steps of more than {GAP} median steps", gap_count(found))));
-    if let Some(largest) = found.detours.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median)) {
+    if let Some(largest) = largest_detour(found) {
         let times = short(largest.times_median);
         rows.push(("detour", format!("at most {times} median steps, at `{}`", largest.name)));
     }
@@ -173,17 +166,19 @@ fn gap_count(found: &CaptureEvenness) -> usize {
     found.steps.iter().filter(|step| step.times_median > GAP).count()
 }
 
+fn longest_step(found: &CaptureEvenness) -> Option<&CaptureGap> {
+    found.steps.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median))
+}
+
+fn largest_detour(found: &CaptureEvenness) -> Option<&ViewDetour> {
+    found.detours.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median))
+}
+
 fn evenness_value(found: &CaptureEvenness) -> Value {
-    let longest = found.steps.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median));
-    let largest = found.detours.iter().max_by(|a, b| a.times_median.total_cmp(&b.times_median));
     json!({
-        "scale": found.scale,
-        "focused": found.focused,
-        "gaps": gap_count(found),
-        "longest_step": longest.map(|step| json!({
-            "after": step.after, "before": step.before, "times_median": step.times_median,
-        })),
-        "largest_detour": largest.map(|detour| json!({
+        "scale": found.scale, "focused": found.focused, "gaps": gap_count(found),
+        "longest_step": longest_step(found),
+        "largest_detour": largest_detour(found).map(|detour| json!({
             "name": detour.name, "times_median": detour.times_median,
         })),
     })

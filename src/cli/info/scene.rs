@@ -1,20 +1,17 @@
 //! Properties of a scene, and a first recipe for it.
 
-use super::{PathFacts, short, unreadable};
-use crate::cli::console::path;
-use crate::cli::input;
-use crate::cli::problem::VerbError;
+use super::{PathFacts, short};
+use crate::cli::{VerbError, input, path};
 use glam::DVec3;
 use gs2e_files::escape;
 use gs2e_image::Size;
 use gs2e_num::units::brief;
-use gs2e_scene as scene;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::dynamic::file::{read_dynamic, usual_time};
 use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatDynamics};
 use gs2e_scene::form::{SceneFileForm, file_form};
 use gs2e_scene::survey::{SceneOrbit, SceneSurvey, UpRule};
+use gs2e_scene::{self as scene, Gaussians};
 use serde_json::json;
 use std::path::Path;
 
@@ -24,8 +21,9 @@ const CAMERA: Camera =
 
 /// The properties of the scene at `place`, which a recipe names as `named`.
 pub(super) fn scene_facts(place: &Path, named: &Path) -> Result<PathFacts, VerbError> {
-    let form = file_form(place).map_err(|e| unreadable(place, &e))?;
-    let time = usual_time(place).map_err(|e| unreadable(place, &e))?.filter(|_| form.may_change);
+    let unreadable = |e| input::unreadable_path(place, e);
+    let form = file_form(place).map_err(unreadable)?;
+    let time = usual_time(place).map_err(unreadable)?.filter(|_| form.may_change);
     let read = time.map_or_else(|| scene::read_any(place), |time| read_dynamic(place, time));
     let gaussians = read.map_err(|e| {
         input::unreadable_file("file", &e).help("gs2e info --help lists the files and folders that are known")
@@ -84,14 +82,13 @@ fn scene_rows(
         UpRule::LayerAlike => "the normal of the layer that the Gaussians form, on the side of -y",
         UpRule::Colmap => "COLMAP's -y, since the Gaussians form no layer",
     };
-    let axes = ["x", "y", "z"].into_iter().zip([0, 1, 2]);
-    let bounds =
-        axes.map(|(name, k)| format!("{name} {} to {}", short(survey.low[k]), short(survey.high[k])));
+    let bound = |(k, name)| format!("{name} {} to {}", short(survey.low[k]), short(survey.high[k]));
+    let bounds: Vec<String> = ["x", "y", "z"].into_iter().enumerate().map(bound).collect();
     let mut rows = vec![
         ("format", format!("{}{bits}", form.format)),
         ("Gaussians", format!("{}{dropped}", gaussians.len())),
         ("harmonics", format!("degree {}", gaussians.sh_degree)),
-        ("bounds", format!("{}; each holds 95 % of the opacity", bounds.collect::<Vec<_>>().join(", "))),
+        ("bounds", format!("{}; each holds 95 % of the opacity", bounds.join(", "))),
         ("centre", format!("{}, the median on each axis", vector(survey.centre, short))),
         ("radius", format!("{}, which holds 95 % of the opacity", short(survey.radius))),
         ("up", format!("{}, a guess: {rule}", vector(survey.up.direction, short))),
@@ -110,7 +107,7 @@ fn vector(v: DVec3, number: impl Fn(f64) -> String) -> String {
 /// A recipe with an orbit about the scene.
 fn suggested_recipe(named: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -> Vec<String> {
     // `-0` is a number too, but an odd one.
-    let point = |v: DVec3| vector(v + DVec3::ZERO, brief);
+    let [centre, from, up] = [orbit.centre, orbit.from, orbit.up].map(|v| vector(v + DVec3::ZERO, brief));
     let Camera { size, fx, .. } = CAMERA;
     let time = match time.map(|time| time.span) {
         Some(SceneSpan::Duration(seconds)) => format!(", time: {{ duration: {seconds} }}"),
@@ -126,12 +123,7 @@ fn suggested_recipe(named: &Path, time: Option<SceneTime>, orbit: &SceneOrbit) -
         format!("camera: {{ width: {}, height: {}, fx: {fx} }}", size.width, size.height),
         "trajectories:".to_owned(),
         "  - name: orbit".to_owned(),
-        format!(
-            "    orbit: {{ centre: {}, from: {}, up: {} }}",
-            point(orbit.centre),
-            point(orbit.from),
-            point(orbit.up)
-        ),
+        format!("    orbit: {{ centre: {centre}, from: {from}, up: {up} }}"),
         "    speed: { flow: { px_s: 400 } }".to_owned(),
         "sampling: { tolerance: 0.1 }".to_owned(),
         "sharp: { fps: 30 }".to_owned(),

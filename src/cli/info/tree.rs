@@ -1,7 +1,7 @@
 //! Properties of the folders that this program writes: releases and stores.
 
 use super::PathFacts;
-use crate::cli::problem::VerbError;
+use crate::cli::VerbError;
 use gs2e_num::units::format_amount;
 use gs2e_release::summary::ReleaseSummary;
 use gs2e_store::gc::GcSweep;
@@ -11,8 +11,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 pub(super) fn release_facts(place: &Path) -> Result<PathFacts, VerbError> {
-    let found = ReleaseSummary::read(place)
-        .map_err(|e| VerbError::failed("input-unreadable", format!("failed to read the release: {e}")))?;
+    let failed = |e| VerbError::failed("input-unreadable", format!("failed to read the release: {e}"));
+    let found = ReleaseSummary::read(place).map_err(failed)?;
     let sums = if found.checksums { "SHA256SUMS" } else { "none: SHA256SUMS is missing" };
     let rows = vec![
         ("name", format!("{} {}", found.name, found.version)),

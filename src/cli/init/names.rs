@@ -42,13 +42,10 @@ pub(super) fn assign(folder: &Path, scenes: &[(&str, &str)]) -> Vec<FileName> {
             group.iter().filter(names_it).copied().collect()
         };
         for i in group {
-            let because = (!owners.contains(i)).then(|| {
-                because.map_or_else(
-                    || format!("{stem}.yaml belongs to another scene"),
-                    |why| format!("{stem}.yaml {why}"),
-                )
-            });
-            let path = if because.is_some() { marked(folder, scenes[*i]) } else { plain(*i) };
+            let because = (!owners.contains(i))
+                .then(|| format!("{stem}.yaml {}", because.unwrap_or("belongs to another scene")));
+            let (scene, name) = scenes[*i];
+            let path = if because.is_some() { marked(folder, scene, name) } else { plain(*i) };
             files[*i] = Some(FileName { path, because });
         }
     }
@@ -72,7 +69,7 @@ fn unsafe_because(stem: &str) -> Option<&'static str> {
 }
 
 /// A file marked with digits of the scene: the first 8 of the SHA-256 of its id.
-fn marked(folder: &Path, (scene, name): (&str, &str)) -> PathBuf {
+fn marked(folder: &Path, scene: &str, name: &str) -> PathBuf {
     let digest = Sha256::digest(scene);
     let digits: String = digest.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
     folder.join(format!("{}-{digits}.yaml", stem(name).trim_start_matches('.')))

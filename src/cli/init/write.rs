@@ -1,12 +1,10 @@
 //! Files that `init` writes: each is written whole or not at all.
 
-use super::super::problem::VerbError;
-use gs2e_files as files;
-use gs2e_files::{Removal, escape, is_there, write_by_rename};
+use crate::cli::{VerbError, output};
+use gs2e_files::{self as files, Removal, escape, is_there};
 use gs2e_recipe::draft;
-use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::io::{self, Write as _};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// The list of rejected scenes, in the folder of the recipes. It is no recipe.
@@ -26,8 +24,7 @@ pub(super) fn make_folder(path: &Path) -> Result<(), VerbError> {
 
 /// Writes a file whole or not at all.
 pub(super) fn write_file(path: &Path, text: &str) -> Result<(), VerbError> {
-    write_by_rename(path, |part| File::create_new(part)?.write_all(text.as_bytes()))
-        .map_err(write_failed(path))
+    output::write_whole(path, text.as_bytes()).map_err(write_failed(path))
 }
 
 /// The path from a recipe's folder to a place, as it is written in the recipe.
@@ -72,7 +69,7 @@ pub(super) fn write_rejected(
     for (scene, folder, code, because) in rejected {
         let folder = escape::path(folder);
         let cells = [scene, &folder, *code, because].map(escape::line);
-        let _ = writeln!(text, "{}", cells.join("\t"));
+        text += &(cells.join("\t") + "\n");
     }
     // An equal list is left alone, so that its time stamp stays.
     if known.is_some_and(|known| known == text) {

@@ -1,6 +1,6 @@
 //! The report on a rendering: the Gaussians drawn and left out, the work, and the time.
 
-use crate::cli::console::Console;
+use crate::cli::Console;
 use gs2e_image::Size;
 use gs2e_render::RenderWork;
 use gs2e_scene::SceneScreening;
@@ -45,11 +45,8 @@ impl RenderAccount {
         };
         // Counts are per pixel of the whole picture, the empty ones included.
         let a_pixel = work.blended as f64 / size.pixels() as f64;
-        let drawn = self.drawn();
-        console.say(&format!(
-            "{drawn} of {} Gaussians drawn, {pairs}{a_pixel:.2} blended per pixel",
-            work.gaussians
-        ));
+        let (drawn, all) = (work.drawn(), work.gaussians);
+        console.say(&format!("{drawn} of {all} Gaussians drawn, {pairs}{a_pixel:.2} blended per pixel"));
         if work.zero_harmonics > 0 {
             let each = work.zero_harmonics / drawn.max(1);
             console.say(&format!("{each} harmonics per Gaussian are zero in the whole scene and left out"));
@@ -57,14 +54,10 @@ impl RenderAccount {
         self.warnings().iter().for_each(|warning| console.say(&format!("warning: {warning}")));
     }
 
-    fn drawn(&self) -> u64 {
-        self.work.drawn()
-    }
-
     fn warnings(&self) -> Vec<String> {
         let SceneScreening { read, non_finite, zero_quaternions } = self.screening;
         let RenderWork { gaussians, degenerate, affine_invalid, .. } = self.work;
-        let drawn = self.drawn();
+        let drawn = self.work.drawn();
         let counted = [
             (non_finite > 0).then(|| {
                 format!("{non_finite} of {read} Gaussians in the file hold a NaN or an infinity and are left out")
@@ -89,13 +82,9 @@ impl RenderAccount {
     /// The report for programs.
     pub(super) fn to_json(&self) -> Value {
         json!({
-            "channel": self.channel,
-            "backend": self.backend,
-            "view": self.view,
-            "width": self.size.width,
-            "height": self.size.height,
-            "work": self.work,
-            "screening": self.screening,
+            "channel": self.channel, "backend": self.backend, "view": self.view,
+            "width": self.size.width, "height": self.size.height,
+            "work": self.work, "screening": self.screening,
             "seconds": { "read": self.reading.as_secs_f64(), "render": self.rendering.as_secs_f64() },
             "warnings": self.warnings(),
         })

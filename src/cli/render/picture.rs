@@ -1,6 +1,6 @@
 //! The channels of `gs2e render`, and the file formats of each.
 
-use crate::cli::problem::VerbError;
+use crate::cli::VerbError;
 use clap::ValueEnum;
 use gs2e_image::{Image, npy, png, to_byte};
 use gs2e_render::{ChannelSet, RenderedImages};
@@ -35,16 +35,15 @@ impl ChannelArg {
 
     /// The channels that the renderer must make.
     pub(super) fn wanted(self) -> ChannelSet {
-        ChannelSet {
-            rgb: self == Self::Rgb,
-            alpha: self == Self::Alpha,
-            luminance: self == Self::Luminance,
-            luminance_rate: self == Self::LuminanceRate,
-            depth: self == Self::Depth,
-            flow: self == Self::Flow,
-            doubtful: self == Self::Doubtful,
-            segments: false,
-            drift: false,
+        let none = ChannelSet::NONE;
+        match self {
+            Self::Rgb => ChannelSet { rgb: true, ..none },
+            Self::Alpha => ChannelSet { alpha: true, ..none },
+            Self::Luminance => ChannelSet { luminance: true, ..none },
+            Self::LuminanceRate => ChannelSet { luminance_rate: true, ..none },
+            Self::Depth => ChannelSet { depth: true, ..none },
+            Self::Doubtful => ChannelSet { doubtful: true, ..none },
+            Self::Flow => ChannelSet { flow: true, ..none },
         }
     }
 

@@ -3,9 +3,8 @@
 use super::SimulateArgs;
 use super::sensor::DrawnNumbers;
 use super::sequence::StampedFrames;
-use crate::cli::console::{Console, path};
 use crate::cli::output::unwritable_file;
-use crate::cli::problem::VerbError;
+use crate::cli::{Console, VerbError, path};
 use gs2e_num::units::format_amount;
 use gs2e_sensor::screening::SensorScreening;
 use gs2e_sensor::{SensorChoice, SimulationAccount};
@@ -27,13 +26,10 @@ impl SimulateReport<'_> {
         let bytes = std::fs::metadata(out).map_err(|e| unwritable_file(out, e))?.len();
         let SimulationAccount { events, on, active_pixels, .. } = self.account;
         let (size, seconds) = (self.sequence.frames.size(), self.seconds());
-        let frames = self.sequence.stamps_us.len();
-        console.say(&format!(
-            "{}: {} from {frames} frames of {size} over {seconds:.6} s, {}",
-            out.display(),
-            format_amount(events, "events"),
-            format_amount(bytes, "B")
-        ));
+        let (out, frames) = (out.display(), self.sequence.stamps_us.len());
+        let [amount, written] = [format_amount(events, "events"), format_amount(bytes, "B")];
+        console
+            .say(&format!("{out}: {amount} from {frames} frames of {size} over {seconds:.6} s, {written}"));
         if events > 0 {
             let (rate, share) = (self.rate(), 100.0 * on as f64 / events as f64);
             let active = 100.0 * active_pixels as f64 / size.pixels() as f64;
@@ -58,36 +54,23 @@ impl SimulateReport<'_> {
             ));
         }
         self.oddities().iter().for_each(|line| console.say(line));
-        if console.json {
-            console.result(&self.to_json(bytes));
-        }
+        console.result(&self.to_json(bytes));
         Ok(())
     }
 
     /// Warnings about events and pixels that do not occur in a usual run.
     fn oddities(&self) -> Vec<String> {
-        let SimulationAccount {
-            capped,
-            negative_luminance,
-            same_us_same_pixel,
-            drift_violations,
-            drift_worst,
-            ..
-        } = self.account;
+        let found = &self.account;
+        let drift =
+            format!("pixels deviate from their drift, at worst by {:.2} times the limit", found.drift_worst);
         let lines = [
-            (capped, "events beyond the cap per pixel and frame were dropped".to_owned()),
-            (negative_luminance, "luminance values below zero were set to zero".to_owned()),
-            (same_us_same_pixel, "pairs of events of the same pixel share a microsecond".to_owned()),
-            (
-                drift_violations,
-                format!("pixels deviate from their drift, at worst by {drift_worst:.2} times the limit"),
-            ),
+            (found.capped, "events beyond the cap per pixel and frame were dropped"),
+            (found.negative_luminance, "luminance values below zero were set to zero"),
+            (found.same_us_same_pixel, "pairs of events of the same pixel share a microsecond"),
+            (found.drift_violations, &drift),
         ];
-        lines
-            .into_iter()
-            .filter(|(count, _)| *count > 0)
-            .map(|(n, what)| format!("warning: {n} {what}"))
-            .collect()
+        let warning = |(count, what): &(_, &str)| (*count > 0).then(|| format!("warning: {count} {what}"));
+        lines.iter().filter_map(warning).collect()
     }
 
     fn seconds(&self) -> f64 {

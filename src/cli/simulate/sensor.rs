@@ -1,13 +1,12 @@
 //! The sensor: a preset or a file, with the changes that the command line requests.
 
 use super::SimulateArgs;
-use crate::cli::problem::VerbError;
+use crate::cli::VerbError;
 use gs2e_files::is_there;
 use gs2e_recipe::draw_sensor;
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::front_end::{GreyRange, LuminanceWeights};
 use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel, VoltmeterPreset};
-use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -27,8 +26,8 @@ pub(super) fn choose_sensor(asked: &SimulateArgs) -> Result<(SensorChoice, Drawn
     ];
     match of_voltmeter.into_iter().find(|(_, given)| *given) {
         Some((option, _)) if sensor.as_voltmeter().is_none() => {
-            let what =
-                format!("{option} applies to the sensor voltmeter, but this sensor is {}", sensor.name());
+            let own = sensor.name();
+            let what = format!("{option} applies to the sensor voltmeter, but this sensor is {own}");
             Err(VerbError::usage("sensor", what).help("leave the option out"))
         }
         _ => Ok((with_settings(with_law(with_threshold(sensor, asked), asked), asked)?, drawn)),
@@ -72,10 +71,10 @@ fn with_settings(sensor: SensorChoice, asked: &SimulateArgs) -> Result<SensorCho
 /// Reads the weights of the colours, by name or as three numbers.
 pub(super) fn luminance(text: &str) -> Result<LuminanceWeights, String> {
     if !text.contains(',') {
-        let named =
-            super::parse_word(text).ok().filter(|named| !matches!(named, LuminanceWeights::Weights(_)));
-        return named
-            .ok_or_else(|| format!("`{text}` is not rec601, rec709, or R,G,B such as 0.25,0.5,0.25"));
+        let named = super::parse_word(text).ok();
+        let named = named.filter(|named| !matches!(named, LuminanceWeights::Weights(_)));
+        let wanted = || format!("`{text}` is not rec601, rec709, or R,G,B such as 0.25,0.5,0.25");
+        return named.ok_or_else(wanted);
     }
     let weights = parse_numbers(text).ok_or_else(|| format!("`{text}` is not R,G,B: three numbers"))?;
     LuminanceWeights::from_weights(weights).map_err(|error| error.to_string())
@@ -151,32 +150,19 @@ pub(super) fn parse_threshold(text: &str) -> Result<(f64, f64), String> {
 /// Checks that rates are given exactly if the interpolation needs them.
 pub(super) fn check_rates(sensor: &SensorChoice, given: bool, coloured: bool) -> Result<(), VerbError> {
     let between = sensor.between();
+    let needed = between == BetweenFrames::Hermite;
     // Rates are those of one luminance. A sensor with other weights would see another rate.
-    if between == BetweenFrames::Hermite && coloured && sensor.as_model().front_end().needs_colour() {
+    let (code, what, help) = if needed && coloured && sensor.as_model().front_end().needs_colour() {
         let what = "hermite needs rates of change of luminance rec601, not decoded".to_owned();
-        return Err(
-            VerbError::usage("rates-other", what).help("use grey frames in a .npy, which have one luminance")
-        );
-    }
-    if between == BetweenFrames::Hermite && !given {
+        ("rates-other", what, "use grey frames in a .npy, which have one luminance")
+    } else if needed && !given {
         let what = "hermite needs the change of luminance per second, and none is given".to_owned();
-        return Err(VerbError::usage("rates-missing", what)
-            .help("pass --rates with a .npy of float32, one value per pixel"));
-    }
-    if between != BetweenFrames::Hermite && given {
-        let what =
-            format!("--rates applies to hermite, but the sensor interpolates with {}", recipe_name(&between));
-        return Err(
-            VerbError::usage("rates-unused", what).help("add --between hermite, or leave --rates out")
-        );
-    }
-    Ok(())
-}
-
-/// The name of a value in recipes.
-pub(super) fn recipe_name(value: &impl Serialize) -> String {
-    match serde_json::to_value(value) {
-        Ok(serde_json::Value::String(name)) => name,
-        _ => String::new(),
-    }
+        ("rates-missing", what, "pass --rates with a .npy of float32, one value per pixel")
+    } else if !needed && given {
+        let what = format!("--rates applies to hermite, but the sensor interpolates with {}", between.name());
+        ("rates-unused", what, "add --between hermite, or leave --rates out")
+    } else {
+        return Ok(());
+    };
+    Err(VerbError::usage(code, what).help(help))
 }

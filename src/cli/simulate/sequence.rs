@@ -1,8 +1,6 @@
 //! The frames of a simulation, with their time stamps.
 
-use crate::cli::input;
-use crate::cli::message::{MessageLevel, UserMessage};
-use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::{ExitKind, UserMessage, VerbError, input};
 use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
 use gs2e_num::units::{Hertz, Ratio, format_amount};
@@ -26,10 +24,9 @@ pub(super) struct SensorOrigin(pub(super) [u16; 2]);
 
 /// Reads `X,Y`.
 pub(super) fn parse_origin(text: &str) -> Result<SensorOrigin, String> {
-    let sides =
-        text.split_once(',').and_then(|(x, y)| Some([x.trim().parse().ok()?, y.trim().parse().ok()?]));
-    sides
-        .map(SensorOrigin)
+    let origin = |(x, y): (&str, &str)| Some(SensorOrigin([x.trim().parse().ok()?, y.trim().parse().ok()?]));
+    text.split_once(',')
+        .and_then(origin)
         .ok_or_else(|| format!("`{text}` is not X,Y, two numbers from 0 to 65535 such as 40,12"))
 }
 
@@ -98,9 +95,8 @@ impl StampedFrames {
         };
         let decided = floats && asked.full_scale.is_none();
         if !floats && asked.full_scale == Some(FullScale::One) {
-            notices.push(
-                "warning: --full-scale applies to floats: these frames are already grey 0 to 255".to_owned(),
-            );
+            let what = "warning: --full-scale applies to floats: these frames are already grey 0 to 255";
+            notices.push(what.to_owned());
         }
         let may_be_coloured = matches!(source, FrameSource::Images(_));
         let frames: Box<dyn FrameSequence> = match source {
@@ -167,13 +163,12 @@ impl StampedFrames {
 }
 
 fn require_two(input: &Path, stamps_us: &[i64]) -> Result<(), VerbError> {
-    match stamps_us.len() {
-        0 | 1 => {
-            let what = format!("{} holds {} frames, wanted at least 2", input.display(), stamps_us.len());
-            Err(VerbError::usage("frames", what))
-        }
-        _ => Ok(()),
+    let count = stamps_us.len();
+    if count >= 2 {
+        return Ok(());
     }
+    let what = format!("{} holds {count} frames, wanted at least 2", input.display());
+    Err(VerbError::usage("frames", what))
 }
 
 /// The error for a video that cannot be read.
@@ -215,13 +210,9 @@ pub(in crate::cli) fn open_stack(
 }
 
 fn find_stamps(asked: FrameInputs<'_>, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
-    let count = match source {
-        FrameSource::Stack(stack) => stack.frames(),
-        FrameSource::Images(listing) => listing.images.len(),
-    };
-    let own = match source {
-        FrameSource::Images(listing) => listing.stamps_us.as_ref(),
-        FrameSource::Stack(_) => None,
+    let (count, own) = match source {
+        FrameSource::Stack(stack) => (stack.frames(), None),
+        FrameSource::Images(listing) => (listing.images.len(), listing.stamps_us.as_ref()),
     };
     match (own, asked.stamps, asked.fps) {
         (Some(own), None, None) => Ok(own.clone()),
@@ -277,9 +268,6 @@ fn mismatched_frames(error: &NpyError) -> VerbError {
 }
 
 fn wrong_folder(error: &FolderError) -> VerbError {
-    let message = UserMessage::new(MessageLevel::Error, "frames", error.to_string());
-    VerbError::from_message(
-        if matches!(error, FolderError::Io { .. }) { ExitKind::Failed } else { ExitKind::Usage },
-        message,
-    )
+    let exit = if matches!(error, FolderError::Io { .. }) { ExitKind::Failed } else { ExitKind::Usage };
+    VerbError::new(exit, UserMessage::error("frames", error.to_string()))
 }

@@ -1,12 +1,10 @@
 //! `gs2e study real`: simulated streams against a recording.
 
 use super::{end_problem, go_unless};
-use crate::cli::console::Console;
-use crate::cli::convert::events::{EventInputOptions, RawCodec, SUPPORTED};
-use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::{ExitKind, VerbError};
+use crate::cli::convert::events::{EventInputOptions, SUPPORTED};
 use crate::cli::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
-use crate::cli::{CommonArgs, input, on_interrupt};
+use crate::cli::{CommonArgs, Console, ExitKind, VerbError, input, on_interrupt, output};
+use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFormat, OpenEventFile};
 use gs2e_event::sorted::SortedEvents;
 use gs2e_lab::real::picture::intervals_svg;
@@ -21,7 +19,7 @@ use gs2e_recipe::read_sensor;
 use gs2e_sensor::frames::array::FullScale;
 use serde_json::json;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Arguments of `study real`.
 #[derive(Debug, clap::Args)]
@@ -98,7 +96,7 @@ impl RealArgs {
     /// The profile of the recorded events between the first and the last frame.
     fn recording(&self, sequence: &StampedFrames) -> Result<StreamProfile, VerbError> {
         let path = &self.events;
-        let format = EventFormat::for_path(path, RawCodec::Evt2.into()).ok_or_else(|| {
+        let format = EventFormat::for_path(path, EvtVersion::Evt2).ok_or_else(|| {
             let what = format!("{}: not an event format", path.display());
             VerbError::usage("format", what).help(SUPPORTED)
         })?;
@@ -112,16 +110,16 @@ impl RealArgs {
         let profile = StreamProfile::new(size, first_us..=last_us, 0);
         // Intervals need the events in order of time, which not every camera's file keeps.
         let profile = profile_recording(&mut SortedEvents::new(&mut *source), profile);
-        let profile = profile.map_err(|error| input::unreadable_file("events", &named(path, &error)))?;
+        let place = path.display();
+        let named = |error| io::Error::other(format!("{place}: {error}"));
+        let profile = profile.map_err(|error| input::unreadable_file("events", &named(error)))?;
         if profile.events() == 0 {
+            let count = profile.outside();
             let what = format!(
-                "{}: none of {} events is between the first frame, {first_us} us, and the last, {last_us} us",
-                path.display(),
-                profile.outside()
+                "{place}: none of {count} events is between the first frame, {first_us} us, and the last, {last_us} us"
             );
-            return Err(
-                VerbError::usage("no-events", what).help("--stamps has times on the clock of the events")
-            );
+            let help = "--stamps has times on the clock of the events";
+            return Err(VerbError::usage("no-events", what).help(help));
         }
         Ok(profile)
     }
@@ -129,16 +127,8 @@ impl RealArgs {
     fn write(&self, found: &RealStudy) -> Result<(), VerbError> {
         let table = |out: &mut dyn Write| write_csv(found, out);
         let picture = |out: &mut dyn Write| out.write_all(intervals_svg(found).as_bytes());
-        let mut outputs: Vec<OutputFile<'_>> = Vec::new();
-        outputs.extend(self.csv.iter().map(|path| OutputFile { path, fill: &table }));
-        outputs.extend(self.picture.iter().map(|path| OutputFile { path, fill: &picture }));
-        output::write_outputs(&outputs)
+        output::write_given(&[(self.csv.as_deref(), &table), (self.picture.as_deref(), &picture)])
     }
-}
-
-/// An error with the path of its file.
-fn named(path: &Path, error: &dyn std::error::Error) -> io::Error {
-    io::Error::other(format!("{}: {error}", path.display()))
 }
 
 /// The recording as a row: its distances from itself are 0.
@@ -161,9 +151,8 @@ fn write_csv(found: &RealStudy, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "sensor,events,capped,rate_ev_px_s,on_share,ks_counts,ks_intervals,ln_density,distance")?;
     let number = |value: Option<f64>| value.map(|value| value.to_string()).unwrap_or_default();
     for row in [recorded_row(found)].iter().chain(&found.rows) {
-        let ComparedSensor {
-            sensor, events, capped, rate_ev_px_s, ks_counts, ks_intervals, distance, ..
-        } = row;
+        let ComparedSensor { sensor, events, capped, rate_ev_px_s, .. } = row;
+        let ComparedSensor { ks_counts, ks_intervals, distance, .. } = row;
         let (on_share, ln_density) = (number(row.on_share), number(row.ln_density));
         writeln!(
             out,
@@ -174,17 +163,16 @@ fn write_csv(found: &RealStudy, out: &mut dyn Write) -> io::Result<()> {
 }
 
 fn tell(found: &RealStudy, console: &Console) {
+    let outside = found.real.outside();
     if console.json {
-        console.result(&json!({
-            "seconds": found.seconds, "recording": recorded_row(found), "outside": found.real.outside(),
+        return console.result(&json!({
+            "seconds": found.seconds, "recording": recorded_row(found), "outside": outside,
             "sensors": found.rows, "nearest": found.rows.first().map(|row| &row.sensor),
         }));
-        return;
     }
-    if found.real.outside() > 0 {
+    if outside > 0 {
         console.say(&format!(
-            "{} recorded events are before the first or after the last frame, and do not count",
-            found.real.outside()
+            "{outside} recorded events are before the first or after the last frame, and do not count"
         ));
     }
     console.print(

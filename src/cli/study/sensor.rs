@@ -1,17 +1,13 @@
 //! `gs2e study sensor`: the answers of a sensor to steps and to constant light.
 
-use crate::cli::CommonArgs;
-use crate::cli::console::Console;
-use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::{ExitKind, VerbError};
 use crate::cli::simulate::sensor_from;
+use crate::cli::{CommonArgs, Console, ExitKind, VerbError, output};
 use gs2e_lab::sensor::noise_curve::NoiseTrial;
 use gs2e_lab::sensor::picture::study_svg;
 use gs2e_lab::sensor::{ContrastRow, NoiseRow, SensorStudy, measure_contrast, measure_noise};
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::voltmeter::VoltmeterPreset;
 use serde_json::json;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `study sensor`.
@@ -42,9 +38,8 @@ impl SensorArgs {
             noise: measure_noise(&sensor, anchors, NoiseTrial::USUAL).map_err(failed)?,
         };
         if let Some(path) = &self.picture {
-            let fill =
-                |out: &mut dyn Write| out.write_all(study_svg(&self.sensor, &sensor, &study).as_bytes());
-            output::write_outputs(&[OutputFile { path, fill: &fill }])?;
+            let picture = study_svg(&self.sensor, &sensor, &study);
+            output::write_output(path, |out| out.write_all(picture.as_bytes()))?;
         }
         self.tell(&sensor, &study, console);
         Ok(if study.passes() { ExitKind::Done } else { ExitKind::Fault })

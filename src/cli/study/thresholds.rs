@@ -1,15 +1,11 @@
 //! `gs2e study thresholds`: a sweep of the contrast threshold.
 
-use super::subject::{self, StudySubject};
+use super::subject::{StudySubject, SubjectArgs};
 use super::{end_problem, go_unless, not_rendered};
-use crate::cli::console::Console;
-use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::{ExitKind, VerbError};
-use crate::cli::{CommonArgs, RecipeTargets, on_interrupt};
+use crate::cli::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
 use gs2e_event::picture::picture_grid;
 use gs2e_image::png;
 use gs2e_lab::thresholds::{SweepResult, ThresholdRow, ThresholdSweep, sweep_thresholds};
-use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_render::backend::Backend;
 use gs2e_render::{LayerOrder, RenderError, RenderRules, RenderStyle};
 use gs2e_sampling::rendered::RenderedFrames;
@@ -24,12 +20,8 @@ use std::path::PathBuf;
 /// Arguments of `study thresholds`.
 #[derive(Debug, clap::Args)]
 pub(super) struct ThresholdsArgs {
-    /// Recipe of a scene that is built
-    #[arg(value_name = "RECIPE", default_value = RecipeTargets::DEFAULT)]
-    recipe: PathBuf,
-    /// Trajectory [default: the first]
-    #[arg(long, value_name = "NAME")]
-    trajectory: Option<String>,
+    #[command(flatten)]
+    subject: SubjectArgs,
     /// Thresholds of ON and OFF events, in rising order
     #[arg(long, value_name = "LIST", value_delimiter = ',', default_value = "0.25,0.5,0.75,1,1.25,1.5")]
     thresholds: Vec<f64>,
@@ -67,41 +59,31 @@ const GAP: u32 = 4;
 impl ThresholdsArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.screen(console)?;
-        let recipe = subject::single_recipe(&self.recipe)?;
-        let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::single_voltmeter(&recipe, &name)?;
-        common.limit_cores();
-        let backend = common.backend()?;
-        // The seed of a build, so that the noise is that of the released events.
-        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
-        let scene = format!("{}/{name}", recipe.scene);
-        let asked = recipe.render;
-        let built = StudySubject::open_subject(recipe, &name, common)?;
+        let built = self.subject.open(common)?;
         let range = self.range(&built.motion.trajectory)?;
         let trajectory = part_of(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
         let sweep = ThresholdSweep {
-            sensor,
+            sensor: built.sensor.clone(),
             thresholds: self.thresholds.clone(),
-            seed,
+            seed: built.seed,
             within_ns: interval_ns(&trajectory),
             window_us: middle - PICTURE_US / 2..middle + PICTURE_US / 2,
         };
-        let style = asked.resolve(built.gaussians.antialiased);
-        let found = built.sweep(&sweep, (&trajectory, range), (backend, style))?;
+        let found = built.sweep(&sweep, &trajectory, range)?;
         self.write(&sweep, &found)?;
-        self.tell(&scene, &found, console);
+        self.tell(&built.name(), &found, console);
         Ok(ExitKind::Done)
     }
 
     fn screen(&self, console: &Console) -> Result<(), VerbError> {
         let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
-        output::screen_outputs(outputs, [self.recipe.as_path()], console.json)?;
+        output::screen_outputs(outputs, [self.subject.recipe.as_path()], console.json)?;
         let rising = self.thresholds.windows(2).all(|pair| pair[0] < pair[1]);
         let in_range = self.thresholds.iter().all(|t| (1e-6..=1e6).contains(t));
         if !rising || !in_range {
-            let what =
-                format!("--thresholds {:?}, wanted increasing numbers from 1e-6 to 1e6", self.thresholds);
+            let found = &self.thresholds;
+            let what = format!("--thresholds {found:?}, wanted increasing numbers from 1e-6 to 1e6");
             return Err(VerbError::usage("thresholds", what));
         }
         Ok(())
@@ -118,7 +100,7 @@ impl ThresholdsArgs {
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
         if range.len() < 3 {
             let what = format!("{} poses are from {begin} to {end} ms, wanted at least 3", range.len());
-            return Err(VerbError::usage("span", what).help(&format!("the trajectory ends at {} us", end_us)));
+            return Err(VerbError::usage("span", what).help(format!("the trajectory ends at {end_us} us")));
         }
         Ok(range)
     }
@@ -130,47 +112,38 @@ impl ThresholdsArgs {
             let captioned: Vec<_> = captioned.map(|(image, t)| (image.clone(), t.to_string())).collect();
             png::write_image(&picture_grid(&captioned, COLUMNS, GAP), out)
         };
-        let mut outputs: Vec<OutputFile<'_>> = Vec::new();
-        outputs.extend(self.csv.iter().map(|path| OutputFile { path, fill: &table }));
-        outputs.extend(self.picture.iter().map(|path| OutputFile { path, fill: &picture }));
-        output::write_outputs(&outputs)
+        output::write_given(&[(self.csv.as_deref(), &table), (self.picture.as_deref(), &picture)])
     }
 
     fn tell(&self, scene: &str, found: &SweepResult, console: &Console) {
         let (row, because) = found.recommended();
         let recommended = row.map(|row| row.threshold);
         if console.json {
-            console.result(&json!({
+            return console.result(&json!({
                 "scene": scene, "frames": found.frames, "seconds": found.seconds, "rows": found.rows,
                 "recommended": recommended, "because": because, "recipe": found.recipe_fragment(),
             }));
-            return;
         }
         let SweepResult { frames, seconds, .. } = found;
         console.print(&format!("{scene}: {frames} frames, {:.1} ms, rendered with two rules", 1e3 * seconds));
         console.print("threshold  contrast     events  ev/px/s   ON  smooth  near a jump  other");
-        let share = |part: u64, row: &ThresholdRow| 100.0 * part as f64 / row.events.max(1) as f64;
         for row in &found.rows {
+            let ThresholdRow { threshold, contrast, events, rate_ev_px_s, .. } = row;
+            let [on, smooth, near_jump, other] = [row.on, row.smooth, row.near_jump, row.other]
+                .map(|part| 100.0 * part as f64 / (*events).max(1) as f64);
             console.print(&format!(
-                "{:9}  {:8.4}  {:9}  {:7.3}  {:2.0} %  {:4.1} %      {:5.1} %  {:3.1} %",
-                row.threshold,
-                row.contrast,
-                row.events,
-                row.rate_ev_px_s,
-                share(row.on, row),
-                share(row.smooth, row),
-                share(row.near_jump, row),
-                share(row.other, row)
+                "{threshold:9}  {contrast:8.4}  {events:9}  {rate_ev_px_s:7.3}  {on:2.0} %  {smooth:4.1} %      \
+                 {near_jump:5.1} %  {other:3.1} %"
             ));
         }
-        console.print("smooth: the smooth rendering makes the same event; near a jump: the renderer jumped since the pixel's");
-        console.print(
-            "previous event; other: late or early after a jump, or under a slow difference of the renderings",
+        console.print_lines(
+            "smooth: the smooth rendering makes the same event; near a jump: the renderer jumped since the pixel's\n\
+             previous event; other: late or early after a jump, or under a slow difference of the renderings",
         );
         let recommended = recommended.map_or_else(|| "none".to_owned(), |threshold| threshold.to_string());
         console.print(&format!("recommended: {recommended}: {because}"));
         console.print("For the recipe:");
-        found.recipe_fragment().lines().for_each(|line| console.print(line));
+        console.print_lines(&found.recipe_fragment());
     }
 }
 
@@ -186,17 +159,8 @@ fn part_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
 fn write_csv(found: &SweepResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "threshold,contrast,events,on,rate_ev_px_s,smooth_stream,smooth,near_jump,other")?;
     for row in &found.rows {
-        let ThresholdRow {
-            threshold,
-            contrast,
-            events,
-            on,
-            rate_ev_px_s,
-            smooth_stream,
-            smooth,
-            near_jump,
-            other,
-        } = row;
+        let ThresholdRow { threshold, contrast, events, on, rate_ev_px_s, .. } = row;
+        let ThresholdRow { smooth_stream, smooth, near_jump, other, .. } = row;
         writeln!(
             out,
             "{threshold},{contrast},{events},{on},{rate_ev_px_s},{smooth_stream},{smooth},{near_jump},{other}"
@@ -212,17 +176,19 @@ fn interval_ns(trajectory: &Trajectory) -> i64 {
 }
 
 impl StudySubject {
-    /// Renders the part by two rule sets, and sweeps the thresholds.
+    /// Renders a part of the trajectory by two rule sets, and sweeps the thresholds. `range` is its poses
+    /// among those of the whole trajectory.
     fn sweep(
         &self,
         asked: &ThresholdSweep,
-        (trajectory, range): (&Trajectory, Range<usize>),
-        (backend, style): (Backend, RenderStyle),
+        trajectory: &Trajectory,
+        range: Range<usize>,
     ) -> Result<SweepResult, VerbError> {
+        let Self { backend, style, .. } = self;
         let cancel = on_interrupt()?;
         let mut tap = |_: usize| go_unless(&cancel);
         // The picture as a continuous function of the view. No GPU renders a blended order.
-        let smooth = RenderStyle { rules: RenderRules::Soft, order: LayerOrder::Blended, ..style };
+        let smooth = RenderStyle { rules: RenderRules::Soft, order: LayerOrder::Blended, ..*style };
         let velocities = self.motion.velocities();
         let frames = |backend: &Backend, style| {
             let renderer = backend.renderer(self.gaussians.clone(), style)?;
@@ -232,9 +198,9 @@ impl StudySubject {
                 BetweenFrames::Linear | BetweenFrames::Catmull => frames,
             })
         };
-        let mut released = frames(&backend, style).map_err(|e| not_rendered(&e))?;
-        let smooth_by = if backend.takes_gpu() { Backend::Cpu } else { backend };
-        let mut smooth = frames(&smooth_by, smooth).map_err(|e| not_rendered(&e))?;
+        let mut released = frames(backend, *style).map_err(|e| not_rendered(&e))?;
+        let smooth_by = if backend.takes_gpu() { &Backend::Cpu } else { backend };
+        let mut smooth = frames(smooth_by, smooth).map_err(|e| not_rendered(&e))?;
         let front_end = asked.sensor.settings.front_end;
         let mut released = FrontEndFrames::new(&mut released, front_end);
         let mut smooth = FrontEndFrames::new(&mut smooth, front_end);

@@ -1,19 +1,18 @@
 //! `gs2e study`: measures error against run time.
 
 use super::meter::OwnProcess;
-use super::subject::{self, StudySubject};
+use super::subject::{StudySubject, SubjectArgs};
 use super::{go_unless, lab_problem};
-use crate::cli::console::Console;
 use crate::cli::output::{self, OutputFile};
-use crate::cli::problem::{ExitKind, VerbError};
-use crate::cli::{CommonArgs, RecipeTargets, machine, on_interrupt};
+use crate::cli::words::{Word, one_of};
+use crate::cli::{CommonArgs, Console, ExitKind, VerbError, machine, on_interrupt};
+use clap::builder::PossibleValuesParser;
 use gs2e_files as files;
 use gs2e_lab::work_precision::lab::{NamedRules, StudyLab, StudyMachine, StudyPlan};
 use gs2e_lab::work_precision::pick::ErrorMeasure;
 use gs2e_lab::work_precision::recommend::RecommendedSetting;
 use gs2e_lab::work_precision::window::FineWindow;
 use gs2e_lab::work_precision::{StudyResult, chart, report};
-use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_render::{LayerOrder, RenderRules};
 use gs2e_sensor::SensorSettings;
 use gs2e_sensor::noise::HotPixelNoise;
@@ -26,12 +25,8 @@ use std::path::PathBuf;
 /// Arguments of `study` without a subcommand.
 #[derive(Debug, clap::Args)]
 pub(super) struct WorkPrecision {
-    /// Recipe of a scene that is built
-    #[arg(value_name = "RECIPE", default_value = RecipeTargets::DEFAULT)]
-    recipe: PathBuf,
-    /// Trajectory [default: the first]
-    #[arg(long, value_name = "NAME")]
-    trajectory: Option<String>,
+    #[command(flatten)]
+    subject: SubjectArgs,
     /// Begin of the window, seconds of the trajectory [default: in its middle]
     #[arg(long, value_name = "S")]
     start: Option<f64>,
@@ -45,20 +40,17 @@ pub(super) struct WorkPrecision {
     #[arg(long, value_name = "HZ", default_value_t = 9600)]
     finest: u32,
     /// Brightness between frames
-    #[arg(
-        long,
-        value_enum,
-        value_name = "LIST",
-        value_delimiter = ',',
-        default_value = "linear,catmull,hermite"
-    )]
-    between: Vec<InterpolationArg>,
+    #[arg(long, value_parser = one_of(&BETWEEN), value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "linear,catmull,hermite")]
+    between: Vec<BetweenFrames>,
     /// Spacing of frames
-    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "uniform,flow")]
-    steps: Vec<SteppingArg>,
+    #[arg(long, value_parser = PossibleValuesParser::new(STEPS), value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "uniform,flow")]
+    steps: Vec<String>,
     /// Rule sets; the others are compared with the first
-    #[arg(long, value_enum, value_name = "LIST", value_delimiter = ',', default_value = "official,soft")]
-    rules: Vec<RuleSet>,
+    #[arg(long, value_parser = one_of(&RULE_SETS), value_name = "LIST", value_delimiter = ',')]
+    #[arg(default_value = "official,soft")]
+    rules: Vec<NamedRules>,
     /// Give all sensors the same noise, instead of none
     #[arg(long)]
     noise: bool,
@@ -70,42 +62,26 @@ pub(super) struct WorkPrecision {
     to: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum InterpolationArg {
-    Linear,
-    Catmull,
-    Hermite,
-}
+const BETWEEN: [Word<BetweenFrames>; 3] = [
+    ("linear", "", BetweenFrames::Linear),
+    ("catmull", "", BetweenFrames::Catmull),
+    ("hermite", "", BetweenFrames::Hermite),
+];
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum SteppingArg {
-    Uniform,
-    Flow,
-}
+const STEPS: [&str; 2] = ["uniform", "flow"];
 
-/// Rule set and order of layers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum RuleSet {
-    Official,
-    Exact,
-    Gsplat,
-    Soft,
-    /// `soft` with `order: blended`
-    Blended,
-}
-
-impl RuleSet {
-    fn named(self) -> NamedRules {
-        let (name, rules, order) = match self {
-            Self::Official => ("official", RenderRules::Official, LayerOrder::Depth),
-            Self::Exact => ("exact", RenderRules::Exact, LayerOrder::Depth),
-            Self::Gsplat => ("gsplat", RenderRules::Gsplat, LayerOrder::Depth),
-            Self::Soft => ("soft", RenderRules::Soft, LayerOrder::Depth),
-            Self::Blended => ("blended", RenderRules::Soft, LayerOrder::Blended),
-        };
-        NamedRules { name, rules, order }
-    }
-}
+/// Rule sets and orders of layers.
+const RULE_SETS: [Word<NamedRules>; 5] = [
+    ("official", "", NamedRules { name: "official", rules: RenderRules::Official, order: LayerOrder::Depth }),
+    ("exact", "", NamedRules { name: "exact", rules: RenderRules::Exact, order: LayerOrder::Depth }),
+    ("gsplat", "", NamedRules { name: "gsplat", rules: RenderRules::Gsplat, order: LayerOrder::Depth }),
+    ("soft", "", NamedRules { name: "soft", rules: RenderRules::Soft, order: LayerOrder::Depth }),
+    (
+        "blended",
+        "`soft` with `order: blended`",
+        NamedRules { name: "blended", rules: RenderRules::Soft, order: LayerOrder::Blended },
+    ),
+];
 
 /// A study as one JSON object.
 #[derive(serde::Serialize)]
@@ -121,55 +97,42 @@ const USUAL_S: f64 = 0.1;
 impl WorkPrecision {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         self.screen()?;
-        let recipe = subject::single_recipe(&self.recipe)?;
-        let name = subject::trajectory_name(&recipe, self.trajectory.as_deref())?;
-        let sensor = subject::single_voltmeter(&recipe, &name)?;
-        common.limit_cores();
-        let backend = common.backend()?;
-        let to = self.to.clone().unwrap_or_else(|| PathBuf::from("study").join(&recipe.scene));
-        let seed = Seed::for_stream(recipe.seed, &recipe.scene, &name, StreamPurpose::Sensor);
-        let scene = format!("{}/{name}", recipe.scene);
-        let render = recipe.render;
-        let subject = StudySubject::open_subject(recipe, &name, common)?;
-        let style = render.resolve(subject.gaussians.antialiased);
+        let subject = self.subject.open(common)?;
+        let to = self.to.clone().unwrap_or_else(|| PathBuf::from("study").join(&subject.scene));
         let window = self.window(&subject)?;
         let whole = subject.motion.seconds().last().copied().unwrap_or(0.0);
         refuse_others(&to)?;
         // A folder that cannot be created is reported before the measurements, which take long.
         fs::create_dir_all(&to).map_err(|e| output::unwritable_file(&to, e))?;
         let cancelled = on_interrupt()?;
+        let (name, linear_only) = (subject.name(), subject.sensor.law != SamplerKind::Exact);
         let lab = StudyLab {
             gaussians: subject.gaussians,
             camera: subject.camera,
             window: &window,
-            own: sensor.clone(),
-            sensor: if self.noise {
-                frame_independent(&sensor)
-            } else {
-                without_noise(&frame_independent(&sensor))
-            },
-            seed,
-            style,
-            backend,
+            sensor: frame_independent(&subject.sensor, self.noise),
+            own: subject.sensor,
+            seed: subject.seed,
+            style: subject.style,
+            backend: subject.backend,
             meter: &OwnProcess,
             go_on: &|| go_unless(&cancelled),
             say: &|line| console.say(line),
         };
         let machine =
             StudyMachine { cores: machine::available_cores(), processor: machine::processor_name() };
-        let study = lab.study(&self.plan(), scene, machine).map_err(lab_problem)?;
+        let study = lab.study(&self.plan(), name, machine).map_err(lab_problem)?;
         write_study(&study, &to)?;
-        let linear_only = sensor.law != SamplerKind::Exact;
         let recommended = RecommendedSetting::from_study(&study, linear_only);
         if console.json {
-            console.large_result(&StudyRecord { study: &study, recommended });
+            console.result(&StudyRecord { study: &study, recommended });
             return Ok(ExitKind::Done);
         }
         console.print(&report::conclusion_words(&study));
         console.print(&format!("table, plots and text: {}", to.display()));
         if let Some(RecommendedSetting { recipe, because }) = recommended {
             console.print("For the recipe:");
-            recipe.lines().for_each(|line| console.print(line));
+            console.print_lines(&recipe);
             console.print(&format!("because {because}"));
             console.print(&format!(
                 "another rate changes the speed of a path with `frames` or `factor`; `duration: {whole:.6} s` in their place \
@@ -181,11 +144,11 @@ impl WorkPrecision {
 
     fn plan(&self) -> StudyPlan {
         StudyPlan {
-            rules: self.rules.iter().map(|rules| rules.named()).collect(),
+            rules: self.rules.clone(),
             rates: self.rates.clone(),
-            between: self.between(),
-            uniform: self.steps.contains(&SteppingArg::Uniform),
-            by_flow: self.steps.contains(&SteppingArg::Flow),
+            between: self.between.clone(),
+            uniform: self.steps.iter().any(|name| name == "uniform"),
+            by_flow: self.steps.iter().any(|name| name == "flow"),
             noise: self.noise,
             pictures: !self.no_pictures,
         }
@@ -206,7 +169,7 @@ impl WorkPrecision {
         }
         let positive = |value: Option<f64>| value.is_none_or(|v| v.is_finite() && v >= 0.0);
         if !positive(self.start) || !positive(self.seconds) {
-            return Err(VerbError::usage("window", "--start and --seconds must be at least 0".to_owned()));
+            return Err(VerbError::usage("window", "--start and --seconds must be at least 0"));
         }
         Ok(())
     }
@@ -242,21 +205,15 @@ impl WorkPrecision {
         }
         Ok(FineWindow { path, start, intervals, finest: self.finest })
     }
-
-    fn between(&self) -> Vec<BetweenFrames> {
-        let of = |between: &InterpolationArg| match between {
-            InterpolationArg::Linear => BetweenFrames::Linear,
-            InterpolationArg::Catmull => BetweenFrames::Catmull,
-            InterpolationArg::Hermite => BetweenFrames::Hermite,
-        };
-        self.between.iter().map(of).collect()
-    }
 }
 
 /// The sensor with the law whose events do not depend on frames, and without hot pixels, mismatch
-/// and the cap, which are not part of the signal.
-fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
+/// and the cap, which are not part of the signal; without the noise of the law too unless `noise` is set.
+fn frame_independent(sensor: &VoltmeterModel, noise: bool) -> VoltmeterModel {
+    // `k3` and `k6` are the noise terms of the law.
+    let [k1, k2, _, k4, k5, _] = sensor.k;
     VoltmeterModel {
+        k: if noise { sensor.k } else { [k1, k2, 0.0, k4, k5, 0.0] },
         law: SamplerKind::Exact,
         gain: DriftGain::Log,
         threshold_spread: 0.0,
@@ -268,12 +225,6 @@ fn frame_independent(sensor: &VoltmeterModel) -> VoltmeterModel {
         },
         ..sensor.clone()
     }
-}
-
-fn without_noise(sensor: &VoltmeterModel) -> VoltmeterModel {
-    // `k3` and `k6` are the noise terms of the law.
-    let [k1, k2, _, k4, k5, _] = sensor.k;
-    VoltmeterModel { k: [k1, k2, 0.0, k4, k5, 0.0], ..sensor.clone() }
 }
 
 /// Name of the summary.
@@ -297,17 +248,12 @@ fn write_study(study: &StudyResult, to: &std::path::Path) -> Result<(), VerbErro
     let json = |out: &mut dyn Write| Ok(serde_json::to_writer_pretty(out, study)?);
     let words = report::study_words(study);
     let words = |out: &mut dyn Write| out.write_all(words.as_bytes());
-    let charts: Vec<(PathBuf, String)> = ErrorMeasure::ALL
-        .iter()
-        .filter_map(|measure| {
-            Some((to.join(format!("{}.svg", measure.name())), chart::chart_svg(study, *measure)?))
-        })
-        .collect();
-    type Fill<'a> = Box<dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a>;
-    let charted: Vec<(&PathBuf, Fill<'_>)> = charts
-        .iter()
-        .map(|(path, svg)| (path, Box::new(|out: &mut dyn Write| out.write_all(svg.as_bytes())) as Fill<'_>))
-        .collect();
+    let chart = |measure: &ErrorMeasure| {
+        let svg = chart::chart_svg(study, *measure)?;
+        let fill = move |out: &mut dyn Write| out.write_all(svg.as_bytes());
+        Some((to.join(format!("{}.svg", measure.name())), fill))
+    };
+    let charted: Vec<_> = ErrorMeasure::ALL.iter().filter_map(chart).collect();
     let [csv_at, json_at, words_at] =
         ["work_precision.csv", "work_precision.json", SUMMARY].map(|name| to.join(name));
     let mut outputs = vec![

@@ -7,7 +7,7 @@ use gs2e_build::cluster::scene_state::SceneState;
 use gs2e_build::cluster::script::BatchScript;
 use gs2e_build::cluster::submission::{PlannedTask, Submission, SubmittedScene, TaskNeed};
 use gs2e_build::plan::shard::SceneShard;
-use gs2e_recipe::{Recipe, RecipeFile};
+use gs2e_recipe::Recipe;
 use std::collections::BTreeMap;
 
 /// An array job that is ready to be submitted.
@@ -59,17 +59,15 @@ impl SubmitArgs {
         let shares = (1..=of).map(|number| SceneShard { number, of }.choose(recipes));
         let scene = |recipe: &Recipe| {
             let submitted = SubmittedScene { scene: recipe.scene.clone(), recipe: recipe_digest(recipe) };
-            let RecipeFile { path, defaults } = recipe.meta.file.clone();
-            (submitted, RecipeFile { path, defaults })
+            (submitted, recipe.meta.file.clone())
         };
         let tasks: Vec<PlannedTask> = shares.map(|share| share.into_iter().map(scene).collect()).collect();
         let options = self.batch_options()?;
         let cores = self.resources.cpus.unwrap_or_else(|| usual_cores(found, tasks.len()));
         let shared = &self.targets.shared_store;
         let submission = Submission::plan(shared, TaskNeed { memory_mb, cores, gpu: options.gpu }, &tasks);
-        let folder = std::env::current_dir().map_err(|e| {
-            VerbError::failed("input-missing", format!("failed to find the current folder: {e}"))
-        })?;
+        let lost = |e| VerbError::failed("input-missing", format!("failed to find the current folder: {e}"));
+        let folder = std::env::current_dir().map_err(lost)?;
         let program = environment::own_program();
         let script = BatchScript {
             submission: &submission,
@@ -78,8 +76,8 @@ impl SubmitArgs {
             shared,
             folder: &folder,
             words: &self.build_words(common, options.gpu),
-        };
-        let script = script.text();
+        }
+        .text();
         Ok(ArrayJob { submission, tasks, script })
     }
 

@@ -1,7 +1,6 @@
 //! Waiting for the tasks of a shared store.
 
-use crate::cli::console::Console;
-use crate::cli::message::{MessageLevel, UserMessage};
+use crate::cli::{Console, UserMessage};
 use gs2e_build::cluster::queue::LiveTask;
 use gs2e_build::cluster::slurm::Slurm;
 use std::collections::BTreeSet;
@@ -69,7 +68,7 @@ impl Watch<'_> {
             // The controller may be starting. The jobs go on without it.
             Err(error) => {
                 if !self.is_silent {
-                    let message = UserMessage::new(MessageLevel::Waiting, "slurm", error.to_string());
+                    let message = UserMessage::waiting("slurm", error.to_string());
                     self.console.show(&message);
                 }
                 self.is_silent = true;

@@ -1,6 +1,6 @@
 //! The report on a trajectory: its requested and achieved speed, and the motion in the picture.
 
-use crate::cli::console::{Console, path};
+use crate::cli::{Console, path};
 use gs2e_render::centre::centre_px;
 use gs2e_scene::camera::Camera;
 use gs2e_source::kind::CaptureKind;
@@ -52,7 +52,12 @@ impl<'a> TrajectoryAccount<'a> {
         let from = self.kind.map_or(String::new(), |kind| format!(", from a {} capture", kind.name()));
         console.say(&format!("{}: {poses} poses over {duration}, {rate} per second{from}", self.name));
         self.tell_speed(console);
-        self.tell_smoothness(console);
+        if let Some(jumps) = self.report.knot_jumps {
+            let [c0, c1, c2] = [jumps.c0, jumps.c1, jumps.c2].map(|jump| format!("{jump:.1e}"));
+            console.say(&format!(
+                "largest jump at a knot: pose {c0} (C0), rate {c1} (C1), acceleration {c2} (C2)"
+            ));
+        }
         self.tell_picture(console);
         self.warnings.iter().for_each(|warning| console.say(&format!("warning: {warning}")));
     }
@@ -70,19 +75,8 @@ impl<'a> TrajectoryAccount<'a> {
         }
     }
 
-    fn tell_smoothness(&self, console: &Console) {
-        if let Some(jumps) = self.report.knot_jumps {
-            let [c0, c1, c2] = [jumps.c0, jumps.c1, jumps.c2].map(|jump| format!("{jump:.1e}"));
-            console.say(&format!(
-                "largest jump at a knot: pose {c0} (C0), rate {c1} (C1), acceleration {c2} (C2)"
-            ));
-        }
-    }
-
     fn tell_picture(&self, console: &Console) {
-        let (Some(px), Some(camera)) = (self.px, self.camera) else {
-            return;
-        };
+        let (Some(px), Some(camera)) = (self.px, self.camera) else { return };
         let (fx, distance) = (camera.fx, self.report.scale_distance);
         let [median, p95, max] = [px.median, px.p95, px.max].map(|px| format!("{px:.2}"));
         console.say(&format!("px from frame to frame: median {median}, 95 % {p95}, largest {max}"));
@@ -100,12 +94,9 @@ impl<'a> TrajectoryAccount<'a> {
         }
         let files: serde_json::Map<String, Value> =
             files.map(|(option, file)| (option.to_owned(), json!(path(file)))).collect();
-        value["trajectory"] = json!(self.name);
-        value["capture"] = json!(self.kind.map(CaptureKind::name));
-        value["duration_s"] = json!(self.seconds);
-        value["px_per_frame"] = json!(self.px);
-        value["warnings"] = json!(self.warnings);
-        value["files"] = Value::Object(files);
+        (value["trajectory"], value["capture"]) = (json!(self.name), json!(self.kind.map(CaptureKind::name)));
+        (value["duration_s"], value["px_per_frame"]) = (json!(self.seconds), json!(self.px));
+        (value["warnings"], value["files"]) = (json!(self.warnings), Value::Object(files));
         value
     }
 }
