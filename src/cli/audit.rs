@@ -96,7 +96,7 @@ impl AuditArgs {
 
 fn fault_message(fault: &AuditFault) -> UserMessage {
     let place = fault.file.as_ref().or(fault.scene.as_ref()).map_or("the release", String::as_str);
-    UserMessage::error(fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help)
+    UserMessage::error(fault.code.name(), format!("{place}: {}", fault.message)).help(fault.help())
 }
 
 /// The fields of every message, and the file and scene of the fault.

@@ -8,7 +8,7 @@ mod rebuild;
 
 use crate::release::small::{copy, edit, gs2e, read, release, reseal, resum};
 use crate::support::absent::is_thorough;
-use gs2e_audit::{AuditFault, AuditPart, audit_parts, audit_release};
+use gs2e_audit::{AuditFault, AuditOptions, AuditPart, audit_release, audit_with};
 use rand::{RngExt as _, SeedableRng as _};
 use std::fs;
 use std::path::Path;
@@ -21,7 +21,8 @@ const INDEX: &str = "claims-disagree index.parquet";
 /// `code file-or-scene` of each fault. An audit in parts finds the same.
 fn found(folder: &Path) -> Vec<String> {
     let whole = audit_release(folder).unwrap().faults;
-    let parts = audit_parts(folder, None, parts_of(folder, 3)).unwrap().unwrap().faults;
+    let parts =
+        audit_with(folder, AuditOptions::default(), Some(parts_of(folder, 3))).unwrap().unwrap().faults;
     assert_eq!(parts, whole, "in parts");
     let name = |f: AuditFault| format!("{} {}", f.code.name(), f.file.or(f.scene).unwrap_or_default());
     whole.into_iter().map(name).collect()

@@ -18,13 +18,15 @@ struct Taken {
     makes: &'static str,
 }
 
-const TAKEN: [Taken; 6] = [
+const TAKEN: [Taken; 7] = [
     taken("num", "draws", ["7 3 4", "", "draws.txt"]),
     taken("image", "luminance", ["picture.png", "", "luminance.npy"]),
     taken("event", "evt3_to_h5", ["recording.raw", "", "recording.h5"]),
-    taken("sensor", "frames_to_events", ["frames.npy", "1000", "events.h5"]),
+    taken("sensor", "frames_to_events", ["frames.npy", "1000", "small.release/lab/base/events.h5"]),
     taken("scene", "convert_scene", ["scene.ply", "", "scene.spz"]),
     taken("render", "splat_to_png", ["scene.ply", "", "view.png"]),
+    // After the sensor, which makes the events.
+    taken("tree", "events_to_png", ["small.release", "0 5000", "events.png"]),
 ];
 
 const fn taken(name: &'static str, example: &'static str, arguments: [&'static str; 3]) -> Taken {
@@ -81,7 +83,8 @@ fn write_package(of: &Taken, package: &Path) -> std::io::Result<()> {
     fs::write(package.join("src/main.rs"), text)
 }
 
-/// Writes a scene, a picture, frames in which a bright bar moves, and a recording of a few events.
+/// Writes a scene, a picture, frames in which a bright bar moves, a recording of a few events, and a release that
+/// waits for the events of the frames.
 fn write_inputs(folder: &Path) -> std::io::Result<()> {
     let golden = root().join("tests/golden/scenes");
     fs::copy(golden.join("packed-coloured.expected.ply"), folder.join("scene.ply"))?;
@@ -105,5 +108,13 @@ fn write_inputs(folder: &Path) -> std::io::Result<()> {
     for word in (0_u16..8).flat_map(|i| [0x8000, 0x6000 | (100 * i), i, 0x2800 | i]) {
         recording.extend(word.to_le_bytes());
     }
-    fs::write(folder.join("recording.raw"), recording)
+    fs::write(folder.join("recording.raw"), recording)?;
+    let release = folder.join("small.release");
+    fs::create_dir_all(release.join("lab/base"))?;
+    fs::write(release.join("manifest.json"), r#"{ "format": 1, "scenes": [{ "id": "lab" }] }"#)?;
+    let camera = r#"{ "width": 24, "height": 16, "fx": 20, "fy": 20, "cx": 12, "cy": 8 }"#;
+    let trajectories = r#"[{ "name": "base", "sensor": {} }]"#;
+    let scene =
+        format!(r#"{{ "id": "lab", "recipe": {{}}, "camera": {camera}, "trajectories": {trajectories} }}"#);
+    fs::write(release.join("lab/scene.json"), scene)
 }

@@ -9,19 +9,20 @@ use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use gs2e_release::composed::FileContent;
+use gs2e_release::diff::{ValueChange, value_changes};
 use gs2e_release::facts::ReleaseFacts;
 use gs2e_release::manifest::{ManifestFile, ManifestScene, ReleaseManifest};
 use gs2e_release::products::SHARP;
 use gs2e_release::published::{PublishedScene, PublishedTrajectory};
 use gs2e_release::scene::{SceneRecord, TrajectoryPart};
 use gs2e_release::{calibration, checksum, layout, loader, manifest, path_picture, published, scene};
+use gs2e_trajectory::picture;
 use gs2e_trajectory::sample::PoseSchedule;
 use gs2e_trajectory::speed::SpeedChoice;
-use gs2e_trajectory::{Trajectory, picture};
-use serde::de::DeserializeOwned;
+use gs2e_tree::{TrajectoryFiles, TreeError, json_of};
 use serde_json::Value;
-use std::io::BufReader;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Reads a scene back from its files. Returns `None` if one of them cannot be read, which other
 /// parts of the audit report.
@@ -54,14 +55,12 @@ pub(super) fn read(
     }
     let own = path(layout::CHECKS);
     // Not every scene has checks of its own; `contents` reports where they are missing.
-    let findings = if tree.has(&own) { Some(json(tree, &own)?) } else { None };
+    let findings = if tree.has(&own) { Some(json_of(&tree, &own).ok()?) } else { None };
     let of = |part: &TrajectoryPart| -> Option<PublishedTrajectory> {
-        let at = |name: &str| path(&format!("{}/{name}", part.name));
-        let poses = files::open_with(&tree.intact_path(&at("poses.txt"))?, LinkRule::Refuse).ok()?;
-        let trajectory = Trajectory::read_poses(BufReader::new(poses)).ok()?;
+        let files = files_of(tree, file, part).ok()?;
         Some(PublishedTrajectory {
-            motion: TrajectoryProduct { trajectory, report: json(tree, &at("speed.json"))? },
-            findings: json(tree, &at(layout::CHECKS))?,
+            motion: TrajectoryProduct { trajectory: files.poses().ok()?, report: files.speeds().ok()? },
+            findings: files.json(layout::CHECKS).ok()?,
             left_out: listed.omitted.get(&part.name).cloned().unwrap_or_default(),
         })
     };
@@ -72,9 +71,13 @@ pub(super) fn read(
     Some(PublishedScene { recipe, licence, file: file.clone(), findings, trajectories, files })
 }
 
-fn json<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str) -> Option<T> {
-    let bytes = files::read_with(&tree.intact_path(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok()?;
-    serde_json::from_slice(&bytes).ok()
+/// The files of a trajectory.
+pub(super) fn files_of<'a>(
+    tree: &'a TrustedTree<'_>,
+    scene: &SceneRecord,
+    part: &TrajectoryPart,
+) -> Result<TrajectoryFiles<'a>, TreeError> {
+    TrajectoryFiles::new(Arc::new(tree), &scene.id, &part.name, scene.camera_of(part).camera())
 }
 
 /// Returns the faults of a scene's own files, as they follow from each other.
@@ -88,7 +91,7 @@ pub(super) fn scene(
     for (part, of) in scene.paths() {
         let path = |name: &str| format!("{id}/{}/{name}", part.name);
         faults.extend(
-            trajectory(tree, scene, (part, &of.motion))
+            trajectory(tree, scene, part, &of.motion)
                 .into_iter()
                 .filter_map(|(name, wanted)| compare(tree, &path(&name), &wanted)),
         );
@@ -108,45 +111,28 @@ fn described(scene: &PublishedScene) -> Vec<AuditFault> {
         files.iter_mut().for_each(|file| file.images.clear());
     }
     let [found, wanted] = files.map(|file| serde_json::to_value(file).expect("a description is plain data"));
-    let mut differences = Vec::new();
-    differ("", &found, &wanted, &mut differences);
     let path = format!("{}/{}", scene.file.id, layout::SCENE);
-    let fault = |(place, found, wanted): (String, String, String)| {
-        let message = format!("its {place} is {found}, the recipe and the other files give {wanted}");
-        AuditFault::of_file(FaultCode::NotComposed, &path, message)
-    };
-    differences.into_iter().take(MAX_LISTED).map(fault).collect()
-}
-
-/// Collects the places where two values differ, with both values.
-fn differ(place: &str, found: &Value, wanted: &Value, out: &mut Vec<(String, String, String)>) {
-    let below = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
-    match (found, wanted) {
-        (found, wanted) if found == wanted => {}
-        (Value::Object(a), Value::Object(b)) => {
-            let keys: std::collections::BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-            let of = |map: &serde_json::Map<String, Value>, key: &String| {
-                map.get(key).cloned().unwrap_or_default()
-            };
-            keys.into_iter().for_each(|key| differ(&below(key), &of(a, key), &of(b, key), out));
-        }
-        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
-            for (i, (a, b)) in a.iter().zip(b).enumerate() {
-                differ(&below(&i.to_string()), a, b, out);
-            }
-        }
-        // Arrays of different lengths are reported as a whole, since their entries have no pairs.
-        (found, wanted) => {
-            out.push((place.to_owned(), brief(&found.to_string()), brief(&wanted.to_string())))
-        }
+    let fault = |message: String| AuditFault::of_file(FaultCode::NotComposed, &path, message);
+    let differences = value_changes(&found, &wanted);
+    if differences.is_empty() && found != wanted {
+        return vec![fault(
+            "its lists have another order than the recipe and the other files give".to_owned(),
+        )];
     }
+    let shown = |value: &Option<Value>| brief(&value.as_ref().unwrap_or(&Value::Null).to_string());
+    let differs = |ValueChange { path, old, new }: ValueChange| {
+        let (found, wanted) = (shown(&old), shown(&new));
+        fault(format!("its {path} is {found}, the recipe and the other files give {wanted}"))
+    };
+    differences.into_iter().take(MAX_LISTED).map(differs).collect()
 }
 
 /// Composes the files of a trajectory that follow from its poses, its speeds and `scene.json`.
 fn trajectory(
     tree: &TrustedTree<'_>,
     scene: &PublishedScene,
-    (part, motion): (&TrajectoryPart, &TrajectoryProduct),
+    part: &TrajectoryPart,
+    motion: &TrajectoryProduct,
 ) -> Vec<(String, Vec<u8>)> {
     let text = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
         let mut bytes = Vec::new();

@@ -2,10 +2,11 @@
 
 use super::{AuditFault, FaultCode, TrustedTree, again};
 use gs2e_files as files;
-use gs2e_files::{LinkRule, budget};
+use gs2e_files::budget;
 use gs2e_release::manifest::{ManifestScene, ReleaseManifest};
 use gs2e_release::scene::{SceneConventions, SceneRecord};
 use gs2e_release::{checksum, layout};
+use gs2e_tree::ReleaseFiles as _;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -23,8 +24,10 @@ pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
 
 /// Reads a JSON file of a known form, if it is intact.
 fn read<T: DeserializeOwned>(tree: &TrustedTree<'_>, path: &str, faults: &mut Vec<AuditFault>) -> Option<T> {
-    let on_disk = tree.intact_path(path)?;
-    let parsed = match files::read_with(&on_disk, LinkRule::Refuse, files::MAX_DOCUMENT) {
+    if !tree.has(path) {
+        return None;
+    }
+    let parsed = match tree.read(path, files::MAX_DOCUMENT) {
         // The other files have a few values for each of their bytes at most.
         Ok(bytes)
             if path.ends_with(layout::SCENE)

@@ -4,16 +4,16 @@ mod events;
 mod motion;
 mod pictures;
 
+use super::again::files_of;
 use super::{AuditFault, FaultCode, TrustedTree, claims};
 use events::StatedStream;
-use gs2e_build::artifact::EventStream;
 use gs2e_check::{Finding, Verdict};
 use gs2e_recipe::Recipe;
 use gs2e_release::layout::CHECKS;
 use gs2e_release::products::ReleaseProduct;
 use gs2e_release::scene::{SceneRecord, TrajectoryPart, TrajectoryStatistics};
 use gs2e_release::{calibration, layout, path_picture, products, published};
-use gs2e_scene::camera::Camera;
+use gs2e_tree::{TrajectoryFiles, TreeError, event_file};
 use rayon::prelude::*;
 use serde_json::Value;
 use std::path::PathBuf;
@@ -21,19 +21,18 @@ use std::path::PathBuf;
 const ABSENT: &str = "the scene needs this file; it is missing or damaged";
 
 /// A trajectory folder under audit.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 struct TrajectoryFolder<'a> {
     tree: &'a TrustedTree<'a>,
-    path: &'a str,
+    files: TrajectoryFiles<'a>,
     part: &'a TrajectoryPart,
-    camera: Camera,
     /// True if this version of the program wrote the scene.
     is_own: bool,
 }
 
 impl TrajectoryFolder<'_> {
     fn path_of(&self, name: &str) -> String {
-        format!("{}/{name}", self.path)
+        self.files.path(name)
     }
 
     /// Returns true if this file exists and is intact.
@@ -56,10 +55,16 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
     // A recipe that cannot be read is reported where the scene is composed again.
     let recipe = published::recipe(scene).ok();
     for part in &scene.trajectories {
-        let path = format!("{}/{}", scene.id, part.name);
-        let camera = scene.camera_of(part).camera();
+        let files = match files_of(tree, scene, part) {
+            Ok(files) => files,
+            Err(TreeError { because, .. }) => {
+                let path = format!("{}/{}", scene.id, layout::SCENE);
+                faults.push(AuditFault::of_file(FaultCode::Unreadable, &path, because));
+                continue;
+            }
+        };
         let is_own = scene.gs2e_version == env!("CARGO_PKG_VERSION");
-        let folder = TrajectoryFolder { tree, path: &path, part, camera, is_own };
+        let folder = TrajectoryFolder { tree, files, part, is_own };
         faults.extend(missing_files(&folder, scene));
         let streams = stated_streams(part, recipe.as_ref()).into_par_iter();
         let streams = streams.filter(|stream| folder.has(&stream.name));
@@ -80,7 +85,7 @@ fn stated_streams<'a>(part: &'a TrajectoryPart, recipe: Option<&'a Recipe>) -> V
     let sensors = recipe.map(|recipe| recipe.sensors_of(&part.name));
     let find = |name: &str| {
         let mut all = sensors?.iter();
-        all.find(|(own, _)| EventStream::released_name(*own) == name).map(|(_, sensor)| sensor)
+        all.find(|(own, _)| event_file(*own) == name).map(|(_, sensor)| sensor)
     };
     let stated = stream_files(part).into_iter();
     stated.map(|(name, counts)| StatedStream { sensor: find(&name), name, counts }).collect()
@@ -90,12 +95,9 @@ fn stated_streams<'a>(part: &'a TrajectoryPart, recipe: Option<&'a Recipe>) -> V
 /// it.
 fn stream_files(part: &TrajectoryPart) -> Vec<(String, &TrajectoryStatistics)> {
     if part.sensors.is_empty() {
-        return vec![(EventStream::released_name(None), &part.statistics)];
+        return vec![(event_file(None), &part.statistics)];
     }
-    part.sensors
-        .iter()
-        .map(|(name, sensor)| (EventStream::released_name(Some(name)), &sensor.statistics))
-        .collect()
+    part.sensors.iter().map(|(name, sensor)| (event_file(Some(name)), &sensor.statistics)).collect()
 }
 
 /// Returns the names of the pictures of a trajectory that the tree must have, by its recipe.

@@ -2,7 +2,7 @@
 //! are not read.
 
 use super::{
-    AuditFault, FaultCode, TrustedTree, bytes, claims, composed, contents, published, steps, top, walk,
+    AuditFault, FaultCode, TrustedTree, bytes, claims, contents, names, published, steps, top, walk,
     without_echoes,
 };
 use gs2e_release::layout;
@@ -44,8 +44,8 @@ pub(crate) fn find_contradictions(
     }
     let published = published(tree, manifest, &scenes, &mut faults);
     if whole {
-        faults.extend(top(tree, manifest, &scenes));
-        faults.extend(composed(tree, manifest, published.as_deref(), &faults));
+        faults.extend(names::missing_files(tree));
+        faults.extend(top(tree, manifest, &scenes, published.as_deref(), &faults));
     }
     faults.retain(|fault| is_contradiction(fault.code));
     let mut faults: Vec<AuditFault> = faults.into_iter().map(|fault| fault.placed(owners)).collect();
@@ -57,36 +57,20 @@ pub(crate) fn find_contradictions(
 /// Returns true for faults that two files show together, or one by its format. Terms and stray
 /// files concern the audit alone; failed checks are judged again.
 fn is_contradiction(code: FaultCode) -> bool {
-    match code {
+    matches!(
+        code,
         FaultCode::Missing
-        | FaultCode::ClaimsDisagree
-        | FaultCode::VersionDisagrees
-        | FaultCode::SplitLeak
-        | FaultCode::CroissantField
-        | FaultCode::CroissantSum
-        | FaultCode::CroissantFiles
-        | FaultCode::CroissantReference
-        | FaultCode::CroissantColumn
-        | FaultCode::NotComposed
-        | FaultCode::StepDisagrees
-        | FaultCode::SceneIncomplete
-        | FaultCode::Unreadable => true,
-        FaultCode::Altered
-        | FaultCode::Unlisted
-        | FaultCode::UnsafePath
-        | FaultCode::SumsDisagree
-        | FaultCode::LicenceMissing
-        | FaultCode::LicenceInvalid
-        | FaultCode::LicenceForbidden
-        | FaultCode::LicenceTextMissing
-        | FaultCode::LicenceUnused
-        | FaultCode::Takedown
-        | FaultCode::CardLicence
-        | FaultCode::CroissantUnknown
-        | FaultCode::CroissantLicence
-        | FaultCode::Stray
-        | FaultCode::CheckFailedUnwaived
-        | FaultCode::RebuiltDiffers
-        | FaultCode::SignatureInvalid => false,
-    }
+            | FaultCode::ClaimsDisagree
+            | FaultCode::VersionDisagrees
+            | FaultCode::SplitLeak
+            | FaultCode::CroissantField
+            | FaultCode::CroissantSum
+            | FaultCode::CroissantFiles
+            | FaultCode::CroissantReference
+            | FaultCode::CroissantColumn
+            | FaultCode::NotComposed
+            | FaultCode::StepDisagrees
+            | FaultCode::SceneIncomplete
+            | FaultCode::Unreadable
+    )
 }

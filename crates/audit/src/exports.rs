@@ -12,6 +12,7 @@ use gs2e_release::layout;
 use gs2e_release::manifest::ReleaseManifest;
 use gs2e_release::published::PublishedScene;
 use gs2e_release::scene::SceneRecord;
+use gs2e_tree::ReleaseFiles as _;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -106,8 +107,7 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
     let ExportPlace { folder, trajectory, include } = place;
     let path = format!("{folder}{DESCRIPTION}");
     let fault = |code, message: String| AuditFault::of_file(code, &path, message);
-    let read = |path: std::path::PathBuf| files::read_with(&path, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
-    let Some(bytes) = tree.intact_path(&path).and_then(read) else {
+    let Ok(bytes) = tree.read(&path, files::MAX_DOCUMENT) else {
         let message = "the manifest includes this export; it is missing or damaged".to_owned();
         return vec![fault(FaultCode::Missing, message)];
     };

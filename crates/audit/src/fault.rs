@@ -109,7 +109,7 @@ impl FaultCode {
         }
     }
 
-    pub(super) fn help(self) -> &'static str {
+    fn help(self) -> &'static str {
         match self {
             Self::Unlisted | Self::Stray => "remove it, or keep it outside the release",
             Self::LicenceMissing | Self::LicenceInvalid | Self::LicenceForbidden => {
@@ -133,7 +133,7 @@ impl FaultCode {
 }
 
 /// One fault.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct AuditFault {
     /// The kind of fault.
     pub code: FaultCode,
@@ -143,17 +143,21 @@ pub struct AuditFault {
     pub scene: Option<String>,
     /// The found and the wanted content.
     pub message: String,
-    /// The remedy.
-    pub help: &'static str,
 }
 
 impl AuditFault {
     pub(super) fn of_file(code: FaultCode, file: &str, message: impl Into<String>) -> Self {
-        Self { code, file: Some(file.to_owned()), scene: None, message: message.into(), help: code.help() }
+        Self { code, file: Some(file.to_owned()), scene: None, message: message.into() }
     }
 
     pub(super) fn of_scene(code: FaultCode, scene: &str, message: impl Into<String>) -> Self {
-        Self { code, file: None, scene: Some(scene.to_owned()), message: message.into(), help: code.help() }
+        Self { code, file: None, scene: Some(scene.to_owned()), message: message.into() }
+    }
+
+    /// The remedy.
+    #[must_use]
+    pub fn help(&self) -> &'static str {
+        self.code.help()
     }
 
     pub(super) fn in_scene(self, scene: &str) -> Self {
@@ -178,6 +182,6 @@ impl AuditFault {
 impl fmt::Display for AuditFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let place = self.file.as_ref().or(self.scene.as_ref()).map_or("the release", String::as_str);
-        write!(f, "{}: {place}: {}; help: {}", self.code.name(), self.message, self.help)
+        write!(f, "{}: {place}: {}; help: {}", self.code.name(), self.message, self.help())
     }
 }

@@ -8,17 +8,9 @@ use gs2e_release::index::{COLUMNS, IndexSources, NAME, table};
 use gs2e_release::scene::SceneRecord;
 use gs2e_trajectory::report::SpeedReport;
 
-/// Reads the index. A fault of the file itself is added to `faults`.
+/// Reads the index, if it is intact. A fault of the file itself is added to `faults`.
 pub(super) fn read_index(tree: &TrustedTree<'_>, faults: &mut Vec<AuditFault>) -> Option<IndexTable> {
-    if !tree.has(NAME) {
-        faults.push(AuditFault::of_file(
-            FaultCode::Missing,
-            NAME,
-            "every release has this file; it is missing or damaged",
-        ));
-        return None;
-    }
-    let table = table::read_table(&tree.path_of(NAME)).map_err(|e| e.to_string());
+    let table = table::read_table(&tree.intact_path(NAME)?).map_err(|e| e.to_string());
     table.map_err(|message| faults.push(AuditFault::of_file(FaultCode::Unreadable, NAME, message))).ok()
 }
 

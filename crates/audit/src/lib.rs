@@ -198,22 +198,11 @@ pub fn audit_against(dir: &Path, options: AuditOptions<'_>) -> io::Result<AuditR
     audit_all(dir, options, PartsFound::default())
 }
 
-/// The verdict on the release in `dir`, whose files were hashed and opened in parts. What is left is read.
+/// Audits the release in `dir`. With parts, the files were hashed and opened in these, and only what is left is
+/// read.
 ///
 /// # Errors
-/// As [`audit_release`], or the parts are not all parts of this tree.
-pub fn audit_parts(
-    dir: &Path,
-    takedown: Option<&TakedownList>,
-    parts: Vec<AuditPart>,
-) -> Result<io::Result<AuditReport>, PartsError> {
-    audit_with(dir, AuditOptions { takedown, ..AuditOptions::default() }, Some(parts))
-}
-
-/// Audits the release in `dir`, or gives the verdict on its parts if there are some.
-///
-/// # Errors
-/// As [`audit_parts`]; or an export cannot be written to the folder of temporary files.
+/// As [`audit_release`]; the parts are not all parts of this tree; or an export cannot be written to the folder of temporary files.
 pub fn audit_with(
     dir: &Path,
     options: AuditOptions<'_>,
@@ -342,8 +331,7 @@ fn audit_scenes(
     if let Some(exporter) = options.exporter {
         faults.extend(exports::compare_again(tree, manifest, published.as_deref(), exporter)?);
     }
-    faults.extend(top(tree, manifest, &scenes));
-    faults.extend(composed(tree, manifest, published.as_deref(), &faults));
+    faults.extend(top(tree, manifest, &scenes, published.as_deref(), &faults));
     Ok(faults)
 }
 
@@ -378,41 +366,35 @@ fn published(
     read.into_iter().collect::<Option<Vec<_>>>().filter(|scenes| !scenes.is_empty())
 }
 
-/// Faults of the files at the top that each file shows by itself.
-fn top(tree: &TrustedTree<'_>, manifest: &ReleaseManifest, scenes: &[SceneRecord]) -> Vec<AuditFault> {
-    let mut faults = Vec::new();
-    let index = index::read_index(tree, &mut faults);
-    // The index repeats every scene, so it is compared only if all of them could be read.
-    let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
-    faults.extend(compared.flat_map(|table| index::compare_index(tree, table, scenes)));
-    faults.extend(croissant::audit_croissant(&croissant::CroissantSubject {
-        tree,
-        manifest,
-        index: index.as_ref(),
-        scenes,
-    }));
-    faults.extend(terms::text_faults(manifest, tree));
-    faults.extend(terms::card_fault(tree, manifest));
-    faults.extend(terms::reuse_faults(tree, manifest, scenes));
-    faults
-}
-
-/// Faults of files that differ from what this version composes, if it wrote the release.
-fn composed(
+/// Faults of the files at the top. They are composed again from `published`. Where that is not possible, or some
+/// bytes differ, they are judged by the statements that they share with other files.
+fn top(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
-    scenes: Option<&[PublishedScene]>,
+    scenes: &[SceneRecord],
+    published: Option<&[PublishedScene]>,
     known: &[AuditFault],
 ) -> Vec<AuditFault> {
-    if manifest.tool != gs2e_release::TOOL {
-        return Vec::new();
-    }
+    let mut faults = terms::text_faults(manifest, tree);
     // The loader and the licence texts do not depend on the scenes, so they are always compared.
-    let mut found = again::constants(tree);
+    if manifest.tool == gs2e_release::TOOL {
+        faults.extend(again::constants(tree));
+    }
     // Card and report follow from the manifest too, so its faults would show up again in them.
-    let sound = known.iter().all(|fault| fault.file.as_deref() != Some(gs2e_release::manifest::NAME));
-    found.extend(scenes.iter().filter(|_| sound).flat_map(|scenes| again::top(tree, manifest, scenes)));
-    found
+    let is_of_manifest = |fault: &AuditFault| fault.file.as_deref() == Some(gs2e_release::manifest::NAME);
+    let is_sound = !known.iter().chain(&faults).any(is_of_manifest);
+    let composed = published.filter(|_| is_sound).map(|scenes| again::top(tree, manifest, scenes));
+    let is_composed = composed.as_ref().is_some_and(Vec::is_empty);
+    faults.extend(composed.into_iter().flatten());
+    if !is_composed {
+        let index = index::read_index(tree, &mut faults);
+        // The index repeats every scene, so it is compared only if all of them could be read.
+        let compared = index.iter().filter(|_| scenes.len() == manifest.scenes.len());
+        faults.extend(compared.flat_map(|table| index::compare_index(tree, table, scenes)));
+        faults.extend(croissant::audit_croissant(tree, manifest, index.as_ref(), scenes));
+        faults.extend(terms::repeated_terms(tree, manifest, scenes));
+    }
+    faults
 }
 
 /// Removes [`FaultCode::NotComposed`] from files that have a more specific fault.

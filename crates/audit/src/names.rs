@@ -43,13 +43,17 @@ pub(super) fn audit(
             _ => {}
         }
     }
+    faults.extend(missing_files(tree));
+    faults
+}
+
+/// Reports required files at the top that are absent.
+pub(super) fn missing_files(tree: &TrustedTree<'_>) -> impl Iterator<Item = AuditFault> {
     // The audit of the sums and of the bytes reports the absence of these two.
     let others = [checksum::NAME, checksum::B3_NAME];
-    let lacking = layout::top().filter(|path| !others.contains(path) && !tree.has(path));
-    faults.extend(lacking.map(|path| {
-        AuditFault::of_file(FaultCode::Missing, path, "every release has this file; it is missing or damaged")
-    }));
-    faults
+    let lacking = layout::top().filter(move |path| !others.contains(path) && !tree.has(path));
+    let message = "every release has this file; it is missing or damaged";
+    lacking.map(move |path| AuditFault::of_file(FaultCode::Missing, path, message))
 }
 
 fn stray(path: &str, place: &str) -> AuditFault {
@@ -63,7 +67,7 @@ fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>
     let own = [layout::SCENE, layout::CHECKS].into_iter().chain(made.map(|(name, _)| name));
     let own = own.map(|name| format!("{}/{name}", scene.id));
     let paths = scene.trajectories.iter().flat_map(|part| {
-        let names = of_trajectory(tree, scene, (part, listed));
+        let names = of_trajectory(tree, scene, part, listed);
         names.into_iter().map(|name| format!("{}/{}/{name}", scene.id, part.name))
     });
     own.chain(paths).collect()
@@ -74,7 +78,8 @@ fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>
 fn of_trajectory(
     tree: &TrustedTree<'_>,
     scene: &SceneRecord,
-    (part, listed): (&TrajectoryPart, Option<&ManifestScene>),
+    part: &TrajectoryPart,
+    listed: Option<&ManifestScene>,
 ) -> BTreeSet<String> {
     let streams = stream_names(part);
     let outputs = |step: &str| listed.map_or(&[][..], |listed| listed.outputs(&part.name, step));

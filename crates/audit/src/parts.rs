@@ -7,7 +7,7 @@
 //! hashes with all lists. A file that came or went since is noticed, but not one that was altered.
 
 use super::bytes::{self, Bytes};
-use super::fault::{AuditFault, FaultCode};
+use super::fault::AuditFault;
 use super::trusted::TrustedTree;
 use super::{claims, contents, sums, walk};
 use gs2e_release::checksum::FileHashes;
@@ -36,16 +36,7 @@ pub struct AuditPart {
     /// The hashes of its files; `None` if a file could not be read.
     files: BTreeMap<String, Option<FileHashes>>,
     /// Faults of the contents of its scenes, by scene.
-    contents: BTreeMap<String, Vec<PartFault>>,
-}
-
-/// A fault without its remedy, which follows from its code.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct PartFault {
-    code: FaultCode,
-    file: Option<String>,
-    scene: Option<String>,
-    message: String,
+    contents: BTreeMap<String, Vec<AuditFault>>,
 }
 
 /// Reason why parts give no verdict.
@@ -91,8 +82,8 @@ impl AuditPart {
             // A scene that cannot be read has its fault in the verdict.
             let record: SceneRecord =
                 tree.has(&path).then(|| claims::parse_claims(&tree, &path, &mut Vec::new()))??;
-            let faults = contents::audit_scene(&tree, &record).into_iter().map(PartFault::from);
-            Some((record.id.clone(), faults.collect()))
+            let faults = contents::audit_scene(&tree, &record);
+            Some((record.id, faults))
         });
         let sums = checksum::sha256_of_file(&dir.join(checksum::NAME)).unwrap_or_default();
         Ok(Self { format: FORMAT, number, of, sums, contents: audited.collect(), files })
@@ -102,18 +93,6 @@ impl AuditPart {
     #[must_use]
     pub fn size(&self) -> (usize, u64) {
         (self.files.len(), self.files.values().flatten().map(|hashes| hashes.size).sum())
-    }
-}
-
-impl From<AuditFault> for PartFault {
-    fn from(AuditFault { code, file, scene, message, .. }: AuditFault) -> Self {
-        Self { code, file, scene, message }
-    }
-}
-
-impl From<PartFault> for AuditFault {
-    fn from(PartFault { code, file, scene, message }: PartFault) -> Self {
-        Self { code, file, scene, message, help: code.help() }
     }
 }
 
@@ -149,9 +128,7 @@ impl PartsFound {
                 return unlike("there twice");
             }
             joined.files.extend(part.files);
-            let faults =
-                |(id, faults): (String, Vec<PartFault>)| (id, faults.into_iter().map(Into::into).collect());
-            joined.contents.extend(part.contents.into_iter().map(faults));
+            joined.contents.extend(part.contents);
         }
         // No list of all numbers: the number of parts is what a file says.
         match (1..=of).find(|number| !seen.contains(number)) {

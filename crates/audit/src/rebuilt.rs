@@ -2,21 +2,19 @@
 //! recipes.
 
 use super::{AuditFault, FaultCode};
-use gs2e_files as files;
+use gs2e_release::diff::{DiffReason, change_reasons};
 use gs2e_release::manifest::{KeyIngredients, ManifestScene, ReleaseManifest};
 use gs2e_release::{ManifestStep, checksum, loader, manifest};
+use gs2e_tree::TreeError;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
 use std::path::Path;
 
 /// Reads the manifest of a release.
 ///
 /// # Errors
 /// The manifest is absent or of another form.
-pub fn read_manifest(dir: &Path) -> io::Result<ReleaseManifest> {
-    let path = dir.join(manifest::NAME);
-    let bytes = files::read_with(&path, files::LinkRule::Refuse, files::MAX_DOCUMENT)?;
-    serde_json::from_slice(&bytes).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
+pub fn read_manifest(dir: &Path) -> Result<ReleaseManifest, TreeError> {
+    gs2e_tree::read_manifest(dir)
 }
 
 /// Compares the files of one scene in two releases, where the second was made now. Reports files
@@ -24,9 +22,9 @@ pub fn read_manifest(dir: &Path) -> io::Result<ReleaseManifest> {
 ///
 /// # Errors
 /// A manifest cannot be read, or does not have the scene. A file that cannot be read is a fault.
-pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<AuditFault>> {
+pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> Result<Vec<AuditFault>, TreeError> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
-    let (stated, made) = (of_scene(&stated, scene)?, of_scene(&made, scene)?);
+    let (stated, made) = (of_scene(&stated, scene, dir)?, of_scene(&made, scene, again)?);
     let because = key_cause(stated, made);
     let fault = |path: &str, what: &str| {
         AuditFault::of_file(FaultCode::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
@@ -65,7 +63,7 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> io::Result<Vec<A
 ///
 /// # Errors
 /// A manifest cannot be read.
-pub fn compare_tops(dir: &Path, again: &Path) -> io::Result<Vec<AuditFault>> {
+pub fn compare_tops(dir: &Path, again: &Path) -> Result<Vec<AuditFault>, TreeError> {
     let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
     let fault = |path: &str, message: &str| AuditFault::of_file(FaultCode::RebuiltDiffers, path, message);
     let words =
@@ -112,11 +110,13 @@ fn steps(stated: &ManifestScene, made: &ManifestScene) -> Vec<AuditFault> {
     names.into_iter().filter(differs).map(fault).collect()
 }
 
-fn of_scene<'a>(manifest: &'a ReleaseManifest, scene: &str) -> io::Result<&'a ManifestScene> {
+fn of_scene<'a>(
+    manifest: &'a ReleaseManifest,
+    scene: &str,
+    dir: &Path,
+) -> Result<&'a ManifestScene, TreeError> {
     let found = manifest.scenes.iter().find(|listed| listed.id == scene);
-    found.ok_or_else(|| {
-        io::Error::new(io::ErrorKind::NotFound, format!("the manifest has no scene `{scene}`"))
-    })
+    found.ok_or_else(|| TreeError::new(dir.join(manifest::NAME), format!("it has no scene `{scene}`")))
 }
 
 /// Describes the ingredients that differ in the first step with another key. If all keys are the
@@ -141,21 +141,15 @@ fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
 }
 
 fn differing_line(then: &KeyIngredients, now: &KeyIngredients) -> String {
-    let mut parts = Vec::new();
-    if then.revision != now.revision {
-        parts.push(format!("the revision of its stage ({}, previously {})", now.revision, then.revision));
-    }
-    if then.class != now.class {
-        let name = |class: &Option<String>| class.clone().unwrap_or_else(|| "none".into());
-        parts.push(format!("the numerical class ({}, previously {})", name(&now.class), name(&then.class)));
-    }
-    if then.params != now.params {
-        parts.push("its parameters".into());
-    }
-    for (role, digest) in &now.inputs {
-        if then.inputs.get(role) != Some(digest) {
-            parts.push(format!("the input {role}"));
+    let text = |reason: &DiffReason| match reason {
+        DiffReason::Revision { old, new } => format!("the revision of its stage ({new}, previously {old})"),
+        DiffReason::Class { old, new } => {
+            let [old, new] = [old, new].map(|class| class.as_deref().unwrap_or("none"));
+            format!("the numerical class ({new}, previously {old})")
         }
-    }
-    if parts.is_empty() { "something else".into() } else { parts.join(", ") }
+        DiffReason::ParamsChanged => "its parameters".to_owned(),
+        DiffReason::InputChanged { name, .. } => format!("the input {name}"),
+        _ => "something else".to_owned(),
+    };
+    change_reasons(then, now).iter().map(text).collect::<Vec<_>>().join(", ")
 }

@@ -14,7 +14,7 @@ mod image_motion;
 mod inertial;
 mod pictures;
 mod trajectory;
-mod tree;
+mod unwritten;
 mod walk;
 
 use gs2e_check::{Finding, join_findings, records};
@@ -23,25 +23,22 @@ use gs2e_release::composed::ReleaseTree;
 use gs2e_release::scene::TrajectoryPart;
 use gs2e_release::{ReleaseManifest, SceneRecord, layout, published};
 use gs2e_scene::camera::stereo::Rectification;
+use gs2e_tree::{ListedFiles, ReleaseFiles, ReleaseFolder, TrajectoryFiles, TreeError, json_of};
+use pictures::ComposedPictures;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 use trajectory::ReleasedTrajectory;
-use tree::{AuditedTree, TreeFiles};
+use unwritten::UnwrittenFiles;
 
 /// Reason why a tree cannot be checked.
 #[derive(Debug, thiserror::Error)]
 pub enum RecheckError {
     /// A file is absent or does not have its format.
-    #[error("{}: {because}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The fault.
-        because: String,
-    },
+    #[error(transparent)]
+    Unreadable(#[from] TreeError),
     /// A named scene is not in the release.
     #[error("the release has no scene `{0}`")]
     NoScene(String),
@@ -53,10 +50,6 @@ pub enum RecheckError {
         /// The faults.
         faults: RecipeFaults,
     },
-}
-
-fn unreadable_file(path: &Path, because: impl std::fmt::Display) -> RecheckError {
-    RecheckError::Unreadable { path: path.to_owned(), because: because.to_string() }
 }
 
 /// Findings on a release tree.
@@ -76,8 +69,8 @@ pub struct TreeFindings {
 /// that cannot be read; here they are an error.
 pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, RecheckError> {
     let composed = Mutex::default();
-    let tree = AuditedTree { files: TreeFiles::Folder(dir), composed: &composed };
-    let manifest: ReleaseManifest = tree.json(gs2e_release::manifest::NAME)?;
+    let files: Arc<dyn ReleaseFiles> = Arc::new(ReleaseFolder(dir.to_owned()));
+    let manifest: ReleaseManifest = json_of(&*files, gs2e_release::manifest::NAME)?;
     if let Some(absent) = scenes.iter().find(|id| manifest.scenes.iter().all(|scene| scene.id != **id)) {
         return Err(RecheckError::NoScene(absent.clone()));
     }
@@ -89,16 +82,16 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, Reche
     let mut found = TreeFindings::default();
     // Scenes come one after the other, so that the pictures of one are in memory at a time.
     for listed in manifest.scenes.iter().filter(|scene| is_wanted(&scene.id)) {
-        let measured = of_scene(tree, &listed.id)?;
-        found.joined.extend(stated(tree, &listed.id)?);
+        let measured = of_scene(&files, &composed, &listed.id)?;
+        found.joined.extend(stated(&*files, &listed.id)?);
         for (name, measured) in measured {
-            let stated = stated(tree, &format!("{}/{name}", listed.id))?;
+            let stated = stated(&*files, &format!("{}/{name}", listed.id))?;
             found.joined.extend(join_findings(stated, measured.clone()));
             found.measured.extend(measured);
         }
     }
     let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &names_in(composed));
-    let agreement = agreement.map_err(|e| unreadable_file(dir, e))?;
+    let agreement = agreement.map_err(|e| TreeError::new(dir, e))?;
     found.measured.extend(agreement.iter().cloned());
     found.joined.extend(agreement);
     Ok(found)
@@ -120,8 +113,9 @@ pub fn judge_unwritten(
     cancel: &AtomicBool,
 ) -> Result<FileVerdicts, RecheckError> {
     let composed = Mutex::default();
-    let tree = AuditedTree { files: TreeFiles::Unwritten { files, cancel }, composed: &composed };
-    let findings = of_scene(tree, id)?.into_iter().collect();
+    let files: Arc<dyn ReleaseFiles> =
+        Arc::new(UnwrittenFiles { files: ListedFiles(files.listed()), cancel });
+    let findings = of_scene(&files, &composed, id)?.into_iter().collect();
     Ok(FileVerdicts { findings, composed: names_in(composed) })
 }
 
@@ -130,26 +124,27 @@ fn names_in(composed: Mutex<BTreeSet<String>>) -> BTreeSet<String> {
 }
 
 /// The findings that a folder of the release states; none without the file.
-fn stated(tree: AuditedTree<'_>, folder: &str) -> Result<Vec<Finding>, RecheckError> {
+fn stated(files: &dyn ReleaseFiles, folder: &str) -> Result<Vec<Finding>, TreeError> {
     let name = format!("{folder}/{}", layout::CHECKS);
-    if tree.has(&name)? { tree.json(&name) } else { Ok(Vec::new()) }
+    let is_there = files.has(&name).map_err(|e| TreeError::new(files.shown(&name), e))?;
+    if is_there { json_of(files, &name) } else { Ok(Vec::new()) }
 }
 
 /// The findings by trajectory, in the order of `scene.json`.
-fn of_scene(tree: AuditedTree<'_>, id: &str) -> Result<Vec<(String, Vec<Finding>)>, RecheckError> {
-    let scene: SceneRecord = tree.json(&format!("{id}/scene.json"))?;
+fn of_scene<'a>(
+    files: &Arc<dyn ReleaseFiles + 'a>,
+    composed: &ComposedPictures,
+    id: &str,
+) -> Result<Vec<(String, Vec<Finding>)>, RecheckError> {
+    let scene: SceneRecord = json_of(&**files, &format!("{id}/{}", layout::SCENE))?;
     let recipe = recipe_of(&scene)?;
     let photos = scene.images.iter().filter(|image| image.used).count();
     let mut findings = Vec::new();
     for part in &scene.trajectories {
-        let camera = scene.camera_of(part).camera();
-        // The size is a claim of a tree that may be forged, and memory grows with it.
-        camera.size.check_sensor().map_err(|e| tree.refusal(&format!("{id}/scene.json"), e))?;
-        let folder = format!("{id}/{}", part.name);
-        let name = format!("{}/{}", scene.id, part.name);
+        let files = &TrajectoryFiles::new(files.clone(), id, &part.name, scene.camera_of(part).camera())?;
+        let name = &format!("{}/{}", scene.id, part.name);
         let pair = stereo_pair(&recipe, &scene, part);
-        let (folder, name, recipe) = (folder.as_str(), name.as_str(), &recipe);
-        let released = ReleasedTrajectory { tree, folder, name, recipe, camera, part, pair, photos };
+        let released = ReleasedTrajectory { files, composed, name, recipe: &recipe, part, pair, photos };
         findings.push((part.name.clone(), released.findings()?));
     }
     Ok(findings)

@@ -3,7 +3,6 @@
 
 use super::{AuditFault, FaultCode, TrustedTree};
 use gs2e_files as files;
-use gs2e_files::LinkRule;
 use gs2e_release::card::head::hub_licence;
 use gs2e_release::manifest::{FileOwners, ReleaseManifest};
 use gs2e_release::products::is_metadata;
@@ -11,9 +10,9 @@ use gs2e_release::scene::{LicensedTool, OWNER, SceneRecord};
 use gs2e_release::{datasheet, loader, reuse};
 use gs2e_source::kind::SourceKind;
 use gs2e_source::licence::{LedgerAsset, LicenceError, LicenceExpression, ledger};
+use gs2e_tree::ReleaseFiles as _;
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::io;
 
 /// Checks a scene's own terms, and what its source demands of them.
 pub(super) fn scene_terms(
@@ -242,69 +241,52 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
     faults
 }
 
-/// Checks that `REUSE.toml` says of the files what the scenes say, and that the datasheet states
-/// the terms of the whole.
-pub(super) fn reuse_faults(
+/// Checks that `REUSE.toml` says of the files what the scenes say, and that datasheet and card state the terms of
+/// the whole.
+pub(super) fn repeated_terms(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
     scenes: &[SceneRecord],
 ) -> Vec<AuditFault> {
-    let read = |path: &str| {
-        let absent = || {
-            AuditFault::of_file(
-                FaultCode::Missing,
-                path,
-                "every release has this file; it is missing or damaged",
-            )
-        };
-        if !tree.has(path) {
-            return Err(absent());
-        }
-        text_of(tree, path).map_err(|_| absent())
+    let mut faults = Vec::new();
+    // An absent file is reported with the names of files.
+    let mut judge = |code, path: &str, problem: &dyn Fn(&str) -> Option<String>| {
+        let text = tree.has(path).then(|| text_of(tree, path));
+        let problem = text.and_then(|text| problem(&text));
+        faults.extend(problem.map(|message| AuditFault::of_file(code, path, message)));
     };
-    let holds = |path: &str, so: &dyn Fn(&str) -> bool, message: &str| match read(path) {
-        Ok(text) if so(&text) => None,
-        Ok(_) => Some(AuditFault::of_file(FaultCode::ClaimsDisagree, path, message)),
-        Err(fault) => Some(fault),
-    };
-    let whole = format!("The whole: `{}`.", manifest.licence);
-    let wanted = reuse::compose_reuse(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
-    // Without all scenes the wanted text is not known, and only the file's presence is checked.
-    let known = scenes.len() == manifest.scenes.len();
-    let reuse = holds(
-        reuse::NAME,
-        &|text| !known || text == wanted,
-        "its statements on files differ from those of the scenes",
-    );
-    let sheet =
-        holds(datasheet::NAME, &|text| text.contains(&whole), "it states other terms than the manifest");
-    reuse.into_iter().chain(sheet).collect()
-}
-
-fn text_of(tree: &TrustedTree<'_>, path: &str) -> io::Result<String> {
-    files::read_text_with(&tree.path_of(path), LinkRule::Refuse, files::MAX_DOCUMENT)
-}
-
-/// Checks that the card's head states the terms of the whole.
-pub(super) fn card_fault(tree: &TrustedTree<'_>, manifest: &ReleaseManifest) -> Option<AuditFault> {
-    const CARD: &str = "README.md";
-    // An absent card is reported with the names of files.
-    if !tree.has(CARD) {
-        return None;
+    // Without all scenes the wanted text is not known.
+    if scenes.len() == manifest.scenes.len() {
+        let wanted = reuse::compose_reuse(&scenes.iter().collect::<Vec<_>>(), &manifest.licence);
+        judge(FaultCode::ClaimsDisagree, reuse::NAME, &|text| {
+            (text != wanted).then(|| "its statements on files differ from those of the scenes".to_owned())
+        });
     }
-    let text = text_of(tree, CARD).unwrap_or_default();
+    let whole = format!("The whole: `{}`.", manifest.licence);
+    judge(FaultCode::ClaimsDisagree, datasheet::NAME, &|text| {
+        (!text.contains(&whole)).then(|| "it states other terms than the manifest".to_owned())
+    });
+    judge(FaultCode::CardLicence, "README.md", &|text| card_problem(text, &manifest.licence));
+    faults
+}
+
+/// The text of a file; empty if it is none.
+fn text_of(tree: &TrustedTree<'_>, path: &str) -> String {
+    let text = tree.read(path, files::MAX_DOCUMENT).ok().and_then(|bytes| String::from_utf8(bytes).ok());
+    text.unwrap_or_default()
+}
+
+/// Describes a head of the card that does not state the terms of the whole.
+fn card_problem(text: &str, licence: &str) -> Option<String> {
     let value = |key: &str| text.lines().find_map(|line| line.strip_prefix(key));
-    let (stated, wanted) = match hub_licence(&manifest.licence) {
+    let (stated, wanted) = match hub_licence(licence) {
         Some(id) => (value("license: ").map(str::to_owned), id),
         None => {
             let name = value("license_name: ").and_then(|name| serde_json::from_str::<String>(name).ok());
-            (name, manifest.licence.clone())
+            (name, licence.to_owned())
         }
     };
-    if stated.as_ref() == Some(&wanted) {
-        return None;
-    }
-    let stated = stated.unwrap_or_else(|| "nothing".into());
-    let message = format!("its head says `{stated}`, the release is under `{}`", manifest.licence);
-    Some(AuditFault::of_file(FaultCode::CardLicence, CARD, message))
+    let is_wrong = stated.as_ref() != Some(&wanted);
+    let stated = stated.as_deref().unwrap_or("nothing");
+    is_wrong.then(|| format!("its head says `{stated}`, the release is under `{licence}`"))
 }

@@ -1,6 +1,10 @@
 //! The files of a tree that have the bytes of its sums.
 
+use gs2e_files as files;
+use gs2e_files::LinkRule;
+use gs2e_tree::ReleaseFiles;
 use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
@@ -12,6 +16,20 @@ pub(super) struct TrustedTree<'a> {
     pub(super) intact: BTreeMap<&'a str, &'a str>,
     /// Pictures whose files are known to be what this program writes for them.
     pub(super) composed: &'a BTreeSet<String>,
+}
+
+impl ReleaseFiles for &TrustedTree<'_> {
+    fn read(&self, path: &str, limit: u64) -> io::Result<Vec<u8>> {
+        files::read_with(&self.place(path)?, LinkRule::Refuse, limit)
+    }
+
+    fn place(&self, path: &str) -> io::Result<PathBuf> {
+        self.intact_path(path).ok_or_else(|| io::ErrorKind::NotFound.into())
+    }
+
+    fn has(&self, path: &str) -> io::Result<bool> {
+        Ok(self.intact.contains_key(path))
+    }
 }
 
 impl TrustedTree<'_> {

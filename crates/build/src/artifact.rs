@@ -307,12 +307,6 @@ impl EventStream {
     pub fn stored_name(name: Option<&str>) -> String {
         name.map_or_else(|| "events.h5".to_owned(), |name| format!("events-{name}.h5"))
     }
-
-    /// File name of a stream in a trajectory's folder of a release.
-    #[must_use]
-    pub fn released_name(name: Option<&str>) -> String {
-        name.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
-    }
 }
 
 /// The record of a simulation: `simulation.json`.

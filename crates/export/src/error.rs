@@ -1,6 +1,7 @@
 //! Reasons why there is no export.
 
 use super::ledger::{ExportLoss, UnmetNeed};
+use gs2e_tree::TreeError;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -53,12 +54,13 @@ pub enum ExportError {
     },
 }
 
-impl ExportError {
-    /// A file of the release that cannot be used.
-    pub(super) fn unreadable(path: &Path, because: impl std::fmt::Display) -> Self {
-        Self::Source(format!("{}: {because}", path.display()))
+impl From<TreeError> for ExportError {
+    fn from(error: TreeError) -> Self {
+        Self::Source(error.to_string())
     }
+}
 
+impl ExportError {
     /// A file that cannot be written.
     pub(super) fn unwritten(path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();

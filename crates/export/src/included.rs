@@ -1,12 +1,10 @@
 //! Exports that are part of a release.
 
-use super::source::SubjectFiles;
 use super::{
     ExportError, ExportFormat, ExportLoss, ExportPlan, ExportProgress, ExportSubject, Exposure, LossKind,
     SubjectChoice, TestViews, format_named, write_export,
 };
 use glam::{DQuat, DVec3};
-use gs2e_build::artifact::EventStream;
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_recipe::{HELD_OUT_EVERY, IncludedExport, Recipe};
@@ -15,6 +13,7 @@ use gs2e_release::include::{
 };
 use gs2e_scene::camera::{Camera, choose_camera};
 use gs2e_trajectory::Trajectory;
+use gs2e_tree::{ListedFiles, TrajectoryFiles};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
@@ -189,13 +188,14 @@ fn promised_subject(
     let exposure = |pose: usize| Exposure { pose, open_us: [stamp(pose - 1), stamp(pose + 1)] };
     let exposed = (1..PROMISED_POSES - 1).step_by(3).filter(|_| has("blur")).map(exposure);
     let still = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
-    let folder = format!("{}/{trajectory}", recipe.scene);
+    let camera = choose_camera(recipe.camera_along(trajectory), Some(&usual)).unwrap_or(usual);
+    let no_files = Arc::new(ListedFiles::default());
     Ok(ExportSubject {
         release: Value::Null,
         scene: recipe.scene.clone(),
         trajectory: trajectory.to_owned(),
         sensor_name: sensor_name.map(str::to_owned),
-        camera: choose_camera(recipe.camera_along(trajectory), Some(&usual)).unwrap_or(usual),
+        camera,
         poses: Trajectory {
             world_from_camera: vec![still; PROMISED_POSES],
             stamps_us: (0..PROMISED_POSES).map(stamp).collect(),
@@ -210,8 +210,6 @@ fn promised_subject(
         // The release may state it without the output.
         depth_range: Some([1.0, 2.0]),
         sensor: has("events").then(|| sensor.clone()),
-        files: SubjectFiles::Promised,
-        events: format!("{folder}/{}", EventStream::released_name(sensor_name)),
-        folder,
+        tree: TrajectoryFiles::new(no_files, &recipe.scene, trajectory, camera)?,
     })
 }

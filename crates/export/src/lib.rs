@@ -10,11 +10,10 @@
 //!
 //! Layouts are facts about the loaders of these methods. No code of theirs is in this program.
 //!
-//! It reads the descriptions of scenes with `gs2e-release`, their recipes with `gs2e-recipe`, and their
-//! products as `gs2e-build` and `gs2e-event` define them. Poses, cameras, sensors and images are those
-//! of `gs2e-trajectory`, `gs2e-num`, `gs2e-scene`, `gs2e-sensor` and `gs2e-image`. It writes models of
-//! COLMAP with `gs2e-source`, reads depth with `gs2e-dataset`, and opens files with `gs2e-files`. Only
-//! the program uses it.
+//! It reads the files of a release with `gs2e-tree`, descriptions of scenes in the types of `gs2e-release`, and
+//! their recipes with `gs2e-recipe`. Poses, cameras, sensors, events and images are those of
+//! `gs2e-trajectory`, `gs2e-num`, `gs2e-scene`, `gs2e-sensor`, `gs2e-event` and `gs2e-image`. It writes models
+//! of COLMAP with `gs2e-source`, and files with `gs2e-files`. Only the program uses it.
 //!
 //! # Examples
 //!
@@ -42,7 +41,6 @@ mod ledger;
 mod npy;
 mod plan;
 mod poses;
-mod source;
 mod subject;
 mod tensor;
 mod tree;
@@ -51,10 +49,11 @@ pub use brightness::{BrightnessFactor, BrightnessFormula};
 pub use error::ExportError;
 pub use formats::{FORMATS, format_named};
 pub use geometry::SceneBox;
+pub use gs2e_tree::Exposure;
 pub use included::IncludedExporter;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{DEFAULT_EPOCH_US, ExportPlan, TestViews};
-pub use subject::{ExportSubject, Exposure, SubjectChoice};
+pub use subject::{ExportSubject, SubjectChoice};
 pub use tree::ExportFolder;
 
 use serde_json::{Value, json};

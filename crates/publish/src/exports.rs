@@ -4,7 +4,7 @@ use super::ReleaseError;
 use super::made_once::{MadeOf, digest_of_files};
 use gs2e_recipe::IncludedExport;
 use gs2e_release::composed::{FileContent, ReleaseTree};
-use gs2e_release::include::{ComposedFile, ComposedScene, ReleaseExporter, export_name};
+use gs2e_release::include::{ComposedScene, ReleaseExporter, export_name};
 use gs2e_release::scene::SceneRecord;
 use gs2e_store::description::describe_value;
 use gs2e_store::record::StoredOutput;
@@ -53,15 +53,7 @@ impl ReleaseExports<'_> {
             return Ok((tree, keys));
         }
         let inputs = digest_of_files(files);
-        let composed = |(path, content): (&str, &FileContent)| {
-            let file = match content {
-                FileContent::Bytes(bytes) => ComposedFile::Bytes(bytes.clone()),
-                FileContent::Blob { path, .. } => ComposedFile::Stored(path.clone()),
-            };
-            (path.to_owned(), file)
-        };
-        let files = files.contents().map(composed).collect();
-        let scene = Arc::new(ComposedScene::new(self.release, record, files));
+        let scene = Arc::new(ComposedScene::new(self.release, record, files.listed()));
         for part in record.trajectories.iter().filter(|part| part.cameras.is_empty()) {
             for entry in self.include.iter().filter(|entry| entry.covers(&part.name)) {
                 let (key, outputs) = self.outputs(&scene, &part.name, entry, inputs)?;

@@ -2,6 +2,7 @@
 
 use super::manifest::ManifestFile;
 use gs2e_store::Digest;
+use gs2e_tree::ListedFile;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -81,6 +82,15 @@ impl ReleaseTree {
             FileContent::Blob { path, .. } => Some(path),
             FileContent::Bytes(_) => None,
         }
+    }
+
+    /// The files as readers of releases take them.
+    pub fn listed(&self) -> BTreeMap<String, ListedFile> {
+        let file = |content: &FileContent| match content {
+            FileContent::Bytes(bytes) => ListedFile::Bytes(bytes.clone()),
+            FileContent::Blob { path, .. } => ListedFile::Stored(path.clone()),
+        };
+        self.files.iter().map(|(path, content)| (path.clone(), file(content))).collect()
     }
 
     /// The files with their contents, sorted by path.

@@ -6,17 +6,16 @@
 
 mod values;
 
-pub use values::ValueChange;
+pub use values::{ValueChange, value_changes};
 
-use super::manifest::{self, KeyIngredients, ManifestFile, ManifestScene, ManifestStep, ReleaseManifest};
+use super::manifest::{KeyIngredients, ManifestFile, ManifestScene, ManifestStep, ReleaseManifest};
 use super::scene::SceneRecord;
-use gs2e_files as files;
 use gs2e_store::Digest;
+use gs2e_tree::{TreeError, read_manifest, read_scene};
 use serde::Serialize;
-use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// The differences between an old and a new release.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -129,25 +128,15 @@ pub enum DiffReason {
     Untold,
 }
 
-/// A folder that cannot be read as a release.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: found {found}, wanted {wanted}", path.display())]
-pub struct DiffError {
-    path: PathBuf,
-    found: String,
-    wanted: &'static str,
-}
-
 /// Compares the releases in two folders.
 ///
 /// # Errors
 /// One of them is not a release, or a `scene.json` that is needed for the reasons cannot be read.
-pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffError> {
-    let before = read_manifest(old)?;
-    let after = read_manifest(new)?;
+pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, TreeError> {
+    let [before, after]: [ReleaseManifest; 2] = [read_manifest(old)?, read_manifest(new)?];
     let id = |scene: &ManifestScene| scene.id.clone();
     let mut difference = ReleaseDifference {
-        release: values::value_changes(&claimed_values(&before), &claimed_values(&after)),
+        release: value_changes(&claimed_values(&before), &claimed_values(&after)),
         files: file_changes(&before.files, &after.files),
         added: Vec::new(),
         removed: Vec::new(),
@@ -161,55 +150,13 @@ pub fn diff_releases(old: &Path, new: &Path) -> Result<ReleaseDifference, DiffEr
             (Some(a), Some(b)) if a != b => {
                 // Equal manifest entries list equal files, so `scene.json` is read for different
                 // ones only.
-                let [a_file, b_file] = [read_scene(old, a)?, read_scene(new, b)?];
+                let [a_file, b_file]: [SceneRecord; 2] = [read_scene(old, &a.id)?, read_scene(new, &b.id)?];
                 difference.changed.push(scene_change([a, b], [&a_file, &b_file]));
             }
             _ => difference.unchanged += 1,
         }
     }
     Ok(difference)
-}
-
-/// Reads the manifest of the release in `dir`.
-///
-/// # Errors
-/// The folder is not a release of format 1.
-pub fn read_manifest(dir: &Path) -> Result<ReleaseManifest, DiffError> {
-    const WANTED: &str = "a release folder";
-    let no_release = |path: &Path, found: &str| DiffError {
-        path: path.to_owned(),
-        found: found.to_owned(),
-        wanted: WANTED,
-    };
-    // These two checks are for the message; reading the manifest would fail as well.
-    if !dir.is_dir() {
-        return Err(no_release(dir, if files::is_there(dir) { "a file" } else { "nothing" }));
-    }
-    if !files::is_there(&dir.join(manifest::NAME)) {
-        return Err(no_release(dir, "a folder without manifest.json"));
-    }
-    let manifest: ReleaseManifest = read_json(dir, manifest::NAME, "the manifest of a release of format 1")?;
-    if manifest.format != 1 {
-        let (found, wanted) = (format!("format {}", manifest.format), "format 1");
-        return Err(DiffError { path: dir.join(manifest::NAME), found, wanted });
-    }
-    Ok(manifest)
-}
-
-/// Reads the description of a scene of the release in `dir`.
-///
-/// # Errors
-/// It cannot be read.
-pub fn read_scene(dir: &Path, scene: &ManifestScene) -> Result<SceneRecord, DiffError> {
-    read_json(dir, &format!("{}/scene.json", scene.id), "the description of a scene")
-}
-
-/// Reads a file of a release. Nothing outside its folder is opened.
-fn read_json<T: DeserializeOwned>(dir: &Path, name: &str, wanted: &'static str) -> Result<T, DiffError> {
-    let failed = |found: String| DiffError { path: dir.join(name), found, wanted };
-    let bytes = files::read_below(dir, Path::new(name), files::MAX_DOCUMENT)
-        .map_err(|e| failed(format!("an unreadable file ({e})")))?;
-    serde_json::from_slice(&bytes).map_err(|e| failed(format!("other JSON ({e})")))
 }
 
 /// Elements of two lists with the same name, sorted by name.
@@ -253,9 +200,9 @@ fn scene_change([old, new]: [&ManifestScene; 2], [old_file, new_file]: [&SceneRe
     };
     SceneChange {
         id: new.id.clone(),
-        recipe: values::value_changes(&old_file.recipe, &new_file.recipe),
-        photos: values::value_changes(&photos(old_file), &photos(new_file)),
-        claims: values::value_changes(&claimed_values(old), &claimed_values(new)),
+        recipe: value_changes(&old_file.recipe, &new_file.recipe),
+        photos: value_changes(&photos(old_file), &photos(new_file)),
+        claims: value_changes(&claimed_values(old), &claimed_values(new)),
         steps: step_changes(&old.steps, &new.steps),
         files: file_changes(&old.files, &new.files),
     }
@@ -289,7 +236,8 @@ fn step_change(old: &ManifestStep, new: &ManifestStep) -> Option<StepChange> {
     Some(StepChange::new(new, same_bytes, reasons))
 }
 
-fn change_reasons(old: &KeyIngredients, new: &KeyIngredients) -> Vec<DiffReason> {
+/// Reasons why a step with these ingredients has another key than one with the old ones.
+pub fn change_reasons(old: &KeyIngredients, new: &KeyIngredients) -> Vec<DiffReason> {
     let revision = (old.revision != new.revision)
         .then_some(DiffReason::Revision { old: old.revision, new: new.revision });
     let class = (old.class != new.class)

@@ -9,6 +9,7 @@ use super::layout;
 use super::manifest::ReleaseManifest;
 use super::scene::SceneRecord;
 use gs2e_recipe::{IncludedExport, Recipe};
+use gs2e_tree::{ListedFile, ListedFiles};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -153,16 +154,8 @@ pub struct ComposedScene {
     pub tool: &'static str,
     /// Content of `scene.json`.
     pub record: SceneRecord,
-    files: BTreeMap<String, ComposedFile>,
-}
-
-/// A file of a composed scene.
-#[derive(Debug)]
-pub enum ComposedFile {
-    /// Bytes made for the release.
-    Bytes(Vec<u8>),
-    /// The path of a stored file.
-    Stored(PathBuf),
+    /// Its files, by their paths in the release.
+    pub files: Arc<ListedFiles>,
 }
 
 impl ComposedScene {
@@ -170,9 +163,10 @@ impl ComposedScene {
     pub fn new(
         [release, version]: [&str; 2],
         record: &SceneRecord,
-        files: BTreeMap<String, ComposedFile>,
+        files: BTreeMap<String, ListedFile>,
     ) -> Self {
         let [release, version] = [release, version].map(str::to_owned);
+        let files = Arc::new(ListedFiles(files));
         Self { release, version, tool: super::TOOL, record: record.clone(), files }
     }
 
@@ -182,20 +176,7 @@ impl ComposedScene {
         record: &SceneRecord,
         files: BTreeMap<String, PathBuf>,
     ) -> Self {
-        let files = files.into_iter().map(|(path, place)| (path, ComposedFile::Stored(place))).collect();
+        let files = files.into_iter().map(|(path, place)| (path, ListedFile::Stored(place))).collect();
         Self::new([&manifest.name, &manifest.version], record, files)
-    }
-
-    /// The file at a path of the release.
-    #[must_use]
-    pub fn file(&self, path: &str) -> Option<&ComposedFile> {
-        self.files.get(path)
-    }
-
-    /// Returns true if a file lies in this folder of the release.
-    #[must_use]
-    pub fn has_folder(&self, folder: &str) -> bool {
-        let prefix = format!("{folder}/");
-        self.files.range(prefix.clone()..).next().is_some_and(|(path, _)| path.starts_with(&prefix))
     }
 }

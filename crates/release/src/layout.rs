@@ -6,6 +6,7 @@ use super::{checksum, croissant, datasheet, index, loader, manifest, report, reu
 use gs2e_build::artifact::EventStream;
 use gs2e_check as check;
 use gs2e_store::record::StoredOutput;
+use gs2e_tree::event_file;
 use std::collections::BTreeMap;
 
 /// Name of the card.
@@ -82,7 +83,7 @@ pub fn made<'o>(
     for name in streams {
         let stored =
             outputs(products::EVENTS.name()).iter().filter(|o| o.name == EventStream::stored_name(*name));
-        files.extend(stored.map(|o| (EventStream::released_name(*name), o)));
+        files.extend(stored.map(|o| (event_file(*name), o)));
     }
     for product in FOLDERS {
         let own = outputs(product.name()).iter().filter(|o| product.form.holds(&o.name));

@@ -16,12 +16,10 @@ pub use again::again;
 pub(super) use attributes::SceneAttributes;
 use attributes::scene_attributes;
 
+pub use gs2e_tree::CameraPart;
 pub use licence::{LicencePart, LicensedTool, OWNER};
 
-use gs2e_image::Size;
 use gs2e_recipe::MountedPath;
-use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::lens::Distortion;
 use gs2e_sensor::latency::LatencyAccount;
 use gs2e_sensor::readout::ReadoutAccount;
 use gs2e_train::TrainingRecord;
@@ -118,44 +116,6 @@ impl SceneRecord {
     #[must_use]
     pub fn camera_of<'a>(&'a self, part: &'a TrajectoryPart) -> &'a CameraPart {
         part.mounted.as_ref().map_or(&self.camera, |mounted| &mounted.camera)
-    }
-}
-
-/// The camera that was rendered.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraPart {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Focal length, px.
-    pub fx: f64,
-    /// Focal length, px.
-    pub fy: f64,
-    /// Principal point, px.
-    pub cx: f64,
-    /// Principal point, px.
-    pub cy: f64,
-    /// The lens, if it distorts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lens: Option<Distortion>,
-    /// The distortion of the capture's photos, which the rendered camera does not have.
-    pub undistorted_from: Option<Value>,
-}
-
-impl CameraPart {
-    /// The part of a camera.
-    pub(super) fn new(camera: Camera, undistorted_from: Option<Value>) -> Self {
-        let Camera { size, fx, fy, cx, cy, lens } = camera;
-        Self { width: size.width, height: size.height, fx, fy, cx, cy, lens, undistorted_from }
-    }
-
-    /// The camera.
-    #[must_use]
-    pub fn camera(&self) -> Camera {
-        let size = Size { width: self.width, height: self.height };
-        Camera { size, fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, lens: self.lens }
     }
 }
 

@@ -1,10 +1,10 @@
 //! Counts of a release tree, as its own files state them. The audit decides if they are true.
 
 use super::checksum;
-use super::diff::{DiffError, read_manifest, read_scene};
-use super::manifest::{ManifestFile, NAME};
-use super::scene::TrajectoryPart;
+use super::manifest::{ManifestFile, NAME, ReleaseManifest};
+use super::scene::{SceneRecord, TrajectoryPart};
 use gs2e_files as files;
+use gs2e_tree::{TreeError, read_manifest, read_scene};
 use serde::Serialize;
 use std::path::Path;
 
@@ -44,8 +44,8 @@ impl ReleaseSummary {
     ///
     /// # Errors
     /// The folder is not a release, or one of these files cannot be read.
-    pub fn read(dir: &Path) -> Result<Self, DiffError> {
-        let manifest = read_manifest(dir)?;
+    pub fn read(dir: &Path) -> Result<Self, TreeError> {
+        let manifest: ReleaseManifest = read_manifest(dir)?;
         let mut found = Self {
             scenes: manifest.scenes.len(),
             trajectories: 0,
@@ -59,7 +59,7 @@ impl ReleaseSummary {
             licence: manifest.licence.clone(),
         };
         for scene in &manifest.scenes {
-            let trajectories = read_scene(dir, scene)?.trajectories;
+            let SceneRecord { trajectories, .. } = read_scene(dir, &scene.id)?;
             found.trajectories += trajectories.len();
             // Numbers of a foreign release may be wrong, and must not overflow.
             found.events = trajectories.iter().map(event_count).fold(found.events, u64::saturating_add);

@@ -48,8 +48,8 @@ impl RebuildArgs {
         console: &Console,
     ) -> Result<Option<RebuildOutcome>, VerbError> {
         let Some(count) = self.rebuild.or(full.then_some(usize::MAX)) else { return Ok(None) };
-        let manifest =
-            rebuilt::read_manifest(dir).map_err(|e| input::wrong_content(&dir.join("manifest.json"), e))?;
+        let manifest = rebuilt::read_manifest(dir);
+        let manifest = manifest.map_err(|e| VerbError::failed("input-unreadable", e.to_string()))?;
         let chosen = draw_scenes(&manifest, count, self.seed);
         let recipes = self.recipes_of(&chosen)?;
         let mut found = RebuildOutcome { scenes: chosen, faults: Vec::new() };

@@ -2,7 +2,7 @@
 
 use super::{BASE, parts_of};
 use crate::release::small::{copy, gs2e, said};
-use gs2e_audit::{AuditPart, PartsError, audit_parts, audit_release};
+use gs2e_audit::{AuditOptions, AuditPart, PartsError, audit_release, audit_with};
 use std::fs;
 
 #[test]
@@ -13,7 +13,7 @@ fn a_verdict_needs_all_parts_of_one_release() {
     let (files, bytes) = parts.iter().map(AuditPart::size).fold((0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
     let whole = audit_release(dir).unwrap();
     assert_eq!((files, bytes), (whole.files, whole.bytes));
-    let refused = |parts: Vec<AuditPart>| audit_parts(dir, None, parts).unwrap_err();
+    let refused = |parts: Vec<AuditPart>| audit_with(dir, AuditOptions::default(), Some(parts)).unwrap_err();
     assert_eq!(refused(Vec::new()), PartsError::Empty);
     assert_eq!(refused(vec![parts[0].clone(), parts[2].clone()]), PartsError::Missing { number: 2, of: 3 });
     let because = |because, number| PartsError::Unlike { number, because };
@@ -22,7 +22,7 @@ fn a_verdict_needs_all_parts_of_one_release() {
     assert_eq!(refused(others), because("of another number of parts than the others", 2));
     // A file that comes later is read for the verdict.
     fs::write(dir.join("small/more.txt"), "").unwrap();
-    let faults = audit_parts(dir, None, parts.clone()).unwrap().unwrap().faults;
+    let faults = audit_with(dir, AuditOptions::default(), Some(parts.clone())).unwrap().unwrap().faults;
     assert_eq!(faults[0].code.name(), "unlisted", "{faults:?}");
     fs::write(dir.join("SHA256SUMS"), "").unwrap();
     assert_eq!(refused(parts), because("of another release, or of an earlier state of this one", 1));
@@ -60,5 +60,5 @@ fn any_number_of_parts_is_counted_without_a_list() {
     let folder = copy();
     let parts = vec![AuditPart::audit(folder.path(), 1, u32::MAX).unwrap()];
     let missing = PartsError::Missing { number: 2, of: u32::MAX };
-    assert_eq!(audit_parts(folder.path(), None, parts).unwrap_err(), missing);
+    assert_eq!(audit_with(folder.path(), AuditOptions::default(), Some(parts)).unwrap_err(), missing);
 }

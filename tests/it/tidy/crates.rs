@@ -9,11 +9,12 @@ const HEAVY: [&str; 6] = ["clap", "object_store", "parquet", "rusqlite", "rust-h
 const MOST_NAMING: usize = 2;
 
 /// Crates for other programs. With their neighbours below they bring no heavy package but HDF5.
-const FOR_OTHERS: [&str; 6] = ["num", "image", "event", "sensor", "scene", "render"];
+const FOR_OTHERS: [&str; 7] = ["num", "image", "event", "sensor", "scene", "render", "tree"];
 
 /// Pairs of a crate and one that it must never need: a sensor knows luminance and time, from any
-/// origin.
-const NEVER: [(&str, &str); 3] = [("sensor", "scene"), ("sensor", "render"), ("event", "scene")];
+/// origin, and a reader of releases knows no way of making them.
+const NEVER: [(&str, &str); 4] =
+    [("sensor", "scene"), ("sensor", "render"), ("event", "scene"), ("tree", "sensor")];
 
 /// The modules of the build engine, from the ground up. A module names only those before it.
 const ENGINE: [&str; 5] = ["artifact", "stage", "plan", "run", "cluster"];

@@ -6,7 +6,6 @@ use super::{AuditFault, FaultCode, TrustedTree, compare};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_build::artifact::{OBJECT_PLACES, TrajectoryProduct};
 use gs2e_files as files;
-use gs2e_files::LinkRule;
 use gs2e_image::{Image, Size, npy};
 use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_recipe::OutputKind;
@@ -21,6 +20,7 @@ use gs2e_trajectory::imu::files::{
 };
 use gs2e_trajectory::imu::{ImuModel, ImuSampler};
 use gs2e_trajectory::sampled::SampledPath;
+use gs2e_tree::ReleaseFiles as _;
 use rayon::prelude::*;
 use std::io::{self, BufWriter, Cursor, Write as _};
 
@@ -64,7 +64,8 @@ impl ReadTrajectory<'_> {
     }
 
     fn bytes(&self, path: &str, limit: u64) -> Result<Vec<u8>, AuditFault> {
-        files::read_with(&self.tree.path_of(path), LinkRule::Refuse, limit)
+        self.tree
+            .read(path, limit)
             .map_err(|e| AuditFault::of_file(FaultCode::Unreadable, path, e.to_string()))
     }
 

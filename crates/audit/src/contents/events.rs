@@ -84,7 +84,7 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     let mut reader = h5::Reader::open(&folder.on_disk(name))?;
     // The reader takes the index as it stands, so the index is verified first.
     reader.verify_index()?;
-    let size = folder.camera.size;
+    let size = folder.files.camera.size;
     let labelled = reader.labelled();
     let mut counted = StreamCount { faults: None, events: 0, on: 0, peak: 0, active: 0, labelled, noise: 0 };
     counted.faults = h5::foreign_object(&folder.on_disk(name))?
@@ -92,8 +92,6 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
     if reader.header().is_none_or(|header| header.size != size) {
         counted.faults = Some(format!("its sensor does not have the size {size} of scene.json"));
     }
-    // The size is a claim of a tree that may be forged.
-    size.check_sensor().map_err(|e| EventFileError::Container(format!("a sensor of {e}")))?;
     let mut seen = vec![false; size.pixels()];
     let (mut millisecond, mut within) = (i64::MIN, 0);
     let mut chunk = Vec::new();
@@ -129,7 +127,7 @@ fn count_stream(folder: &TrajectoryFolder<'_>, name: &str) -> Result<StreamCount
 }
 
 fn misplaced_event(folder: &TrajectoryFolder<'_>, previous: Option<&Event>, event: &Event) -> Option<String> {
-    let (size, end_us, t_us) = (folder.camera.size, folder.part.duration_us, event.t.floor_micros());
+    let (size, end_us, t_us) = (folder.files.camera.size, folder.part.duration_us, event.t.floor_micros());
     if u32::from(event.x) >= size.width || u32::from(event.y) >= size.height {
         Some(format!("is at ({}, {}), outside {size}", event.x, event.y))
     } else if t_us > end_us {

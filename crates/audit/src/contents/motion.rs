@@ -3,52 +3,45 @@
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use crate::claims;
-use glam::DVec3;
-use gs2e_files as files;
-use gs2e_files::LinkRule;
-use gs2e_num::se3::{OPENCV_FROM_OPENGL, Se3};
 use gs2e_num::units::Hertz;
+use gs2e_release::layout::TRANSFORMS;
 use gs2e_sampling::exposure;
 use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::report::SpeedReport;
 use gs2e_trajectory::sample::stamps_us;
 use gs2e_trajectory::speed::SpeedMeaning;
-use gs2e_trajectory::text::{TextError, read_stamps};
+use gs2e_trajectory::text::read_stamps;
+use gs2e_trajectory::transforms::{PictureLinks, compose_transforms};
+use gs2e_tree::Exposure;
 use serde_json::Value;
-use std::fs::File;
-use std::io::BufReader;
+use std::collections::BTreeMap;
 
 const SPEED: &str = "speed.json";
 
 pub(super) fn audit_motion(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
     let mut faults = Vec::new();
-    let stamps = read_text(folder, "timestamps_us.txt", read_stamps, &mut faults);
-    if let Some(trajectory) = read_text(folder, "poses.txt", Trajectory::read_poses, &mut faults) {
-        let report: Option<SpeedReport> =
-            claims::parse_claims(folder.tree, &folder.path_of(SPEED), &mut faults);
-        faults.extend(poses_agree(folder, &trajectory, stamps.as_deref()));
-        faults.extend(pace_fault(folder, &trajectory, report.as_ref()));
-        faults.extend(transforms_agree(folder, &trajectory));
-        faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
+    let stamps = read_stated_stamps(folder, &mut faults);
+    match folder.files.poses() {
+        Ok(trajectory) => {
+            let report: Option<SpeedReport> =
+                claims::parse_claims(folder.tree, &folder.path_of(SPEED), &mut faults);
+            faults.extend(poses_agree(folder, &trajectory, stamps.as_deref()));
+            faults.extend(pace_fault(folder, &trajectory, report.as_ref()));
+            faults.extend(transforms_agree(folder, &trajectory));
+            faults.extend(report.and_then(|report| speeds_agree(folder, &trajectory, &report)));
+        }
+        Err(e) => faults.push(folder.fault(FaultCode::Unreadable, "poses.txt", e.because)),
     }
     faults
 }
 
-/// Reads a text file, if it is intact.
-fn read_text<T>(
-    folder: &TrajectoryFolder<'_>,
-    name: &str,
-    parse: impl FnOnce(BufReader<File>) -> Result<T, TextError>,
-    faults: &mut Vec<AuditFault>,
-) -> Option<T> {
-    if !folder.has(name) {
-        return None;
-    }
-    let parsed = match files::open_with(&folder.on_disk(name), LinkRule::Refuse) {
-        Ok(file) => parse(BufReader::new(file)).map_err(|e| e.to_string()),
-        Err(e) => Err(e.to_string()),
-    };
-    parsed.map_err(|message| faults.push(folder.fault(FaultCode::Unreadable, name, message))).ok()
+/// Reads the time stamps, if their file is intact.
+fn read_stated_stamps(folder: &TrajectoryFolder<'_>, faults: &mut Vec<AuditFault>) -> Option<Vec<i64>> {
+    let name = "timestamps_us.txt";
+    let bytes = folder.has(name).then(|| folder.files.read(name))?;
+    let stamps = bytes.map_err(|e| e.because);
+    let stamps = stamps.and_then(|bytes| read_stamps(bytes.as_slice()).map_err(|e| e.to_string()));
+    stamps.map_err(|message| faults.push(folder.fault(FaultCode::Unreadable, name, message))).ok()
 }
 
 /// Compares poses with stamps and with the stated counts.
@@ -104,78 +97,70 @@ fn pace_fault(
 
 /// Checks that `transforms.json` is what the poses and the camera give.
 fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> Vec<AuditFault> {
-    const NAME: &str = "transforms.json";
     let mut faults = Vec::new();
-    let Some(found) = claims::parse_claims::<Value>(folder.tree, &folder.path_of(NAME), &mut faults) else {
-        return faults;
-    };
-    let camera = &folder.camera;
-    let numbers = [("fl_x", camera.fx), ("fl_y", camera.fy), ("cx", camera.cx), ("cy", camera.cy)];
-    let sides =
-        [("w", camera.size.width), ("h", camera.size.height)].map(|(key, side)| (key, f64::from(side)));
-    for (key, wanted) in numbers.into_iter().chain(sides) {
-        if found[key].as_f64() != Some(wanted) {
-            let message = format!("its {key} is {}, scene.json says {wanted}", found[key]);
-            faults.push(folder.fault(FaultCode::ClaimsDisagree, NAME, message));
+    let path = folder.path_of(TRANSFORMS);
+    let Some(found) = claims::parse_claims::<Value>(folder.tree, &path, &mut faults) else { return faults };
+    let blurred = &stated_exposures(folder, &trajectory.stamps_us);
+    let all = PictureLinks { sharp: &[], readout_us: None, blurred };
+    let wanted = compose_transforms(&folder.files.camera, trajectory, &all);
+    let mut disagree =
+        |message: String| faults.push(folder.fault(FaultCode::ClaimsDisagree, TRANSFORMS, message));
+    let of_camera = wanted.as_object().into_iter().flatten();
+    for (key, wanted) in of_camera.filter(|(key, _)| !["frames", "pixel_center"].contains(&key.as_str())) {
+        let found = &found[key];
+        if found != wanted && (found.as_f64().is_none() || found.as_f64() != wanted.as_f64()) {
+            disagree(format!("its {key} is {found}, scene.json says {wanted}"));
         }
     }
-    let (model, coefficients) = camera.lens.map_or(("PINHOLE", Vec::new()), |lens| lens.nerfstudio());
-    if found["camera_model"] != model
-        || coefficients.iter().any(|(name, k)| found[*name].as_f64() != Some(*k))
-    {
-        let message = "its lens is not that of scene.json".to_owned();
-        faults.push(folder.fault(FaultCode::ClaimsDisagree, NAME, message));
-    }
-    let frames = found["frames"].as_array().map_or(&[][..], Vec::as_slice);
-    let stamped = trajectory.world_from_camera.iter().zip(&trajectory.stamps_us);
-    let mut poses = stamped.map(|(pose, t_us)| (opengl_rows(pose), *t_us));
-    let same = |(frame, (matrix, t_us)): (&Value, ([[f64; 4]; 3], i64))| {
-        frame["t_us"].as_i64() == Some(t_us) && is_near(&frame["transform_matrix"], &matrix)
+    let [frames, all] =
+        [&found, &wanted].map(|file| file["frames"].as_array().map_or(&[][..], Vec::as_slice));
+    let mut poses = all.iter();
+    let same = |frame: &Value, pose: &Value| {
+        frame["t_us"] == pose["t_us"] && is_near(&frame["transform_matrix"], &pose["transform_matrix"])
     };
     // Poses without a picture may be left out, so the frames are some of the poses, in their order.
-    // `any` takes each pose once, so a frame out of order finds no pose.
-    let in_order = frames.iter().all(|frame| poses.any(|pose| same((frame, pose))));
-    // No frames at all would be in order too.
-    if frames.is_empty() || !in_order {
-        faults.push(folder.fault(
-            FaultCode::ClaimsDisagree,
-            NAME,
-            "its frames are not the poses of poses.txt",
-        ));
+    // `any` takes each pose once, so a frame out of order finds no pose. No frames at all would be in order too.
+    if frames.is_empty() || !frames.iter().all(|frame| poses.any(|pose| same(frame, pose))) {
+        disagree("its frames are not the poses of poses.txt".to_owned());
     }
-    faults.extend(
-        exposures_agree(folder, frames, &trajectory.stamps_us)
-            .map(|message| folder.fault(FaultCode::ClaimsDisagree, NAME, message)),
-    );
+    exposures_fault(frames, all).into_iter().for_each(disagree);
     faults
 }
 
-/// Checks the blurred pictures: one for each exposure that the stamps have room for, numbered by
-/// its pose, with the times that `scene.json` gives. Returns the first fault.
-fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i64]) -> Option<String> {
-    let number = |frame: &Value| -> Option<usize> {
-        frame.get("blur_file_path")?.as_str()?.strip_prefix("blur/")?.strip_suffix(".png")?.parse().ok()
-    };
-    let blurred = listed.iter().filter(|frame| frame.get("blur_file_path").is_some());
-    let found: Vec<Option<usize>> = blurred.clone().map(number).collect();
+/// The exposures that the stamps have room for, by the pose, with the number of frames that `scene.json` states.
+fn stated_exposures(folder: &TrajectoryFolder<'_>, stamps: &[i64]) -> BTreeMap<usize, [i64; 2]> {
     let stated = folder.part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
-    let frames = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0);
-    let wanted = frames.map_or(Vec::new(), |frames| exposure::exposure_centres(stamps.len(), frames));
-    if found != wanted.iter().copied().map(Some).collect::<Vec<_>>() {
+    let Some(frames) = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0)
+    else {
+        return BTreeMap::new();
+    };
+    let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
+    let centres = exposure::exposure_centres(stamps.len(), frames).into_iter();
+    centres.map(|pose| (pose, exposure::open_us(&seconds, pose, frames))).collect()
+}
+
+/// Compares the blurred pictures of two lists of frames. Returns the first fault of those that were found.
+fn exposures_fault(found: &[Value], wanted: &[Value]) -> Option<String> {
+    let blurred = |frames: &[Value]| -> Vec<(Value, Option<Exposure>)> {
+        let blurred = frames.iter().filter(|frame| frame.get("blur_file_path").is_some());
+        blurred.map(|frame| (frame["t_us"].clone(), Exposure::read(frame))).collect()
+    };
+    let [found, wanted] = [found, wanted].map(blurred);
+    let poses = |frames: &[(Value, Option<Exposure>)]| -> Vec<Option<usize>> {
+        frames.iter().map(|(_, exposure)| exposure.map(|exposure| exposure.pose)).collect()
+    };
+    if poses(&found) != poses(&wanted) {
         return Some(format!("it lists {} blurred pictures, scene.json gives {}", found.len(), wanted.len()));
     }
-    let seconds: Vec<f64> = stamps.iter().map(|t_us| *t_us as f64 * 1e-6).collect();
-    blurred.zip(wanted).find_map(|(frame, pose)| {
-        let open = exposure::shutter_times(&seconds, pose, frames?);
+    found.into_iter().zip(wanted).find_map(|((stamp, found), (pose_stamp, wanted))| {
+        let (found, wanted) = (found?, wanted?);
         // Stamps and stated times are both rounded to a microsecond, and each is off by up to half
-        // of one. The rest is for the arithmetic.
-        let near =
-            |key: &str, at: f64| frame[key].as_f64().is_some_and(|us| (us - at * 1e6).abs() <= 1.0 + 1e-6);
-        let timed = near("exposure_start_us", open[0]) && near("exposure_end_us", open[1]);
-        (!timed || frame["t_us"].as_i64() != Some(stamps[pose])).then(|| {
+        // of one.
+        let is_near = found.open_us.iter().zip(wanted.open_us).all(|(a, b)| a.abs_diff(b) <= 1);
+        (!is_near || stamp != pose_stamp).then(|| {
+            let (pose, [start, end]) = (wanted.pose, wanted.open_us);
             format!(
-                "the exposure of blur/{pose:06}.png does not span {} frames around its pose",
-                frames.unwrap_or(0)
+                "the exposure of blur/{pose:06}.png is not that around its pose, from {start} to {end} us"
             )
         })
     })
@@ -184,22 +169,14 @@ fn exposures_agree(folder: &TrajectoryFolder<'_>, listed: &[Value], stamps: &[i6
 /// Returns true if the matrices agree but for rounding. Poses of `poses.txt` have canonical
 /// quaternions, so rotations differ by a few units in the last place of numbers up to 1.
 /// Translations do not differ.
-fn is_near(found: &Value, wanted: &[[f64; 4]; 3]) -> bool {
-    let Ok(found) = serde_json::from_value::<[[f64; 4]; 4]>(found.clone()) else { return false };
+fn is_near(found: &Value, wanted: &Value) -> bool {
+    let rows = |matrix: &Value| serde_json::from_value::<[[f64; 4]; 4]>(matrix.clone());
+    let (Ok(found), Ok(wanted)) = (rows(found), rows(wanted)) else { return false };
     found
         .iter()
         .flatten()
         .zip(wanted.iter().flatten())
         .all(|(a, b)| (a - b).abs() <= 1e-12 * b.abs().max(1.0))
-}
-
-/// The top three rows of camera to world with OpenGL camera axes. A point on a camera axis goes
-/// where the pose takes it; y and z point the other way.
-fn opengl_rows(world_from_camera: &Se3) -> [[f64; 4]; 3] {
-    let axes =
-        [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| world_from_camera.rotation * (axis * OPENCV_FROM_OPENGL));
-    let centre = world_from_camera.translation;
-    [0, 1, 2].map(|row| [axes[0][row], axes[1][row], axes[2][row], centre[row]])
 }
 
 fn speeds_agree(

@@ -3,8 +3,6 @@
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use gs2e_build::artifact::OBJECT_PLACES;
-use gs2e_files as files;
-use gs2e_files::LinkRule;
 use gs2e_image::{Image, Size, npy, png};
 use gs2e_release::products::{BLUR, FOLDERS, ProductForm, ReleaseProduct};
 use gs2e_sampling::exposure;
@@ -39,7 +37,8 @@ pub(super) fn audit_pictures(folder: &TrajectoryFolder<'_>) -> Vec<AuditFault> {
         let has_end = |path: &str| ends.iter().any(|end| path.ends_with(end));
         let open = |path: &&str| has_end(path) && !folder.tree.composed.contains(*path);
         let paths = folder.tree.below(&prefix).filter(open);
-        found.extend(paths.map(|path| (product, path[folder.path.len() + 1..].to_owned())));
+        let below = folder.path_of("").len();
+        found.extend(paths.map(|path| (product, path[below..].to_owned())));
     }
     found.into_par_iter().filter_map(|(product, name)| picture_fault(folder, product, &name)).collect()
 }
@@ -54,15 +53,15 @@ fn picture_fault(
     if folder.is_own && product.is_some_and(|product| product.form == ProductForm::Samples) {
         return None;
     }
-    let bytes = match files::read_with(&folder.on_disk(name), LinkRule::Refuse, files::MAX_DOCUMENT) {
+    let bytes = match folder.files.read(name) {
         Ok(bytes) => bytes,
-        Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.to_string())),
+        Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.because)),
     };
-    let size = folder.camera.size;
+    let size = folder.files.camera.size;
     let same = |again: Result<Vec<u8>, String>| again.map(|again| again == bytes);
     let is_same = match product.map(|product| (product.name(), product.form)) {
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
-            same(check_numbers(kind, (size, channels), positive, &bytes))
+            same(check_numbers(kind, size, channels, positive, &bytes))
         }
         Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
         Some((_, ProductForm::Masks(_))) => same(check_mask(size, &bytes)),
@@ -112,7 +111,8 @@ fn written(image: &Image<[u8; 3]>) -> Vec<u8> {
 /// of some products positive. NaN marks a pixel without a value.
 fn check_numbers(
     kind: &str,
-    (size, channels): (Size, u64),
+    size: Size,
+    channels: u64,
     positive: bool,
     mut bytes: &[u8],
 ) -> Result<Vec<u8>, String> {

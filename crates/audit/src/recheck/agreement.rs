@@ -53,17 +53,17 @@ pub(super) fn judge_faults(
             let subject = format!("{}/{trajectory}", scene.id);
             let parts = OF_TRAJECTORY.iter().map(|(part, what)| {
                 let is_of = |fault: &&AuditFault| place(scene, fault) == (Some(trajectory), *part);
-                finding(&subject, (*part, *what), own.iter().copied().filter(is_of))
+                finding(&subject, part, what, own.iter().copied().filter(is_of))
             });
             findings.extend(parts);
         }
         let is_of = |fault: &&AuditFault| place(scene, fault).0.is_none();
-        findings.push(finding(&scene.id, OF_SCENE, own.iter().copied().filter(is_of)));
+        findings.push(finding(&scene.id, OF_SCENE.0, OF_SCENE.1, own.iter().copied().filter(is_of)));
     }
     if manifest.scenes.iter().all(|scene| wanted(&scene.id)) {
         findings.extend(OF_RELEASE.iter().map(|(part, what)| {
             let is_of = |fault: &&AuditFault| fault.scene.is_none() && top_part(fault) == *part;
-            finding(&manifest.name, (*part, *what), faults.iter().filter(is_of))
+            finding(&manifest.name, part, what, faults.iter().filter(is_of))
         }));
     }
     findings
@@ -71,7 +71,8 @@ pub(super) fn judge_faults(
 
 fn finding<'f>(
     subject: &str,
-    (part, what): (&str, &str),
+    part: &str,
+    what: &str,
     faults: impl Iterator<Item = &'f AuditFault>,
 ) -> Finding {
     let sentence = |fault: &AuditFault| match &fault.file {

@@ -1,7 +1,6 @@
 //! The sharp frames that the counts of events are compared with: some of them, through the front ends
 //! of the sensors. Their number is bounded, whatever the length of the trajectory.
 
-use super::RecheckError;
 use super::pictures::ReleasedPictures;
 use gs2e_image::{GreyImage, Image};
 use gs2e_num::stats::nearest_ranks;
@@ -11,6 +10,7 @@ use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::frames::anchors::{AnchorChoice, AnchorFrames};
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_trajectory::flow::FlowQuantiles;
+use gs2e_tree::{PictureKind, TreeError};
 use rayon::prelude::*;
 
 /// Memory for the frames of one front end, bytes.
@@ -36,14 +36,14 @@ pub(super) fn read_anchors(
     pictures: &ReleasedPictures<'_>,
     front_ends: &[FrontEnd],
     steps_px: Option<FlowQuantiles>,
-) -> Result<Vec<AnchorFrames>, RecheckError> {
-    let there = pictures.kept_poses(OutputKind::Sharp, "png")?;
+) -> Result<Vec<AnchorFrames>, TreeError> {
+    let there = pictures.kept_poses(PictureKind::Sharp, OutputKind::Sharp)?;
     if there.len() < 2 || front_ends.is_empty() {
         return Ok(Vec::new());
     }
     let stamps: Vec<i64> = there.iter().map(|pose| pictures.stamp(*pose)).collect();
     let frame_px = frame_motion(pictures, &there, steps_px)?;
-    let choice = choose_anchors(&stamps, frame_px, pictures.camera.size.pixels() * front_ends.len());
+    let choice = choose_anchors(&stamps, frame_px, pictures.files.camera.size.pixels() * front_ends.len());
     let read = |index: &usize| seen_anchor(pictures, front_ends, there[*index]);
     let frames: Vec<Vec<DenseFrame>> = choice.frames.par_iter().map(read).collect::<Result<_, _>>()?;
     let mut anchors = vec![AnchorFrames::without_frames(&choice); front_ends.len()];
@@ -61,7 +61,7 @@ fn seen_anchor(
     pictures: &ReleasedPictures<'_>,
     front_ends: &[FrontEnd],
     pose: usize,
-) -> Result<Vec<DenseFrame>, RecheckError> {
+) -> Result<Vec<DenseFrame>, TreeError> {
     let GreyImage { luminance, colours } = pictures.frame(pose)?;
     let t = Timestamp::from_micros(pictures.stamp(pose));
     let dense = DenseFrame { index: pose, t, luminance, rate: None };
@@ -95,7 +95,7 @@ fn frame_motion(
     pictures: &ReleasedPictures<'_>,
     there: &[usize],
     steps_px: Option<FlowQuantiles>,
-) -> Result<f64, RecheckError> {
+) -> Result<f64, TreeError> {
     let poses_per_frame = (there[there.len() - 1] - there[0]) as f64 / (there.len() - 1) as f64;
     if let Some(flow) = steps_px {
         return Ok(f64::from(flow.median) * poses_per_frame);

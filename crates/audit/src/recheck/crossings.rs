@@ -1,7 +1,8 @@
 //! Events of a released stream, compared with the times that its frames predict. Frames and events
 //! are read in step, each once.
 
-use super::{RecheckError, unreadable_file};
+use super::pictures::ReleasedPictures;
+use super::trajectory::ReleasedStream;
 use gs2e_check::drift::DriftLaw;
 use gs2e_check::event_times::crossing::{CrossingObserver, SeenFrame, StreamClock};
 use gs2e_event::{Event, EventFileError, EventSource as _, h5};
@@ -11,6 +12,7 @@ use gs2e_recipe::Recipe;
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::front_end::FrontEnd;
+use gs2e_tree::{TreeError, event_file};
 use std::path::PathBuf;
 
 /// A stream that is being compared, or the reason why the comparison says nothing.
@@ -39,14 +41,16 @@ pub(super) struct CrossingEvents {
 }
 
 impl CrossingWatch {
-    /// Opens a stream. `frames` of `stamps_us.len()` poses have a sharp frame.
+    /// Opens a stream. `frames` of the poses have a sharp frame.
     pub(super) fn open(
-        path: PathBuf,
-        (sensor, recipe, hot_hz): (&SensorChoice, &Recipe, &[f64]),
-        (frames, stamps_us): (usize, &[i64]),
-    ) -> Result<Self, RecheckError> {
+        stream: &ReleasedStream<'_>,
+        pictures: &ReleasedPictures<'_>,
+        frames: usize,
+    ) -> Result<Self, TreeError> {
+        let ReleasedStream { sensor, sensor_name, hot_hz, .. } = stream;
+        let stamps_us = &pictures.motion.trajectory.stamps_us;
         // Known hot pixels are left out, so the law is that of the others.
-        let law = match law_of_crossings(&sensor.without_hot_pixels(), recipe) {
+        let law = match law_of_crossings(&sensor.without_hot_pixels(), pictures.recipe) {
             Ok(law) => law,
             Err(because) => return Ok(Self::Unfit(because.to_owned())),
         };
@@ -58,22 +62,21 @@ impl CrossingWatch {
                 stamps_us.len()
             )));
         }
-        let reader = h5::Reader::open(&path).map_err(|e| unreadable_file(&path, e))?;
         Ok(Self::Events(Box::new(CrossingEvents {
             law,
             front_end: sensor.as_model().front_end(),
             is_hot: hot_hz.iter().map(|hz| *hz > 0.0).collect(),
-            path,
+            path: pictures.files.shown(&event_file(*sensor_name)),
             end_us: stamps_us[frames - 1],
             observer: None,
-            reader,
+            reader: pictures.files.events(*sensor_name)?,
             chunk: Vec::new(),
             seen: 0,
         })))
     }
 
     /// Takes the next frame, and sees the events up to its stamp.
-    pub(super) fn see(&mut self, t_us: i64, frame: &GreyImage) -> Result<(), RecheckError> {
+    pub(super) fn see(&mut self, t_us: i64, frame: &GreyImage) -> Result<(), TreeError> {
         let Self::Events(events) = self else { return Ok(()) };
         let mut frame = seen_frame(frame, t_us, &events.front_end);
         // A pixel that is cut off has no known drift, and is not compared.
@@ -87,7 +90,7 @@ impl CrossingWatch {
         }
         // All events after the last frame are seen with it.
         let until = if t_us >= events.end_us { i64::MAX } else { t_us };
-        events.see_until(until).map_err(|e| unreadable_file(&events.path, e))
+        events.see_until(until).map_err(|e| TreeError::new(&events.path, e))
     }
 
     /// The comparison. The inner error is the reason why it says nothing.

@@ -1,6 +1,5 @@
 //! The image motion along a trajectory at some instants: by `flow/`, or else by `depth/` and the poses.
 
-use super::RecheckError;
 use super::pictures::ReleasedPictures;
 use gs2e_check::coverage::ViewCoverage;
 use gs2e_check::geometry::watch::PosedPictures as _;
@@ -9,6 +8,7 @@ use gs2e_image::Image;
 use gs2e_recipe::OutputKind;
 use gs2e_scene::camera::flow::{flow_displacement, flow_rates};
 use gs2e_trajectory::flow::FlowQuantiles;
+use gs2e_tree::{PictureKind, TreeError};
 
 /// Largest number of instants at which the image motion is read.
 const FLOWS: usize = 9;
@@ -23,9 +23,9 @@ pub(super) struct MeasuredMotion {
 }
 
 impl MeasuredMotion {
-    pub(super) fn of_pictures(pictures: &ReleasedPictures<'_>) -> Result<Self, RecheckError> {
-        let flows = pictures.kept_poses(OutputKind::Flow, "npy")?;
-        let depths = pictures.kept_poses(OutputKind::Depth, "npy")?;
+    pub(super) fn of_pictures(pictures: &ReleasedPictures<'_>) -> Result<Self, TreeError> {
+        let flows = pictures.kept_poses(PictureKind::Flow, OutputKind::Flow)?;
+        let depths = pictures.kept_poses(PictureKind::Depth, OutputKind::Depth)?;
         let mut found = Self::default();
         let (mut moved_px, mut covered) = (Vec::new(), Vec::new());
         let (seconds, views) = (pictures.motion.seconds(), pictures.views());
@@ -46,7 +46,7 @@ impl MeasuredMotion {
             covered.push((pictures.stamp(pose), depth));
         }
         for pose in spread(&flows) {
-            let px_s = pictures.flow(pose)?;
+            let px_s = pictures.files.flow(pose)?;
             let step = neighbour(pose).map_or(0.0, |other| (seconds[other] - seconds[pose]).abs());
             #[expect(clippy::cast_possible_truncation, reason = "a duration for 32-bit speeds")]
             let step = step as f32;
@@ -54,7 +54,7 @@ impl MeasuredMotion {
             if depths.is_empty() {
                 // Flow is NaN where depth is.
                 let along_x = px_s.pixels().iter().map(|[u, _]| *u).collect();
-                covered.push((pictures.stamp(pose), Image::from_vec(pictures.camera.size, along_x)));
+                covered.push((pictures.stamp(pose), Image::from_vec(pictures.files.camera.size, along_x)));
             }
             found.flows.push(FlowAt { t_us: pictures.stamp(pose), px_s });
         }

@@ -3,34 +3,31 @@
 use super::anchors::read_anchors;
 use super::crossings::CrossingWatch;
 use super::image_motion::MeasuredMotion;
-use super::pictures::ReleasedPictures;
+use super::pictures::{ComposedPictures, ReleasedPictures};
 use super::walk::{PictureGround, PicturesPresent, WalkedPictures, walk_pictures};
-use super::{AuditedTree, RecheckError};
-use gs2e_build::artifact::{EventStream, TrajectoryProduct};
+use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_check::drift::{DriftLaw, FrameRounding};
 use gs2e_check::event_times::crossing::StreamClock;
-use gs2e_check::motion::warp::total_px;
+use gs2e_check::motion::warp::{FlowAt, total_px};
 use gs2e_check::records::exposure::{ExposureMean, ExposureMismatch};
 use gs2e_check::records::objects::{judge_places, stated_motion};
 use gs2e_check::tally::{StreamObserver, TallyReference};
 use gs2e_check::{Finding, StreamTally, TrajectorySubject, judge_trajectory, records};
-use gs2e_event::{EventSource, h5};
+use gs2e_event::{EventFileError, EventSource as _, h5};
 use gs2e_num::seed::{Seed, StreamPurpose};
 use gs2e_num::units::{Hertz, Ratio};
 use gs2e_recipe::{OutputKind, Recipe, SceneSource};
 use gs2e_release::scene::TrajectoryPart;
 use gs2e_sampling::exposure;
-use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::motion::{PartMotion, PlaceLine};
 use gs2e_sensor::frames::anchors::AnchorFrames;
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_sensor::{SensorChoice, front_end};
-use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::path::CameraPath;
+use gs2e_tree::{PictureKind, TrajectoryFiles, TreeError, event_file};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 /// Largest number of blurred frames that are compared with their sharp frames.
 const EXPOSURES: usize = 8;
@@ -38,13 +35,11 @@ const EXPOSURES: usize = 8;
 /// A trajectory of a release.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReleasedTrajectory<'a> {
-    pub(super) tree: AuditedTree<'a>,
-    /// Path of its folder in the tree.
-    pub(super) folder: &'a str,
+    pub(super) files: &'a TrajectoryFiles<'a>,
+    pub(super) composed: &'a ComposedPictures,
     /// `scene/trajectory`.
     pub(super) name: &'a str,
     pub(super) recipe: &'a Recipe,
-    pub(super) camera: Camera,
     pub(super) part: &'a TrajectoryPart,
     /// The stereo pair whose first camera sees along this trajectory.
     pub(super) pair: Option<Rectification>,
@@ -53,15 +48,13 @@ pub(super) struct ReleasedTrajectory<'a> {
 }
 
 /// A stream of the tree.
-struct ReleasedStream<'a> {
+pub(super) struct ReleasedStream<'a> {
     /// `scene/trajectory`, with the sensor's name if there are several.
     name: String,
-    sensor: &'a SensorChoice,
-    /// Name of its file in the tree, and the path of that.
-    events: String,
-    path: PathBuf,
+    pub(super) sensor: &'a SensorChoice,
+    pub(super) sensor_name: Option<&'a str>,
     /// Rates of its hot pixels, Hz; empty without any.
-    hot_hz: Vec<f64>,
+    pub(super) hot_hz: Vec<f64>,
 }
 
 /// The measurements on the files of a trajectory.
@@ -71,9 +64,14 @@ struct MeasuredTrajectory<'a> {
     streams: Vec<CountedStream<'a>>,
 }
 
-/// Some frames, as each front end shows them.
-struct SeenAnchors<'a> {
+/// What the events of a stream are counted against.
+struct StreamGround<'a> {
+    rate: Hertz,
+    /// Stamp of the last pose, us.
+    end_us: i64,
+    flows: &'a [FlowAt],
     front_ends: &'a [FrontEnd],
+    /// Some frames, as each front end shows them.
     anchors: Vec<AnchorFrames>,
 }
 
@@ -88,17 +86,11 @@ struct CountedStream<'a> {
 }
 
 impl ReleasedTrajectory<'_> {
-    pub(super) fn findings(&self) -> Result<Vec<Finding>, RecheckError> {
+    pub(super) fn findings(&self) -> Result<Vec<Finding>, TreeError> {
         let motion = self.motion()?;
-        let speed = format!("{}/speed.json", self.folder);
-        let rate = motion.report.rate.parse::<Ratio>().map_err(|e| self.tree.refusal(&speed, e))?;
-        let pictures = ReleasedPictures {
-            tree: self.tree,
-            folder: self.folder,
-            recipe: self.recipe,
-            motion: &motion,
-            camera: self.camera,
-        };
+        let rate = motion.report.rate.parse::<Ratio>().map_err(|e| self.files.refusal("speed.json", e))?;
+        let Self { files, composed, recipe, .. } = *self;
+        let pictures = ReleasedPictures { files, composed, recipe, motion: &motion };
         let places = pictures.places()?;
         let measure = || self.measure(&pictures, places.as_deref(), Hertz(rate));
         let (measured, blur) = rayon::join(measure, || self.blur(&pictures));
@@ -156,21 +148,19 @@ impl ReleasedTrajectory<'_> {
         pictures: &ReleasedPictures<'_>,
         places: Option<&[PlaceLine]>,
         rate: Hertz,
-    ) -> Result<MeasuredTrajectory<'_>, RecheckError> {
+    ) -> Result<MeasuredTrajectory<'_>, TreeError> {
         let measured = MeasuredMotion::of_pictures(pictures)?;
         let present = PicturesPresent::find(pictures)?;
         let streams = self.released_streams()?;
-        let open = |stream: &ReleasedStream<'_>| {
-            let stamps_us = pictures.motion.trajectory.stamps_us.as_slice();
-            let of = (stream.sensor, self.recipe, stream.hot_hz.as_slice());
-            CrossingWatch::open(stream.path.clone(), of, (present.sharp.len(), stamps_us))
-        };
+        let open = |stream| CrossingWatch::open(stream, pictures, present.sharp.len());
         let mut watches: Vec<CrossingWatch> = streams.iter().map(open).collect::<Result<_, _>>()?;
         let models = || self.recipe.sensors_of(&self.part.name).iter().map(|(_, sensor)| sensor.as_model());
         let front_ends = front_end::distinct_front_ends(models());
         let anchors = read_anchors(pictures, &front_ends, measured.steps_px)?;
-        let seen = SeenAnchors { front_ends: &front_ends, anchors };
-        let count = |stream| self.count_stream(stream, (pictures, rate), (&measured, &seen));
+        let end_us = pictures.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
+        let (flows, front_ends) = (measured.flows.as_slice(), front_ends.as_slice());
+        let counted_on = StreamGround { rate, end_us, flows, front_ends, anchors };
+        let count = |stream| self.count_stream(stream, &counted_on);
         let ground = PictureGround { motions: places.map(motions_by_stamp), pair: self.pair.as_ref() };
         let mut tallies = Ok(Vec::new());
         // The readers of the walk stay on this thread.
@@ -188,14 +178,12 @@ impl ReleasedTrajectory<'_> {
         Ok(MeasuredTrajectory { motion: measured, pictures: walked, streams })
     }
 
-    fn motion(&self) -> Result<TrajectoryProduct, RecheckError> {
-        let poses = format!("{}/poses.txt", self.folder);
-        let trajectory = Trajectory::read_poses(self.tree.read(&poses)?.as_slice())
-            .map_err(|e| self.tree.refusal(&poses, e))?;
+    fn motion(&self) -> Result<TrajectoryProduct, TreeError> {
+        let trajectory = self.files.poses()?;
         if trajectory.stamps_us.is_empty() {
-            return Err(self.tree.refusal(&poses, "it has no pose"));
+            return Err(self.files.refusal("poses.txt", "it has no pose"));
         }
-        Ok(TrajectoryProduct { trajectory, report: self.tree.json(&format!("{}/speed.json", self.folder))? })
+        Ok(TrajectoryProduct { trajectory, report: self.files.speeds()? })
     }
 
     /// Number of views or key poses that the path follows, if the files say so.
@@ -212,19 +200,16 @@ impl ReleasedTrajectory<'_> {
     }
 
     /// The streams that are in the tree.
-    fn released_streams(&self) -> Result<Vec<ReleasedStream<'_>>, RecheckError> {
+    fn released_streams(&self) -> Result<Vec<ReleasedStream<'_>>, TreeError> {
         let mut found = Vec::new();
         let Recipe { seed, scene, .. } = self.recipe;
         let seed = Seed::for_stream(*seed, scene, &self.part.name, StreamPurpose::Sensor);
-        for (stream, sensor) in self.recipe.sensors_of(&self.part.name).iter() {
-            let events = format!("{}/{}", self.folder, EventStream::released_name(stream));
-            // Also checks that no link leads out of the tree: the readers open by path.
-            if self.tree.has(&events)? {
+        for (sensor_name, sensor) in self.recipe.sensors_of(&self.part.name).iter() {
+            if self.files.has(&event_file(sensor_name))? {
                 let of = |stream| format!("{}/{stream}", self.name);
-                let name = stream.map_or_else(|| self.name.to_owned(), of);
-                let path = self.tree.path_of(&events);
-                let hot_hz = sensor.hot_pixels().rates_hz(seed, self.camera.size);
-                found.push(ReleasedStream { name, sensor, path, events, hot_hz });
+                let name = sensor_name.map_or_else(|| self.name.to_owned(), of);
+                let hot_hz = sensor.hot_pixels().rates_hz(seed, self.files.camera.size);
+                found.push(ReleasedStream { name, sensor, sensor_name, hot_hz });
             }
         }
         Ok(found)
@@ -233,33 +218,29 @@ impl ReleasedTrajectory<'_> {
     fn count_stream(
         &self,
         stream: &ReleasedStream<'_>,
-        (pictures, rate): (&ReleasedPictures<'_>, Hertz),
-        (measured, seen): (&MeasuredMotion, &SeenAnchors<'_>),
-    ) -> Result<StreamTally, RecheckError> {
-        let end_us = pictures.motion.trajectory.stamps_us.last().copied().unwrap_or(0);
+        ground: &StreamGround<'_>,
+    ) -> Result<StreamTally, TreeError> {
         let between = self.recipe.tolerance.map_or(0.0, |asked| asked.rms);
         let front_end = stream.sensor.as_model().front_end();
-        let of = seen.front_ends.iter().position(|other| *other == front_end);
-        let seen = of.and_then(|i| seen.anchors.get(i));
+        let of = ground.front_ends.iter().position(|other| *other == front_end);
+        let seen = of.and_then(|i| ground.anchors.get(i));
         // The hot pixels are known, so the law is that of the others.
         let sensor = stream.sensor.without_hot_pixels();
         let law = DriftLaw::for_sensor(&sensor).with_rounding(FrameRounding { front_end, between });
+        let reader = self.files.events(stream.sensor_name)?;
         let against = TallyReference {
             seen: seen.map(|seen| (law, seen)),
-            flows: &measured.flows,
+            flows: ground.flows,
             dead_us: stream.sensor.dead_us(),
             hot_hz: &stream.hot_hz,
-            labelled: false,
+            labelled: reader.labelled(),
         };
-        let observe = |labelled| {
-            let against = TallyReference { labelled, ..against };
-            StreamObserver::new(self.camera.size, rate, end_us, against)
-        };
-        count_events(&stream.path, observe).map_err(|e| self.tree.refusal(&stream.events, e))
+        let observer = StreamObserver::new(self.files.camera.size, ground.rate, ground.end_us, against);
+        count_events(reader, observer).map_err(|e| self.files.refusal(&event_file(stream.sensor_name), e))
     }
 
     /// Compares some blurred frames with the mean of their sharp frames.
-    fn blur(&self, pictures: &ReleasedPictures<'_>) -> Result<Finding, RecheckError> {
+    fn blur(&self, pictures: &ReleasedPictures<'_>) -> Result<Finding, TreeError> {
         if !self.recipe.outputs_of(&self.part.name).contains(&OutputKind::Blur) {
             return Ok(records::blur_not_compared(self.name, "the recipe asks for none"));
         }
@@ -271,7 +252,7 @@ impl ReleasedTrajectory<'_> {
         let poses: Vec<usize> = centres.into_iter().step_by(step).collect();
         let compare =
             |pose: &usize| Ok(exposed(pictures, *pose, subframes)?.map(|mismatch| (*pose, mismatch)));
-        let compared: Vec<Option<_>> = poses.par_iter().map(compare).collect::<Result<_, RecheckError>>()?;
+        let compared: Vec<Option<_>> = poses.par_iter().map(compare).collect::<Result<_, TreeError>>()?;
         let compared: Vec<_> = compared.into_iter().flatten().collect();
         Ok(records::judge_blur(self.name, &compared))
     }
@@ -291,36 +272,33 @@ fn exposed(
     pictures: &ReleasedPictures<'_>,
     pose: usize,
     subframes: u32,
-) -> Result<Option<ExposureMismatch>, RecheckError> {
+) -> Result<Option<ExposureMismatch>, TreeError> {
     if pictures.is_rolling() {
         return Ok(None);
     }
-    let Some(blurred) = pictures.colours("blur", pose)? else { return Ok(None) };
+    let Some(blurred) = pictures.colours(PictureKind::Blur, pose)? else { return Ok(None) };
     let shutter = pictures.recipe.shutter;
     let half = shutter.frames as usize / 2;
-    let mut mean = ExposureMean::new(pictures.camera.size.pixels(), shutter.mean);
+    let mut mean = ExposureMean::new(pictures.files.camera.size.pixels(), shutter.mean);
     for frame in pose - half..=pose + half {
-        let Some(sharp) = pictures.colours("sharp", frame)? else { return Ok(None) };
+        let Some(sharp) = pictures.colours(PictureKind::Sharp, frame)? else { return Ok(None) };
         mean.add(&sharp);
     }
     Ok(Some(mean.compare(&blurred, subframes)))
 }
 
-fn count_events<'a>(
-    path: &Path,
-    observe: impl FnOnce(bool) -> StreamObserver<'a>,
-) -> Result<StreamTally, String> {
-    let mut reader = h5::Reader::open(path).map_err(|e| e.to_string())?;
-    let mut observer = observe(reader.labelled());
+fn count_events(
+    mut reader: h5::Reader,
+    mut observer: StreamObserver<'_>,
+) -> Result<StreamTally, EventFileError> {
     let (mut chunk, mut following) = (Vec::new(), Vec::new());
-    let mut more = reader.next_chunk(&mut chunk).map_err(|e| e.to_string())?;
+    let mut more = reader.next_chunk(&mut chunk)?;
     while more {
         // The reader stays on this thread.
         more = rayon::in_place_scope(|scope| {
             scope.spawn(|_| observer.append(&chunk));
             reader.next_chunk(&mut following)
-        })
-        .map_err(|e| e.to_string())?;
+        })?;
         std::mem::swap(&mut chunk, &mut following);
     }
     Ok(observer.finish())

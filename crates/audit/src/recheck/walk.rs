@@ -3,7 +3,6 @@
 //! Some poses are decoded at a time, in parallel. Meanwhile the poses before them are compared: frames with
 //! frames, and frames with events.
 
-use super::RecheckError;
 use super::crossings::CrossingWatch;
 use super::pictures::ReleasedPictures;
 use gs2e_check::depth_consistency::disparity::DisparityDifference;
@@ -19,6 +18,7 @@ use gs2e_scene::camera::flow::{flow_rates, leave_out_parts};
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::motion::PartMotion;
+use gs2e_tree::{PictureKind, TreeError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -63,12 +63,12 @@ pub(super) struct WalkedPictures {
 }
 
 impl PicturesPresent {
-    pub(super) fn find(pictures: &ReleasedPictures<'_>) -> Result<Self, RecheckError> {
+    pub(super) fn find(pictures: &ReleasedPictures<'_>) -> Result<Self, TreeError> {
         Ok(Self {
-            sharp: pictures.poses_with("sharp", "png")?,
-            depth: pictures.poses_with("depth", "npy")?,
-            flow: pictures.poses_with("flow", "npy")?,
-            disparity: pictures.poses_with("disparity", "npy")?,
+            sharp: pictures.poses_with(PictureKind::Sharp)?,
+            depth: pictures.poses_with(PictureKind::Depth)?,
+            flow: pictures.poses_with(PictureKind::Flow)?,
+            disparity: pictures.poses_with(PictureKind::Disparity)?,
         })
     }
 
@@ -78,7 +78,7 @@ impl PicturesPresent {
         ground: &PictureGround<'_>,
         view: &CameraView,
         pose: usize,
-    ) -> Result<DecodedPose, RecheckError> {
+    ) -> Result<DecodedPose, TreeError> {
         let is_in = |poses: &[usize]| poses.binary_search(&pose).is_ok();
         let frame = if is_in(&self.sharp) { Some(pictures.frame_with_form(pose)?) } else { None };
         let unlit = frame.as_ref().and_then(|frame| pictures.unlit(pose, frame));
@@ -88,9 +88,9 @@ impl PicturesPresent {
         if !is_in(&self.depth) {
             return Ok(found);
         }
-        let mut depth = pictures.whole_depth(pose)?;
+        let mut depth = pictures.files.values(PictureKind::Depth, pose)?;
         if let Some(pair) = ground.pair.filter(|_| is_in(&self.disparity)) {
-            let stated = pictures.disparity(pose)?;
+            let stated = pictures.files.values(PictureKind::Disparity, pose)?;
             found.disparity = Some(DisparityDifference::new(pose, &stated, &pair.disparity_image(&depth)));
         }
         // Nothing says which pixels are still if the scene changes, or if objects move and there is no mask.
@@ -98,7 +98,7 @@ impl PicturesPresent {
         if pictures.changes() || (pictures.has_objects() && mask.is_none()) {
             return Ok(found);
         }
-        let mut flow = if is_in(&self.flow) { Some(pictures.flow(pose)?) } else { None };
+        let mut flow = if is_in(&self.flow) { Some(pictures.files.flow(pose)?) } else { None };
         if let Some(mask) = &mask {
             let motions = ground.motions.as_ref().and_then(|motions| motions.get(&pictures.stamp(pose)));
             if let (Some(flow), Some(motions)) = (&flow, motions) {
@@ -120,13 +120,14 @@ pub(super) fn walk_pictures(
     present: &PicturesPresent,
     ground: &PictureGround<'_>,
     streams: &mut [CrossingWatch],
-) -> Result<WalkedPictures, RecheckError> {
+) -> Result<WalkedPictures, TreeError> {
     let views = pictures.views();
-    let mut geometry = GeometryWatch::new(pictures.camera, &pictures.motion.trajectory.world_from_camera);
+    let mut geometry =
+        GeometryWatch::new(pictures.files.camera, &pictures.motion.trajectory.world_from_camera);
     let (mut differences, mut objects, mut disparities) = (Vec::new(), Vec::new(), Vec::new());
     let mut blocks = Vec::new();
     let poses: Vec<usize> = (0..pictures.poses()).collect();
-    let decode = |poses: &[usize]| -> Result<Vec<DecodedPose>, RecheckError> {
+    let decode = |poses: &[usize]| -> Result<Vec<DecodedPose>, TreeError> {
         poses.par_iter().map(|pose| present.decode(pictures, ground, &views[*pose], *pose)).collect()
     };
     // Decoding is the longest part, and independent per pose. The comparisons need the order of
@@ -184,7 +185,7 @@ fn show_frames(
     pictures: &ReleasedPictures<'_>,
     frames: &[(usize, GreyImage)],
     streams: &mut [CrossingWatch],
-) -> Result<(), RecheckError> {
+) -> Result<(), TreeError> {
     streams.iter_mut().try_for_each(|stream| {
         frames.iter().try_for_each(|(pose, frame)| stream.see(pictures.stamp(*pose), frame))
     })

@@ -19,7 +19,7 @@ pub struct ValueChange {
 ///
 /// Elements of a list are compared by their `name` if all have one, or else by index if the lists
 /// have the same length. Other lists differ as a whole.
-pub(super) fn value_changes(old: &Value, new: &Value) -> Vec<ValueChange> {
+pub fn value_changes(old: &Value, new: &Value) -> Vec<ValueChange> {
     let mut found = Vec::new();
     walk_values(&mut found, "", Some(old), Some(new));
     found

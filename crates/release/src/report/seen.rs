@@ -11,11 +11,11 @@ use super::section::{ReportTrajectory, thousands_number};
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
 use crate::{products, published};
-use gs2e_build::artifact::EventStream;
 use gs2e_event::picture::WindowCounts as Balance;
 use gs2e_event::{EventSink as _, EventSource as _, h5};
 use gs2e_files as files;
 use gs2e_image::Size;
+use gs2e_tree::event_file;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -116,7 +116,7 @@ pub(super) fn shown_streams<'a>(
 ) -> Vec<ShownStream<'a>> {
     let names = published::stream_names(track.part).into_iter();
     let stream = |name: Option<&'a str>| {
-        let file = places(&track.path_of(&EventStream::released_name(name)))?;
+        let file = places(&track.path_of(&event_file(name)))?;
         let index = h5::Reader::open(&file).ok()?.index().ok()?;
         Some(ShownStream { name, file, index })
     };
