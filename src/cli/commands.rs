@@ -26,7 +26,7 @@ pub(super) fn refuse_commands(
     // Many scenes usually share one command; each command is shown once, with its scenes.
     let mut scenes: BTreeMap<Vec<String>, Vec<&str>> = BTreeMap::new();
     for (step, _) in plan.steps().iter().zip(assessed).filter(|(_, a)| a.action != StepAction::Keep) {
-        let programs = step.step.programs();
+        let programs = step.step.facts().programs();
         if !programs.is_empty() {
             scenes.entry(programs).or_default().push(plan.scene_of(step));
         }

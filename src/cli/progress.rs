@@ -195,7 +195,7 @@ impl<'a> Progress<'a> {
             return None;
         }
         let files = ArtifactFiles::from_outputs(outputs, self.run.store);
-        let rows = left_out::of_step(planned.stage(), planned.class().as_deref(), &files);
+        let rows = left_out::of_step(planned.stage(), planned.facts().class().as_deref(), &files);
         // A missing account must not fail a step that was made.
         let report = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
         Some(OmissionTable { rows: rows.map_err(report).ok()?, saving })

@@ -164,10 +164,10 @@ impl Artifact for Capture {
 }
 
 /// Name of the records of the parts that move, next to a scene that has some.
-pub const SCENE_PARTS: &str = "parts.json";
+pub(crate) const SCENE_PARTS: &str = "parts.json";
 
 /// Name of the record of the change of a scene that changes with time, next to the scene.
-pub const SCENE_TIME: &str = "time.json";
+pub(crate) const SCENE_TIME: &str = "time.json";
 
 /// Name of the places of the objects, next to their masks.
 pub const OBJECT_PLACES: &str = "objects.csv";
@@ -364,7 +364,7 @@ impl EventStreams {
 
     /// Name of the file with the frames seen through the `i`-th front end.
     #[must_use]
-    pub fn brightness_name(i: usize) -> String {
+    pub(crate) fn brightness_name(i: usize) -> String {
         if i == 0 { "brightness.npy".to_owned() } else { format!("brightness-{i}.npy") }
     }
 

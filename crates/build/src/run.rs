@@ -15,11 +15,10 @@ mod recheck;
 mod resources;
 
 pub use job::monotonic_seconds;
-pub use recheck::{ADOPTED_SHARE, RecheckPolicy};
+pub use recheck::RecheckPolicy;
 pub use resources::ResourceBudget;
 
 use crate::plan::assess::{PlanError, StepProduct, StepReason};
-use crate::plan::past::past_costs;
 use crate::plan::{Plan, survey};
 use crate::stage::{StageError, StepId};
 use executor::RunExecutor;
@@ -276,9 +275,8 @@ pub fn run_plan(
     };
     let options = RunOptions { programs, ..options };
     let (sender, receiver) = mpsc::channel();
-    let ranks = order::step_ranks(plan, &past_costs(plan, store)?);
     thread::scope(|scope| {
-        let mut executor = RunExecutor::new(plan, store, options, cancel, observer, ranks);
+        let mut executor = RunExecutor::new(plan, store, options, cancel, observer)?;
         let mut flushed = Instant::now();
         loop {
             executor.start_ready(scope, &sender);

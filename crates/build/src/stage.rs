@@ -67,26 +67,8 @@ pub struct SourceFile {
     pub path: PathBuf,
 }
 
-/// A stage: parameters, inputs, and the making of its product.
-pub trait Stage: serde::Serialize {
-    /// Its name.
-    const NAME: &'static str;
-
-    /// Revision. Raise it when the same parameters and inputs give other bytes.
-    const REVISION: u32;
-
-    /// Parameters that were added after the first revision: their place among the parameters, and
-    /// the text of the value that they had implicitly until then. A parameter with this value stays
-    /// out of the key, so adding one changes no key, and a later change of the default changes only
-    /// the keys that rely on it. Entries never change.
-    const ADDED: &'static [(&'static str, &'static str)] = &[];
-
-    /// Inputs from other steps.
-    type Inputs: StageInputs;
-
-    /// The product.
-    type Output: Artifact;
-
+/// What a plan asks of a stage, whatever its inputs and its product.
+pub trait StageFacts {
     /// The numerical class, for stages whose bytes depend on the machine that computes them.
     fn class(&self) -> Option<String> {
         None
@@ -100,7 +82,7 @@ pub trait Stage: serde::Serialize {
         Ok(Vec::new())
     }
 
-    /// The existing folders whose content decides which files [`Stage::sources`] returns.
+    /// The existing folders whose content decides which files [`StageFacts::sources`] returns.
     fn source_folders(&self) -> Vec<PathBuf> {
         Vec::new()
     }
@@ -148,20 +130,40 @@ pub trait Stage: serde::Serialize {
     }
 
     /// Camera and rendering of frames that other parameters leave as they are, so that they can be kept.
-    fn kept_shot(&self) -> Option<ShotParameters> {
+    fn kept_shot(&self) -> Option<&ShotParameters> {
         None
     }
+}
+
+/// A stage: parameters, inputs, and the making of its product.
+pub trait Stage: StageFacts + serde::Serialize {
+    /// Its name.
+    const NAME: &'static str;
+
+    /// Revision. Raise it when the same parameters and inputs give other bytes.
+    const REVISION: u32;
+
+    /// Parameters that were added after the first revision: their place among the parameters, and
+    /// the text of the value that they had implicitly until then. A parameter with this value stays
+    /// out of the key, so adding one changes no key, and a later change of the default changes only
+    /// the keys that rely on it. Entries never change.
+    const ADDED: &'static [(&'static str, &'static str)] = &[];
+
+    /// Inputs from other steps.
+    type Inputs: StageInputs;
+
+    /// The product.
+    type Output: Artifact;
 
     /// Writes the product's files into `cx.out`.
     ///
     /// # Errors
     /// The work fails, or was cancelled.
-    fn run(
-        &self,
-        inputs: <Self::Inputs as StageInputs>::Opened,
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError>;
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError>;
 }
+
+/// The opened inputs of a stage.
+pub type OpenedInputs<S> = <<S as Stage>::Inputs as StageInputs>::Opened;
 
 /// The camera of a trajectory: the recipe's choice, otherwise the source's own, with a warning if
 /// views disagree.

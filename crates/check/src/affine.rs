@@ -4,8 +4,8 @@
 //! if it is deep for its distance: with a standard deviation of a tenth of the depth, the ellipse
 //! is approximately right; with half the depth, it is not.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -22,23 +22,15 @@ pub struct Limits {
 const MAX_SHARE: f64 = 0.01;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct AffinePass;
-
-const NAME: &str = "affine";
+pub(crate) struct AffinePass;
 
 impl ValidationPass for AffinePass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
         let Some(measured) = subject.doubtful_share else {
-            let because = match subject.is_release {
-                true => "the Gaussians are not in a release; the build judges them",
-                false => "no visible Gaussian could be measured",
-            };
-            return vec![subject.not_run(NAME, "", because)];
+            return Err(match subject.is_release {
+                true => "the Gaussians are not in a release; the build judges them".into(),
+                false => "no visible Gaussian could be measured".into(),
+            });
         };
         let limit =
             LimitSide::limit_or(subject.limits.affine.and_then(|l| l.max), LimitSide::warning(MAX_SHARE));
@@ -46,13 +38,6 @@ impl ValidationPass for AffinePass {
             "{:.2} % of the picture comes from Gaussians that are large and close to the camera (deeper than a tenth of their distance); they may look wrong or flash",
             100.0 * measured
         );
-        let judged = Judgement {
-            verdict: limit.at_most(measured),
-            measured: Some(measured),
-            limit: Some(limit.value),
-            unit: "1",
-            because,
-        };
-        vec![subject.finding(NAME, "", judged)]
+        Ok(vec![("", Ok(Judgement::at_most(measured, limit, "1", because)))])
     }
 }

@@ -15,8 +15,8 @@
 
 pub mod places;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use places::{PlaceSums, Placement};
 use serde::{Deserialize, Serialize};
 
@@ -48,67 +48,54 @@ const GREY: f64 = 64.0;
 const MARGIN: f64 = 0.02;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct AlignmentPass;
-
-const NAME: &str = "alignment";
+pub(crate) struct AlignmentPass;
 
 impl ValidationPass for AlignmentPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let tally = match subject.compared() {
-            Ok(tally) => tally,
-            Err(because) => return vec![subject.not_run(NAME, "", because)],
-        };
-        if let Some(because) = subject.moved_together().or_else(|| hidden(subject)) {
-            return vec![subject.not_run(NAME, "", because)];
-        }
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.compared()?;
+        subject.changes_one_by_one()?;
+        requires_frames(subject)?;
         let places = &tally.compared.places;
         let Some(in_place) = places.in_place().filter(|_| places.changed >= MIN_PIXELS) else {
-            let because = format!(
+            return Err(format!(
                 "{} pixels change by a threshold between kept frames, too few to place the events",
                 places.changed
-            );
-            return vec![subject.not_run(NAME, "", because)];
+            ));
         };
-        vec![
-            judge_correlation(subject, in_place),
-            judge_shift(subject, places),
-            judge_orientation(subject, places, in_place.abs()),
-        ]
+        Ok(vec![
+            ("correlation", Ok(judge_correlation(subject, in_place))),
+            ("shift", judge_shift(subject, places)),
+            ("orientation", judge_orientation(places, in_place.abs())),
+        ])
     }
 }
 
-/// The reason why the frames do not decide the events of most pixels, if there is one.
-fn hidden(subject: &TrajectorySubject<'_>) -> Option<&'static str> {
-    let law = subject.drift_law().ok()?;
+/// Requires that the frames decide the events of most pixels.
+fn requires_frames(subject: &TrajectorySubject<'_>) -> Result<(), &'static str> {
+    let law = subject.drift_law()?;
     let us = 1e6 * subject.seconds();
     if DELAYS * law.delay_us > us {
-        return Some("the sensor's low-pass filter delays events by a large part of the recording");
+        return Err("the sensor's low-pass filter delays events by a large part of the recording");
     }
     let [on, off] = law.floor_rates(GREY);
     let stray = law.disturbances(GREY, us) + (on + off) * us;
-    let noisy = law.most_noise(us) > law.least_threshold() || stray > MAX_NOISE;
-    noisy.then_some("the sensor's noise makes more events than the frames do")
+    if law.most_noise(us) > law.least_threshold() || stray > MAX_NOISE {
+        return Err("the sensor's noise makes more events than the frames do");
+    }
+    Ok(())
 }
 
-fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Finding {
+fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Judgement {
     let asked = subject.limits.alignment.and_then(|l| l.correlation);
     let limit = LimitSide::limit_or(asked, LimitSide::gate(CORRELATION));
     let because = format!(
         "the events of the pixels correlate with the brightness change of the frames at {in_place:.3}; 0 means that they show something else, and -1 that ON and OFF are exchanged"
     );
-    let judged = Judgement::from_value(limit.at_least(in_place), in_place, limit, "1", because);
-    subject.finding(NAME, "correlation", judged)
+    Judgement::at_least(in_place, limit, "1", because)
 }
 
-fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
-    if let Err(because) = subject.compared_at_once() {
-        return subject.not_run(NAME, "shift", because);
-    }
+fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Judged {
+    subject.compared_at_once()?;
     // A smooth image fits at several places nearly as well, so the right one has an advantage.
     let shifts = places.correlations.iter().filter_map(|(placement, r)| match placement {
         Placement::Shifted([0, 0]) => Some(([0, 0], r.abs() + MARGIN)),
@@ -117,7 +104,7 @@ fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
     });
     let best = shifts.max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((shift, r)) = best.filter(|(_, r)| *r >= CHANCE + MARGIN) else {
-        return subject.not_run(NAME, "shift", "no shift of the events brings them to the frames");
+        return Err("no shift of the events brings them to the frames".into());
     };
     let r = if shift == [0, 0] { r - MARGIN } else { r };
     let at = [[1, 0], [0, 1]].map(|axis| peak_along(places, shift, axis));
@@ -127,8 +114,7 @@ fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Finding {
         "the events fit the frames best if they are taken from ({:.2}, {:.2}) px away, with a correlation of {r:.3}",
         at[0], at[1]
     );
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "px", because);
-    subject.finding(NAME, "shift", judged)
+    Ok(Judgement::at_most(measured, limit, "px", because))
 }
 
 /// The peak of the parabola through the largest correlation and its two neighbours along an axis,
@@ -150,24 +136,19 @@ fn peak_along(places: &PlaceSums, best: [i64; 2], axis: [i64; 2]) -> f64 {
     }
 }
 
-fn judge_orientation(subject: &TrajectorySubject<'_>, places: &PlaceSums, in_place: f64) -> Finding {
+fn judge_orientation(places: &PlaceSums, in_place: f64) -> Judged {
     let turned =
         places.correlations.iter().filter(|(placement, _)| matches!(placement, Placement::Turned(_)));
     let Some((placement, r)) = turned.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
-        return subject.not_run(NAME, "orientation", "no other orientation was compared");
+        return Err("no other orientation was compared".into());
     };
     let r = r.abs();
     if in_place.max(r) < CHANCE {
-        return subject.not_run(
-            NAME,
-            "orientation",
-            "no orientation of the events brings them to the frames",
-        );
+        return Err("no orientation of the events brings them to the frames".into());
     }
     let limit = LimitSide::gate(MARGIN);
     let because = format!(
         "the events fit the frames with a correlation of {in_place:.3} as they are, and of {r:.3} {placement}, the best of seven other orientations"
     );
-    let judged = Judgement::from_value(limit.at_most(r - in_place), r - in_place, limit, "1", because);
-    subject.finding(NAME, "orientation", judged)
+    Ok(Judgement::at_most(r - in_place, limit, "1", because))
 }

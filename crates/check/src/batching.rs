@@ -4,8 +4,8 @@
 //! gate. `phase`: the counts over 16 phases of the frame interval vary by at most 0.35 of their
 //! mean: a warning. Both need a minimum number of events per frame.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -30,30 +30,23 @@ const MIN_EVENTS: u64 = 1600;
 const MIN_PER_FRAME: f64 = 8.0;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct BatchingPass;
-
-const NAME: &str = "batching";
+pub(crate) struct BatchingPass;
 
 impl ValidationPass for BatchingPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
         let frames = subject.trajectory.stamps_us.len().max(1) as f64;
         if tally.events < MIN_EVENTS || (tally.events as f64) < MIN_PER_FRAME * frames {
-            let because = format!("{} events in {frames} frames are too few to test", tally.events);
-            return vec![subject.not_run(NAME, "", because)];
+            return Err(format!("{} events in {frames} frames are too few to test", tally.events));
         }
-        vec![judge_times(subject, tally, frames), judge_phase(subject, tally)]
+        Ok(vec![
+            ("times", Ok(judge_times(subject, tally, frames))),
+            ("phase", Ok(judge_phase(subject, tally))),
+        ])
     }
 }
 
-fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64) -> Finding {
+fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64) -> Judgement {
     let limits = subject.limits.batching.unwrap_or_default();
     let limit = LimitSide::limit_or(limits.unique_per_frame, LimitSide::gate(UNIQUE_PER_FRAME));
     // Stamps are counted, not events: a frame of a million events at one instant is one stamp.
@@ -62,12 +55,10 @@ fn judge_times(subject: &TrajectorySubject<'_>, tally: &StreamTally, frames: f64
         "{} events have {} distinct times in {frames} frames; about one per frame means that frames set the times",
         tally.events, tally.distinct_us
     );
-    let verdict = limit.at_least(measured);
-    let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, "times", Judgement { verdict, measured, limit, unit: "1/frame", because })
+    Judgement::at_least(measured, limit, "1/frame", because)
 }
 
-fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judgement {
     let limits = subject.limits.batching.unwrap_or_default();
     let limit = LimitSide::limit_or(limits.phase_cv, LimitSide::warning(PHASE_CV));
     let bins = tally.phases.len() as f64;
@@ -79,7 +70,5 @@ fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding 
     let because = format!(
         "event counts vary by {measured:.3} of their mean within the frame interval; a large value means that events cluster at frame times"
     );
-    let verdict = limit.at_most(measured);
-    let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, "phase", Judgement { verdict, measured, limit, unit: "1", because })
+    Judgement::at_most(measured, limit, "1", because)
 }

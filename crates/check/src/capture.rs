@@ -13,8 +13,9 @@
 //!   the median of such distances is about R.
 //! - `registered`: the share of photos with a pose, at least 0.9.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, SceneSubject, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{SceneSubject, limits};
+use gs2e_source::colmap::ReprojectionStats;
 use gs2e_trajectory::knots::GAP;
 use serde::{Deserialize, Serialize};
 
@@ -43,46 +44,37 @@ const REGISTERED: f64 = 0.9;
 /// Maximum number of names in a finding.
 const MAX_LISTED: usize = 3;
 
-/// Name of the pass.
-pub(super) const NAME: &str = "capture";
-
-/// The findings on a scene.
-pub(super) fn capture_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
+/// The statements on a scene. One that was not measured appears in the report all the same.
+pub(super) fn judge_capture(subject: &SceneSubject<'_>) -> Statements {
     let limits = subject.limits.capture.unwrap_or_default();
-    let mut findings = judge_reprojection(subject, &limits);
-    findings.extend([
-        judge_gap(subject, &limits),
-        judge_outlier(subject, &limits),
-        judge_registered(subject, &limits),
-    ]);
-    findings
+    let [over_points, over_observations] = match &subject.reprojection {
+        Ok(found) => judge_reprojection(found, &limits).map(Ok),
+        Err(because) => [Err(because.clone()), Err(because.clone())],
+    };
+    vec![
+        ("reprojection", over_points),
+        ("reprojection-observations", over_observations),
+        ("gap", judge_gap(subject, &limits)),
+        ("outlier", judge_outlier(subject, &limits)),
+        ("registered", judge_registered(subject, &limits)),
+    ]
 }
 
-fn judge_reprojection(subject: &SceneSubject<'_>, limits: &Limits) -> Vec<Finding> {
-    const PARTS: [&str; 2] = ["reprojection", "reprojection-observations"];
-    let found = match &subject.reprojection {
-        Ok(found) => found,
-        // A statement that was not measured appears in the report all the same.
-        Err(because) => return PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec(),
-    };
+/// The mean errors over points and over observations.
+fn judge_reprojection(found: &ReprojectionStats, limits: &Limits) -> [Judgement; 2] {
     let limit = LimitSide::limit_or(limits.reprojection, LimitSide::warning(REPROJECTION_PX));
     // Points behind the camera have no place in the picture, so the means leave them out.
     let behind = match found.behind {
         0 => String::new(),
         count => format!("; {count} more observations are of points behind the camera"),
     };
-    let judge = |part, measured, over: String| {
+    let judge = |measured, over: String| {
         let because = format!("the mean reprojection error is {measured:.2} px over {over}{behind}");
-        subject.finding(
-            NAME,
-            part,
-            Judgement::from_value(limit.at_most(measured), measured, limit, "px", because),
-        )
+        Judgement::at_most(measured, limit, "px", because)
     };
-    let [points, observations] = [found.points, found.observations];
-    vec![
-        judge(PARTS[0], found.over_points_px, format!("{points} points")),
-        judge(PARTS[1], found.over_observations_px, format!("{observations} observations")),
+    [
+        judge(found.over_points_px, format!("{} points", found.points)),
+        judge(found.over_observations_px, format!("{} observations", found.observations)),
     ]
 }
 
@@ -102,45 +94,32 @@ fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, Str
     Some((measured, phrase))
 }
 
-fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
-    const PART: &str = "gap";
-    let walk = match &subject.walk {
-        Ok(walk) => walk,
-        Err(because) => return subject.not_run(NAME, PART, because),
-    };
+fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+    let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
-    let Some((measured, phrase)) = largest_beyond(steps.collect(), limit.value) else {
-        return subject.not_run(NAME, PART, "there is only one view");
-    };
+    let (measured, phrase) = largest_beyond(steps.collect(), limit.value).ok_or("there is only one view")?;
     let because =
         format!("the longest step between neighbouring views is {measured:.2} median steps: {phrase}");
-    subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
+    Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
-    const PART: &str = "outlier";
-    let walk = match &subject.walk {
-        Ok(walk) => walk,
-        Err(because) => return subject.not_run(NAME, PART, because),
-    };
+fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+    let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.outlier, LimitSide::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
-    let Some((measured, phrase)) = largest_beyond(detours.collect(), limit.value) else {
-        return subject.not_run(NAME, PART, "there are fewer than 3 views");
-    };
+    let (measured, phrase) =
+        largest_beyond(detours.collect(), limit.value).ok_or("there are fewer than 3 views")?;
     let because =
         format!("the largest detour of a view from its neighbours is {measured:.2} median steps: {phrase}");
-    subject.finding(NAME, PART, Judgement::from_value(limit.at_most(measured), measured, limit, "1", because))
+    Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
-    const PART: &str = "registered";
-    let photos = match &subject.photos {
-        Ok(photos) if photos.there > 0 => photos,
-        Ok(_) => return subject.not_run(NAME, PART, "there are no photos"),
-        Err(because) => return subject.not_run(NAME, PART, because),
-    };
+fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+    let photos = subject.photos.as_ref()?;
+    if photos.there == 0 {
+        return Err("there are no photos".into());
+    }
     let limit = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
     let measured = photos.registered as f64 / photos.there as f64;
     let absent = match photos.views - photos.registered {
@@ -148,11 +127,7 @@ fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Finding {
         count => format!("; {count} views have no photo"),
     };
     let because = format!("{} of {} photos have a pose{absent}", photos.registered, photos.there);
-    subject.finding(
-        NAME,
-        PART,
-        Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
-    )
+    Ok(Judgement::at_least(measured, limit, "1", because))
 }
 
 #[cfg(test)]
@@ -161,7 +136,6 @@ mod tests {
     use crate::{CapturePhotos, Verdict, judge_scene};
     use glam::{DQuat, DVec3};
     use gs2e_num::se3::Se3;
-    use gs2e_source::colmap::ReprojectionStats;
     use gs2e_train::fidelity::PhotoFidelity;
     use gs2e_trajectory::NamedPose;
     use gs2e_trajectory::walk::CaptureEvenness;

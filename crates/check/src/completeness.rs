@@ -15,8 +15,8 @@
 
 pub mod intervals;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use intervals::TileSums;
 use serde::{Deserialize, Serialize};
 
@@ -36,56 +36,47 @@ const SHARE: f64 = 0.35;
 const MIN_PIXELS: u64 = 100;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct CompletenessPass;
-
-const NAME: &str = "completeness";
+pub(crate) struct CompletenessPass;
 
 impl ValidationPass for CompletenessPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let compared = subject.compared_at_once().and_then(|(tally, law)| law.loose.map_or(Ok(tally), Err));
-        match subject.moved_together().map_or(compared, Err) {
-            Ok(tally) => vec![judge_time(subject, tally), judge_place(subject, tally)],
-            Err(because) => vec![subject.not_run(NAME, "", because)],
-        }
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        subject.changes_one_by_one()?;
+        let (tally, law) = subject.compared_at_once()?;
+        law.loose.map_or(Ok(()), Err)?;
+        Ok(vec![("time", judge_time(subject, tally)), ("place", judge_place(subject, tally))])
     }
 }
 
-fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     let intervals = &tally.compared.intervals;
     let parts = intervals.iter().map(|interval| {
         let [from, to] = interval.span_us;
         (interval.sums, format!("between {from} and {to} us"))
     });
-    judge_least(subject, "time", parts, "intervals between kept frames")
+    judge_least(subject, parts, "intervals between kept frames")
 }
 
-fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     // Parts are numbered row by row.
     let side = tally.compared.tiles.len().isqrt().max(1);
     let parts = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
         (*sums, format!("in part ({}, {}) of {side}x{side} of the sensor", i % side, i / side))
     });
-    judge_least(subject, "place", parts, "parts of the sensor")
+    judge_least(subject, parts, "parts of the sensor")
 }
 
 fn judge_least(
     subject: &TrajectorySubject<'_>,
-    part: &str,
     parts: impl Iterator<Item = (TileSums, String)>,
     what: &str,
-) -> Finding {
+) -> Judged {
     // A part with few pixels may miss half of its drift by chance.
     let enough: Vec<(TileSums, String)> = parts.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
     let Some((sums, at)) = least else {
-        let because =
-            format!("in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds");
-        return subject.not_run(NAME, part, because);
+        return Err(format!(
+            "in none of the {what} do {MIN_PIXELS} pixels change by more than 1.25 thresholds"
+        ));
     };
     let limit = LimitSide::limit_or(subject.limits.completeness.and_then(|l| l.min), LimitSide::gate(SHARE));
     let because = format!(
@@ -94,6 +85,5 @@ fn judge_least(
         sums.share(),
         enough.len()
     );
-    let judged = Judgement::from_value(limit.at_least(sums.share()), sums.share(), limit, "1", because);
-    subject.finding(NAME, part, judged)
+    Ok(Judgement::at_least(sums.share(), limit, "1", because))
 }

@@ -5,8 +5,8 @@
 //! path: a pixel shows the scene if its Gaussians cover at least half of it, which is where the
 //! renderer defines a depth.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_image::Image;
 use serde::{Deserialize, Serialize};
 
@@ -23,10 +23,7 @@ pub struct Limits {
 const MIN_SHARE: f64 = 0.001;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct CoveragePass;
-
-const NAME: &str = "coverage";
+pub(crate) struct CoveragePass;
 
 /// The emptiest of some views of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,17 +60,11 @@ impl ViewCoverage {
 }
 
 impl ValidationPass for CoveragePass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(ViewCoverage { views, empty, least, at_us }) = subject.coverage else {
-            return vec![subject.not_run(NAME, "", "there is no depth or flow of any view")];
-        };
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let ViewCoverage { views, empty, least, at_us } =
+            subject.coverage.ok_or("there is no depth or flow of any view")?;
         let limit =
             LimitSide::limit_or(subject.limits.coverage.and_then(|l| l.min), LimitSide::warning(MIN_SHARE));
-        let verdict = limit.at_least(least);
         let because = if empty > 0 {
             format!(
                 "{empty} of {views} sampled views show no part of the scene; the first is at time {at_us} us"
@@ -84,7 +75,7 @@ impl ValidationPass for CoveragePass {
                 100.0 * least
             )
         };
-        vec![subject.finding(NAME, "", Judgement::from_value(verdict, least, limit, "1", because))]
+        Ok(vec![("", Ok(Judgement::at_least(least, limit, "1", because)))])
     }
 }
 

@@ -10,27 +10,21 @@
 pub mod disparity;
 
 use super::photometric::{PairShares, judge_pairs};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::Statements;
+use super::{TrajectorySubject, ValidationPass};
 
 /// Largest motion that may be left, as a share of the motion.
 const SHARE: f64 = 0.7;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct DepthConsistency;
-
-const NAME: &str = "depth_consistency";
+pub(crate) struct DepthConsistency;
 
 impl ValidationPass for DepthConsistency {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
         let shares = PairShares { apart: SHARE, neighbours: SHARE };
         let depths = subject.geometry.map(|g| &g.depths);
-        let mut findings = judge_pairs(subject, NAME, depths, shares, "depth images");
-        findings.extend(disparity::judge_disparities(subject));
-        findings
+        let mut statements = judge_pairs(depths, shares, "depth images");
+        statements.extend(disparity::judge_disparities(subject).map(|judged| ("disparity", judged)));
+        Ok(statements)
     }
 }

@@ -147,7 +147,7 @@ impl DriftLaw {
     /// Returns true if the events of a pixel state its voltage: all pixels have the stated thresholds,
     /// and every event comes from the drift.
     #[must_use]
-    pub fn keeps_levels(&self) -> bool {
+    pub(crate) fn keeps_levels(&self) -> bool {
         self.spread <= 0.0 && self.floor.is_none() && self.loose.is_none()
     }
 
@@ -157,7 +157,7 @@ impl DriftLaw {
     /// go along with the drift. At least `n` more did, because those against it are as many. So the sensor
     /// lost at least half of them, and a dead time loses far fewer.
     #[must_use]
-    pub fn shows_sign(&self, dv: f64, counts: [u32; 2]) -> bool {
+    pub(crate) fn shows_sign(&self, dv: f64, counts: [u32; 2]) -> bool {
         let [on, off] = counts.map(f64::from);
         self.loose.is_none() || (on + off) * self.least_threshold() <= 2.0 * dv.abs()
     }
@@ -171,7 +171,7 @@ impl DriftLaw {
     /// The largest difference between a pixel's drift and its events without noise: the remaining
     /// voltage minus the initial voltage.
     #[must_use]
-    pub fn most_residual(&self) -> f64 {
+    pub(crate) fn most_residual(&self) -> f64 {
         let [on, off] = self.thresholds;
         // From zero, the remaining voltage is the whole difference. Otherwise the initial voltage
         // may lie at the opposite threshold.
@@ -180,7 +180,7 @@ impl DriftLaw {
 
     /// The smaller of both thresholds.
     #[must_use]
-    pub fn least_threshold(&self) -> f64 {
+    pub(crate) fn least_threshold(&self) -> f64 {
         self.thresholds[0].min(self.thresholds[1])
     }
 
@@ -208,13 +208,13 @@ impl DriftLaw {
     /// Largest error of the drift by the rounding of a frame with this luminance, in units of the
     /// voltage; 0 for frames that are not rounded.
     #[must_use]
-    pub fn rounding_error(&self, luminance: f32) -> f64 {
+    pub(crate) fn rounding_error(&self, luminance: f32) -> f64 {
         self.rounding_error_at(luminance, self.brightness(luminance))
     }
 
     /// [`Self::rounding_error`] of a luminance with this brightness.
     #[must_use]
-    pub fn rounding_error_at(&self, luminance: f32, brightness: f64) -> f64 {
+    pub(crate) fn rounding_error_at(&self, luminance: f32, brightness: f64) -> f64 {
         let Some(rounding) = self.rounding else { return 0.0 };
         let luminance = f64::from(luminance).max(0.0);
         let error = rounding.error(luminance);
@@ -229,7 +229,7 @@ impl DriftLaw {
     /// Standard deviation of the drift by what lies between rounded frames; 0 if events were made
     /// from these frames.
     #[must_use]
-    pub fn between_error(&self) -> f64 {
+    pub(crate) fn between_error(&self) -> f64 {
         self.rounding.map_or(0.0, |rounding| rounding.between * self.least_threshold())
     }
 
@@ -237,7 +237,7 @@ impl DriftLaw {
     /// and by those of the pixel: three standard deviations, and the same of the threshold that
     /// bounds the remaining voltage.
     #[must_use]
-    pub fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
+    pub(crate) fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
         // Without spread, the multiplication keeps it at exactly 0.
         3.0 * self.spread * (1.0 + length([f64::from(on), f64::from(off)]))
     }
@@ -249,7 +249,7 @@ impl DriftLaw {
     /// that is above three standard deviations, the voltage has to lie near the bound too: it is uniform,
     /// so the probability is the mean of what the error exceeds, in thresholds.
     #[must_use]
-    pub fn beyond_spread_error(&self, [on, off]: [u32; 2]) -> f64 {
+    pub(crate) fn beyond_spread_error(&self, [on, off]: [u32; 2]) -> f64 {
         // Probability of a normal deviate above 3, and the mean of its excess: `Q(3)` and `phi(3) - 3 Q(3)`.
         const ABOVE: f64 = 0.001_35;
         const EXCESS: f64 = 0.000_382;
@@ -270,13 +270,13 @@ impl DriftLaw {
 
     /// The largest of [`DriftLaw::noise`] over all luminances, which is at `L = k2`.
     #[must_use]
-    pub fn most_noise(&self, dt_us: f64) -> f64 {
+    pub(crate) fn most_noise(&self, dt_us: f64) -> f64 {
         self.noise(self.k[1], dt_us)
     }
 
     /// Events that a pixel of constant luminance makes per microsecond by its noise and leak.
     #[must_use]
-    pub fn noise_events(&self, luminance: f64) -> f64 {
+    pub(crate) fn noise_events(&self, luminance: f64) -> f64 {
         let Some(shots) = self.shots else {
             let noise = self.noise(luminance, 1.0);
             let [up, down] = self.thresholds;
@@ -289,7 +289,7 @@ impl DriftLaw {
 
     /// ON and OFF events of the noise floor of a pixel per microsecond. They do not move its voltage.
     #[must_use]
-    pub fn floor_rates(&self, luminance: f64) -> [f64; 2] {
+    pub(crate) fn floor_rates(&self, luminance: f64) -> [f64; 2] {
         self.floor.map_or([0.0; 2], |floor| floor.at(luminance).map(|hz| 1e-6 * hz))
     }
 
@@ -299,7 +299,7 @@ impl DriftLaw {
 
     /// Returns true if the sensor has a noise floor.
     #[must_use]
-    pub fn has_floor(&self) -> bool {
+    pub(crate) fn has_floor(&self) -> bool {
         self.floor.is_some()
     }
 
@@ -321,7 +321,7 @@ impl DriftLaw {
     /// them ON, and its standard deviation: the number of hot pixels, their rates and their events are
     /// drawn.
     #[must_use]
-    pub fn hot_events(&self, pixels: f64, dt_us: f64) -> [f64; 2] {
+    pub(crate) fn hot_events(&self, pixels: f64, dt_us: f64) -> [f64; 2] {
         if self.hot.is_absent() {
             return [0.0; 2];
         }
@@ -336,7 +336,7 @@ impl DriftLaw {
     /// An upper bound of the events of a pixel of constant luminance in `dt_us` microseconds. The
     /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
     #[must_use]
-    pub fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
+    pub(crate) fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
         let own = self.hot.mean_hz() * 1e-6 * dt_us;
         if self.shots.is_some() {
             return self.noise_events(luminance) * dt_us + own;
@@ -352,7 +352,7 @@ impl DriftLaw {
     /// intervals of `dt_us`. In each interval, the mean luminance has a random error of an eighth
     /// of the grey scale, typical for pictures with contrast.
     #[must_use]
-    pub fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
+    pub(crate) fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
         // 32 of 255 greys. Errors of intervals are independent, so their sum grows with the root.
         let by_luminance = 32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt();
         by_luminance + self.leak_spread * self.k[3].abs() * dt_us * intervals as f64
@@ -493,7 +493,7 @@ pub(super) fn length([x, y]: [f64; 2]) -> f64 {
 ///
 /// # Errors
 /// The events of this sensor need not balance; the text is the reason.
-pub fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
+pub(crate) fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str> {
     match sensor {
         SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Err(OFFICIAL),
         SensorChoice::Esim(sensor) if !sensor.keeps_balance() => Err(

@@ -5,8 +5,8 @@
 //! and the stream must hold exactly as many. This also finds a chunk that was written twice into a
 //! stream with bursts. Three events of one microsecond count as three pairs in both.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -22,29 +22,20 @@ pub struct Limits {
 const SHARE: f64 = 1e-4;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct DuplicatesPass;
-
-const NAME: &str = "duplicates";
+pub(crate) struct DuplicatesPass;
 
 impl ValidationPass for DuplicatesPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
-        let mut findings = vec![judge_share(subject, tally)];
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
+        let mut statements = vec![("share", Ok(judge_share(subject, tally)))];
         // A release has no account of the simulation.
         let made = subject.account.map(|account| account.same_us_same_pixel);
-        findings.extend(made.map(|made| judge_excess(subject, tally.pairs, made)));
-        findings
+        statements.extend(made.map(|made| ("account", Ok(judge_excess(tally.pairs, made)))));
+        Ok(statements)
     }
 }
 
-fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judgement {
     let (repeats, events) = (tally.repeated + tally.contrary, tally.events);
     let limit = LimitSide::limit_or(
         subject.limits.duplicates.and_then(|l| l.max),
@@ -52,14 +43,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding 
     );
     let share = repeats as f64 / events.max(1) as f64;
     let because = format!("{repeats} of {events} events repeat the time and pixel of the previous event");
-    let judged = Judgement {
-        verdict: limit.at_most(share),
-        measured: Some(share),
-        limit: Some(limit.value),
-        unit: "1",
-        because,
-    };
-    subject.finding(NAME, "share", judged)
+    Judgement::at_most(share, limit, "1", because)
 }
 
 /// Largest number of repeats of a sound stream.
@@ -69,19 +53,11 @@ fn most_repeats(tally: &StreamTally) -> f64 {
     expected + 5.0 * expected.sqrt() + 1.0
 }
 
-fn judge_excess(subject: &TrajectorySubject<'_>, pairs: u64, made: u64) -> Finding {
+fn judge_excess(pairs: u64, made: u64) -> Judgement {
     let because = format!(
         "the stream has {pairs} pairs of events with equal time and pixel; the simulation made {made}"
     );
-    let difference = pairs.abs_diff(made) as f64;
-    let judged = Judgement {
-        verdict: LimitSide::gate(0.0).at_most(difference),
-        measured: Some(difference),
-        limit: Some(0.0),
-        unit: "events",
-        because,
-    };
-    subject.finding(NAME, "account", judged)
+    Judgement::none_of(pairs.abs_diff(made) as f64, "events", because)
 }
 
 #[cfg(test)]

@@ -48,8 +48,8 @@
 pub mod fit;
 
 use super::drift::DriftLaw;
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use fit::{AnchorFit, EventEdge, SlopeSums, SpoiltPixels};
 use serde::{Deserialize, Serialize};
 
@@ -89,35 +89,25 @@ const MIN_REACHABLE: f64 = 0.98;
 const MIN_ANSWER: f64 = 0.7;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct EventFrame;
-
-const NAME: &str = "event_frame";
+pub(crate) struct EventFrame;
 
 impl ValidationPass for EventFrame {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let (tally, law) = match subject.compared_at_once() {
-            Ok(both) => both,
-            Err(because) => return vec![subject.not_run(NAME, "", because)],
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let (tally, law) = subject.compared_at_once()?;
         let pass = EventFramePass { subject, tally, law };
         if let Some(because) = law.loose {
-            return vec![subject.not_run(NAME, "", because), pass.sign()];
+            return Ok(vec![("", Err(because.into())), ("sign", pass.sign())]);
         }
         let all = |fit: &AnchorFit| fit.slopes[0] + fit.slopes[1];
-        vec![
-            pass.gain("gain", all),
-            pass.gain("gain-on", |fit| fit.slopes[0]),
-            pass.gain("gain-off", |fit| fit.slopes[1]),
-            pass.threshold("threshold-on", 0),
-            pass.threshold("threshold-off", 1),
-            pass.residual(),
-            pass.sign(),
-        ]
+        Ok(vec![
+            ("gain", pass.gain(all)),
+            ("gain-on", pass.gain(|fit| fit.slopes[0])),
+            ("gain-off", pass.gain(|fit| fit.slopes[1])),
+            ("threshold-on", pass.threshold(0)),
+            ("threshold-off", pass.threshold(1)),
+            ("residual", pass.residual()),
+            ("sign", pass.sign()),
+        ])
     }
 }
 
@@ -149,19 +139,16 @@ impl EventFramePass<'_> {
         self.subject.limits.event_frame.unwrap_or_default()
     }
 
-    fn gain(&self, part: &str, of: impl Fn(&AnchorFit) -> SlopeSums) -> Finding {
+    fn gain(&self, of: impl Fn(&AnchorFit) -> SlopeSums) -> Judged {
         let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
         let excess = |s: &SlopeSums| (s.factor() - 1.0).abs() - s.allowance(most);
-        if let Some(because) = self.too_disturbed().or_else(|| self.too_unequal()) {
-            return self.subject.not_run(NAME, part, because);
-        }
+        self.require_calm()?;
+        self.require_equal()?;
         let slopes =
             self.tally.compared.fits.iter().map(of).filter(|s| s.pixels >= MIN_PIXELS && s.squares > 0.0);
-        let Some(slope) = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))) else {
-            return self.too_few(part);
-        };
+        let slope = slopes.max_by(|a, b| excess(a).total_cmp(&excess(b))).ok_or_else(too_few)?;
         let factor = slope.factor();
         let width = tolerance + slope.allowance(most);
         // The gain has a limit on each side of 1. The finding states the one on its own side.
@@ -171,35 +158,24 @@ impl EventFramePass<'_> {
             "at {} pixels, the brightness change of the frames is {factor:.3} times that of the events; 1 +- {width:.3} is allowed",
             slope.pixels
         );
-        self.finding(part, verdict, factor, limit, because)
+        Ok(self.judgement(verdict, factor, limit, because))
     }
 
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
     /// to fire, but no pixel can show a threshold that is too large.
-    fn threshold(&self, part: &str, side: usize) -> Finding {
+    fn threshold(&self, side: usize) -> Judged {
         if !self.law.from_zero {
-            return self.subject.not_run(
-                NAME,
-                part,
-                "the threshold cannot be measured, because pixel voltages do not start at 0",
-            );
+            return Err("the threshold cannot be measured, because pixel voltages do not start at 0".into());
         }
-        if let Some(because) = self.too_unequal() {
-            return self.subject.not_run(NAME, part, because);
-        }
+        self.require_equal()?;
         let stated = self.law.thresholds[side];
         let tolerance = self.limits().threshold.unwrap_or(THRESHOLD);
         let edges = self.tally.compared.fits.iter().filter_map(|fit| fit.edges[side]);
         let least = if self.law.spread > 0.0 { MIN_ANSWER } else { MIN_REACHABLE };
         let usable = edges.filter(|edge| edge.reachable >= least);
-        let Some(edge) = usable.max_by(|a, b| a.shown.total_cmp(&b.shown)) else {
-            return self.subject.not_run(
-                NAME,
-                part,
-                "too few pixels with a well-known brightness change were close to firing",
-            );
-        };
-        let EventEdge { pixels, shown, within: [low, high], .. } = edge;
+        let EventEdge { pixels, shown, within: [low, high], .. } = usable
+            .max_by(|a, b| a.shown.total_cmp(&b.shown))
+            .ok_or("too few pixels with a well-known brightness change were close to firing")?;
         let [least, most] = [low * (1.0 - tolerance), high * (1.0 + tolerance)];
         let (verdict, limit) = if shown < 1.0 {
             (LimitSide::gate(least).at_least(shown), least)
@@ -213,10 +189,10 @@ impl EventFramePass<'_> {
             // Four digits: the OFF threshold of a preset may have no short form.
             (1e4 * stated).round() / 1e4
         );
-        self.finding(part, verdict, shown * stated, limit * stated, because)
+        Ok(self.judgement(verdict, shown * stated, limit * stated, because))
     }
 
-    fn residual(&self) -> Finding {
+    fn residual(&self) -> Judged {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             part: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
@@ -224,31 +200,28 @@ impl EventFramePass<'_> {
             spoilt: fit.maybe_impossible,
         });
         let usual = (self.limits().residual, RESIDUAL);
-        self.share("residual", usual, shares, "have events that match it to within the thresholds")
+        self.share(usual, shares, "have events that match it to within the thresholds")
     }
 
-    fn sign(&self) -> Finding {
+    fn sign(&self) -> Judged {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             part: fit.doubled[1],
             of: fit.doubled[0],
             compared: fit.compared,
             spoilt: fit.turned_by_floor,
         });
-        self.share("sign", (self.limits().sign, SIGN), shares, "have events of the same sign")
+        self.share((self.limits().sign, SIGN), shares, "have events of the same sign")
     }
 
     /// The share that is lowest against its limit, of all instants with enough pixels and little
     /// noise. `limit` is the recipe's, and the default.
     fn share(
         &self,
-        part: &str,
         limit: (Option<f64>, f64),
         shares: impl Iterator<Item = PixelShare>,
         what: &str,
-    ) -> Finding {
-        if let Some(because) = self.too_disturbed() {
-            return self.subject.not_run(NAME, part, because);
-        }
+    ) -> Judged {
+        self.require_calm()?;
         let (asked, usual) = limit;
         let least = |share: &PixelShare| {
             let noise = 2.0 * self.disturbed() + share.spoilt.most(share.of);
@@ -256,20 +229,16 @@ impl EventFramePass<'_> {
         };
         let mut enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
         if enough.is_empty() {
-            return self.too_few(part);
+            return Err(too_few());
         }
         enough.retain(|share| self.beyond_tolerance(share) <= MAX_DISTURBED);
         if enough.is_empty() {
-            let because = "too few pixels changed by more than their threshold at once, for frames that the recipe's tolerance chose";
-            return self.subject.not_run(NAME, part, because);
+            return Err("too few pixels changed by more than their threshold at once, for frames that the recipe's tolerance chose".into());
         }
         let clear = enough.into_iter().filter(|share| share.spoilt.share(share.of) <= MAX_DISTURBED);
-        let Some(worst) =
-            clear.min_by(|a, b| (a.measured() - least(a)).total_cmp(&(b.measured() - least(b))))
-        else {
-            let because = "the noise floor spoils more than a fifth of the pixels with a brightness change";
-            return self.subject.not_run(NAME, part, because);
-        };
+        let worst = clear
+            .min_by(|a, b| (a.measured() - least(a)).total_cmp(&(b.measured() - least(b))))
+            .ok_or("the noise floor spoils more than a fifth of the pixels with a brightness change")?;
         let (measured, limit) = (worst.measured(), least(&worst));
         let mut because = format!("{} of {} pixels with a brightness change {what}", worst.part, worst.of);
         let spoilt = worst.spoilt.share(worst.of);
@@ -281,7 +250,7 @@ impl EventFramePass<'_> {
             };
             because += &format!("; {cause} may spoil {:.2} %", 100.0 * spoilt);
         }
-        self.finding(part, LimitSide::gate(limit).at_least(measured), measured, limit, because)
+        Ok(self.judgement(LimitSide::gate(limit).at_least(measured), measured, limit, because))
     }
 
     /// Share of the pixels whose frames may miss what the sensor saw by more than is added for a tolerance:
@@ -300,44 +269,39 @@ impl EventFramePass<'_> {
         self.tally.compared.fits.iter().map(|fit| fit.disturbed).fold(0.0, f64::max)
     }
 
-    fn too_disturbed(&self) -> Option<String> {
+    fn require_calm(&self) -> Result<(), String> {
         let disturbed = self.disturbed();
-        let because = || {
-            format!(
+        if disturbed > MAX_DISTURBED {
+            return Err(format!(
                 "the sensor's noise makes {disturbed:.2} events per pixel, and each moves the reference of its pixel"
-            )
-        };
-        (disturbed > MAX_DISTURBED).then(because)
+            ));
+        }
+        Ok(())
     }
 
-    fn too_unequal(&self) -> Option<String> {
+    fn require_equal(&self) -> Result<(), String> {
         let spread = self.law.spread / self.law.least_threshold();
-        let because =
-            || format!("the thresholds of the pixels differ by {:.0} %, too much for a mean", 100.0 * spread);
-        (spread > fit::MAX_SPREAD).then(because)
+        if spread > fit::MAX_SPREAD {
+            return Err(format!(
+                "the thresholds of the pixels differ by {:.0} %, too much for a mean",
+                100.0 * spread
+            ));
+        }
+        Ok(())
     }
 
-    fn too_few(&self, part: &str) -> Finding {
-        let because = format!("fewer than {MIN_PIXELS} pixels changed by more than their threshold");
-        self.subject.not_run(NAME, part, because)
-    }
-
-    fn finding(
-        &self,
-        part: &str,
-        verdict: Verdict,
-        measured: f64,
-        limit: f64,
-        mut because: String,
-    ) -> Finding {
+    fn judgement(&self, verdict: Verdict, measured: f64, limit: f64, mut because: String) -> Judgement {
         if self.tally.compared.left_out() > 0.0 {
             let share = 100.0 * self.tally.compared.left_out();
             let hot = if self.tally.hot_left_out { "hot, or " } else { "" };
             because += &format!("; {share:.1} % of the pixels are {hot}too dark or clipped in 8-bit frames");
         }
-        let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
-        self.subject.finding(NAME, part, judged)
+        Judgement::new(verdict, measured, limit, "1", because)
     }
+}
+
+fn too_few() -> String {
+    format!("fewer than {MIN_PIXELS} pixels changed by more than their threshold")
 }
 
 #[cfg(test)]

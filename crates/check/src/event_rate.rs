@@ -8,8 +8,8 @@
 //! gets a warning for every sensor: it may be right, but it is of no use.
 
 use super::drift::DriftLaw;
-use super::subject::{Judgement, LimitSide, between_bounds};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements, between_bounds};
+use super::{StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use gs2e_sensor::SensorChoice;
 use serde::{Deserialize, Serialize};
 
@@ -37,31 +37,20 @@ const FEW: f64 = 1e-3;
 const GREYS: [f64; 5] = [1.0, 16.0, 64.0, 128.0, 255.0];
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct EventRate;
-
-const NAME: &str = "event_rate";
+pub(crate) struct EventRate;
 
 impl ValidationPass for EventRate {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
-        vec![judge_rate(subject, tally), per_flow(subject, tally)]
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
+        Ok(vec![("rate", Ok(judge_rate(subject, tally))), ("flow", per_flow(subject, tally))])
     }
 }
 
-fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judgement {
     let seconds = subject.seconds();
     if seconds <= 0.0 {
         let because = "there is only one frame; a sensor needs at least two to make events".to_owned();
-        let judged =
-            Judgement { verdict: Verdict::Warn, measured: None, limit: None, unit: "ev/(px s)", because };
-        return subject.finding(NAME, "rate", judged);
+        return Judgement::without_value(Verdict::Warn, "ev/(px s)", because);
     }
     let limits = subject.limits.event_rate.unwrap_or_default();
     let least = LimitSide::limit_or(limits.min, LimitSide::warning(0.0));
@@ -88,11 +77,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     };
     // The defaults of 0 and infinity are no limits to show.
     let limit = (limits != Limits::default() && limit.is_finite()).then_some(limit);
-    subject.finding(
-        NAME,
-        "rate",
-        Judgement { verdict, measured: Some(measured), limit, unit: "ev/(px s)", because },
-    )
+    Judgement::new(verdict, measured, limit, "ev/(px s)", because)
 }
 
 /// An upper bound of the events of a pixel of this grey by noise.
@@ -104,24 +89,18 @@ fn empty(seconds: f64) -> String {
     format!("no events: no pixel crossed its threshold in {seconds:.4} s")
 }
 
-fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     if tally.events == 0 {
-        return subject.not_run(NAME, "flow", empty(subject.seconds()));
+        return Err(empty(subject.seconds()));
     }
     // Light that changes makes events without motion.
-    if let Some(because) = subject.moved_together() {
-        return subject.not_run(NAME, "flow", because);
-    }
+    subject.changes_one_by_one()?;
     // The median over pixels: a near object in a corner moves far, but makes few of the events.
     let (Some(moved), Some(sensor)) = (subject.moved_px, subject.sensor) else {
-        return subject.not_run(NAME, "flow", "there is no optical flow to compare the rate with");
+        return Err("there is no optical flow to compare the rate with".into());
     };
     if moved < 1.0 {
-        return subject.not_run(
-            NAME,
-            "flow",
-            format!("the picture moves by {moved:.2} px in total, which is less than 1 px"),
-        );
+        return Err(format!("the picture moves by {moved:.2} px in total, which is less than 1 px"));
     }
     let (on, off) = sensor.as_model().contrast();
     let contrast = 0.5 * (on + off);
@@ -138,7 +117,6 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let because = format!(
         "{measured:.4} events per pixel and px of image motion ({moved:.1} px in total, the median over pixels); {least:.3} to {most:.3} is usual"
     );
-    let (measured, limit) = (Some(measured), Some(limit));
     debug_assert_ne!(verdict, Verdict::Fail, "this statement only warns");
-    subject.finding(NAME, "flow", Judgement { verdict, measured, limit, unit: "ev/px^2", because })
+    Ok(Judgement::new(verdict, measured, limit, "ev/px^2", because))
 }

@@ -17,9 +17,10 @@
 pub mod crossing;
 pub mod grid;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass};
 use crossing::{CrossingFit, ErrorBar, FAR_US, StreamClock};
+use grid::StampGrid;
 
 /// Largest offset, in addition to five standard errors, us.
 const OFFSET_US: f64 = 4.0;
@@ -38,47 +39,34 @@ const UNSURE_SCALE: f64 = 0.05;
 const MIN_STAMPS: u64 = 100;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct EventTimes;
-
-const NAME: &str = "event_times";
+pub(crate) struct EventTimes;
 
 /// The reason in a build, which keeps only some of the frames.
 const NOT_KEPT: &str =
     "it needs the frame at every pose, which a build does not keep: `gs2e check --tree` reads sharp/";
 
 impl ValidationPass for EventTimes {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        if subject.tally.is_none() {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        }
-        let mut findings = match subject.crossings {
-            None => not_run_both(subject, NOT_KEPT),
-            Some(Err(because)) => not_run_both(subject, because),
-            Some(Ok(clock)) => vec![judge_offset(subject, clock), judge_scale(subject, clock)],
-        };
-        findings.push(judge_grid(subject));
-        findings
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let grid = judge_grid(subject.events()?.grid);
+        let clock = || Ok::<_, String>(subject.crossings.ok_or(NOT_KEPT)?.as_ref()?);
+        Ok(vec![
+            ("offset", clock().and_then(|clock| judge_offset(subject, clock))),
+            ("scale", clock().and_then(|clock| judge_scale(subject, clock))),
+            ("grid", grid),
+        ])
     }
 }
 
-fn not_run_both(subject: &TrajectorySubject<'_>, because: &str) -> Vec<Finding> {
-    ["offset", "scale"].into_iter().map(|part| subject.not_run(NAME, part, because)).collect()
-}
-
-fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding {
+fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.offset_us;
     let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
     let step = 1e6 / subject.rate.to_f64();
     if limit.value.is_nan() || limit.value > UNSURE * step {
-        let because =
-            format!("the offset can be measured only to {deviation:.0} us, from {} events", fit.events);
-        return subject.not_run(NAME, "offset", because);
+        return Err(format!(
+            "the offset can be measured only to {deviation:.0} us, from {} events",
+            fit.events
+        ));
     }
     let detects = smallest_offset(clock, clock.reach * step);
     let seen = detects.map_or_else(
@@ -91,18 +79,19 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding
         value.abs(),
         fit.events
     );
-    let judged = Judgement::from_value(limit.at_most(value.abs()), value, limit, "us", because);
-    subject.finding(NAME, "offset", judged).detecting(detects.unwrap_or(f64::INFINITY), "us")
+    let judged = Judgement::new(limit.at_most(value.abs()), value, limit.value, "us", because);
+    Ok(judged.detecting(detects.unwrap_or(f64::INFINITY), "us"))
 }
 
-fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding {
+fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.scale;
     let limit = LimitSide::gate(SCALE + SURE * deviation);
     if limit.value.is_nan() || limit.value > UNSURE_SCALE {
-        let because =
-            format!("the time scale can be measured only to {deviation:.4}, from {} events", fit.events);
-        return subject.not_run(NAME, "scale", because);
+        return Err(format!(
+            "the time scale can be measured only to {deviation:.4}, from {} events",
+            fit.events
+        ));
     }
     let step = 1e6 / subject.rate.to_f64();
     let detects = smallest_scale(clock, clock.reach * step);
@@ -115,9 +104,9 @@ fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Finding 
         1.0 + value
     );
     // The limit is on the difference from 1; the finding shows the scale.
-    let shown = LimitSide { value: 1.0 + limit.value.copysign(value), ..limit };
-    let judged = Judgement::from_value(limit.at_most(value.abs()), 1.0 + value, shown, "1", because);
-    subject.finding(NAME, "scale", judged).detecting(detects.unwrap_or(f64::INFINITY), "1")
+    let shown = 1.0 + limit.value.copysign(value);
+    let judged = Judgement::new(limit.at_most(value.abs()), 1.0 + value, shown, "1", because);
+    Ok(judged.detecting(detects.unwrap_or(f64::INFINITY), "1"))
 }
 
 /// The smallest offset that is found in 95 % of trials, us; `None` if it is not known. The response is that
@@ -203,11 +192,10 @@ fn excess_of_errors(freedom: f64) -> f64 {
     libm::exp(POWER / (freedom - 1.0).max(0.0).sqrt())
 }
 
-fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
-    let Some(grid) = subject.tally.map(|tally| tally.grid).filter(|grid| grid.stamps >= MIN_STAMPS) else {
-        let because = format!("fewer than {MIN_STAMPS} distinct times");
-        return subject.not_run(NAME, "grid", because);
-    };
+fn judge_grid(grid: StampGrid) -> Judged {
+    if grid.stamps < MIN_STAMPS {
+        return Err(format!("fewer than {MIN_STAMPS} distinct times"));
+    }
     let limit = LimitSide::gate(1.0);
     let measured = grid.step_us as f64;
     let because = if grid.step_us > 1 {
@@ -220,8 +208,7 @@ fn judge_grid(subject: &TrajectorySubject<'_>) -> Finding {
     } else {
         format!("{} distinct times lie on no grid that is coarser than 1 us", grid.stamps)
     };
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "us", because);
-    subject.finding(NAME, "grid", judged).detecting(2.0, "us")
+    Ok(Judgement::at_most(measured, limit, "us", because).detecting(2.0, "us"))
 }
 
 #[cfg(test)]

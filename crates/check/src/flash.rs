@@ -15,8 +15,8 @@
 pub mod blocks;
 pub mod course;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use course::{ChangeCourse, UnusualChange};
 use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::metric::MixedMetric;
@@ -45,8 +45,7 @@ const LEAST_EVENTS: f64 = 10.0;
 const STRIDES: [usize; 2] = [1, 4];
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct FlashPass;
+pub(crate) struct FlashPass;
 
 /// The name of the pass.
 pub const NAME: &str = "flash";
@@ -63,60 +62,53 @@ pub struct PictureFlash {
 }
 
 impl ValidationPass for FlashPass {
-    fn name(&self) -> &'static str {
-        NAME
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(vec![("frames", judge_frames(subject))])
     }
 
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        const PART: &str = "frames";
-        let Some(frames) = subject.blocks else {
-            let because = subject.moved_together().unwrap_or("there are no frames to compare");
-            return vec![subject.not_run(NAME, PART, because)];
-        };
-        let Some(found) = in_frames(subject, frames) else {
-            return vec![subject.not_run(NAME, PART, "there are too few frames to know their usual change")];
-        };
-        let UnusualChange { change, usual, ratio } = found.change;
-        let because = format!(
-            "from pose {} to {}, {}, a fifth of the picture changes by {change:.2} grey or more: {ratio:.1} times the usual {usual:.2}",
-            found.poses[0],
-            found.poses[1],
-            time_of(found.span_us)
-        );
-        vec![judge(subject, PART, ratio, because)]
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(vec![("events", judge_events(subject))])
     }
+}
 
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        const PART: &str = "events";
-        if let Some(because) = subject.moved_together() {
-            return vec![subject.not_run(NAME, PART, because)];
-        }
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, PART, "there are no events")];
-        };
-        let Some((found, polarity)) = in_events(subject) else {
-            return vec![subject.not_run(NAME, PART, "there is too little time to know the usual rate")];
-        };
-        let UnusualChange { change, usual, ratio } = found.change;
-        let because = format!(
-            "{}, near pose {}, {change:.0} {polarity} events, {:.3} per pixel: {ratio:.1} times the usual {usual:.0}",
-            time_of(found.span_us),
-            found.poses[0],
-            change / tally.size.pixels() as f64
-        );
-        vec![judge(subject, PART, ratio, because)]
-    }
+fn judge_frames(subject: &TrajectorySubject<'_>) -> Judged {
+    let Some(frames) = subject.blocks else {
+        subject.changes_one_by_one()?;
+        return Err("there are no frames to compare".into());
+    };
+    let found = in_frames(subject, frames).ok_or("there are too few frames to know their usual change")?;
+    let UnusualChange { change, usual, ratio } = found.change;
+    let because = format!(
+        "from pose {} to {}, {}, a fifth of the picture changes by {change:.2} grey or more: {ratio:.1} times the usual {usual:.2}",
+        found.poses[0],
+        found.poses[1],
+        time_of(found.span_us)
+    );
+    Ok(judge_ratio(subject, ratio, because))
+}
+
+fn judge_events(subject: &TrajectorySubject<'_>) -> Judged {
+    subject.changes_one_by_one()?;
+    let tally = subject.events()?;
+    let (found, polarity) = in_events(subject).ok_or("there is too little time to know the usual rate")?;
+    let UnusualChange { change, usual, ratio } = found.change;
+    let because = format!(
+        "{}, near pose {}, {change:.0} {polarity} events, {:.3} per pixel: {ratio:.1} times the usual {usual:.0}",
+        time_of(found.span_us),
+        found.poses[0],
+        change / tally.size.pixels() as f64
+    );
+    Ok(judge_ratio(subject, ratio, because))
 }
 
 fn time_of([from, to]: [i64; 2]) -> String {
     format!("from {:.1} to {:.1} ms", from as f64 * 1e-3, to as f64 * 1e-3)
 }
 
-fn judge(subject: &TrajectorySubject<'_>, part: &str, ratio: f64, because: String) -> Finding {
+fn judge_ratio(subject: &TrajectorySubject<'_>, ratio: f64, because: String) -> Judgement {
     let asked = subject.limits.flash.and_then(|limits| limits.max);
     let limit = LimitSide::limit_or(asked, LimitSide::gate(MAX_RATIO));
-    let judged = Judgement::from_value(limit.at_most(ratio), ratio, limit, "1", because);
-    subject.finding(NAME, part, judged)
+    Judgement::at_most(ratio, limit, "1", because)
 }
 
 /// The most unusual change of the frames; `None` if there are too few.

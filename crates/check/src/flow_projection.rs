@@ -10,8 +10,9 @@
 
 pub mod objects;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::photometric::NO_PICTURES;
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass};
 use gs2e_image::Image;
 
 /// Largest difference of a flow image, as a share of its median flow.
@@ -22,10 +23,7 @@ const MOST_UNPAIRED: f64 = 1e-3;
 const PERCENT: usize = 99;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct FlowProjection;
-
-const NAME: &str = "flow_projection";
+pub(crate) struct FlowProjection;
 
 /// A flow image against the flow of depth and poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,35 +73,24 @@ pub(super) fn rank(mut values: Vec<f64>, percent: usize) -> Option<f64> {
 }
 
 impl ValidationPass for FlowProjection {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let not_run = |because: &str| vec![subject.not_run(NAME, "", because)];
-        let mut findings = match subject.geometry.map(|g| &g.flows) {
-            None => not_run("it needs the released pictures: `gs2e check --tree` reads them"),
-            Some(Err(because)) => not_run(because),
-            Some(Ok(flows)) => judge_flows(subject, flows).map_or_else(
-                || not_run("no flow image has a pixel with flow and depth"),
-                |finding| vec![finding],
-            ),
-        };
-        findings.extend(objects::judge_objects(subject));
-        findings
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let mut statements = vec![("", judge_flows(subject))];
+        statements.extend(objects::judge_objects(subject).map(|judged| ("objects", judged)));
+        Ok(statements)
     }
 }
 
-fn judge_flows(subject: &TrajectorySubject<'_>, flows: &[FlowDifference]) -> Option<Finding> {
+fn judge_flows(subject: &TrajectorySubject<'_>) -> Judged {
+    const NONE: &str = "no flow image has a pixel with flow and depth";
+    let flows = subject.geometry.map(|g| &g.flows).ok_or(NO_PICTURES)?.as_ref()?;
     // A camera that slows down to rest has images without flow, whose rounding is no fault.
-    let usual = 0.01 * rank(flows.iter().map(|f| f.median_px_s).collect(), 50)?;
+    let usual = 0.01 * rank(flows.iter().map(|f| f.median_px_s).collect(), 50).ok_or(NONE)?;
     let fault = |f: &FlowDifference| (f.share(usual) / SHARE).max(f.unpaired / MOST_UNPAIRED);
-    let worst = flows.iter().max_by(|a, b| fault(a).total_cmp(&fault(b)))?;
+    let worst = flows.iter().max_by(|a, b| fault(a).total_cmp(&fault(b))).ok_or(NONE)?;
     if usual <= 0.0 && fault(worst) <= 0.0 {
-        return Some(subject.not_run(NAME, "", "the camera does not move"));
+        return Err("the camera does not move".into());
     }
-    let limit = LimitSide::gate(SHARE);
-    let verdict = limit.at_most(fault(worst) * SHARE);
+    let verdict = LimitSide::gate(SHARE).at_most(fault(worst) * SHARE);
     let because = format!(
         "at pose {}, 99 % of the pixels differ from the flow of depth and poses by at most {:.2e} of {:.1} px/s, and {:.2} % have only one of both: the worst of {} images",
         worst.pose,
@@ -112,8 +99,7 @@ fn judge_flows(subject: &TrajectorySubject<'_>, flows: &[FlowDifference]) -> Opt
         100.0 * worst.unpaired,
         flows.len()
     );
-    let judged = Judgement::from_value(verdict, worst.share(usual), limit, "1", because);
-    Some(subject.finding(NAME, "", judged).detecting(SHARE, "1"))
+    Ok(Judgement::new(verdict, worst.share(usual), SHARE, "1", because).detecting(SHARE, "1"))
 }
 
 #[cfg(test)]

@@ -10,8 +10,8 @@
 //! clusters that fire too slowly to be hot, and pixels that lose many of their events.
 
 use super::event_frame::fit::STRAY;
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -34,28 +34,21 @@ const FEW: f64 = 3.0;
 const MIN_PIXELS: u64 = 1000;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct HotPixelsPass;
-
-const NAME: &str = "hot_pixels";
+pub(crate) struct HotPixelsPass;
 
 impl ValidationPass for HotPixelsPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
-        let mut findings = vec![judge_hot(subject, tally), judge_dead(subject, tally)];
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
+        let mut statements =
+            vec![("hot", Ok(judge_hot(subject, tally))), ("dead", judge_dead(subject, tally))];
         // In a build, the sensor's own account is exact: `drift_identity`.
-        findings.extend(subject.is_release.then(|| judge_stray(subject)).flatten());
-        findings
+        let stray = subject.is_release.then(|| judge_stray(subject)).flatten();
+        statements.extend(stray.map(|judged| ("stray", Ok(judged))));
+        Ok(statements)
     }
 }
 
-fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
+fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judgement {
     let limits = subject.limits.hot_pixels.unwrap_or_default();
     let pixels = tally.size.pixels() as f64;
     let stated = subject.sensor.map_or(0.0, |sensor| sensor.hot_pixels().share);
@@ -72,16 +65,12 @@ fn judge_hot(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
         busy.mean,
         if stated > 0.0 { format!("; the recipe makes a share of {stated} hot") } else { String::new() }
     );
-    subject.finding(
-        NAME,
-        "hot",
-        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
-    )
+    Judgement::at_most(measured, limit, "1", because)
 }
 
 /// Pixels whose events differ from their drift by far more than is possible; `None` where the law does not
 /// say how much is possible.
-fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Finding> {
+fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Judgement> {
     let (tally, law) = subject.compared_at_once().ok()?;
     let fits = &tally.compared.fits;
     if law.loose.is_some() || law.has_floor() || fits.iter().any(|fit| fit.disturbed > 0.0) {
@@ -96,19 +85,14 @@ fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Finding> {
         "{} of {} pixels have events that differ from their brightness change by {STRAY} thresholds more than is possible",
         fit.stray, fit.compared
     );
-    let measured = share(fit);
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
-    Some(subject.finding(NAME, "stray", judged).detecting(limit.value, "1"))
+    Some(Judgement::at_most(share(fit), limit, "1", because).detecting(limit.value, "1"))
 }
 
-fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
-    if let Err(because) = subject.compared_at_once() {
-        return subject.not_run(NAME, "dead", because);
-    }
+fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+    subject.compared_at_once()?;
     let [changed, silent] = tally.compared.must_fire;
     if changed < MIN_PIXELS {
-        let because = format!("fewer than {MIN_PIXELS} pixels changed by more than two thresholds");
-        return subject.not_run(NAME, "dead", because);
+        return Err(format!("fewer than {MIN_PIXELS} pixels changed by more than two thresholds"));
     }
     let stated = subject.limits.hot_pixels.and_then(|l| l.dead);
     // A short change between two frames may be missed; a few pixels of a small sensor are no share.
@@ -116,9 +100,5 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Finding {
     let because =
         format!("{silent} of {changed} pixels that changed by more than two thresholds have no events");
     let measured = silent as f64 / changed as f64;
-    subject.finding(
-        NAME,
-        "dead",
-        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
-    )
+    Ok(Judgement::at_most(measured, limit, "1", because))
 }

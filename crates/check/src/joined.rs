@@ -63,9 +63,7 @@ mod tests {
     use crate::subject::Judgement;
 
     fn finding(check: &str, statement: &str, verdict: Verdict, because: &str) -> Finding {
-        let judged =
-            Judgement { verdict, measured: None, limit: None, unit: "1", because: because.to_owned() };
-        judged.finding("s/t", check, statement)
+        Judgement::without_value(verdict, "1", because.to_owned()).finding("s/t", check, statement)
     }
 
     fn said(findings: &[Finding]) -> Vec<String> {

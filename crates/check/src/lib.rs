@@ -77,10 +77,11 @@ pub use finding_subject::FindingSubject;
 pub use joined::join_findings;
 pub use limits::{CheckWaiver, Limits, REASON};
 pub use scene_subject::{CapturePhotos, SceneSubject};
-pub use subject::TrajectorySubject;
+pub use subject::{Judged, Judgement, TrajectorySubject};
 pub use tally::StreamTally;
 
 use serde::{Deserialize, Serialize};
+use subject::{Statements, findings_of};
 use table::check_table;
 
 /// The verdict of a pass.
@@ -160,8 +161,8 @@ macro_rules! names_of {
         /// The names in a recipe's `checks:` and in the records.
         pub const NAMES: [&str; [$(stringify!($name)),+].len()] = [$(stringify!($name)),+];
 
-        /// The passes over trajectories, in the order of reports.
-        pub const ALL: &[&dyn ValidationPass] = &[$($(&$pass,)?)+];
+        /// The passes over trajectories with their names, in the order of reports.
+        const PASSES: &[(&str, &dyn ValidationPass)] = &[$($((stringify!($name), &$pass),)?)+];
 
         /// The checks of the files of a release, which no recipe can waive.
         const TREE: &[&str] = &[$($(stringify!($tree),)?)+];
@@ -179,22 +180,16 @@ pub fn is_waivable(check: &str) -> bool {
     NAMES.contains(&check) && !TREE.contains(&check)
 }
 
-/// A validation pass.
-pub trait ValidationPass: Sync {
-    /// The name, one of [`NAMES`].
-    fn name(&self) -> &'static str;
-
-    /// The findings on a trajectory, independent of sensors: one per statement.
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let _ = subject;
-        Vec::new()
+/// A validation pass. An error is the reason why it cannot make any statement.
+trait ValidationPass: Sync {
+    /// The statements on a trajectory, independent of sensors.
+    fn of_trajectory(&self, _: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(Vec::new())
     }
 
-    /// The findings on the stream of one sensor. Together, the two methods must return at least one
-    /// finding.
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let _ = subject;
-        Vec::new()
+    /// The statements on the stream of one sensor. Together, the two methods must make at least one.
+    fn of_stream(&self, _: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(Vec::new())
     }
 }
 
@@ -207,12 +202,14 @@ pub fn judge_trajectory(
 ) -> Vec<Finding> {
     // Without a stream, each pass over streams still reports that it was not run.
     let streams = if streams.is_empty() { std::slice::from_ref(trajectory) } else { streams };
-    let run = |check: &&dyn ValidationPass| {
-        let mut findings = check.of_trajectory(trajectory);
-        findings.extend(streams.iter().flat_map(|stream| check.of_stream(stream)));
+    let run = |(check, pass): &(&str, &dyn ValidationPass)| {
+        let of_stream =
+            |stream: &TrajectorySubject<'_>| findings_of(stream.name, check, pass.of_stream(stream));
+        let mut findings = findings_of(trajectory.name, check, pass.of_trajectory(trajectory));
+        findings.extend(streams.iter().flat_map(of_stream));
         findings
     };
-    let mut findings: Vec<Finding> = ALL.iter().flat_map(run).collect();
+    let mut findings: Vec<Finding> = PASSES.iter().flat_map(run).collect();
     for finding in &mut findings {
         apply_waivers(finding, &trajectory.limits.waive);
     }
@@ -222,7 +219,10 @@ pub fn judge_trajectory(
 /// Runs the passes over a scene, as [`judge_trajectory`] does for a trajectory.
 #[must_use]
 pub fn judge_scene(scene: &SceneSubject<'_>) -> Vec<Finding> {
-    let mut findings = [capture::capture_findings(scene), recon_psnr::psnr_findings(scene)].concat();
+    let statements =
+        [("capture", capture::judge_capture(scene)), ("recon_psnr", recon_psnr::judge_photos(scene))];
+    let findings = |(check, made)| findings_of(scene.name, check, Ok(made));
+    let mut findings: Vec<Finding> = statements.into_iter().flat_map(findings).collect();
     for finding in &mut findings {
         apply_waivers(finding, &scene.limits.waive);
     }

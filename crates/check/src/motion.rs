@@ -15,8 +15,8 @@
 
 pub mod warp;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
 use warp::WarpSharpness;
 
@@ -50,61 +50,43 @@ const GREY: f64 = 64.0;
 const CERTAIN: f64 = 4.5;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct MotionCompensation;
-
-const NAME: &str = "motion";
+pub(crate) struct MotionCompensation;
 
 impl ValidationPass for MotionCompensation {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
         // With a tolerance, the frames are not at the poses, and the motion between them is small.
         let at_poses = !(subject.is_release && subject.tolerance.is_some());
         if let Some(flow) = subject.flow.filter(|flow| at_poses && flow.median > MAX_PER_FRAME) {
-            let because = format!(
+            return Err(format!(
                 "the picture moves by {:.1} px between frames, too far for interpolated events to follow the motion",
                 flow.median
-            );
-            return vec![subject.not_run(NAME, "", because)];
+            ));
         }
-        if let Some(because) = subject.moved_together() {
-            return vec![subject.not_run(NAME, "", because)];
-        }
+        subject.changes_one_by_one()?;
         if subject.compared_sensor().is_some_and(|sensor| !sensor.hot_pixels().is_absent()) {
-            return vec![subject.not_run(
-                NAME,
-                "",
-                "not applicable with hot pixels: their events do not move",
-            )];
+            return Err("not applicable with hot pixels: their events do not move".into());
         }
         if let Some(px) = delayed_px(subject).filter(|px| *px > MAX_DELAYED) {
-            let because = format!(
+            return Err(format!(
                 "the sensor's low-pass filter delays events while the picture moves by {px:.1} px, so that they do not meet at their edges"
-            );
-            return vec![subject.not_run(NAME, "", because)];
+            ));
         }
         if tally.sharpness.is_empty() {
-            return vec![subject.not_run(NAME, "", "there is no depth or flow of a moving view")];
+            return Err("there is no depth or flow of a moving view".into());
         }
         let telling = |s: &&WarpSharpness| s.moved_px >= MIN_MOVED && s.events >= MIN_EVENTS;
         let windows: Vec<&WarpSharpness> = tally.sharpness.iter().filter(telling).collect();
         if windows.is_empty() {
-            let because = format!(
+            return Err(format!(
                 "too little motion to judge: no window has {MIN_EVENTS} events and {MIN_MOVED} px of motion"
-            );
-            return vec![subject.not_run(NAME, "", because)];
+            ));
         }
-        vec![judge_median(subject, &windows), judge_share(subject, &windows)]
+        Ok(vec![("median", Ok(judge_median(subject, &windows))), ("windows", Ok(judge_share(&windows)))])
     }
 }
 
-fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {
+fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Judgement {
     let mut ratios: Vec<f64> = windows.iter().map(|s| s.ratio()).collect();
     ratios.sort_unstable_by(f64::total_cmp);
     let measured = ratios[(ratios.len() - 1) / 2];
@@ -125,8 +107,7 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
         ratios[0],
         ratios[ratios.len() - 1]
     );
-    let judged = Judgement { verdict, measured: Some(measured), limit: Some(limit), unit: "1", because };
-    subject.finding(NAME, "median", judged)
+    Judgement::new(verdict, measured, limit, "1", because)
 }
 
 /// Image motion during the delay of a filter, px; `None` if one of both is unknown.
@@ -145,14 +126,10 @@ fn sharp_share(subject: &TrajectorySubject<'_>) -> f64 {
     if law.delay_us > 0.0 { 0.25 * signal } else { signal }
 }
 
-fn judge_share(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> Finding {
+fn judge_share(windows: &[&WarpSharpness]) -> Judgement {
     let sharper = windows.iter().filter(|s| s.ratio() > 1.0).count();
     let measured = sharper as f64 / windows.len() as f64;
     let limit = LimitSide::warning(WINDOWS);
     let because = format!("{sharper} of {} windows gain contrast by motion compensation", windows.len());
-    subject.finding(
-        NAME,
-        "windows",
-        Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
-    )
+    Judgement::at_least(measured, limit, "1", because)
 }

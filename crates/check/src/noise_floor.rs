@@ -13,8 +13,8 @@ mod labels;
 pub mod still;
 
 use super::drift::DriftLaw;
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 use still::StillPixelCounts;
 
@@ -39,46 +39,37 @@ const UNKNOWN: &str = "which pixels are static is unknown: there are too few fra
 const SETTLED: f64 = 5.0;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct NoiseFloor;
-
-const NAME: &str = "noise_floor";
+pub(crate) struct NoiseFloor;
 
 impl ValidationPass for NoiseFloor {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let mut findings = judge_still(subject);
-        findings.extend(labels::judge_labels(subject));
-        findings
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let still = judge_still(subject);
+        let mut statements = still.unwrap_or_else(|because| vec![("", Err(because))]);
+        statements.extend(labels::judge_labels(subject).map(|judged| ("labels", judged)));
+        Ok(statements)
     }
 }
 
-fn judge_still(subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-    let Some(tally) = subject.tally else {
-        return vec![subject.not_run(NAME, "", "there are no events")];
-    };
+fn judge_still(subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+    let tally = subject.events()?;
     // Late events keep their rate, except behind a bus, which loses some.
     let loses = subject.sensor.is_some_and(|sensor| sensor.readout().is_some());
     // A latency hides no other reason.
     let law = subject.compared_sensor().map(|sensor| DriftLaw::for_sensor(&sensor.without_latency()));
     if let Some(because) = law.and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0)) {
-        return vec![subject.not_run(NAME, "", because)];
+        return Err(because.into());
     }
     let Some(still) = tally.still.as_ref().filter(|still| still.pixels >= MIN_PIXELS) else {
-        let because = match subject.drift_law() {
-            Ok(_) if tally.still.is_none() => UNKNOWN.to_owned(),
-            Ok(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
-            Err(because) => because.to_owned(),
-        };
-        return vec![subject.not_run(NAME, "", because)];
+        subject.drift_law()?;
+        return Err(match tally.still {
+            None => UNKNOWN.to_owned(),
+            Some(_) => format!("fewer than {MIN_PIXELS} pixels are static"),
+        });
     };
-    vec![judge_rate(subject, still), judge_rhythm(subject, still)]
+    Ok(vec![("rate", Ok(judge_rate(subject, still))), ("rhythm", judge_rhythm(still))])
 }
 
-fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
+fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Judgement {
     let factor =
         LimitSide::limit_or(subject.limits.noise_floor.and_then(|l| l.factor), LimitSide::warning(FACTOR));
     let settled = !still.from_zero || still.intervals >= SETTLED;
@@ -96,20 +87,17 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Find
     );
     // The finding states the bound on the side of the count.
     let limit = if events < still.expected { least.max(0.0) } else { most };
-    let judged = Judgement { verdict, measured: Some(events), limit: Some(limit), unit: "events", because };
-    subject.finding(NAME, "rate", judged)
+    Judgement::new(verdict, events, limit, "events", because)
 }
 
-fn judge_rhythm(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Finding {
+fn judge_rhythm(still: &StillPixelCounts) -> Judged {
     if still.events < MIN_EVENTS {
-        let because = format!("{} events at static pixels are too few to test for a rhythm", still.events);
-        return subject.not_run(NAME, "rhythm", because);
+        return Err(format!("{} events at static pixels are too few to test for a rhythm", still.events));
     }
     let limit = LimitSide::warning(RHYTHM);
     let because = format!(
         "the autocorrelation of the event rate of {} static pixels reaches {:.2} standard deviations; a high value means that they fire in step",
         still.pixels, still.rhythm
     );
-    let judged = Judgement::from_value(limit.at_most(still.rhythm), still.rhythm, limit, "sd", because);
-    subject.finding(NAME, "rhythm", judged)
+    Ok(Judgement::at_most(still.rhythm, limit, "sd", because))
 }

@@ -18,8 +18,8 @@ pub mod align;
 pub mod order;
 
 use super::geometry::{AlignedPairs, Measured};
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass};
 use align::PairAlignment;
 use gs2e_num::stats::mean_median;
 
@@ -40,22 +40,14 @@ const SURE: f64 = 3.0;
 const POWER: f64 = 1.645;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct PhotometricPass;
-
-const NAME: &str = "photometric";
+pub(crate) struct PhotometricPass;
 
 impl ValidationPass for PhotometricPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
         let shares = PairShares { apart: SHARE, neighbours: NEIGHBOUR_SHARE };
-        let mut findings =
-            judge_pairs(subject, NAME, subject.geometry.map(|g| &g.pictures), shares, "pictures");
-        findings.extend(subject.geometry.map(|g| order::judge_order(subject, &g.order)));
-        findings
+        let mut statements = judge_pairs(subject.geometry.map(|g| &g.pictures), shares, "pictures");
+        statements.extend(subject.geometry.map(|g| ("order", order::judge_order(subject, &g.order))));
+        Ok(statements)
     }
 }
 
@@ -81,44 +73,34 @@ pub fn disagrees(pairs: &[PairAlignment], share: f64) -> bool {
 }
 
 /// The share that the pass over frames allows for pairs apart.
-pub const FRAME_SHARE: f64 = SHARE;
+pub(crate) const FRAME_SHARE: f64 = SHARE;
 
-/// The findings on the pairs of one kind of picture.
+/// The statements on the pairs of one kind of picture.
 pub(super) fn judge_pairs(
-    subject: &TrajectorySubject<'_>,
-    name: &str,
     measured: Option<&Measured<AlignedPairs>>,
     shares: PairShares,
     what: &str,
-) -> Vec<Finding> {
-    let not_run = |because: &str| vec![subject.not_run(name, "", because)];
+) -> Statements {
     match measured {
-        None => not_run("it needs the released pictures: `gs2e check --tree` reads them"),
-        Some(Err(because)) => not_run(because),
+        None => vec![("", Err(NO_PICTURES.to_owned()))],
+        Some(Err(because)) => vec![("", Err(because.clone()))],
         Some(Ok(pairs)) => {
-            vec![
-                judge_motion(subject, name, pairs, shares, what),
-                judge_frames(subject, name, pairs, shares, what),
-            ]
+            vec![("motion", judge_motion(pairs, shares, what)), ("frames", judge_frames(pairs, shares, what))]
         }
     }
 }
 
-fn judge_motion(
-    subject: &TrajectorySubject<'_>,
-    name: &str,
-    pairs: &AlignedPairs,
-    shares: PairShares,
-    what: &str,
-) -> Finding {
+/// The reason why a build does not compare pictures.
+pub(super) const NO_PICTURES: &str = "it needs the released pictures: `gs2e check --tree` reads them";
+
+fn judge_motion(pairs: &AlignedPairs, shares: PairShares, what: &str) -> Judged {
     let Some(pair) = typical(&pairs.apart) else {
-        return subject.not_run(name, "motion", format!("no two {what} share enough of the scene"));
+        return Err(format!("no two {what} share enough of the scene"));
     };
     let PairAlignment { left_px, motion_px, deviation_px, poses: [from, to], .. } = pair;
     let limit = LimitSide::gate(shares.limit_px(&pair));
     if left_px <= limit.value && motion_px < MIN_MOTION_PX {
-        let because = format!("the picture moves by {motion_px:.3} px over {} poses, too little", to - from);
-        return subject.not_run(name, "motion", because);
+        return Err(format!("the picture moves by {motion_px:.3} px over {} poses, too little", to - from));
     }
     // Both may point in opposite directions.
     let detects = limit.value + left_px.min(limit.value) + POWER * deviation_px;
@@ -128,23 +110,12 @@ fn judge_motion(
         to - from,
         pairs.apart.len()
     );
-    let judged = Judgement::from_value(limit.at_most(left_px), left_px, limit, "px", because);
-    subject.finding(name, "motion", judged).detecting(detects, "px")
+    Ok(Judgement::at_most(left_px, limit, "px", because).detecting(detects, "px"))
 }
 
-fn judge_frames(
-    subject: &TrajectorySubject<'_>,
-    name: &str,
-    pairs: &AlignedPairs,
-    shares: PairShares,
-    what: &str,
-) -> Finding {
+fn judge_frames(pairs: &AlignedPairs, shares: PairShares, what: &str) -> Judged {
     let Some(usual) = typical(&pairs.neighbours) else {
-        return subject.not_run(
-            name,
-            "frames",
-            format!("no two neighbouring {what} share enough of the scene"),
-        );
+        return Err(format!("no two neighbouring {what} share enough of the scene"));
     };
     let limit_px = |pair: &PairAlignment| {
         // Where the camera rests for a moment, its usual motion counts.
@@ -165,8 +136,7 @@ fn judge_frames(
         worst.left_px,
         pairs.neighbours.len()
     );
-    let judged = Judgement::from_value(limit.at_most(worst.left_px), worst.left_px, limit, "px", because);
-    subject.finding(name, "frames", judged).detecting(detects, "px")
+    Ok(Judgement::at_most(worst.left_px, limit, "px", because).detecting(detects, "px"))
 }
 
 /// The medians of all pairs, with the poses of the first.

@@ -174,9 +174,6 @@ impl PlantedWorld {
         }
         let tally = observer.finish();
         let subject = TrajectorySubject {
-            name: "world/base",
-            rate: frame_rate(),
-            trajectory: &self.trajectory,
             speed: Some(&self.report),
             sensor: Some(&sensor),
             account: Some(&self.account),
@@ -188,15 +185,10 @@ impl PlantedWorld {
             coverage: self.coverage,
             doubtful_share: self.doubtful_share,
             views: Some(30),
-            geometry: None,
-            blocks: None,
-            disparities: None,
-            crossings: None,
             foreign: Some(&self.foreign),
             light_changes: self.light_changes,
-            own_motion: false,
             is_release: self.is_release,
-            limits: &self.limits,
+            ..TrajectorySubject::new("world/base", frame_rate(), &self.trajectory, &self.limits)
         };
         judge_trajectory(&subject, &[subject])
     }

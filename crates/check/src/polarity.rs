@@ -15,8 +15,8 @@
 //! Such a pixel changes steadily, so that all of its events have one polarity.
 
 use super::event_frame::fit::AnchorFit;
-use super::subject::{Judgement, LimitSide, between_bounds};
-use super::{Finding, StreamTally, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements, between_bounds};
+use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -45,39 +45,22 @@ const CONTRARY: f64 = 0.05;
 const MIN_STEADY: f64 = 200.0;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct OnShare;
-
-const NAME: &str = "polarity";
+pub(crate) struct OnShare;
 
 impl ValidationPass for OnShare {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
         let Some(share) = tally.on_share().filter(|_| tally.events >= MIN_EVENTS) else {
-            let because = format!("{} events are too few to measure the share of ON events", tally.events);
-            return vec![subject.not_run(NAME, "", because)];
+            return Err(format!("{} events are too few to measure the share of ON events", tally.events));
         };
-        if let Some(because) = subject.moved_together() {
-            return vec![subject.not_run(NAME, "", because)];
-        }
-        vec![judge_share(subject, tally, share), judge_contrary(subject)]
+        subject.changes_one_by_one()?;
+        Ok(vec![("", Ok(judge_share(subject, tally, share))), ("contrary", judge_contrary(subject))])
     }
 }
 
-fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
-    let (tally, law) = match subject.compared_at_once() {
-        Ok(both) => both,
-        Err(because) => return subject.not_run(NAME, "contrary", because),
-    };
-    if let Some(because) = subject.moved_by_itself() {
-        return subject.not_run(NAME, "contrary", because);
-    }
+fn judge_contrary(subject: &TrajectorySubject<'_>) -> Judged {
+    let (tally, law) = subject.compared_at_once()?;
+    subject.changes_steadily()?;
     // Over longer intervals a pixel may brighten and darken, and have events of both polarities.
     let short = tally.compared.intervals.iter().filter(|interval| interval.short);
     let [mut pixels, mut with, mut against, mut noise, mut floor] = [0.0; 5];
@@ -97,9 +80,9 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
     noise += floor + 5.0 * floor.sqrt();
     let events = with + against;
     if events < MIN_STEADY {
-        let because =
-            format!("{events} events at steadily changing pixels are too few to judge their polarity");
-        return subject.not_run(NAME, "contrary", because);
+        return Err(format!(
+            "{events} events at steadily changing pixels are too few to judge their polarity"
+        ));
     }
     let asked = subject.limits.polarity.and_then(|l| l.contrary);
     // A share of few events scatters about its mean.
@@ -109,11 +92,10 @@ fn judge_contrary(subject: &TrajectorySubject<'_>) -> Finding {
     let because = format!(
         "{against} of {events} events have the wrong polarity, at {pixels} pixels that brighten or darken steadily"
     );
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
-    subject.finding(NAME, "contrary", judged)
+    Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64) -> Finding {
+fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64) -> Judgement {
     let limits = subject.limits.polarity.unwrap_or_default();
     let predicted = predicted_share(subject, tally);
     // Without frames, half of the events are expected to be ON.
@@ -129,11 +111,7 @@ fn judge_share(subject: &TrajectorySubject<'_>, tally: &StreamTally, share: f64)
         Some(p) => format!("{share:.4} of {} events are ON; the frames predict {p:.4}", tally.events),
         None => format!("{share:.4} of {} events are ON", tally.events),
     };
-    subject.finding(
-        NAME,
-        "",
-        Judgement { verdict, measured: Some(share), limit: Some(limit), unit: "1", because },
-    )
+    Judgement::new(verdict, share, limit, "1", because)
 }
 
 /// Expected share of the events of hot pixels, which are all ON, and its standard deviation.

@@ -17,8 +17,8 @@
 //! of more than half a turn can exceed the limit of `rotation` and be sound
 //! (`docs/checks.md`).
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_num::stats::upper_median;
 use gs2e_source::foreign::colmap::{ColmapRegistration, MIN_PICTURES, PoseAgreement};
 use serde::de::Error;
@@ -51,73 +51,61 @@ const WORST_DEG: f64 = 0.5;
 const TRANSLATION: f64 = 0.01;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct PoseColmap;
-
-const NAME: &str = "pose_colmap";
+pub(crate) struct PoseColmap;
 
 impl ValidationPass for PoseColmap {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        match subject.foreign.and_then(|foreign| foreign.colmap.as_ref()) {
-            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
-            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
-            Some(Ok(registration)) if registration.poses.len() < MIN_PICTURES as usize => {
-                let ColmapRegistration { program, given, poses, .. } = registration;
-                let because = format!("{program} registers {} of {given} pictures", poses.len());
-                vec![subject.not_run(NAME, "", because)]
-            }
-            Some(Ok(registration)) => registration_findings(subject, registration),
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let found = subject.foreign.and_then(|foreign| foreign.colmap.as_ref());
+        let found = found.ok_or_else(|| limits::not_asked("pose_colmap"))?.as_ref()?;
+        let ColmapRegistration { program, given, poses, .. } = found;
+        let registered = format!("{program} registers {} of {given} pictures", poses.len());
+        if poses.len() < MIN_PICTURES as usize {
+            return Err(registered);
         }
+        Ok(judge_registration(subject, found, registered))
     }
 }
 
-fn registration_findings(subject: &TrajectorySubject<'_>, registration: &ColmapRegistration) -> Vec<Finding> {
+/// The statements on a registration; `registered` are the words for its size.
+fn judge_registration(
+    subject: &TrajectorySubject<'_>,
+    found: &ColmapRegistration,
+    registered: String,
+) -> Statements {
     let limits = subject.limits.pose_colmap.unwrap_or_default();
-    let ColmapRegistration { program, given, poses, .. } = registration;
+    let ColmapRegistration { program, given, poses, .. } = found;
     let of = |value: fn(&PoseAgreement) -> f64| {
         poses.iter().max_by(|a, b| value(a).total_cmp(&value(b))).expect("there are poses")
     };
-    let at_most = |part, measured: f64, limit: LimitSide, unit, because| {
-        subject.finding(
-            NAME,
-            part,
-            Judgement::from_value(limit.at_most(measured), measured, limit, unit, because),
-        )
-    };
     let share = poses.len() as f64 / *given as f64;
     let least = LimitSide::limit_or(limits.registered, LimitSide::warning(REGISTERED));
-    let because = format!("{program} registers {} of {given} pictures", poses.len());
-    let registered = Judgement::from_value(least.at_least(share), share, least, "1", because);
+    let registered = Judgement::at_least(share, least, "1", registered);
     let middle = upper_median(poses.iter().map(|p| p.rotation_deg).collect()).unwrap_or(0.0);
     let because = format!(
         "the median difference between {} stated rotations and those of {program} is {middle:.4} degrees",
         poses.len()
     );
     let (turned, moved) = (of(|p| p.rotation_deg), of(|p| p.translation));
-    let rotation = at_most(
-        "rotation",
-        middle,
-        LimitSide::limit_or(limits.max_deg, LimitSide::gate(MAX_DEG)),
-        "deg",
-        because,
-    );
+    let bound = LimitSide::limit_or(limits.max_deg, LimitSide::gate(MAX_DEG));
+    let rotation = Judgement::at_most(middle, bound, "deg", because);
     let because = format!(
         "pose {} differs by {:.4} degrees from the rotation of {program}, the largest difference",
         turned.pose, turned.rotation_deg
     );
     let bound = LimitSide::limit_or(limits.worst_deg, LimitSide::gate(WORST_DEG));
-    let worst = at_most("rotation-worst", turned.rotation_deg, bound, "deg", because);
+    let worst = Judgement::at_most(turned.rotation_deg, bound, "deg", because);
     let because = format!(
         "pose {} differs by {:.5} of the path's length from the centre of {program}, the largest difference",
         moved.pose, moved.translation
     );
     let bound = LimitSide::limit_or(limits.translation, LimitSide::gate(TRANSLATION));
-    let translation = at_most("translation", moved.translation, bound, "1", because);
-    vec![subject.finding(NAME, "registered", registered), rotation, worst, translation]
+    let translation = Judgement::at_most(moved.translation, bound, "1", because);
+    vec![
+        ("registered", Ok(registered)),
+        ("rotation", Ok(rotation)),
+        ("rotation-worst", Ok(worst)),
+        ("translation", Ok(translation)),
+    ]
 }
 
 fn parse_enough<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {

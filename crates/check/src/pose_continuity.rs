@@ -14,8 +14,8 @@
 
 mod noise;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_num::se3::rotation::{relative_angle, same_hemisphere};
 use gs2e_num::stats::mean_median;
 use gs2e_num::units::Ratio;
@@ -42,26 +42,20 @@ const FLOOR: f64 = 0.25;
 const MIN_STEPS: usize = 3;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct PoseContinuity;
-
-const NAME: &str = "pose_continuity";
+pub(crate) struct PoseContinuity;
 
 impl ValidationPass for PoseContinuity {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
         let steps = RelativeSteps::of_subject(subject);
         if steps.linear.len() < MIN_STEPS {
-            return vec![subject.not_run(NAME, "", "there are fewer than 4 poses")];
+            return Err("there are fewer than 4 poses".into());
         }
         let floor = FLOOR * steps.median_mixed();
-        let part = |part, steps| judge_steps(subject, part, steps, floor);
-        let mut findings = vec![part("translation", &steps.linear), part("rotation", &steps.angular)];
-        findings.extend(judge_noise(subject));
-        findings
+        let [translation, rotation] =
+            [&steps.linear, &steps.angular].map(|steps| judge_steps(subject, steps, floor));
+        let mut statements = vec![("translation", Ok(translation)), ("rotation", Ok(rotation))];
+        statements.extend(["noise-translation", "noise-rotation"].into_iter().zip(judge_noise(subject)));
+        Ok(statements)
     }
 }
 
@@ -69,10 +63,10 @@ impl ValidationPass for PoseContinuity {
 /// every second or third pose have the spectrum of noise.
 const PER_VIEW: [f64; 2] = [2.0, 4.0];
 
-fn judge_noise(subject: &TrajectorySubject<'_>) -> [Finding; 2] {
-    let parts = ["noise-translation", "noise-rotation"];
+/// The noise of translation and rotation.
+fn judge_noise(subject: &TrajectorySubject<'_>) -> [Judged; 2] {
     if let Err(because) = is_sampled_densely(subject) {
-        return parts.map(|part| subject.not_run(NAME, part, because.clone()));
+        return [Err(because.clone()), Err(because)];
     }
     let scale = subject.speed.map_or(1.0, |r| r.scale_distance);
     let poses = &subject.trajectory.world_from_camera;
@@ -87,16 +81,14 @@ fn judge_noise(subject: &TrajectorySubject<'_>) -> [Finding; 2] {
     let length = |w: &[PathPoint]| w[0].iter().zip(w[1]).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt();
     let steps = centres.windows(2).zip(turns.windows(2)).map(|(c, t)| length(c) + length(t));
     let step = mean_median(steps.collect()).unwrap_or(0.0);
-    let judge = |part, points: &[PathPoint], shown: NoiseUnit| {
+    let judge = |points: &[PathPoint], unit: NoiseUnit| {
         let found = path_noise(points, noise::FLOOR * step).filter(|_| step > 0.0);
-        found.map_or_else(
-            || subject.not_run(NAME, part, "the camera stands still, or there are fewer than 11 poses"),
-            |found| noise_finding(subject, part, found, (step, shown)),
-        )
+        let found = found.ok_or("the camera stands still, or there are fewer than 11 poses")?;
+        Ok(judge_found(&found, step, unit))
     };
     [
-        judge(parts[0], &centres, NoiseUnit { factor: scale, name: "scene units" }),
-        judge(parts[1], &turns, NoiseUnit { factor: 1f64.to_degrees(), name: "degrees" }),
+        judge(&centres, NoiseUnit { factor: scale, name: "scene units" }),
+        judge(&turns, NoiseUnit { factor: 1f64.to_degrees(), name: "degrees" }),
     ]
 }
 
@@ -107,12 +99,8 @@ struct NoiseUnit {
     name: &'static str,
 }
 
-fn noise_finding(
-    subject: &TrajectorySubject<'_>,
-    part: &str,
-    found: PathNoise,
-    (step, unit): (f64, NoiseUnit),
-) -> Finding {
+/// Judges a noise by the median step.
+fn judge_found(found: &PathNoise, step: f64, unit: NoiseUnit) -> Judgement {
     let limit = LimitSide::gate(noise::FLOOR);
     let measured = found.size / step;
     let absolute = |size: f64| format!("{:.2e} {}", unit.factor * size, unit.name);
@@ -129,15 +117,12 @@ fn noise_finding(
             found.ends
         )
     };
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "steps", because);
-    subject.finding(NAME, part, judged).detecting(found.detects / step, "steps")
+    Judgement::at_most(measured, limit, "steps", because).detecting(found.detects / step, "steps")
 }
 
 /// Requires enough poses between the views that a path follows, where it is fastest.
 fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
-    let Some(report) = subject.speed else {
-        return Err("the trajectory has no speed report, which states its curve".to_owned());
-    };
+    let report = subject.speed.ok_or("the trajectory has no speed report, which states its curve")?;
     let poses = subject.trajectory.world_from_camera.len() as f64;
     let gamma = report.gamma.as_ref().and_then(|gamma| gamma.parse::<Ratio>().ok());
     let views = match report.kind {
@@ -147,9 +132,8 @@ fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
         CourseKind::Mounted => subject.views.or(Some(report.keyframes.len()).filter(|n| *n > 0)),
     };
     let per_view = gamma.map(|g| g.numerator() as f64 / g.denominator() as f64);
-    let Some(per_view) = per_view.or(views.map(|n| poses / n.max(1) as f64)) else {
-        return Err("the number of views that the path follows is not known here".to_owned());
-    };
+    let per_view = per_view.or(views.map(|n| poses / n.max(1) as f64));
+    let per_view = per_view.ok_or("the number of views that the path follows is not known here")?;
     // Where the speed law is fast, a view has fewer poses.
     let fastest = report.asked_shares().fold(0.0, f64::max) * (poses - 1.0);
     let least = if report.curve == Some(CurveKind::SlerpLerp) { PER_VIEW[1] } else { PER_VIEW[0] };
@@ -162,7 +146,7 @@ fn is_sampled_densely(subject: &TrajectorySubject<'_>) -> Result<(), String> {
     ))
 }
 
-fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor: f64) -> Finding {
+fn judge_steps(subject: &TrajectorySubject<'_>, steps: &[f64], floor: f64) -> Judgement {
     let ratio = |j: usize| {
         let among = median_of_neighbours(steps, j).max(floor);
         // If nothing moves, the floor is 0 as well, and the ratio would be NaN.
@@ -176,9 +160,7 @@ fn judge_steps(subject: &TrajectorySubject<'_>, part: &str, steps: &[f64], floor
         "the most uneven step, from pose {at} to {}, is {measured:.3} times the median of the steps around it",
         at + 1
     );
-    let verdict = limit.at_most(measured);
-    let (measured, limit) = (Some(measured), Some(limit.value));
-    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "1", because })
+    Judgement::at_most(measured, limit, "1", because)
 }
 
 /// Steps in the mixed metric, divided by their requested shares of the path.

@@ -13,8 +13,8 @@
 //! finds in pictures with the stated motion. They are less precise: two views determine a motion
 //! less well than twenty do (`pose_colmap`).
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_num::stats::upper_median;
 use gs2e_source::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
 use serde::{Deserialize, Serialize};
@@ -38,77 +38,58 @@ const DIRECTION_DEG: f64 = 10.0;
 const MIN_PAIRS: usize = 3;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct PoseOpencv;
-
-const NAME: &str = "pose_opencv";
+pub(crate) struct PoseOpencv;
 
 impl ValidationPass for PoseOpencv {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        match subject.foreign.and_then(|foreign| foreign.opencv.as_ref()) {
-            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
-            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
-            Some(Ok(geometry)) => {
-                let mut findings = judge_relative(subject, geometry);
-                findings.insert(0, subject.finding(NAME, "projection", judge_projection(geometry)));
-                findings
-            }
-        }
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let found = subject.foreign.and_then(|foreign| foreign.opencv.as_ref());
+        let geometry = found.ok_or_else(|| limits::not_asked("pose_opencv"))?.as_ref()?;
+        let [rotation, direction] = judge_relative(subject, geometry);
+        Ok(vec![
+            ("projection", judge_projection(geometry)),
+            ("relative-rotation", rotation),
+            ("relative-direction", direction),
+        ])
     }
 }
 
-fn judge_projection(geometry: &OpencvGeometry) -> Judgement {
+fn judge_projection(geometry: &OpencvGeometry) -> Judged {
     let files = [("poses.txt", geometry.poses_txt), ("transforms.json", geometry.transforms_json)];
     let (name, ProjectionAgreement { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
     let program = &geometry.program;
     // A file without known poses has no distance, and would pass.
     if let Some((name, _)) = files.iter().find(|(_, seen)| seen.pose.is_none()) {
-        return Judgement::not_run(format!(
-            "{name} contains none of the sampled poses, so {program} cannot be compared"
-        ));
+        return Err(format!("{name} contains none of the sampled poses, so {program} cannot be compared"));
     }
-    let limit = LimitSide::gate(PX);
     let pose = pose.unwrap_or_default();
     let because = format!(
         "{program} projects {points} points to within {px:.2e} px of gs2e with {name}, worst in pose {pose}"
     );
-    Judgement::from_value(limit.at_most(px), px, limit, "px", because)
+    Ok(Judgement::at_most(px, LimitSide::gate(PX), "px", because))
 }
 
-fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) -> Vec<Finding> {
+fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) -> [Judged; 2] {
     let OpencvGeometry { program, tried, pairs, .. } = geometry;
     let limits = subject.limits.pose_opencv.unwrap_or_default();
-    let judge = |part, value: fn(&RelativeMotion) -> f64, limit: LimitSide| {
+    let judge = |value: fn(&RelativeMotion) -> f64, limit: LimitSide| {
         if pairs.len() < MIN_PAIRS {
-            let because = format!(
+            return Err(format!(
                 "{program} finds the motion for only {} of {tried} picture pairs: too few key points are shared \
                  by pictures that are 8 px or more apart",
                 pairs.len()
-            );
-            return subject.not_run(NAME, part, because);
+            ));
         }
         let measured = upper_median(pairs.iter().map(value).collect()).unwrap_or(0.0);
         let because = format!(
             "over {} picture pairs, the motion found by {program} differs from that of the poses by {measured:.3} degrees in the median",
             pairs.len()
         );
-        subject.finding(
-            NAME,
-            part,
-            Judgement::from_value(limit.at_most(measured), measured, limit, "deg", because),
-        )
+        Ok(Judgement::at_most(measured, limit, "deg", because))
     };
     let rotation = LimitSide::limit_or(limits.rotation_deg, LimitSide::warning(ROTATION_DEG));
     let direction = LimitSide::limit_or(limits.direction_deg, LimitSide::warning(DIRECTION_DEG));
-    vec![
-        judge("relative-rotation", |m| m.rotation_deg, rotation),
-        judge("relative-direction", |m| m.direction_deg, direction),
-    ]
+    [judge(|m| m.rotation_deg, rotation), judge(|m| m.direction_deg, direction)]
 }
 
 #[cfg(test)]

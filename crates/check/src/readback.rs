@@ -2,8 +2,8 @@
 //! by OpenCV. A gate: each must read exactly the same values. The pass runs if the recipe requests
 //! it.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_source::foreign;
 use serde::{Deserialize, Serialize};
 
@@ -13,45 +13,27 @@ use serde::{Deserialize, Serialize};
 pub struct Limits {}
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct ReadbackPass;
-
-const NAME: &str = "readback";
+pub(crate) struct ReadbackPass;
 
 impl ValidationPass for ReadbackPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        match subject.foreign.and_then(|foreign| foreign.readback.as_ref()) {
-            None => vec![subject.not_run(NAME, "", limits::not_asked(NAME))],
-            Some(Err(because)) => vec![subject.not_run(NAME, "", because)],
-            Some(Ok(read)) => [
-                ("events", judge_events(read)),
-                ("index", judge_index(read)),
-                ("pictures", judge_pictures(read)),
-            ]
-            .map(|(part, judged)| subject.finding(NAME, part, judged))
-            .to_vec(),
-        }
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let read = subject.foreign.and_then(|foreign| foreign.readback.as_ref());
+        let read = read.ok_or_else(|| limits::not_asked("readback"))?.as_ref()?;
+        Ok(vec![
+            ("events", judge_events(read)),
+            ("index", judge_index(read)),
+            ("pictures", judge_pictures(read)),
+        ])
     }
 }
 
 const NO_EVENTS: &str = "there are no events";
 
-/// No value may differ.
-fn judge_differences(differing: usize, because: String) -> Judgement {
-    let limit = LimitSide::gate(0.0);
-    let measured = differing as f64;
-    Judgement::from_value(limit.at_most(measured), measured, limit, "1", because)
-}
-
-fn judge_events(read: &foreign::readback::ReadbackReport) -> Judgement {
+fn judge_events(read: &foreign::readback::ReadbackReport) -> Judged {
     if read.streams.is_empty() {
-        return Judgement::not_run(NO_EVENTS);
+        return Err(NO_EVENTS.into());
     }
-    let differing = read.streams.iter().map(|stream| stream.differing.len()).sum();
+    let differing: usize = read.streams.iter().map(|stream| stream.differing.len()).sum();
     let total: u64 = read.streams.iter().map(|stream| stream.events).sum();
     let mut names: Vec<&str> =
         read.streams.iter().flat_map(|stream| &stream.differing).map(String::as_str).collect();
@@ -64,35 +46,30 @@ fn judge_events(read: &foreign::readback::ReadbackReport) -> Judgement {
     } else {
         format!("{program} reads different values of {}", names.join(", "))
     };
-    judge_differences(differing, because)
+    Ok(Judgement::none_of(differing as f64, "1", because))
 }
 
-fn judge_index(read: &foreign::readback::ReadbackReport) -> Judgement {
+fn judge_index(read: &foreign::readback::ReadbackReport) -> Judged {
     if read.streams.is_empty() {
-        return Judgement::not_run(NO_EVENTS);
+        return Err(NO_EVENTS.into());
     }
     let sum = |value: fn(&foreign::readback::StreamRead) -> u64| read.streams.iter().map(value).sum::<u64>();
     let (entries, wrong) = (sum(|s| s.entries), sum(|s| s.wrong_entries));
     let because = format!("{wrong} of {entries} entries of ms_to_idx differ when read by {}", read.program);
-    judge_differences(usize::try_from(wrong).unwrap_or(usize::MAX), because)
+    Ok(Judgement::none_of(wrong as f64, "1", because))
 }
 
-fn judge_pictures(read: &foreign::readback::ReadbackReport) -> Judgement {
-    match &read.pictures {
-        Err(because) => Judgement::not_run(because),
-        Ok(pictures) => {
-            let differing = &pictures.differing;
-            let first =
-                differing.first().map_or_else(String::new, |pose| format!(", the first of pose {pose}"));
-            let because = format!(
-                "{} of {} pictures have different pixels when read by {}{first}",
-                differing.len(),
-                pictures.count,
-                read.program
-            );
-            judge_differences(differing.len(), because)
-        }
-    }
+fn judge_pictures(read: &foreign::readback::ReadbackReport) -> Judged {
+    let pictures = read.pictures.as_ref()?;
+    let differing = &pictures.differing;
+    let first = differing.first().map_or_else(String::new, |pose| format!(", the first of pose {pose}"));
+    let because = format!(
+        "{} of {} pictures have different pixels when read by {}{first}",
+        differing.len(),
+        pictures.count,
+        read.program
+    );
+    Ok(Judgement::none_of(differing.len() as f64, "1", because))
 }
 
 #[cfg(test)]

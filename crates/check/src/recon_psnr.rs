@@ -7,8 +7,8 @@
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, SceneSubject, Verdict, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{SceneSubject, Verdict, limits};
 use gs2e_train::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
 
@@ -30,35 +30,35 @@ pub struct Limits {
 const DROP_DB: f64 = 3.0;
 const MEAN_DB: f64 = 25.0;
 
-/// Name of the pass.
-pub(super) const NAME: &str = "recon_psnr";
-
-/// The findings on a scene.
-pub(super) fn psnr_findings(subject: &SceneSubject<'_>) -> Vec<Finding> {
-    const PARTS: [&str; 3] = ["drop", "mean", "ssim"];
+/// The statements on a scene.
+pub(super) fn judge_photos(subject: &SceneSubject<'_>) -> Statements {
+    let judged = judge_fidelity(subject);
     // A statement that was not measured appears in the report all the same.
-    let not_run = |because: &str| PARTS.map(|part| subject.not_run(NAME, part, because)).to_vec();
-    let Some(fidelity) = subject.fidelity else { return not_run("there is no scene to render") };
-    let (Some(psnr), Some(similarity)) = (fidelity.psnr(), fidelity.ssim()) else {
-        let because = match fidelity.not_compared.first() {
-            Some(first) => format!("no photo can be compared; `{}`: {}", first.name, first.because),
-            None => "there are no photos".to_owned(),
-        };
-        return not_run(&because);
-    };
-    let limits = subject.limits.recon_psnr.unwrap_or_default();
-    vec![
-        judge_drop(subject, fidelity, &limits),
-        judge_mean(subject, fidelity, &psnr, &limits),
-        judge_ssim(subject, similarity, psnr.views, &limits),
-    ]
+    let judged = judged.unwrap_or_else(|because| [Err(because.clone()), Err(because.clone()), Err(because)]);
+    ["drop", "mean", "ssim"].into_iter().zip(judged).collect()
 }
 
-fn judge_drop(subject: &SceneSubject<'_>, fidelity: &PhotoFidelity, limits: &Limits) -> Finding {
+fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
+    let fidelity = subject.fidelity.ok_or("there is no scene to render")?;
+    let (Some(psnr), Some(similarity)) = (fidelity.psnr(), fidelity.ssim()) else {
+        return Err(match fidelity.not_compared.first() {
+            Some(first) => format!("no photo can be compared; `{}`: {}", first.name, first.because),
+            None => "there are no photos".to_owned(),
+        });
+    };
+    let limits = subject.limits.recon_psnr.unwrap_or_default();
+    Ok([
+        judge_drop(fidelity, &limits),
+        Ok(judge_mean(fidelity, &psnr, &limits)),
+        Ok(judge_ssim(similarity, psnr.views, &limits)),
+    ])
+}
+
+fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> Judged {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::warning(DROP_DB));
     let seen = fidelity.trained_on();
     let (Some(psnr), Some(worst)) = (seen.psnr(), seen.worst()) else {
-        return subject.not_run(NAME, "drop", "all photos that can be compared were held out from training");
+        return Err("all photos that can be compared were held out from training".into());
     };
     let measured = psnr.mean - psnr.min;
     let views = match fidelity.held_out {
@@ -67,19 +67,10 @@ fn judge_drop(subject: &SceneSubject<'_>, fidelity: &PhotoFidelity, limits: &Lim
     };
     let because =
         format!("`{}` has {:.2} dB, {measured:.2} dB below the mean of {views}", worst.name, psnr.min);
-    subject.finding(
-        NAME,
-        "drop",
-        Judgement::from_value(limit.at_most(measured), measured, limit, "dB", because),
-    )
+    Ok(Judgement::at_most(measured, limit, "dB", because))
 }
 
-fn judge_mean(
-    subject: &SceneSubject<'_>,
-    fidelity: &PhotoFidelity,
-    psnr: &PsnrFigures,
-    limits: &Limits,
-) -> Finding {
+fn judge_mean(fidelity: &PhotoFidelity, psnr: &PsnrFigures, limits: &Limits) -> Judgement {
     let limit = LimitSide::limit_or(limits.mean, LimitSide::warning(MEAN_DB));
     let held_out = match (fidelity.held_out, psnr.held_out) {
         (HeldOutViews::Nothing, _) => "; none was held out from training".to_owned(),
@@ -101,24 +92,19 @@ fn judge_mean(
     };
     let because =
         format!("{} views have a mean PSNR of {:.2} dB{held_out}{not_compared}", psnr.views, psnr.mean);
-    subject.finding(
-        NAME,
-        "mean",
-        Judgement::from_value(limit.at_least(psnr.mean), psnr.mean, limit, "dB", because),
-    )
+    Judgement::at_least(psnr.mean, limit, "dB", because)
 }
 
-fn judge_ssim(subject: &SceneSubject<'_>, measured: f64, views: usize, limits: &Limits) -> Finding {
+fn judge_ssim(measured: f64, views: usize, limits: &Limits) -> Judgement {
     let verdict = limits.ssim.map_or(Verdict::Pass, |least| LimitSide::gate(least).at_least(measured));
     let because = format!("{views} views have a mean SSIM of {measured:.4}");
-    let judged = Judgement { verdict, measured: Some(measured), limit: limits.ssim, unit: "1", because };
-    subject.finding(NAME, "ssim", judged)
+    Judgement::new(verdict, measured, limits.ssim, "1", because)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::judge_scene;
+    use crate::{Finding, judge_scene};
     use gs2e_train::fidelity::{ComparedView, NotCompared, PhotoFidelity};
 
     /// The finding of a statement on views with this PSNR.

@@ -28,10 +28,7 @@ pub fn judge_agreement(subject: &str, part: &str, what: &str, faults: &[String])
         [fault] => fault.clone(),
         [fault, others @ ..] => format!("{fault}; and {} more faults of this kind", others.len()),
     };
-    let measured = faults.len() as f64;
-    let limit = LimitSide::gate(0.0);
-    Judgement::from_value(limit.at_most(measured), measured, limit, "faults", because)
-        .finding(subject, NAME, part)
+    Judgement::none_of(faults.len() as f64, "faults", because).finding(subject, NAME, part)
 }
 
 /// The finding on the blurred frames of a trajectory: the worst of those that were compared.
@@ -51,8 +48,7 @@ pub fn judge_blur(subject: &str, compared: &[(usize, ExposureMismatch)]) -> Find
         if mismatch.is_exact { "rounding" } else { "rounding and the motion between them" },
         mismatch.worst
     );
-    Judgement::from_value(limit.at_most(mismatch.share), mismatch.share, limit, "1", because)
-        .finding(subject, NAME, "blur")
+    Judgement::at_most(mismatch.share, limit, "1", because).finding(subject, NAME, "blur")
 }
 
 /// The finding on blurred frames that could not be compared.
@@ -65,6 +61,5 @@ pub fn blur_not_compared(subject: &str, because: &str) -> Finding {
 #[must_use]
 pub fn no_scenes(release: &str) -> Finding {
     let because = "manifest.json lists no scene, so there is nothing to check".to_owned();
-    let judged = Judgement { verdict: Verdict::Fail, ..Judgement::not_run(because) };
-    judged.finding(release, NAME, "scenes")
+    Judgement::without_value(Verdict::Fail, "1", because).finding(release, NAME, "scenes")
 }

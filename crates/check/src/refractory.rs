@@ -5,46 +5,30 @@
 //! the period by less than one microsecond. The pass counts events closer than the period in whole
 //! microseconds; a sound stream has none.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::{Judgement, Statements};
+use super::{TrajectorySubject, ValidationPass};
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct DeadTime;
-
-const NAME: &str = "refractory";
+pub(crate) struct DeadTime;
 
 impl ValidationPass for DeadTime {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let (Some(tally), Some(sensor)) = (subject.tally, subject.sensor) else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
+        let sensor = subject.sensor.ok_or("there are no events")?;
         let period_us = sensor.dead_us();
         if period_us == 0 {
-            return vec![subject.not_run(
-                NAME,
-                "",
-                "the sensor has no refractory period of a microsecond or more",
-            )];
+            return Err("the sensor has no refractory period of a microsecond or more".into());
         }
         if sensor.readout().is_some() {
-            let because =
-                "not applicable behind a readout of limited rate: events are stamped when they are read";
-            return vec![subject.not_run(NAME, "", because)];
+            return Err(
+                "not applicable behind a readout of limited rate: events are stamped when they are read"
+                    .into(),
+            );
         }
         let because = format!(
             "{} of {} events come within the dead time of {period_us} us after another event of their pixel",
             tally.too_soon, tally.events
         );
-        let (limit, measured) = (LimitSide::gate(0.0), tally.too_soon as f64);
-        vec![subject.finding(
-            NAME,
-            "",
-            Judgement::from_value(limit.at_most(measured), measured, limit, "events", because),
-        )]
+        Ok(vec![("", Ok(Judgement::none_of(tally.too_soon as f64, "events", because)))])
     }
 }

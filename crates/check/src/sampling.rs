@@ -12,8 +12,8 @@ mod resampled;
 
 pub use resampled::ResampledIntervals;
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -42,24 +42,11 @@ const SHIFT_STEPS: f64 = 0.03;
 const MIN_EVENTS: u64 = 400;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct SamplingPass;
-
-const NAME: &str = "sampling";
+pub(crate) struct SamplingPass;
 
 impl ValidationPass for SamplingPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(flow) = subject.flow else {
-            return vec![subject.not_run(
-                NAME,
-                "",
-                "there is no depth or flow, so the image motion is unknown",
-            )];
-        };
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let flow = subject.flow.ok_or("there is no depth or flow, so the image motion is unknown")?;
         let asked = subject.limits.sampling.and_then(|l| l.max);
         let measured = f64::from(flow.p95);
         let because = format!(
@@ -73,56 +60,47 @@ impl ValidationPass for SamplingPass {
             let because = format!(
                 "{because}; the error between frames is within the tolerance of {tolerance} thresholds"
             );
-            let (verdict, measured) = (Verdict::Pass, Some(measured));
-            return vec![subject.finding(
-                NAME,
-                "",
-                Judgement { verdict, measured, limit: None, unit: "px/frame", because },
-            )];
+            let judged = Judgement::new(Verdict::Pass, measured, None, "px/frame", because);
+            return Ok(vec![("", Ok(judged))]);
         }
         let limit = LimitSide::limit_or(asked, LimitSide::warning(MAX_PX));
-        let judged = Judgement {
-            verdict: limit.at_most(measured),
-            measured: Some(measured),
-            limit: Some(limit.value),
-            unit: "px/frame",
-            because,
-        };
-        vec![subject.finding(NAME, "", judged)]
+        Ok(vec![("", Ok(Judgement::at_most(measured, limit, "px/frame", because)))])
     }
 
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tried) = subject.resampled else {
-            let because = "twice the frames were not tried: this sensor follows the frames (v2e, `law: official`, a readout, `intensity: linear`), or the check reads a release";
-            return vec![subject.not_run(NAME, "twice", because)];
-        };
-        if tried.events < MIN_EVENTS {
-            let because =
-                format!("{} events in {} intervals are too few to compare", tried.events, tried.intervals);
-            return vec![subject.not_run(NAME, "twice", because)];
-        }
-        vec![judge_count(subject, tried), judge_shift(subject, tried)]
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(match resampled(subject) {
+            Ok(tried) => {
+                vec![("count", Ok(judge_count(subject, tried))), ("shift", judge_shift(subject, tried))]
+            }
+            Err(because) => vec![("twice", Err(because))],
+        })
     }
 }
 
-fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Finding {
+/// The intervals with twice the frames, or the reason why they say nothing.
+fn resampled<'a>(subject: &TrajectorySubject<'a>) -> Result<&'a ResampledIntervals, String> {
+    let tried = subject.resampled.ok_or("twice the frames were not tried: this sensor follows the frames (v2e, `law: official`, a readout, `intensity: linear`), or the check reads a release")?;
+    if tried.events < MIN_EVENTS {
+        return Err(format!(
+            "{} events in {} intervals are too few to compare",
+            tried.events, tried.intervals
+        ));
+    }
+    Ok(tried)
+}
+
+fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Judgement {
     let limit = LimitSide::limit_or(subject.limits.sampling.and_then(|l| l.count), LimitSide::warning(COUNT));
     let measured = (tried.at_twice as f64 / tried.events as f64 - 1.0).abs();
     let because = format!(
         "in {0} intervals, a quarter of the pixel rows has {1} events, and {2} with twice the frames",
         tried.intervals, tried.events, tried.at_twice
     );
-    subject.finding(
-        NAME,
-        "count",
-        Judgement::from_value(limit.at_most(measured), measured, limit, "1", because),
-    )
+    Judgement::at_most(measured, limit, "1", because)
 }
 
-fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Finding {
-    let Some(measured) = tried.shift_us else {
-        return subject.not_run(NAME, "shift", "no event occurs in both streams");
-    };
+fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Judged {
+    let measured = tried.shift_us.ok_or("no event occurs in both streams")?;
     let because =
         format!("doubling the frame rate shifts events by {measured:.2} us (median of {})", tried.paired);
     let asked = subject.limits.sampling.and_then(|l| l.shift_us);
@@ -130,17 +108,8 @@ fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> F
     if let (Some(tolerance), None) = (tried.tolerance, asked) {
         let because =
             format!("{because}; not judged, because the recipe sets a tolerance of {tolerance} thresholds");
-        let (verdict, measured) = (Verdict::Pass, Some(measured));
-        return subject.finding(
-            NAME,
-            "shift",
-            Judgement { verdict, measured, limit: None, unit: "us", because },
-        );
+        return Ok(Judgement::new(Verdict::Pass, measured, None, "us", because));
     }
     let limit = LimitSide::limit_or(asked, LimitSide::warning(SHIFT_STEPS * 1e6 / subject.rate.to_f64()));
-    subject.finding(
-        NAME,
-        "shift",
-        Judgement::from_value(limit.at_most(measured), measured, limit, "us", because),
-    )
+    Ok(Judgement::at_most(measured, limit, "us", because))
 }

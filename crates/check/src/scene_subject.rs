@@ -1,7 +1,6 @@
 //! The subject of the passes over a scene: its capture, and its agreement with the photos.
 
-use super::subject::Judgement;
-use super::{Finding, Limits};
+use super::Limits;
 use gs2e_source::colmap::ReprojectionStats;
 use gs2e_train::fidelity::PhotoFidelity;
 use gs2e_trajectory::walk::CaptureEvenness;
@@ -32,16 +31,4 @@ pub struct CapturePhotos {
     pub registered: usize,
     /// Number of views, with or without a photo.
     pub views: usize,
-}
-
-impl SceneSubject<'_> {
-    /// A finding of `check`; `part` names the statement.
-    pub(super) fn finding(&self, check: &str, part: &str, judged: Judgement) -> Finding {
-        judged.finding(self.name, check, part)
-    }
-
-    /// The finding of a statement that could not be measured.
-    pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        self.finding(check, part, Judgement::not_run(because))
-    }
 }

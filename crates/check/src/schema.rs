@@ -3,32 +3,19 @@
 //! The reader rejects wrong types, lengths and index tables, and polarities other than 0 and 1: a
 //! file with one of these cannot be read.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::{Judgement, Statements};
+use super::{TrajectorySubject, ValidationPass};
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct SchemaPass;
-
-const NAME: &str = "schema";
+pub(crate) struct SchemaPass;
 
 impl ValidationPass for SchemaPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
         let (events, size) = (tally.events, tally.size);
         let place = format!("{} of {events} events lie outside the {size} sensor", tally.off_sensor);
         let order = format!("{} of {events} events are out of order", tally.disordered);
-        let wrong = |part, count: u64, because| {
-            let (measured, limit) = (Some(count as f64), Some(0.0));
-            let verdict = LimitSide::gate(0.0).at_most(count as f64);
-            subject.finding(NAME, part, Judgement { verdict, measured, limit, unit: "events", because })
-        };
-        vec![wrong("place", tally.off_sensor, place), wrong("order", tally.disordered, order)]
+        let wrong = |count: u64, because| Ok(Judgement::none_of(count as f64, "events", because));
+        Ok(vec![("place", wrong(tally.off_sensor, place)), ("order", wrong(tally.disordered, order))])
     }
 }

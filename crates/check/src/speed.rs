@@ -8,8 +8,8 @@
 //! from the poses. Linear and angular speed need not follow the law, and are reported. The law of a rig is that of its
 //! body, so nothing is asked of its cameras.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, Verdict, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, Verdict, limits};
 use gs2e_trajectory::CourseKind;
 use gs2e_trajectory::report::{ChordFollow, FollowError, SpeedReport};
 use serde::{Deserialize, Serialize};
@@ -29,28 +29,16 @@ pub struct Limits {
 
 const ARC: f64 = 1e-6;
 const CHORD: f64 = 0.03;
+const STILL: &str = "the camera does not move";
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct SpeedPass;
-
-const NAME: &str = "speed";
+pub(crate) struct SpeedPass;
 
 impl ValidationPass for SpeedPass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(report) = subject.speed else {
-            return vec![subject.not_run(NAME, "", "the trajectory has no speed report")];
-        };
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let report = subject.speed.ok_or("the trajectory has no speed report")?;
         if report.kind == CourseKind::Mounted {
-            return vec![subject.not_run(
-                NAME,
-                "",
-                "the speed law is that of the body that carries the camera",
-            )];
+            return Err("the speed law is that of the body that carries the camera".into());
         }
         let Some(chords) = report.measure_chords(&subject.trajectory.world_from_camera) else {
             let because = format!(
@@ -58,82 +46,57 @@ impl ValidationPass for SpeedPass {
                 report.s.len().saturating_sub(1),
                 subject.trajectory.world_from_camera.len()
             );
-            let judged = Judgement { verdict: Verdict::Fail, ..Judgement::not_run(because) };
-            return vec![judge_arc(subject, report), subject.finding(NAME, "chord", judged)];
+            let chord = Judgement::without_value(Verdict::Fail, "1", because);
+            return Ok(vec![("arc", judge_arc(subject, report)), ("chord", Ok(chord))]);
         };
-        vec![
-            judge_arc(subject, report),
-            judge_chord(subject, &chords),
-            judge_length(subject, report, &chords),
-        ]
+        Ok(vec![
+            ("arc", judge_arc(subject, report)),
+            ("chord", judge_chord(subject, &chords)),
+            ("length", judge_length(subject, report, &chords)),
+        ])
     }
 }
 
 /// Compares the length of the chords with that of the curve.
-fn judge_length(subject: &TrajectorySubject<'_>, report: &SpeedReport, chords: &ChordFollow) -> Finding {
-    let Some(curve) = report.length_ratio.map(|ratio| ratio * report.length).filter(|length| *length > 0.0)
-    else {
-        return subject.not_run(NAME, "length", "the camera does not move");
-    };
+fn judge_length(subject: &TrajectorySubject<'_>, report: &SpeedReport, chords: &ChordFollow) -> Judged {
+    let curve = report.length_ratio.map(|ratio| ratio * report.length).filter(|length| *length > 0.0);
+    let curve = curve.ok_or(STILL)?;
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::gate(CHORD));
     let measured = (chords.length / curve - 1.0).abs();
     let because = format!(
         "the steps between the poses sum to {:.4} times the length of the curve in speed.json",
         chords.length / curve
     );
-    let judged = Judgement::from_value(limit.at_most(measured), measured, limit, "1", because);
-    subject.finding(NAME, "length", judged)
+    Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Finding {
+fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Judged {
     if subject.is_release {
-        let because = "the fitted curve is not in a release; `chord` and `length` judge the poses";
-        return subject.not_run(NAME, "arc", because);
+        return Err("the fitted curve is not in a release; `chord` and `length` judge the poses".into());
     }
     if report.literal {
-        return subject.not_run(
-            NAME,
-            "arc",
-            "not applicable with `literal`: the paper's chords need not follow the speed law",
-        );
+        return Err("not applicable with `literal`: the paper's chords need not follow the speed law".into());
     }
-    let Some(follow) = report.mixed_ratio else {
-        return subject.not_run(NAME, "arc", "the camera does not move");
-    };
+    let follow = report.mixed_ratio.ok_or(STILL)?;
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.arc), LimitSide::gate(ARC));
-    judge_follow(subject, "arc", follow, limit, "")
+    Ok(judge_follow("arc", follow, limit, ""))
 }
 
-fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Finding {
-    let Some(follow) = chords.mixed else {
-        return subject.not_run(NAME, "chord", "the camera does not move");
-    };
+fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Judged {
+    let follow = chords.mixed.ok_or(STILL)?;
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
     let phrase = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
     let parts = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
-    judge_follow(subject, "chord", follow, limit, &parts)
+    Ok(judge_follow("chord", follow, limit, &parts))
 }
 
-fn judge_follow(
-    subject: &TrajectorySubject<'_>,
-    part: &str,
-    follow: FollowError,
-    limit: LimitSide,
-    more: &str,
-) -> Finding {
+fn judge_follow(part: &str, follow: FollowError, limit: LimitSide, more: &str) -> Judgement {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
         "steps measured by {part} length are {:.7} to {:.7} times what the speed law requires{more}",
         follow.min, follow.max
     );
-    let judged = Judgement {
-        verdict: limit.at_most(measured),
-        measured: Some(measured),
-        limit: Some(limit.value),
-        unit: "1",
-        because,
-    };
-    subject.finding(NAME, part, judged)
+    Judgement::at_most(measured, limit, "1", because)
 }

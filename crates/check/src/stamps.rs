@@ -1,36 +1,29 @@
 //! Stamps of poses equal those of the frame rate, and events lie between the first and the last. An
 //! exact gate.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass};
+use super::subject::{Judgement, Statements};
+use super::{TrajectorySubject, ValidationPass};
 use gs2e_trajectory::sample::stamps_us;
 use gs2e_trajectory::speed::SpeedMeaning;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct StampsPass;
-
-const NAME: &str = "stamps";
+pub(crate) struct StampsPass;
 
 impl ValidationPass for StampsPass {
-    fn name(&self) -> &'static str {
-        NAME
+    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(vec![("poses", Ok(judge_poses(subject)))])
     }
 
-    fn of_trajectory(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        vec![judge_poses(subject)]
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else { return Vec::new() };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let Some(tally) = subject.tally else { return Ok(Vec::new()) };
         let events = tally.events;
         let span = format!("0 to {} us", subject.trajectory.stamps_us.last().unwrap_or(&0));
         let because = format!("{} of {events} events have times outside {span}", tally.off_time);
-        vec![wrong_count(subject, "events", tally.off_time, because)]
+        Ok(vec![("events", Ok(judge_count(tally.off_time, "events", because)))])
     }
 }
 
-fn judge_poses(subject: &TrajectorySubject<'_>) -> Finding {
+fn judge_poses(subject: &TrajectorySubject<'_>) -> Judgement {
     let stamps = &subject.trajectory.stamps_us;
     let poses = subject.trajectory.world_from_camera.len();
     let wanted = expected_stamps(subject);
@@ -45,7 +38,7 @@ fn judge_poses(subject: &TrajectorySubject<'_>) -> Finding {
         "of {} time stamps for {poses} poses, {off_rate} differ from {law} and {unsorted} do not increase",
         stamps.len()
     );
-    wrong_count(subject, "poses", (off_rate + unsorted + unpaired) as u64, because)
+    judge_count((off_rate + unsorted + unpaired) as u64, "stamps", because)
 }
 
 /// The expected stamps: those of the frame rate, or those of the frame rates that the speed law
@@ -59,9 +52,6 @@ fn expected_stamps(subject: &TrajectorySubject<'_>) -> Vec<i64> {
     }
 }
 
-fn wrong_count(subject: &TrajectorySubject<'_>, part: &str, count: u64, because: String) -> Finding {
-    let unit = if part == "poses" { "stamps" } else { "events" };
-    let verdict = LimitSide::gate(0.0).at_most(count as f64);
-    let (measured, limit) = (Some(count as f64), Some(0.0));
-    subject.finding(NAME, part, Judgement { verdict, measured, limit, unit, because }).detecting(1.0, unit)
+fn judge_count(count: u64, unit: &'static str, because: String) -> Judgement {
+    Judgement::none_of(count as f64, unit, because).detecting(1.0, unit)
 }

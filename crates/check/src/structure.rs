@@ -7,8 +7,8 @@
 //! et al., E-MLB, 2023) relative to that of a uniform stream. Dense texture comes close to 1, so
 //! this is not a gate.
 
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -23,36 +23,22 @@ pub struct Limits {
 const MIN_RATIO: f64 = 1.03;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct StructurePass;
-
-const NAME: &str = "structure";
+pub(crate) struct StructurePass;
 
 impl ValidationPass for StructurePass {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        let Some(tally) = subject.tally else {
-            return vec![subject.not_run(NAME, "", "there are no events")];
-        };
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        let tally = subject.events()?;
         let crowding = &tally.crowding;
         let (measured, noise) = (crowding.ratio(), crowding.noise());
         let limit =
             LimitSide::limit_or(subject.limits.structure.and_then(|l| l.min), LimitSide::warning(MIN_RATIO));
         // Five standard deviations of a stream without structure must lie below the limit.
         if noise.is_nan() || 5.0 * noise >= limit.value - 1.0 {
-            let because = format!("{} events are too few to tell structure from chance", tally.events);
-            return vec![subject.not_run(NAME, "", because)];
+            return Err(format!("{} events are too few to tell structure from chance", tally.events));
         }
         let because = format!(
             "events cluster {measured:.3} times as strongly as randomly placed ones; 1 means pure noise"
         );
-        vec![subject.finding(
-            NAME,
-            "",
-            Judgement::from_value(limit.at_least(measured), measured, limit, "1", because),
-        )]
+        Ok(vec![("", Ok(Judgement::at_least(measured, limit, "1", because)))])
     }
 }

@@ -2,7 +2,8 @@
 
 mod judgement;
 
-pub(super) use judgement::{Judgement, LimitSide, between_bounds};
+pub use judgement::{Judged, Judgement};
+pub(super) use judgement::{LimitSide, Statements, between_bounds, findings_of};
 
 use super::coverage::ViewCoverage;
 use super::depth_consistency::disparity::DisparityDifference;
@@ -11,7 +12,7 @@ use super::event_times::crossing::StreamClock;
 use super::flash::blocks::FrameBlocks;
 use super::geometry::{GeometryMeasures, Measured};
 use super::sampling::ResampledIntervals;
-use super::{DetectableFault, Finding, Limits, StreamTally};
+use super::{Limits, StreamTally};
 use gs2e_num::units::Hertz;
 use gs2e_sensor::{SensorChoice, SimulationAccount};
 use gs2e_source::foreign::ExternalReport;
@@ -76,7 +77,37 @@ pub struct TrajectorySubject<'a> {
     pub limits: &'a Limits,
 }
 
-impl TrajectorySubject<'_> {
+impl<'a> TrajectorySubject<'a> {
+    /// A trajectory of which nothing else is known.
+    #[must_use]
+    pub fn new(name: &'a str, rate: Hertz, trajectory: &'a Trajectory, limits: &'a Limits) -> Self {
+        Self {
+            name,
+            rate,
+            trajectory,
+            speed: None,
+            sensor: None,
+            account: None,
+            tally: None,
+            flow: None,
+            moved_px: None,
+            resampled: None,
+            tolerance: None,
+            coverage: None,
+            doubtful_share: None,
+            views: None,
+            geometry: None,
+            blocks: None,
+            disparities: None,
+            crossings: None,
+            foreign: None,
+            light_changes: false,
+            own_motion: false,
+            is_release: false,
+            limits,
+        }
+    }
+
     /// Time from the first stamp to the last, seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
@@ -85,6 +116,11 @@ impl TrajectorySubject<'_> {
             (Some(first), Some(last)) => (last - first) as f64 * 1e-6,
             _ => 0.0,
         }
+    }
+
+    /// The counts of the event stream, or the reason for their absence.
+    pub(super) fn events(&self) -> Result<&'a StreamTally, &'static str> {
+        self.tally.ok_or("there are no events")
     }
 
     /// The law of the sensor's drift, or the reason for its absence.
@@ -105,8 +141,8 @@ impl TrajectorySubject<'_> {
 
     /// The stream's comparison with the frames, or the reason for its absence. Signs and places of
     /// events can be compared for every law, and exact numbers only for one that is not loose.
-    pub(super) fn compared(&self) -> Result<&StreamTally, &'static str> {
-        let tally = self.tally.ok_or("there are no events")?;
+    pub(super) fn compared(&self) -> Result<&'a StreamTally, &'static str> {
+        let tally = self.events()?;
         self.drift_law()?;
         match (tally.compared.fits.is_empty(), self.trajectory.stamps_us.len() < 2) {
             (false, _) => Ok(tally),
@@ -116,7 +152,7 @@ impl TrajectorySubject<'_> {
     }
 
     /// As [`TrajectorySubject::compared`], for a law whose events follow the frames at once.
-    pub(super) fn compared_at_once(&self) -> Result<(&StreamTally, DriftLaw), &'static str> {
+    pub(super) fn compared_at_once(&self) -> Result<(&'a StreamTally, DriftLaw), &'static str> {
         let (tally, law) = (self.compared()?, self.compared_law()?);
         match law.loose.filter(|_| law.delay_us > 0.0) {
             Some(because) => Err(because),
@@ -124,35 +160,17 @@ impl TrajectorySubject<'_> {
         }
     }
 
-    /// The reason why passes that expect pixels to change one by one do not apply, if there is one.
-    pub(super) fn moved_together(&self) -> Option<&'static str> {
-        self.light_changes.then_some("the light of the scene changes, which moves all pixels alike")
+    /// Requires that pixels change one by one.
+    pub(super) fn changes_one_by_one(&self) -> Result<(), &'static str> {
+        let because = "the light of the scene changes, which moves all pixels alike";
+        if self.light_changes { Err(because) } else { Ok(()) }
     }
 
-    /// The reason why passes that expect pixels to change steadily do not apply, if there is one.
-    pub(super) fn moved_by_itself(&self) -> Option<&'static str> {
-        const BECAUSE: &str =
+    /// Requires that pixels change steadily.
+    pub(super) fn changes_steadily(&self) -> Result<(), &'static str> {
+        let because =
             "things move on paths of their own, and pixels that they pass may brighten and darken in turn";
-        self.own_motion.then_some(BECAUSE)
-    }
-
-    /// A finding of `check`; `part` names the statement if the pass makes several.
-    pub(super) fn finding(&self, check: &str, part: &str, judged: Judgement) -> Finding {
-        judged.finding(self.name, check, part)
-    }
-
-    /// The finding of a pass that could not measure anything.
-    pub(super) fn not_run(&self, check: &str, part: &str, because: impl Into<String>) -> Finding {
-        self.finding(check, part, Judgement::not_run(because))
-    }
-}
-
-impl Finding {
-    /// This finding with the smallest fault that it would have shown.
-    pub(super) fn detecting(self, size: f64, unit: &str) -> Self {
-        // Infinity is not a number in JSON, and states nothing.
-        let detects = size.is_finite().then(|| DetectableFault::new(size, unit));
-        Self { detects, ..self }
+        if self.own_motion { Err(because) } else { Ok(()) }
     }
 }
 

@@ -195,9 +195,8 @@ impl<'a> StreamObserver<'a> {
             hot_hz,
             balance,
             windows: WarpWindows::new(size, end_us, flows),
-            watch: seen.and_then(|(law, anchors)| {
-                StillPixelWatch::new(size, end_us, &law, anchors, (flows, hot_hz))
-            }),
+            watch: seen
+                .and_then(|(law, anchors)| StillPixelWatch::new(size, end_us, &law, anchors, &against)),
             labels: seen
                 .filter(|_| labelled)
                 .map(|(law, anchors)| LabelWatch::new(end_us, &law, anchors, hot_hz)),

@@ -8,12 +8,11 @@ use gs2e_num::units::Timestamp;
 use gs2e_sensor::noise::HotPixelNoise;
 
 #[test]
-fn every_pass_has_a_name_of_the_list_and_says_something() {
+fn every_pass_says_something() {
     let world = PlantedWorld::default_world();
     let findings = world.findings();
-    for check in ALL {
-        assert!(NAMES.contains(&check.name()), "{}", check.name());
-        assert!(findings.iter().any(|f| f.check == check.name()), "{}", check.name());
+    for (check, _) in PASSES {
+        assert!(findings.iter().any(|f| f.check == *check), "{check}");
     }
     // Everything moves in this world, and its sensor has no dead time. There are no released files.
     let silent = findings.iter().filter(|f| f.verdict == Verdict::NotRun);

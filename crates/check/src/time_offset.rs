@@ -8,8 +8,8 @@
 //! threshold on average only if pixels change one by one, so the pass is not run where the light changes.
 
 use super::event_frame::fit::LagSums;
-use super::subject::{Judgement, LimitSide};
-use super::{Finding, TrajectorySubject, ValidationPass, limits};
+use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
 /// Limits that a recipe may set; absent ones have their defaults.
@@ -32,44 +32,29 @@ const UNSURE: f64 = 0.125;
 const MIN_PIXELS: u64 = 200;
 
 /// The pass.
-#[derive(Debug, Clone, Copy)]
-pub struct TimeOffset;
-
-const NAME: &str = "time_offset";
+pub(crate) struct TimeOffset;
 
 impl ValidationPass for TimeOffset {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Vec<Finding> {
-        vec![judge_offset(subject)]
+    fn of_stream(&self, subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
+        Ok(vec![("", judge_offset(subject))])
     }
 }
 
-fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
-    let not_run = |because: &str| subject.not_run(NAME, "", because);
+fn judge_offset(subject: &TrajectorySubject<'_>) -> Judged {
     // Pixels that change in step have equal residuals, and their mean is not half of a threshold.
-    if let Some(because) = subject.moved_together() {
-        return not_run(because);
-    }
-    let tally = match subject.compared() {
-        Ok(tally) => tally,
-        Err(because) => return not_run(because),
-    };
-    if let Some(because) = subject.compared_law().ok().and_then(|law| law.loose) {
-        return not_run(because);
-    }
+    subject.changes_one_by_one()?;
+    let tally = subject.compared()?;
+    subject.compared_law()?.loose.map_or(Ok(()), Err)?;
     let pixels: u64 = tally.compared.fits.iter().map(|fit| fit.lag.pixels).sum();
     let lag = LagSums::pooled_lag(tally.compared.fits.iter().map(|fit| fit.lag));
     let Some([lag, deviation]) = lag.filter(|_| pixels >= MIN_PIXELS) else {
-        return not_run(&format!(
+        return Err(format!(
             "{pixels} pixels change steadily by two thresholds, too few to measure an offset"
         ));
     };
     let step = 1e6 / subject.rate.to_f64();
     if deviation > UNSURE * step {
-        return not_run(&format!(
+        return Err(format!(
             "the offset can be measured only to {deviation:.0} us, from {pixels} pixels with a steady change"
         ));
     }
@@ -85,7 +70,5 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Finding {
     // A fault may work against the offset that the stream already has. 1.645 standard deviations
     // beyond that are found in 95 % of trials.
     let detects = limit.value + lag.abs() + 1.645 * deviation;
-    subject
-        .finding(NAME, "", Judgement::from_value(verdict, lag, limit, "us", because))
-        .detecting(detects, "us")
+    Ok(Judgement::new(verdict, lag, limit.value, "us", because).detecting(detects, "us"))
 }

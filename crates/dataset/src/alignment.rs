@@ -10,8 +10,8 @@
 //! of change, so that `s` is late. `clock` refines it.
 
 use super::samples::{DatasetFrames, SampleDecode};
-use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use gs2e_check::{Finding, Verdict};
+use super::{OpenEvents, for_each_event};
+use gs2e_check::{Judgement, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 use gs2e_image::Size;
 
@@ -202,12 +202,12 @@ impl Alignment {
 
     /// The rough offset, if events and frames belong together.
     #[must_use]
-    pub fn rough_offset(&self) -> Option<f64> {
+    pub(crate) fn rough_offset(&self) -> Option<f64> {
         (self.best.0 >= MIN_CORRELATION && self.changed.is_none()).then_some(self.best.1)
     }
 
-    /// The finding on the correlation.
-    pub(super) fn finding(&self, dataset: &EventDataset<'_>) -> Finding {
+    /// The verdict on the correlation.
+    pub(super) fn judge(&self) -> Judgement {
         let highest = self.best.0;
         let follow = format!("events follow the change of the frames with a correlation of {highest:.2}");
         let (verdict, because) = match self.changed {
@@ -219,8 +219,7 @@ impl Alignment {
                 format!("{follow} at best, at any time offset and in any orientation"),
             ),
         };
-        let measured = (Some(highest), Some(MIN_CORRELATION), "1");
-        measured_finding(dataset, ("event_frame", "correlation"), verdict, measured, because)
+        Judgement::new(verdict, highest, MIN_CORRELATION, "1", because)
     }
 }
 

@@ -19,8 +19,8 @@
 
 use super::bursts::{FrameBursts, RUNS};
 use super::samples::DatasetFrames;
-use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use gs2e_check::{DetectableFault, Finding, Verdict};
+use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
+use gs2e_check::{Finding, Judged, Judgement, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Largest speed difference of the clocks that is searched for.
@@ -131,17 +131,19 @@ impl EventClock {
         let (size, pairs) = (offset.abs(), self.pairs);
         let because =
             format!("events are {size:.0} +- {error:.0} us {side} than the frames, from {pairs} pairs");
-        let of_offset =
-            judge_time(dataset, "", self.offset_us, TimeLimit { value: limit, unit: "us" }, because);
+        let of_offset = judge_time(self.offset_us, TimeLimit { value: limit, unit: "us" }, because);
         let [drift, error] = self.drift.map(|value| 100.0 * value);
         let because =
             format!("the clock of the events runs {drift:.3} +- {error:.3} % slower than that of the frames");
-        let limit = TimeLimit { value: limit / whole_us, unit: "1" };
-        [of_offset, judge_time(dataset, "drift", self.drift, limit, because)].map(|found| self.explain(found))
+        let of_drift = judge_time(self.drift, TimeLimit { value: limit / whole_us, unit: "1" }, because);
+        let finding = |part, judged: Judged| {
+            dataset.finding("time_offset", part, judged.map(|judged| self.explain(judged)))
+        };
+        [finding("", of_offset), finding("drift", of_drift)]
     }
 
     /// Adds the cause to a fault. Slow pixels do not count: their lag depends on light and speed.
-    fn explain(&self, found: Finding) -> Finding {
+    fn explain(&self, found: Judgement) -> Judgement {
         let (verdict, cause) = match found.verdict {
             Verdict::Fail if self.is_slow => {
                 (Verdict::Warn, ": pixels that are slow in dim light explain the events as well as a delay")
@@ -150,7 +152,7 @@ impl EventClock {
             verdict => (verdict, ""),
         };
         let detects = found.detects.filter(|_| !self.is_slow);
-        Finding { verdict, because: found.because + cause, detects, ..found }
+        Judgement { verdict, because: found.because + cause, detects, ..found }
     }
 }
 
@@ -162,25 +164,16 @@ struct TimeLimit {
 }
 
 /// Judges an estimate with its standard error.
-fn judge_time(
-    dataset: &EventDataset<'_>,
-    part: &str,
-    [value, error]: [f64; 2],
-    limit: TimeLimit,
-    because: String,
-) -> Finding {
+fn judge_time([value, error]: [f64; 2], limit: TimeLimit, because: String) -> Judged {
     // An error of several limits could hide any offset.
     if error.is_nan() || error >= 4.0 * limit.value {
-        let because = format!("{because}; this is too uncertain to judge");
-        return finding(dataset, "time_offset", part, Verdict::NotRun, because);
+        return Err(format!("{because}; this is too uncertain to judge"));
     }
     let most = limit.value + SIGMAS * error;
     let verdict = if value.abs() > most { Verdict::Fail } else { Verdict::Pass };
-    let measured = (Some(value), Some(most), limit.unit);
-    let found = measured_finding(dataset, ("time_offset", part), verdict, measured, because);
     // A fault may work against the offset that the stream already has.
     let size = most + value.abs() + POWER * error;
-    Finding { detects: Some(DetectableFault::new(size, limit.unit)), ..found }
+    Ok(Judgement::new(verdict, value, most, limit.unit, because).detecting(size, limit.unit))
 }
 
 /// How far from the rough offset is searched, us; `None` without frames.

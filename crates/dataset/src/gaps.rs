@@ -8,8 +8,8 @@
 //! The number of events in a time that sees 20 on average is 0 with a probability of 2e-9.
 
 use super::samples::DatasetFrames;
-use super::{EventDataset, OpenEvents, for_each_event, measured_finding};
-use gs2e_check::{DetectableFault, Finding, Verdict};
+use super::{EventDataset, OpenEvents, for_each_event};
+use gs2e_check::{Finding, Judgement, Verdict};
 use gs2e_event::EventFileError;
 
 /// Number of the longest pauses that are looked at.
@@ -111,12 +111,11 @@ impl StreamPauses {
             }
         };
         let longest = wrong.first().map_or(0, length) as f64;
-        let measured = (Some(longest), Some(0.0), "us");
-        let found = measured_finding(dataset, ("completeness", "gaps"), verdict, measured, because);
         let even = (span_us[1] - span_us[0]) as f64 / self.events.max(1) as f64;
         // A hole in a part with half of the mean rate.
         let size = (OTHER as f64 * self.usual_us()).max(2.0 * even * MIN_EVENTS as f64 / SIDE as f64);
-        Ok(Finding { detects: Some(DetectableFault::new(size, "us")), ..found })
+        let judged = Judgement::new(verdict, longest, 0.0, "us", because).detecting(size, "us");
+        Ok(dataset.finding("completeness", "gaps", Ok(judged)))
     }
 
     /// The pauses among the longest between steady parts.

@@ -56,7 +56,7 @@ pub mod views;
 pub use alignment::AlignmentCurve;
 use gs2e_check::motion::warp::FlowAt;
 use gs2e_check::tally::{StreamObserver, TallyReference};
-use gs2e_check::{Finding, FindingSubject, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use gs2e_check::{Finding, Judged, Judgement, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use gs2e_event::survey::EventSurvey;
 use gs2e_event::{Event, EventFileError, EventSource};
 use gs2e_image::Size;
@@ -90,6 +90,13 @@ pub struct EventDataset<'a> {
     pub poses: Option<&'a Trajectory>,
     /// Measurements on the pictures by poses, depth and camera, if there are all of them.
     pub views: Option<&'a ViewMeasures>,
+}
+
+impl EventDataset<'_> {
+    /// The finding of a check; `part` names the statement if the check makes several.
+    fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
+        judged.unwrap_or_else(Judgement::not_run).finding(self.name, check, part)
+    }
 }
 
 impl std::fmt::Debug for EventDataset<'_> {
@@ -157,8 +164,8 @@ const RATE: u64 = 1000;
 pub fn check_dataset(dataset: &EventDataset<'_>) -> Result<DatasetReport, EventFileError> {
     let survey = EventSurvey::measure_stream(&mut *(dataset.events)()?)?;
     let Some((first, last)) = survey.span else {
-        let finding =
-            finding(dataset, "event_rate", "", Verdict::Fail, "the stream has no events".to_owned());
+        let empty = Judgement::without_value(Verdict::Fail, "1", "the stream has no events".to_owned());
+        let finding = dataset.finding("event_rate", "", Ok(empty));
         let rate = RateCurve { start_us: 0, bin_us: 1, events: Vec::new() };
         return Ok(DatasetReport { findings: vec![finding], survey, rate, alignment: None });
     };
@@ -176,14 +183,12 @@ pub fn check_dataset(dataset: &EventDataset<'_>) -> Result<DatasetReport, EventF
             let rate = rate / (span_us[1] - span_us[0]).max(1) as f64;
             align(dataset, frames, rate, &mut findings)?
         }
-        Some(_) => {
-            let because = "the events are not sorted by time".to_owned();
-            findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
-            None
-        }
-        None => {
-            let because = "there are no frames; --frames names them".to_owned();
-            findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
+        frames => {
+            let because = match frames {
+                Some(_) => "the events are not sorted by time",
+                None => "there are no frames; --frames names them",
+            };
+            findings.push(dataset.finding("event_frame", "", Err(because.to_owned())));
             None
         }
     };
@@ -195,8 +200,22 @@ fn judge_order(dataset: &EventDataset<'_>, survey: &EventSurvey) -> Finding {
     let backward = survey.backward;
     let verdict = if backward > 0 { Verdict::Fail } else { Verdict::Pass };
     let because = format!("{backward} of {} events are earlier than the event before them", survey.events);
-    let measured = (Some(backward as f64), Some(0.0), "1");
-    measured_finding(dataset, ("schema", "order"), verdict, measured, because)
+    dataset.finding("schema", "order", Ok(Judgement::new(verdict, backward as f64, 0.0, "1", because)))
+}
+
+impl RateCurve {
+    fn new([start_us, end_us]: [i64; 2]) -> Self {
+        // One more than a part, so that the last event lies in the last bin.
+        let bin_us = (end_us - start_us) / i64::from(BINS) + 1;
+        Self { start_us, bin_us, events: vec![0; usize::from(BINS)] }
+    }
+
+    fn see(&mut self, t_us: i64) {
+        let bin = usize::try_from((t_us - self.start_us).div_euclid(self.bin_us)).unwrap_or(0);
+        if let Some(count) = self.events.get_mut(bin) {
+            *count += 1;
+        }
+    }
 }
 
 /// The result of one pass over the stream.
@@ -208,61 +227,32 @@ struct StreamPass {
 }
 
 /// The passes over the stream that need no sensor, its rate over time, and its facts.
-fn read_stream(
-    dataset: &EventDataset<'_>,
-    [start_us, end_us]: [i64; 2],
-) -> Result<StreamPass, EventFileError> {
-    let trajectory = dataset_path(dataset, [start_us, end_us]);
-    let origin = trajectory.1;
-    let last_us = trajectory.0.stamps_us.last().copied().unwrap_or(0);
+fn read_stream(dataset: &EventDataset<'_>, span_us: [i64; 2]) -> Result<StreamPass, EventFileError> {
+    let (trajectory, origin) = dataset_path(dataset, span_us);
+    let last_us = trajectory.stamps_us.last().copied().unwrap_or(0);
     let rate = Hertz(Ratio::new(RATE, 1).expect("it is above 0"));
     let flows = flows_since(dataset, origin);
     let against = TallyReference { flows: &flows, ..TallyReference::default() };
     let mut observer = StreamObserver::new(dataset.size, rate, last_us, against);
     let (mut facts, mut pauses) = (StreamFacts::new(dataset.size), StreamPauses::new());
-    // One more than a part, so that the last event lies in the last bin.
-    let bin_us = (end_us - start_us) / i64::from(BINS) + 1;
-    let mut curve = RateCurve { start_us, bin_us, events: vec![0; usize::from(BINS)] };
+    let mut curve = RateCurve::new(span_us);
     let (mut source, mut chunk) = ((dataset.events)()?, Vec::new());
     while source.next_chunk(&mut chunk)? {
         for event in &mut chunk {
             let t_us = event.t.floor_micros();
             facts.see(event, t_us);
             pauses.see(t_us);
-            let bin = usize::try_from((t_us - start_us).div_euclid(bin_us)).unwrap_or(0);
-            if let Some(count) = curve.events.get_mut(bin) {
-                *count += 1;
-            }
+            curve.see(t_us);
             // The passes count from the first stamp.
             event.t = Timestamp::from_micros(t_us - origin);
         }
         observer.append(&chunk);
     }
-    let tally = observer.finish();
+    let (tally, limits) = (observer.finish(), Limits::default());
     let subject = TrajectorySubject {
-        name: dataset.name,
-        rate,
-        trajectory: &trajectory.0,
-        speed: None,
-        sensor: None,
-        account: None,
         tally: Some(&tally),
-        resampled: None,
-        views: None,
-        geometry: None,
-        blocks: None,
-        disparities: None,
-        crossings: None,
-        light_changes: false,
-        own_motion: false,
         is_release: true,
-        flow: None,
-        moved_px: None,
-        tolerance: None,
-        coverage: None,
-        doubtful_share: None,
-        foreign: None,
-        limits: &Limits::default(),
+        ..TrajectorySubject::new(dataset.name, rate, &trajectory, &limits)
     };
     let wanted = |finding: &Finding| is_of_dataset(dataset, finding);
     let mut findings: Vec<Finding> =
@@ -334,14 +324,14 @@ fn align(
     findings: &mut Vec<Finding>,
 ) -> Result<Option<AlignmentCurve>, EventFileError> {
     if let Err(because) = frames.require_change(dataset.size) {
-        findings.push(finding(dataset, "event_frame", "", Verdict::NotRun, because));
+        findings.push(dataset.finding("event_frame", "", Err(because)));
         return Ok(None);
     }
     let alignment = Alignment::measure(dataset.events, frames, dataset.size)?;
-    findings.push(alignment.finding(dataset));
+    findings.push(dataset.finding("event_frame", "correlation", Ok(alignment.judge())));
     if alignment.changed.is_some() {
         let because = "events follow changed frames only".to_owned();
-        findings.push(finding(dataset, "time_offset", "", Verdict::NotRun, because));
+        findings.push(dataset.finding("time_offset", "", Err(because)));
         return Ok(Some(alignment.curve));
     }
     // A clock of another speed spoils the correlation over the whole time, but not over a run of frames.
@@ -353,7 +343,7 @@ fn align(
         findings.extend(noise.findings(dataset));
     } else {
         let because = "too few pairs of events lie where the frames are known".to_owned();
-        findings.push(finding(dataset, "time_offset", "", Verdict::NotRun, because));
+        findings.push(dataset.finding("time_offset", "", Err(because)));
     }
     if let Some(rough_us) = alignment.rough_offset() {
         let offset = clock.map_or(rough_us, |clock| clock.offset_us[0]);
@@ -362,7 +352,7 @@ fn align(
             findings.extend(best.findings(others.first(), dataset));
         } else {
             let because = "too few pixels change steadily by a threshold from frame to frame".to_owned();
-            findings.push(finding(dataset, "event_frame", "threshold-on", Verdict::NotRun, because));
+            findings.push(dataset.finding("event_frame", "threshold-on", Err(because)));
         }
     }
     Ok(Some(alignment.curve))
@@ -375,37 +365,6 @@ fn jackknife_error(parts: usize, without: &dyn Fn(usize) -> f64) -> f64 {
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
     if values.len() < 2 { f64::INFINITY } else { (squares * (n - 1.0) / n).sqrt() }
-}
-
-/// A finding without a measured value.
-fn finding(
-    dataset: &EventDataset<'_>,
-    check: &str,
-    part: &str,
-    verdict: Verdict,
-    because: String,
-) -> Finding {
-    measured_finding(dataset, (check, part), verdict, (None, None, "1"), because)
-}
-
-/// A finding with its measured value, its limit and their unit.
-fn measured_finding(
-    dataset: &EventDataset<'_>,
-    (check, part): (&str, &str),
-    verdict: Verdict,
-    (measured, limit, unit): (Option<f64>, Option<f64>, &str),
-    because: String,
-) -> Finding {
-    Finding {
-        check: check.to_owned(),
-        subject: FindingSubject::new(dataset.name, part),
-        verdict,
-        measured,
-        limit,
-        unit: unit.to_owned(),
-        because,
-        detects: None,
-    }
 }
 
 /// Calls `see` for each event, with its time in microseconds.

@@ -11,8 +11,8 @@
 
 use super::bursts::{FrameBursts, RUNS};
 use super::clock::EventClock;
-use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
-use gs2e_check::{DetectableFault, Finding, Verdict};
+use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
+use gs2e_check::{Finding, Judged, Judgement, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Distances of the frames that show whether a pixel is steady or still.
@@ -95,16 +95,22 @@ impl StreamNoise {
 
     /// The findings: the share of noise, and that of contrary events.
     pub(super) fn findings(&self, dataset: &EventDataset<'_>) -> [Finding; 2] {
-        let steady = self.sum(usize::MAX).steady[0];
-        if steady < MIN_EVENTS {
-            let because = || format!("only {steady:.0} events lie where brightness changes steadily");
-            return [("noise_floor", "share"), ("polarity", "contrary")]
-                .map(|(check, part)| finding(dataset, check, part, Verdict::NotRun, because()));
-        }
-        [self.judge_share(dataset), self.judge_contrary(dataset)]
+        [
+            dataset.finding("noise_floor", "share", self.judge_share()),
+            dataset.finding("polarity", "contrary", self.judge_contrary()),
+        ]
     }
 
-    fn judge_share(&self, dataset: &EventDataset<'_>) -> Finding {
+    fn require_steady(&self) -> Result<(), String> {
+        let steady = self.sum(usize::MAX).steady[0];
+        if steady < MIN_EVENTS {
+            return Err(format!("only {steady:.0} events lie where brightness changes steadily"));
+        }
+        Ok(())
+    }
+
+    fn judge_share(&self) -> Judged {
+        self.require_steady()?;
         let by_contrary = self.estimate(&|sum| 2.0 * sum.contrary / sum.steady[1] / self.rate);
         let by_still = self.estimate(&|sum| sum.still[0] / sum.still[1] / self.rate);
         // Without a still pixel the share by still pixels is NaN, and `min` returns the other.
@@ -121,12 +127,12 @@ impl StreamNoise {
             100.0 * share,
             100.0 * error
         );
-        let measured = (Some(share), Some(most), "1");
-        let found = measured_finding(dataset, ("noise_floor", "share"), verdict, measured, because);
-        detecting(found, most + SIGMAS[1] * error)
+        let judged = Judgement::new(verdict, share, most, "1", because);
+        Ok(detecting(judged, most + SIGMAS[1] * error))
     }
 
-    fn judge_contrary(&self, dataset: &EventDataset<'_>) -> Finding {
+    fn judge_contrary(&self) -> Judged {
+        self.require_steady()?;
         let [share, error] = self.estimate(&|sum| sum.contrary / sum.steady[0]);
         let most = MAX_CONTRARY + SIGMAS[0] * error;
         let verdict = if share > most { Verdict::Fail } else { Verdict::Pass };
@@ -135,9 +141,8 @@ impl StreamNoise {
             100.0 * share,
             100.0 * error
         );
-        let measured = (Some(share), Some(most), "1");
-        let found = measured_finding(dataset, ("polarity", "contrary"), verdict, measured, because);
-        detecting(found, most + SIGMAS[1] * error)
+        let judged = Judgement::new(verdict, share, most, "1", because);
+        Ok(detecting(judged, most + SIGMAS[1] * error))
     }
 
     /// A statistic of all parts, with its standard error.
@@ -181,10 +186,9 @@ impl StateCounts {
     }
 }
 
-fn detecting(finding: Finding, size: f64) -> Finding {
+fn detecting(judged: Judgement, size: f64) -> Judgement {
     // A share above 1 does not exist: the stream is too short for a statement.
-    let detects = (size < 1.0).then(|| DetectableFault::new(size, "1"));
-    Finding { detects, ..finding }
+    if size < 1.0 { judged.detecting(size, "1") } else { judged }
 }
 
 /// The state of each pixel, by interval; empty for intervals of no run.

@@ -22,9 +22,9 @@
 //! the jackknife over quadrants of pairs of instants.
 
 use super::samples::{DatasetFrames, LADDER, SampleDecode};
-use super::{EventDataset, OpenEvents, finding, for_each_event, jackknife_error, measured_finding};
+use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
 use glam::{DMat3, DVec3};
-use gs2e_check::{Finding, Verdict};
+use gs2e_check::{Finding, Judgement, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Thresholds at the first round.
@@ -74,13 +74,14 @@ impl SensorResponse {
 
     /// The findings; `other` is the response under the other decoding.
     pub(super) fn findings(&self, other: Option<&Self>, dataset: &EventDataset<'_>) -> Vec<Finding> {
+        let estimate = |value: f64, because| Judgement::new(Verdict::Pass, value, None, "1", because);
         let state = |part: &str, name: &str, [value, error]: [f64; 2]| {
             let because = format!(
                 "{name} events are {value:.4} +- {error:.4} apart in the logarithm of {}, from {} samples",
                 self.decode.name(),
                 self.samples
             );
-            measured_finding(dataset, ("event_frame", part), Verdict::Pass, (Some(value), None, "1"), because)
+            dataset.finding("event_frame", part, Ok(estimate(value, because)))
         };
         let other = other.filter(|other| other.uneven.is_finite()).map_or_else(String::new, |other| {
             format!(", and by {:.1} % in {}", 100.0 * other.uneven, other.decode.name())
@@ -91,13 +92,15 @@ impl SensorResponse {
             self.decode.name()
         );
         let decode = if self.uneven.is_finite() {
-            let measured = (Some(self.uneven), None, "1");
-            measured_finding(dataset, ("event_frame", "decode"), Verdict::Pass, measured, uneven)
+            Ok(estimate(self.uneven, uneven))
         } else {
-            let because = "too few samples of dark, middle or bright pixels".to_owned();
-            finding(dataset, "event_frame", "decode", Verdict::NotRun, because)
+            Err("too few samples of dark, middle or bright pixels".to_owned())
         };
-        vec![state("threshold-on", "ON", self.on), state("threshold-off", "OFF", self.off), decode]
+        vec![
+            state("threshold-on", "ON", self.on),
+            state("threshold-off", "OFF", self.off),
+            dataset.finding("event_frame", "decode", decode),
+        ]
     }
 }
 
@@ -110,7 +113,7 @@ fn measure_decoded(
     let (mut thresholds, mut offset) = (FIRST, rough_us);
     let mut last = None;
     for _ in 0..ROUNDS {
-        let samples = steady_samples(events, frames, (decode, thresholds), offset)?;
+        let samples = steady_samples(events, frames, SteadyLaw { decode, thresholds }, offset)?;
         let Some([on, off, lag]) = solve(samples.iter()) else { return Ok(None) };
         // A wrong start must not leave the range in which pixels are selected.
         thresholds = [on, off].map(|threshold| threshold.clamp(0.01, 2.0));
@@ -195,13 +198,16 @@ fn spread_over_brightness(samples: &[SteadySample]) -> Option<f64> {
     Some((squares / means.len() as f64).sqrt() / mean)
 }
 
+/// The decoding of frames, and the thresholds that a steady change exceeds.
+#[derive(Clone, Copy)]
+struct SteadyLaw {
+    decode: SampleDecode,
+    thresholds: [f64; 2],
+}
+
 /// A steady end: the rate, per us.
-fn steady_rate(
-    frames: &DatasetFrames,
-    instant: usize,
-    place: usize,
-    (decode, thresholds): (SampleDecode, [f64; 2]),
-) -> Option<f64> {
+fn steady_rate(frames: &DatasetFrames, instant: usize, place: usize, law: SteadyLaw) -> Option<f64> {
+    let SteadyLaw { decode, thresholds } = law;
     LADDER.iter().find_map(|step| {
         let (before, after) = (instant.checked_sub(*step)?, instant + step);
         let first = frames.change([before, instant], place, decode)?;
@@ -218,7 +224,7 @@ fn steady_rate(
 fn steady_samples(
     events: OpenEvents<'_>,
     frames: &DatasetFrames,
-    law: (SampleDecode, [f64; 2]),
+    law: SteadyLaw,
     offset_us: f64,
 ) -> Result<Vec<SteadySample>, EventFileError> {
     let instants = frames.instants();
@@ -234,7 +240,8 @@ fn steady_samples(
     for (number, (pair, counts)) in pairs.iter().zip(&counts).enumerate() {
         for (place, [on, off]) in counts.iter().enumerate() {
             let ends = rates[number][place].zip(rates[number + 1][place]);
-            let Some(([a, b], change)) = ends.map(|(a, b)| [a, b]).zip(frames.change(*pair, place, law.0))
+            let Some(([a, b], change)) =
+                ends.map(|(a, b)| [a, b]).zip(frames.change(*pair, place, law.decode))
             else {
                 continue;
             };

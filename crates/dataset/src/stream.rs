@@ -9,8 +9,8 @@
 //!   "Frame-free dynamic digital vision", 2008: the background activity filter). Their rate is an upper
 //!   bound of the noise, because a slow edge makes some as well.
 
-use super::{EventDataset, finding, measured_finding};
-use gs2e_check::{DetectableFault, Finding, Verdict};
+use super::EventDataset;
+use gs2e_check::{Finding, Judged, Judgement, Verdict};
 use gs2e_event::Event;
 use gs2e_image::Size;
 
@@ -111,7 +111,7 @@ impl StreamFacts {
 
     /// The coarsest grid of the stamps, us.
     #[must_use]
-    pub fn grid_us(&self) -> i64 {
+    pub(crate) fn grid_us(&self) -> i64 {
         let enough = |count: &u64| *count as f64 >= ON_GRID * self.events as f64;
         let found = self.on_grid.iter().zip(GRIDS).find(|(count, _)| enough(count));
         found.map_or(1, |(_, grid)| grid)
@@ -120,7 +120,7 @@ impl StreamFacts {
     /// The upper end of the bin below which one pause in a thousand lies, us; `None` with fewer than
     /// a thousand pauses.
     #[must_use]
-    pub fn shortest_pause_us(&self) -> Option<f64> {
+    pub(crate) fn shortest_pause_us(&self) -> Option<f64> {
         let all: u64 = self.pauses.iter().sum();
         let rank = SHORTEST * all as f64;
         let mut below = 0;
@@ -133,7 +133,7 @@ impl StreamFacts {
 
     /// Isolated events per pixel and second.
     #[must_use]
-    pub fn isolated_rate(&self) -> f64 {
+    pub(crate) fn isolated_rate(&self) -> f64 {
         self.isolated as f64 / self.size.pixels() as f64 / self.seconds()
     }
 
@@ -150,13 +150,16 @@ impl StreamFacts {
 
     /// The findings on the stream.
     pub(super) fn findings(&self, dataset: &EventDataset<'_>) -> Vec<Finding> {
-        vec![self.judge_grid(dataset), self.state_pause(dataset), self.state_isolated(dataset)]
+        vec![
+            dataset.finding("stamps", "grid", self.judge_grid()),
+            dataset.finding("refractory", "shortest", self.judge_pause()),
+            dataset.finding("noise_floor", "isolated", Ok(self.judge_isolated())),
+        ]
     }
 
-    fn judge_grid(&self, dataset: &EventDataset<'_>) -> Finding {
+    fn judge_grid(&self) -> Judged {
         if self.events < MIN_EVENTS {
-            let because = format!("{} events are too few to show the grid of their stamps", self.events);
-            return finding(dataset, "stamps", "grid", Verdict::NotRun, because);
+            return Err(format!("{} events are too few to show the grid of their stamps", self.events));
         }
         let grid = self.grid_us();
         let verdict = match grid {
@@ -169,27 +172,18 @@ impl StreamFacts {
         } else {
             "the stamps resolve 1 us".to_owned()
         };
-        measured_finding(dataset, ("stamps", "grid"), verdict, (Some(grid as f64), Some(1.0), "us"), because)
+        Ok(Judgement::new(verdict, grid as f64, 1.0, "us", because))
     }
 
-    fn state_pause(&self, dataset: &EventDataset<'_>) -> Finding {
-        let Some(pause) = self.shortest_pause_us() else {
-            let because = "fewer than 1000 pairs of events share a pixel".to_owned();
-            return finding(dataset, "refractory", "shortest", Verdict::NotRun, because);
-        };
+    fn judge_pause(&self) -> Judged {
+        let pause = self.shortest_pause_us().ok_or("fewer than 1000 pairs of events share a pixel")?;
         let because = format!(
             "one pause of a pixel in 1000 is shorter than {pause:.0} us: an upper bound of its dead time"
         );
-        measured_finding(
-            dataset,
-            ("refractory", "shortest"),
-            Verdict::Pass,
-            (Some(pause), None, "us"),
-            because,
-        )
+        Ok(Judgement::new(Verdict::Pass, pause, None, "us", because))
     }
 
-    fn state_isolated(&self, dataset: &EventDataset<'_>) -> Finding {
+    fn judge_isolated(&self) -> Judgement {
         let rate = self.isolated_rate();
         let share = 100.0 * self.isolated as f64 / self.events.max(1) as f64;
         let noise = self.isolated_share();
@@ -200,9 +194,7 @@ impl StreamFacts {
              pixel, or {:.0} % of the events",
             100.0 * noise
         );
-        let measured = (Some(noise), Some(MAX_ISOLATED), "1");
-        let found = measured_finding(dataset, ("noise_floor", "isolated"), verdict, measured, because);
-        Finding { detects: Some(DetectableFault::new(MAX_ISOLATED, "1")), ..found }
+        Judgement::new(verdict, noise, MAX_ISOLATED, "1", because).detecting(MAX_ISOLATED, "1")
     }
 }
 

@@ -6,7 +6,7 @@ use super::work::{WorkFolder, clear_leftovers};
 use super::{ReleaseError, failed};
 use gs2e_files as files;
 use gs2e_files::Removal;
-use gs2e_store::{LockClaim, StoreError, StoreLock};
+use gs2e_store::{LockClaim, LockRequest, StoreError, StoreLock};
 use rustix::fs::{AtFlags, CWD, StatxAttributes, StatxFlags};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -79,8 +79,8 @@ impl ReleaseTarget {
         }
         let parents = MadeFolders::make(path.parent().expect("a resolved path has a parent"))?;
         let lock_path = path.with_file_name(lock_name(&path));
-        let lock = StoreLock::take_temporary(&lock_path, to, (&claim, wait), cancel, waiting);
-        let lock = lock.map_err(|error| match error {
+        let request = LockRequest { path: &lock_path, of: to, claim: &claim, wait, cancel };
+        let lock = StoreLock::take_temporary(&request, waiting).map_err(|error| match error {
             StoreError::Io { source, .. } if source.kind() == io::ErrorKind::Interrupted => {
                 ReleaseError::Interrupted
             }

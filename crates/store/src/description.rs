@@ -50,7 +50,7 @@ pub enum DescribedValue {
 impl DescribedValue {
     /// A record without fields.
     #[must_use]
-    pub fn empty_record() -> Self {
+    pub(crate) fn empty_record() -> Self {
         Self::Record(BTreeMap::new())
     }
 

@@ -64,20 +64,18 @@ impl StoreLock {
         Ok(Self { file, temporary: None })
     }
 
-    /// Takes a lock on `of`. Its file, `path`, exists only while the lock is held or awaited. A
-    /// link or a file that this program did not write is never followed or changed.
+    /// Takes a lock whose file exists only while the lock is held or awaited. A link or a file that
+    /// this program did not write is never followed or changed. `waiting` receives the holder from time
+    /// to time.
     ///
     /// # Errors
-    /// [`StoreError::Locked`] with the holder of `of` if `wait` is false; an I/O error of the kind
-    /// `Interrupted` if `cancel` is set during the wait; any other error of the file system.
+    /// [`StoreError::Locked`] with the holder if the request does not wait; an I/O error of the kind
+    /// `Interrupted` if it is cancelled during the wait; any other error of the file system.
     pub fn take_temporary(
-        path: &Path,
-        of: &Path,
-        (claim, wait): (&LockClaim, bool),
-        cancel: &AtomicBool,
+        request: &LockRequest<'_>,
         waiting: &mut dyn FnMut(&str),
     ) -> Result<Self, StoreError> {
-        let request = LockRequest { path, of, claim, wait, cancel };
+        let path = request.path;
         loop {
             let mut file = open_own(path).map_err(disk::disk_error("opening", path))?;
             request.lock(&mut file, waiting)?;
@@ -86,7 +84,7 @@ impl StoreLock {
                 continue;
             }
             refuse_foreign(&mut file).map_err(disk::disk_error("locking", path))?;
-            write_holder(&mut file, &LockHolder::this_process(claim).to_text())
+            write_holder(&mut file, &LockHolder::this_process(request.claim).to_text())
                 .map_err(disk::disk_error("writing", path))?;
             return Ok(Self { file, temporary: Some(path.to_owned()) });
         }
@@ -112,14 +110,18 @@ impl Drop for StoreLock {
 }
 
 /// A request for a lock.
-struct LockRequest<'a> {
+#[derive(Debug)]
+pub struct LockRequest<'a> {
     /// The file that is locked.
-    path: &'a Path,
+    pub path: &'a Path,
     /// The place that the lock protects, as messages name it.
-    of: &'a Path,
-    claim: &'a LockClaim,
-    wait: bool,
-    cancel: &'a AtomicBool,
+    pub of: &'a Path,
+    /// The holder to be.
+    pub claim: &'a LockClaim,
+    /// True to wait for another holder.
+    pub wait: bool,
+    /// Ends the wait.
+    pub cancel: &'a AtomicBool,
 }
 
 impl LockRequest<'_> {
@@ -334,8 +336,12 @@ mod tests {
     }
 
     fn take_temporary(path: &Path) -> Result<StoreLock, StoreError> {
-        let claim = (&LockClaim::default(), true);
-        StoreLock::take_temporary(path, path, claim, &AtomicBool::new(false), &mut |_| {})
+        take_unless(path, &AtomicBool::new(false))
+    }
+
+    fn take_unless(path: &Path, cancel: &AtomicBool) -> Result<StoreLock, StoreError> {
+        let claim = &LockClaim::default();
+        StoreLock::take_temporary(&LockRequest { path, of: path, claim, wait: true, cancel }, &mut |_| {})
     }
 
     #[test]
@@ -381,8 +387,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(".lock");
         let _held = take_temporary(&path).unwrap();
-        let claim = (&LockClaim::default(), true);
-        let ended = StoreLock::take_temporary(&path, &path, claim, &AtomicBool::new(true), &mut |_| {});
+        let ended = take_unless(&path, &AtomicBool::new(true));
         let Err(StoreError::Io { source, .. }) = ended else { panic!("{ended:?}") };
         assert_eq!(source.kind(), io::ErrorKind::Interrupted);
     }

@@ -59,6 +59,17 @@ impl<T> StoredMemo<T> {
     }
 }
 
+/// The dependencies of a fact.
+#[derive(Debug, Clone, Copy)]
+pub struct MemoGround<'a> {
+    /// The program itself, and its options.
+    pub tag: Digest,
+    /// Files outside the store, observed before they were read.
+    pub files: &'a [(PathBuf, StatSighting)],
+    /// Blobs.
+    pub blobs: &'a [Digest],
+}
+
 impl Store {
     /// The facts stored under these names, if their files have not changed. Facts rely on stat
     /// fields, so a store that was opened to verify returns none.
@@ -93,16 +104,10 @@ impl Store {
         rows.into_par_iter().map(recall).collect()
     }
 
-    /// Stores a fact that depends on `files`, observed before they were read, and on `blobs`. If
-    /// one of them is so young that it could still change unnoticed, nothing is stored.
-    pub fn remember<T: Serialize>(
-        &self,
-        name: &str,
-        tag: Digest,
-        files: &[(PathBuf, StatSighting)],
-        blobs: &[Digest],
-        fact: T,
-    ) {
+    /// Stores a fact. If a file or blob that it depends on is so young that it could still change
+    /// unnoticed, nothing is stored.
+    pub fn remember<T: Serialize>(&self, name: &str, ground: MemoGround<'_>, fact: T) {
+        let MemoGround { tag, files, blobs } = ground;
         let mut state = self.state();
         let known = |digest: &Digest| {
             // The fields of the time when the digest was found. If they have changed since, the

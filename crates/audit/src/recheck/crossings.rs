@@ -83,8 +83,8 @@ impl CrossingWatch {
         frame.cut.iter_mut().zip(&events.is_hot).for_each(|(cut, hot)| *cut |= *hot);
         match &mut events.observer {
             None => {
-                let clip = (events.end_us, events.reader.count());
-                events.observer = Some(CrossingObserver::new(events.law, frame, clip));
+                let count = events.reader.count();
+                events.observer = Some(CrossingObserver::new(events.law, frame, events.end_us, count));
             }
             Some(observer) => observer.take_frame(frame),
         }

@@ -95,32 +95,21 @@ impl ReleasedTrajectory<'_> {
         let measure = || self.measure(&pictures, places.as_deref(), Hertz(rate));
         let (measured, blur) = rayon::join(measure, || self.blur(&pictures));
         let MeasuredTrajectory { motion: measured, pictures: walked, streams: counted } = measured?;
-        // Fields without data in a release are `None`, and their passes report that they were not
-        // run.
+        let limits = self.recipe.checks.of_trajectory();
         let whole = TrajectorySubject {
-            name: self.name,
-            rate: Hertz(rate),
-            trajectory: &motion.trajectory,
             speed: Some(&motion.report),
-            sensor: None,
-            account: None,
-            tally: None,
-            resampled: None,
             views: self.key_views(),
             geometry: Some(&walked.geometry),
             blocks: (!walked.blocks.is_empty()).then_some(&walked.blocks),
             disparities: walked.disparities.as_ref(),
-            crossings: None,
-            foreign: None,
             flow: measured.steps_px,
             moved_px: total_px(&measured.flows, motion.trajectory.stamps_us.last().copied().unwrap_or(0)),
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
             coverage: measured.coverage,
-            doubtful_share: None,
             light_changes: self.recipe.lights.is_some(),
             own_motion: self.recipe.moves_by_itself(),
             is_release: true,
-            limits: &self.recipe.checks.of_trajectory(),
+            ..TrajectorySubject::new(self.name, Hertz(rate), &motion.trajectory, &limits)
         };
         let streams: Vec<TrajectorySubject<'_>> = counted
             .iter()

@@ -20,7 +20,7 @@ pub struct SceneProgress {
 impl SceneProgress {
     /// Returns true if no step is missing.
     #[must_use]
-    pub fn is_done(self) -> bool {
+    pub(crate) fn is_done(self) -> bool {
         self.finished == self.steps
     }
 }
@@ -46,8 +46,8 @@ pub fn scene_progress(plan: &Plan, store: &Store, offer: bool) -> Result<PlanPro
     let mut costs = StageCosts::default();
     let mut done: Vec<Option<Vec<StoredOutput>>> = Vec::with_capacity(plan.steps().len());
     for step in plan.steps() {
-        let is_ready =
-            step.step.unasked().is_none() && step.step.inputs().iter().all(|(_, id)| done[id.0].is_some());
+        let is_ready = step.step.facts().unasked().is_none()
+            && step.step.inputs().iter().all(|(_, id)| done[id.0].is_some());
         let mut outputs = None;
         if is_ready {
             let assessed = step_alone(plan, store, step, &|id: StepId| done[id.0].clone())?;

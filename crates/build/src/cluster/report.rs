@@ -126,7 +126,7 @@ impl TaskReport {
 
     /// Exit code of its last run; `None` if that was killed with its script.
     #[must_use]
-    pub fn exit_code(&self) -> Option<i32> {
+    pub(crate) fn exit_code(&self) -> Option<i32> {
         let text = self.read(self.runs.last()?, "end", files::MAX_TEXT).ok()?;
         String::from_utf8(text).ok()?.trim().parse().ok()
     }

@@ -7,7 +7,7 @@
 use gs2e_files::programs::ProgramFinder;
 use gs2e_files::stat::StatSighting;
 use gs2e_source::foreign::versions::VersionQuery;
-use gs2e_store::{Digest, Store};
+use gs2e_store::{Digest, MemoGround, Store};
 use std::path::PathBuf;
 
 /// Raised when a program is asked in another way.
@@ -27,7 +27,8 @@ pub fn ask(program: VersionQuery, programs: &ProgramFinder, store: &Store) -> St
     let grounds: Option<Vec<(PathBuf, StatSighting)>> = version.grounds.iter().map(sight).collect();
     if let (Some(grounds), Some(path)) = (grounds, program.path(programs)) {
         let fact = (path, version.text.clone());
-        store.remember(&name(program), Digest::of_bytes(TAG), &grounds, &[], fact);
+        let ground = MemoGround { tag: Digest::of_bytes(TAG), files: &grounds, blobs: &[] };
+        store.remember(&name(program), ground, fact);
     }
     version.text
 }

@@ -4,7 +4,8 @@
 mod change;
 mod verdict;
 
-pub use change::{DescriptionChange, changed_lines};
+pub use change::DescriptionChange;
+pub(crate) use change::changed_lines;
 
 pub use verdict::{PlanError, StepAction, StepAssessment, StepReason};
 
@@ -33,7 +34,7 @@ impl SourceFiles {
     /// with equal bytes counts, because a reader may have seen other bytes in between. A folder
     /// counts by the files that it leads to.
     #[must_use]
-    pub fn moved_since(&self, then: &Self) -> Option<String> {
+    pub(crate) fn moved_since(&self, then: &Self) -> Option<String> {
         let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &StatSighting)| {
             list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
         };
@@ -75,7 +76,8 @@ pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<StepAssessment>, Pl
         let outputs_of = |id: StepId| done[id.0].outputs.clone();
         let waiting =
             waiting.map(|(_, id)| StepReason::InputMayChange { step: plan.steps[id.0].name.clone() });
-        let unasked = || step.step.unasked().map(|name| StepReason::NotAsked { program: name.to_owned() });
+        let unasked =
+            || step.step.facts().unasked().map(|name| StepReason::NotAsked { program: name.to_owned() });
         let assessed = match waiting.or_else(unasked) {
             Some(reason) => step_behind(plan, store, step, reason, &outputs_of)?,
             None => step_alone(plan, store, step, &outputs_of)?,
@@ -90,7 +92,7 @@ pub fn assess_plan(plan: &Plan, store: &Store) -> Result<Vec<StepAssessment>, Pl
 ///
 /// # Errors
 /// The same as [`assess_plan`].
-pub fn step_alone(
+pub(crate) fn step_alone(
     plan: &Plan,
     store: &Store,
     step: &PlannedStep,
@@ -167,7 +169,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     };
     let mut sources = SourceFiles::default();
     // Observed before they are listed: an entry that is added later changes their stat fields.
-    for folder in step.step.source_folders() {
+    for folder in step.step.facts().source_folders() {
         match store.sight(&folder) {
             Ok(seen) => sources.seen.push((folder, seen)),
             // A missing folder is reported by `sources()` below.
@@ -175,7 +177,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
             Err(e) => return Err(unreadable(&folder, e)),
         }
     }
-    for source in step.step.sources().map_err(failed)? {
+    for source in step.step.facts().sources().map_err(failed)? {
         let entry = store.look(&source.path).map_err(|e| unreadable(&source.path, e))?;
         // The prefix keeps the names of files apart from the roles of made inputs.
         sources.digests.push((format!("file {}", source.name), entry.digest));

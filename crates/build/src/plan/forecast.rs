@@ -143,7 +143,7 @@ impl PlanForecast {
 
     /// Adds the files of another output.
     fn add_expected(&mut self, kind: OutputKind, step: &PlannedStep, length: TrajectoryLength) {
-        let Some(expected) = step.step.expected_size(length.path) else { return };
+        let Some(expected) = step.step.facts().expected_size(length.path) else { return };
         self.files += expected.pictures.unwrap_or(3.0);
         self.bytes += expected.bytes_at(length.size);
         if kind.is_listed() {

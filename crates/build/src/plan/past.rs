@@ -94,7 +94,7 @@ pub fn sharing_steps(plan: &Plan, runs: &[bool]) -> Vec<bool> {
 ///
 /// # Errors
 /// A record cannot be read.
-pub fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
+pub(crate) fn last_class(recipe: &Recipe, store: &Store) -> Result<Option<String>, StoreError> {
     // Steps that would take longest to make again come first.
     let steps = [
         EventsStage::NAME,

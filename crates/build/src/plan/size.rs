@@ -19,8 +19,8 @@ pub fn expected_bytes(plan: &Plan, past: &[Option<PastCosts>]) -> Vec<Option<f64
         // A trajectory that is drawn from another one has a length of its own.
         let inherits = step.stage() != TrajectoryStage::NAME;
         let of_input = || step.inputs().iter().filter(|_| inherits).find_map(|(_, input)| paths[input.0]);
-        let path = step.path_length().or_else(of_input);
-        found.push(combined(past.as_ref(), path.and_then(|path| step.expected_size(path))));
+        let path = step.facts().path_length().or_else(of_input);
+        found.push(combined(past.as_ref(), path.and_then(|path| step.facts().expected_size(path))));
         paths.push(path);
     }
     found

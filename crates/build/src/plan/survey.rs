@@ -10,7 +10,7 @@ use crate::stage::StepId;
 use gs2e_recipe as recipe;
 use gs2e_recipe::{Recipe, RecipeFaults, RecipeFile, TakenDown};
 use gs2e_store::record::StoredOutput;
-use gs2e_store::{Digest, Key, Store, StoreError};
+use gs2e_store::{Digest, Key, MemoGround, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -163,7 +163,12 @@ fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
 
 /// Stores a memo for every scene of a plan that is complete and stable, so that the next survey
 /// finds it settled.
-pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, store: &Store, tag: &Digest) {
+pub(crate) fn remember_settled(
+    plan: &Plan,
+    products: &BTreeMap<StepId, StepProduct>,
+    store: &Store,
+    tag: &Digest,
+) {
     let mut scenes: Vec<Option<SceneState>> =
         plan.scenes().iter().map(|_| Some(SceneState::default())).collect();
     for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
@@ -190,7 +195,8 @@ pub fn remember_settled(plan: &Plan, products: &BTreeMap<StepId, StepProduct>, s
         let (kind, upstream_id) = recipe.source.origin();
         let source = (kind.to_owned(), upstream_id.map(str::to_owned));
         let settled = SettledScene { scene: recipe.scene.clone(), source, trajectories, steps };
-        store.remember(&recipe.meta.file.name(), *tag, &seen, &blobs, settled);
+        let ground = MemoGround { tag: *tag, files: &seen, blobs: &blobs };
+        store.remember(&recipe.meta.file.name(), ground, settled);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::group::{FinishedStep, StepGroup, run_group};
 use super::job::{StaleStep, StepJob, StepResult};
-use super::order::StepRank;
+use super::order::{StepRank, step_ranks};
 use super::resources::ResourceGrant;
 use super::{
     ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure, StepOrigin,
@@ -10,6 +10,7 @@ use super::{
 use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
+use crate::plan::past::past_costs;
 use crate::stage::{StageError, StepId, checks, scene_checks};
 use gs2e_store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
@@ -55,8 +56,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         options: RunOptions,
         cancel: &'a AtomicBool,
         observer: &'a dyn RunObserver,
-        ranks: Vec<StepRank>,
-    ) -> Self {
+    ) -> Result<Self, StoreError> {
+        let ranks = step_ranks(plan, &past_costs(plan, store)?);
         let inputs: Vec<_> = plan.steps().iter().map(|s| s.step.inputs()).collect();
         let mut followers = vec![Vec::new(); inputs.len()];
         for (step, inputs) in inputs.iter().enumerate() {
@@ -65,7 +66,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         // An input used twice counts twice, here and in `followers`.
         let missing: Vec<usize> = inputs.iter().map(Vec::len).collect();
         let ready = (0..missing.len()).filter(|step| missing[*step] == 0).map(StepId).collect();
-        Self {
+        let (stale, running, uses) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        Ok(Self {
             plan,
             store,
             options,
@@ -73,13 +75,13 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             observer,
             missing,
             followers,
-            uses: BTreeMap::new(),
+            uses,
             ready,
             ranks,
-            stale: BTreeMap::new(),
-            running: BTreeMap::new(),
+            stale,
+            running,
             summary: RunSummary::default(),
-        }
+        })
     }
 
     fn stopped(&self) -> bool {
@@ -158,7 +160,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         for rank in ranks {
             let other = &self.stale[&rank];
             let is_free = !self.is_at_work(&other.key) && matches!(self.is_mended(other), Ok(false));
-            let need = is_free.then(|| group.need_with(self.plan, &pass, (rank.1, other))).flatten();
+            let need = is_free.then(|| group.need_with(self.plan, &pass, rank.1, other)).flatten();
             if let Some(need) = need.filter(|need| left.holds(need)) {
                 let other = self.stale.remove(&rank).expect("its rank was listed");
                 group.add(rank.1, other, need);
@@ -190,12 +192,12 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         let StepAssessment { action, reason, key, description, sources, outputs } =
             step_alone(self.plan, self.store, planned, &outputs_of)?;
         let key = key.expect("a step has a key once its inputs and its programs are known");
-        let may_run = self.options.allow_commands || planned.step.programs().is_empty();
+        let may_run = self.options.allow_commands || planned.step.facts().programs().is_empty();
         let chosen = || may_run && self.options.recheck.chooses(&key);
         let recheck = outputs.clone().filter(|_| chosen());
         if action != StepAction::Keep || recheck.is_some() {
             let files = self.open_inputs(step);
-            let need = planned.step.need(&files);
+            let need = planned.step.facts().need(&files);
             return Ok(Some(StaleStep { key, description, sources, reason, recheck, files, need }));
         }
         self.store.share(&key).map_err(PlanError::from)?;

@@ -54,7 +54,8 @@ impl StepGroup {
         &self,
         plan: &Plan,
         pass: &SharedPass,
-        (step, stale): (StepId, &StaleStep),
+        step: StepId,
+        stale: &StaleStep,
     ) -> Option<StepNeed> {
         let own = step_of(plan, step);
         if stale.recheck.is_some() || SharedPass::of(own).as_ref() != Some(pass) {

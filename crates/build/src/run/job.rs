@@ -183,7 +183,7 @@ impl<'a> StepJob<'a> {
         // The record of the own store says which bytes are right.
         let is_known =
             matches!(stale.reason, StepReason::BlobMissing { .. } | StepReason::BlobAltered { .. });
-        let may_run = self.allows_commands || step.programs().is_empty();
+        let may_run = self.allows_commands || step.facts().programs().is_empty();
         !is_known && may_run && self.recheck.chooses_adopted(&stale.key, step)
     }
 
@@ -210,8 +210,8 @@ impl<'a> StepJob<'a> {
         let tell = |words: &str| self.observer.tell(&RunEvent::Advanced { step, words });
         let mut cx = self.context(stale, workspace);
         cx.progress = Some(StepProgress(&tell));
-        let runs_commands = self.allows_commands && !planned.step.programs().is_empty();
-        if runs_commands || planned.step.runs_known_programs() {
+        let runs_commands = self.allows_commands && !planned.step.facts().programs().is_empty();
+        if runs_commands || planned.step.facts().runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);
         }
         let kept = self.kept(&*planned.step, stale)?;

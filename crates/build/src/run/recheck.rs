@@ -10,13 +10,13 @@ use gs2e_store::{Digest, Key};
 
 /// Share of the steps of other machines that are made again where the user names no share. `docs/cluster.md`
 /// has its cost, and its chance to find wrong records.
-pub const ADOPTED_SHARE: f64 = 0.01;
+const ADOPTED_SHARE: f64 = 0.01;
 
 /// The steps that are made again although their outputs exist.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RecheckPolicy {
     /// Share of the steps, 0 to 1, as the user asked for it. `None`: no step that is up to date, and
-    /// [`ADOPTED_SHARE`] of the steps of other machines.
+    /// one percent of the steps of other machines.
     pub share: Option<f64>,
     /// Seed of the choice.
     pub seed: u64,
@@ -32,7 +32,9 @@ impl RecheckPolicy {
     pub(super) fn chooses_adopted(self, key: &Key, step: &dyn AnyStep) -> bool {
         // A training may take hours, and one that `minutes` ended has other bytes each time. Versions of
         // other programs may differ in their bytes. Only the user decides to make these again.
-        let is_usual = !step.is_training() && !step.runs_known_programs() && step.programs().is_empty();
+        let is_usual = !step.facts().is_training()
+            && !step.facts().runs_known_programs()
+            && step.facts().programs().is_empty();
         let share = self.share.unwrap_or(if is_usual { ADOPTED_SHARE } else { 0.0 });
         self.draws(key, share)
     }

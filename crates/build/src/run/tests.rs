@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::artifact::{Artifact, ArtifactError, ArtifactFiles};
-use crate::stage::{SourceFile, Stage, StageContext, StepTarget};
+use crate::stage::{SourceFile, Stage, StageContext, StageFacts, StepTarget};
 use gs2e_recipe as recipe;
 use gs2e_store::StoreAccess;
 use std::panic::catch_unwind;
@@ -46,16 +46,18 @@ struct Toy {
     act: Act,
 }
 
+impl StageFacts for Toy {
+    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
+        let file = |path: &PathBuf| SourceFile { name: "source".into(), path: path.clone() };
+        Ok(self.source.iter().map(file).collect())
+    }
+}
+
 impl Stage for Toy {
     const NAME: &'static str = "toy";
     const REVISION: u32 = 1;
     type Inputs = Option<StepTarget<Note>>;
     type Output = Note;
-
-    fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
-        let file = |path: &PathBuf| SourceFile { name: "source".into(), path: path.clone() };
-        Ok(self.source.iter().map(file).collect())
-    }
 
     fn run(&self, _: Option<Note>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         match &self.act {

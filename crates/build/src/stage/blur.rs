@@ -1,10 +1,10 @@
 //! Stage `blur`: blurred frames, one PNG per exposure.
 
-use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
-use super::shot::{ShotParameters, exposure_failure, record_work};
+use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
+use super::shot::{ShotParameters, record_work};
 use super::size::PNG_BYTES;
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, BlurredFrames, TrajectoryProduct, write_json};
+use super::{ExpectedSize, PathLength, StageContext, StageError};
+use crate::artifact::{BlurredFrames, write_json};
 use gs2e_image::png;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, Renderer};
@@ -13,9 +13,7 @@ use gs2e_sampling::exposure::{
     DenseView, ExposedFrame, ExposureCourse, ExposureRecord, FrameExposer, ShutterSettings,
 };
 use gs2e_sampling::rendered::RenderedPose;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
-use gs2e_source::Capture;
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;
@@ -38,34 +36,13 @@ pub struct BlurStage {
 /// encoder.
 const BYTES_A_PIXEL: u64 = 72;
 
-impl Stage for BlurStage {
+impl PoseProduct for BlurStage {
     const NAME: &'static str = "blur";
     const REVISION: u32 = 1;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = BlurredFrames;
 
-    fn class(&self) -> Option<String> {
-        Some(self.shot.backend.class())
-    }
-
-    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, BYTES_A_PIXEL)
-    }
-
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
-        Some(ExpectedSize::of_pictures(path.exposures(self.shutter.frames), self.shot.camera, PNG_BYTES))
-    }
-
-    fn role(&self) -> Option<PassRole<'_>> {
-        Some(PassRole::Poses(self))
-    }
-
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        pass::run_alone(self, inputs, cx)
+    fn size_along(&self, path: PathLength) -> ExpectedSize {
+        ExpectedSize::of_pictures(path.exposures(self.shutter.frames), self.shot.camera, PNG_BYTES)
     }
 }
 
@@ -106,7 +83,7 @@ impl PoseTaker for BlurTaker {
         let RenderedPose { index, images, work, renderer, .. } = pose;
         let exposed =
             self.exposer.see(DenseView { pose: index, images, work, renderer }, &|| !cx.is_cancelled());
-        let Some(ExposedFrame { exposure, picture }) = exposed.map_err(exposure_failure)? else {
+        let Some(ExposedFrame { exposure, picture }) = exposed? else {
             return Ok(());
         };
         let out = cx.out.join(format!("{:06}.png", exposure.pose));

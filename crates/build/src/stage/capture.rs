@@ -1,6 +1,6 @@
 //! Stage `capture`: reads and normalises a source.
 
-use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
 use crate::artifact::{PictureSet, SolvedModel, write_json};
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
@@ -103,12 +103,7 @@ impl CaptureStage {
     }
 }
 
-impl Stage for CaptureStage {
-    const NAME: &'static str = "capture";
-    const REVISION: u32 = 1;
-    type Inputs = SolvingInputs;
-    type Output = Capture;
-
+impl StageFacts for CaptureStage {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let Self::Captured(captured) = self else { return Ok(Vec::new()) };
         if captured.kind.is_video() {
@@ -129,6 +124,13 @@ impl Stage for CaptureStage {
             Self::Procedural { .. } | Self::None => Vec::new(),
         }
     }
+}
+
+impl Stage for CaptureStage {
+    const NAME: &'static str = "capture";
+    const REVISION: u32 = 1;
+    type Inputs = SolvingInputs;
+    type Output = Capture;
 
     fn run(&self, solved: SolvedInputs, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let (capture, warnings) = match self {

@@ -11,11 +11,11 @@ mod products;
 pub use flash::FlashProducts;
 pub use products::CheckedProducts;
 
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, VerdictsRecord, write_json,
 };
-use flash::{FlashGround, OpenedFlashProducts};
+use flash::FlashGround;
 use gs2e_check::coverage::ViewCoverage;
 use gs2e_check::drift::DriftLaw;
 use gs2e_check::motion::warp::{FlowAt, seen_px};
@@ -32,7 +32,6 @@ use gs2e_scene::camera::view::CameraView;
 use gs2e_source::foreign::ExternalReport;
 use gs2e_trajectory::imu::ImuModel;
 use gs2e_trajectory::mount::CameraMount;
-use products::OpenedProducts;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -78,21 +77,7 @@ pub struct CheckedPair {
     pub second_from_first: Se3,
 }
 
-/// The inputs of the stage, opened.
-type CheckedInputs =
-    (TrajectoryProduct, Option<EventStreams>, Option<ExternalReport>, (OpenedProducts, OpenedFlashProducts));
-
-impl Stage for ChecksStage {
-    const NAME: &'static str = NAME;
-    const REVISION: u32 = 16;
-    type Inputs = (
-        StepTarget<TrajectoryProduct>,
-        Option<StepTarget<EventStreams>>,
-        Option<StepTarget<ExternalReport>>,
-        (CheckedProducts, FlashProducts),
-    );
-    type Output = VerdictsRecord;
-
+impl StageFacts for ChecksStage {
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         // The stream is read in chunks. Some frames as the sensor saw them, and the counts of each
         // pixel, are in memory.
@@ -108,12 +93,21 @@ impl Stage for ChecksStage {
         let scene = files.iter().map(|files| files.size("scene.ply")).max().unwrap_or(0);
         StepNeed::for_parts([held, held, held, 4 * scene])
     }
+}
 
-    fn run(
-        &self,
-        (motion, events, foreign, (products, seen)): CheckedInputs,
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for ChecksStage {
+    const NAME: &'static str = NAME;
+    const REVISION: u32 = 16;
+    type Inputs = (
+        StepTarget<TrajectoryProduct>,
+        Option<StepTarget<EventStreams>>,
+        Option<StepTarget<ExternalReport>>,
+        (CheckedProducts, FlashProducts),
+    );
+    type Output = VerdictsRecord;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (motion, events, foreign, (products, seen)) = inputs;
         let rate: Ratio =
             motion.report.rate.parse().map_err(StageError::work_failed("read the frame rate"))?;
         let rate = Hertz(rate);
@@ -123,32 +117,21 @@ impl Stage for ChecksStage {
             None => Vec::new(),
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
-        let disparities = self.compare_disparities(&products, (&motion, events.as_ref()), cx)?;
+        let disparities = self.compare_disparities(&products, &motion, events.as_ref(), cx)?;
         let blocks = self.frame_blocks(seen.0.as_ref(), cx)?;
         let whole = TrajectorySubject {
-            name: "",
-            rate,
-            trajectory: &motion.trajectory,
             speed: Some(&motion.report),
-            sensor: None,
-            account: None,
-            tally: None,
-            resampled: None,
             flow: simulation.and_then(|s| s.flow_px),
             moved_px: simulation.and_then(|simulation| moved_px(simulation, &flows, &motion)),
             tolerance: simulation.and_then(|s| Some(s.chosen.as_ref()?.tolerance)),
             coverage: events.as_ref().and_then(view_coverage),
             doubtful_share: simulation.and_then(|s| s.doubtful_share),
-            views: None,
-            geometry: None,
             blocks: blocks.as_deref(),
             disparities: disparities.as_ref(),
-            crossings: None,
             foreign: foreign.as_ref(),
             light_changes: self.light_changes,
             own_motion: self.own_motion,
-            is_release: false,
-            limits: &self.limits,
+            ..TrajectorySubject::new("", rate, &motion.trajectory, &self.limits)
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
         let named: Vec<String> = streams.iter().map(|s| stream_suffix(s.name.as_deref())).collect();
@@ -187,7 +170,7 @@ fn write_stream_pictures(
         let law = subject.sensor.map(DriftLaw::for_sensor);
         // The colours of residuals need events that balance the drift.
         let balanced = law.is_some_and(|law| law.loose.is_none());
-        pictures::write_pictures(subject.name, (tally, balanced), cx)
+        pictures::write_pictures(subject.name, tally, balanced, cx)
     })
 }
 

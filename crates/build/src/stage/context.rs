@@ -85,7 +85,7 @@ impl<'a> StageContext<'a> {
     ///
     /// # Errors
     /// The folder cannot be created.
-    pub fn resumable(&self) -> Result<Option<PathBuf>, StageError> {
+    pub(crate) fn resumable(&self) -> Result<Option<PathBuf>, StageError> {
         let Some(folder) = &self.resume else { return Ok(None) };
         std::fs::create_dir_all(folder).map_err(StageError::io_error(folder))?;
         Ok(Some(folder.join("state")))
@@ -113,8 +113,10 @@ pub(super) fn known_program<T, E>(
     name: &str,
     cx: &StageContext<'_>,
     run: impl FnOnce(ProgramWorkspace<'_>) -> Result<T, E>,
-    failure: impl FnOnce(E) -> StageError,
-) -> Result<T, StageError> {
+) -> Result<T, StageError>
+where
+    StageError: From<E>,
+{
     cx.go_on()?;
     // Programs work in the root folder, so their paths are absolute.
     let folder = std::path::absolute(cx.out.join(name)).map_err(StageError::io_error(cx.out))?;
@@ -126,7 +128,7 @@ pub(super) fn known_program<T, E>(
         goes_on: &|| !cx.is_cancelled(),
         programs: &cx.programs,
     };
-    let made = run(workspace).map_err(failure)?;
+    let made = run(workspace)?;
     // Everything that stays below `out` becomes part of the product.
     files::remove(&folder, Removal::Tree).map_err(StageError::io_error(&folder))?;
     Ok(made)

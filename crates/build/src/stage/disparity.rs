@@ -1,17 +1,16 @@
 //! Stage `disparity`: disparity of a stereo pair as seen by its first camera, one `.npy` per pose.
 
-use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, DisparityPictures, TrajectoryProduct};
+use super::{ExpectedSize, PathLength, StageError};
+use crate::artifact::DisparityPictures;
 use gs2e_image::npy;
 use gs2e_num::se3::Se3;
 use gs2e_render::ChannelSet;
 use gs2e_sampling::exposure;
+use gs2e_scene::camera;
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::camera::{Camera, CameraChoice};
-use gs2e_scene::{Gaussians, camera};
-use gs2e_source::Capture;
 use gs2e_trajectory::mount::CameraMount;
 use serde::Serialize;
 
@@ -39,34 +38,13 @@ const BYTES_A_PIXEL: u64 = 8;
 /// Bytes per pixel of an image: a number of 32 bits.
 const BYTES_OF_IMAGE: f64 = 4.0;
 
-impl Stage for DisparityStage {
+impl PoseProduct for DisparityStage {
     const NAME: &'static str = "disparity";
     const REVISION: u32 = 1;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = DisparityPictures;
 
-    fn class(&self) -> Option<String> {
-        Some(self.shot.backend.class())
-    }
-
-    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, BYTES_A_PIXEL)
-    }
-
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
-        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_IMAGE))
-    }
-
-    fn role(&self) -> Option<PassRole<'_>> {
-        Some(PassRole::Poses(self))
-    }
-
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        pass::run_alone(self, inputs, cx)
+    fn size_along(&self, path: PathLength) -> ExpectedSize {
+        ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_IMAGE)
     }
 }
 

@@ -2,6 +2,12 @@
 
 use crate::artifact::ArtifactError;
 use gs2e_files::programs::ProgramFailure;
+use gs2e_sampling::exposure::ExposeError;
+use gs2e_source::foreign::ForeignError;
+use gs2e_source::foreign::photos::PoseError;
+use gs2e_source::foreign::video::FrameError;
+use gs2e_source::reconstruct::{LayoutError, TrainError};
+use gs2e_train::TrainingError;
 use std::path::{Path, PathBuf};
 
 /// The reason why a step failed. The texts complete the phrase "failed to ".
@@ -47,9 +53,67 @@ pub enum StageError {
     },
 }
 
+impl From<ForeignError> for StageError {
+    fn from(error: ForeignError) -> Self {
+        match error {
+            ForeignError::Stopped => Self::Cancelled,
+            ForeignError::Failed(failed) => Self::Program(failed),
+            ForeignError::Io { path, cause } => Self::Io { path, source: cause },
+            error @ ForeignError::Own { .. } => Self::work_failed("compare it with other programs")(error),
+        }
+    }
+}
+
+impl From<PoseError> for StageError {
+    fn from(error: PoseError) -> Self {
+        match error {
+            PoseError::Program(error) => error.into(),
+            error => Self::work_failed("find the poses of the photos")(error),
+        }
+    }
+}
+
+impl From<FrameError> for StageError {
+    fn from(error: FrameError) -> Self {
+        match error {
+            FrameError::Program(error) => error.into(),
+            error => Self::work_failed("take frames from the video")(error),
+        }
+    }
+}
+
+impl From<TrainError> for StageError {
+    fn from(error: TrainError) -> Self {
+        match error {
+            TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => Self::Cancelled,
+            TrainError::Failed(failed) => Self::Program(failed),
+            TrainError::Io { path, cause } => Self::Io { path, source: cause },
+            TrainError::Layout(error) => Self::work_failed("write the capture for the program")(error),
+        }
+    }
+}
+
+impl From<TrainingError> for StageError {
+    fn from(error: TrainingError) -> Self {
+        match error {
+            TrainingError::Stopped => Self::Cancelled,
+            error => Self::work_failed("train the scene")(error),
+        }
+    }
+}
+
+impl From<ExposeError> for StageError {
+    fn from(error: ExposeError) -> Self {
+        match error {
+            ExposeError::Interrupted => Self::Cancelled,
+            error @ ExposeError::Render(_) => Self::work_failed("render")(error),
+        }
+    }
+}
+
 impl StageError {
     /// A failure of the work, shown as `doing: cause`.
-    pub fn work_failed<E>(doing: &str) -> impl FnOnce(E) -> Self
+    pub(crate) fn work_failed<E>(doing: &str) -> impl FnOnce(E) -> Self
     where
         E: std::error::Error + Send + Sync + 'static,
     {

@@ -5,9 +5,9 @@ mod resample;
 mod sampling;
 
 use super::near::{self, seen_along};
-use super::pass::{PassGround, PassRole, PoseReaders};
+use super::pass::{PassGround, PassInputs, PassRole, PoseReaders};
 use super::shot::ShotParameters;
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed};
 use crate::artifact::{
     ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
 };
@@ -15,17 +15,16 @@ use gs2e_event::{LawStamp, StreamHeader, h5};
 use gs2e_image::{Image, Size, npy};
 use gs2e_num::seed::Seed;
 use gs2e_num::stats::nearest_ranks;
-use gs2e_render::backend::Backend;
 use gs2e_render::doubt::BlendDoubt;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::parts::near_warnings;
-use gs2e_render::{ChannelSet, OmissionPolicy, RenderChoice, RenderStyle, RenderedImages, Renderer};
+use gs2e_render::{ChannelSet, OmissionPolicy, RenderStyle, RenderedImages, Renderer};
 use gs2e_sampling::ErrorTolerance;
 use gs2e_sampling::kept::{KeptFrames, KeptRenderer};
 use gs2e_sampling::rendered::RenderedFrames;
 use gs2e_scene::Gaussians;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
-use gs2e_scene::camera::{Camera, CameraChoice, flow};
+use gs2e_scene::camera::{Camera, flow};
 use gs2e_sensor::frames::anchors::{AnchorChoice, AnchorFrames};
 use gs2e_sensor::frames::{DenseFrame, FrameSequence};
 use gs2e_sensor::front_end::FrontEnd;
@@ -33,10 +32,10 @@ use gs2e_sensor::voltmeter::BetweenFrames;
 use gs2e_sensor::{
     SensorChannel, SensorChoice, SensorSet, SimulateError, SimulationAccount, front_end, simulate_all,
 };
-use gs2e_source::Capture;
 use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::flow::FlowQuantiles;
 use gs2e_trajectory::sampled::SampledPath;
+use resample::DoubledPath;
 use sampling::SampledFrames;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -47,11 +46,9 @@ use std::sync::Arc;
 /// Parameters: camera, rendering, sensors, and the seed of their noise.
 #[derive(Debug, Serialize)]
 pub struct EventsStage {
-    /// The camera, if it differs from the source's own.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub camera: Option<CameraChoice>,
-    /// The rendering.
-    pub render: RenderChoice,
+    /// Camera and rendering.
+    #[serde(flatten)]
+    pub shot: ShotParameters,
     /// The sensor, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensor: Option<SensorChoice>,
@@ -67,13 +64,6 @@ pub struct EventsStage {
     /// Light that changes, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lights: Option<SceneLights>,
-    /// Work that the renderer leaves out. The stored counts depend on it; pictures and events do
-    /// not.
-    #[serde(skip_serializing_if = "OmissionPolicy::is_needless")]
-    pub omit: OmissionPolicy,
-    /// The back end.
-    #[serde(skip)]
-    pub backend: Backend,
 }
 
 /// Bytes per pixel, as measured: state of a sensor, frames on their way to it, kept frames, and the
@@ -95,18 +85,13 @@ const BYTES_OF_LATENCY: u64 = 16 + 40 + 10 * 4;
 /// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
-impl Stage for EventsStage {
-    const NAME: &'static str = "events";
-    const REVISION: u32 = 7;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
-    type Output = EventStreams;
-
+impl StageFacts for EventsStage {
     fn class(&self) -> Option<String> {
-        Some(self.backend.class())
+        Some(self.shot.backend.class())
     }
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        super::rendering_need(&self.backend, self.camera, files, self.bytes_a_pixel())
+        self.shot.need(files, self.bytes_a_pixel())
     }
 
     fn role(&self) -> Option<PassRole<'_>> {
@@ -114,16 +99,19 @@ impl Stage for EventsStage {
         self.tolerance.is_none().then_some(PassRole::Events(self))
     }
 
-    fn kept_shot(&self) -> Option<ShotParameters> {
-        Some(self.shot())
+    fn kept_shot(&self) -> Option<&ShotParameters> {
+        Some(&self.shot)
     }
+}
 
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        self.make(PassGround::new(inputs), None, cx)
+impl Stage for EventsStage {
+    const NAME: &'static str = "events";
+    const REVISION: u32 = 7;
+    type Inputs = PassInputs;
+    type Output = EventStreams;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        self.make(inputs.into(), None, cx)
     }
 }
 
@@ -144,11 +132,11 @@ impl EventsStage {
         readers: Option<&mut PoseReaders<'_, '_>>,
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
-        let camera = super::choose_camera(self.camera, &ground.capture, cx);
-        let (gaussians, hidden) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.render);
+        let camera = super::choose_camera(self.shot.camera, &ground.capture, cx);
+        let (gaussians, hidden) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.shot.render);
         let motion = ground.motion;
-        cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.render.rules));
-        let style = self.render.resolve(gaussians.antialiased);
+        cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.shot.render.rules));
+        let style = self.shot.render.resolve(gaussians.antialiased);
         let kept = cx.kept.clone();
         let new_renderer = || self.new_renderer(gaussians.clone(), style, kept.clone());
         let path = continuous_path(&motion)?;
@@ -160,25 +148,20 @@ impl EventsStage {
         let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
         let frames = RenderedFrames::new(renderer, camera, trajectory.clone()).lit_by(self.lights.clone());
         let mut frames = own.with_inputs(frames, velocities, readers.is_some());
-        // Frames that are only shown again leave out no work.
-        let renders = kept.as_ref().is_none_or(|kept| !kept.has_any());
-        let is_measured = renders && self.omit.is_needless() && self.backend.has_choice();
-        if let Some(clock) = cx.clock.filter(|_| is_measured) {
-            cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
-        }
-        let kept = (&trajectory.stamps_us[..], &choice);
-        let (mut streams, anchors) = match readers {
-            Some(readers) => own.simulate(&mut readers.reading(&mut frames), kept, cx)?,
-            None => own.simulate(&mut frames, kept, cx)?,
+        self.measure_saving(&mut frames, cx)?;
+        let stamps_us = &trajectory.stamps_us;
+        let mut simulated = match readers {
+            Some(readers) => own.simulate(&mut readers.reading(&mut frames), stamps_us, &choice, cx)?,
+            None => own.simulate(&mut frames, stamps_us, &choice, cx)?,
         };
         let work = frames.work();
-        if let Some(path) = path {
-            let again = (camera, frames.into_renderer());
-            let tried = own.resample(&path, &trajectory.stamps_us, again, cx)?;
-            streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
+        if let Some(doubled) = path.and_then(|path| DoubledPath::new(&path, stamps_us)) {
+            let tried = own.resample(doubled, camera, frames.into_renderer(), cx)?;
+            simulated.streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
-        own.tell(&trajectory, chosen.as_ref(), (&streams, &anchors), cx);
+        own.tell(&trajectory, chosen.as_ref(), &simulated, cx);
         near::add_remark(cx, hidden);
+        let SimulatedStreams { streams, anchors } = simulated;
         let simulation = SimulationRecord {
             camera,
             gaussians: gaussians.len(),
@@ -187,7 +170,7 @@ impl EventsStage {
             antialiased: style.antialiased,
             streams,
             seed: self.seed,
-            omit: self.omit,
+            omit: self.shot.omit,
             work,
             flow_px: seen.flow_px,
             doubtful_share: seen.doubtful_share,
@@ -203,9 +186,22 @@ impl EventsStage {
         let out = cx.out.join("simulation.json");
         write_json(&out, &simulation).map_err(StageError::io_error(&out))
     }
-}
 
-impl EventsStage {
+    /// Measures the time that leaving work out saves, if it does.
+    fn measure_saving(
+        &self,
+        frames: &mut RenderedFrames,
+        cx: &mut StageContext<'_>,
+    ) -> Result<(), StageError> {
+        // Frames that are only shown again leave out no work.
+        let renders = cx.kept.as_ref().is_none_or(|kept| !kept.has_any());
+        let is_measured = renders && self.shot.omit.is_needless() && self.shot.backend.has_choice();
+        if let Some(clock) = cx.clock.filter(|_| is_measured) {
+            cx.saving = frames.saving(clock).map_err(StageError::work_failed("render"))?;
+        }
+        Ok(())
+    }
+
     fn new_renderer(
         &self,
         gaussians: Arc<Gaussians>,
@@ -213,23 +209,17 @@ impl EventsStage {
         kept: Option<Arc<KeptFrames>>,
     ) -> Result<Box<dyn Renderer>, StageError> {
         let mut renderer =
-            self.backend.renderer(gaussians, style).map_err(StageError::work_failed("render"))?;
-        renderer.omit(self.omit);
+            self.shot.backend.renderer(gaussians, style).map_err(StageError::work_failed("render"))?;
+        renderer.omit(self.shot.omit);
         let keeps = ChannelSet {
             luminance_rate: true,
             rgb: self.sees_colour() || self.lights.is_some(),
             ..ChannelSet::NONE
         };
         Ok(match kept {
-            Some(kept) => Box::new(KeptRenderer::new(renderer, kept, keeps, self.omit)),
+            Some(kept) => Box::new(KeptRenderer::new(renderer, kept, keeps, self.shot.omit)),
             None => renderer,
         })
-    }
-
-    /// Camera and rendering.
-    pub(super) fn shot(&self) -> ShotParameters {
-        let Self { camera, render, omit, .. } = *self;
-        ShotParameters { camera, render, omit, backend: self.backend.clone() }
     }
 
     /// Memory per pixel in addition to that of the renderer, bytes.
@@ -238,7 +228,7 @@ impl EventsStage {
         // Only a front end that changes the frame, or a build that omits nothing, holds frames of
         // its own.
         let is_coloured =
-            |front_end: &&FrontEnd| self.omit == OmissionPolicy::Nothing || !front_end.is_plain();
+            |front_end: &&FrontEnd| self.shot.omit == OmissionPolicy::Nothing || !front_end.is_plain();
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
         let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
@@ -267,19 +257,14 @@ impl EventsStage {
         frames
     }
 
-    /// The parameters for these sensors.
+    /// The parameters for these sensors at the poses, in light that does not change.
     #[must_use]
-    pub fn new(
-        sensors: &SensorSet,
-        seed: Seed,
-        (camera, render): (Option<CameraChoice>, RenderChoice),
-    ) -> Self {
+    pub fn new(sensors: &SensorSet, seed: Seed, shot: ShotParameters) -> Self {
         let (sensor, sensors) = match sensors.clone() {
             SensorSet::One(sensor) => (Some(sensor), BTreeMap::new()),
             SensorSet::Named(sensors) => (None, sensors),
         };
-        let (omit, tolerance, backend) = (OmissionPolicy::default(), None, Backend::default());
-        Self { camera, render, sensor, sensors, seed, tolerance, lights: None, omit, backend }
+        Self { shot, sensor, sensors, seed, tolerance: None, lights: None }
     }
 
     /// Each sensor, with its name if there are several.
@@ -294,7 +279,7 @@ impl EventsStage {
 
     /// Returns true if colours are rendered: a sensor needs them, or nothing is left out.
     fn sees_colour(&self) -> bool {
-        self.omit == OmissionPolicy::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
+        self.shot.omit == OmissionPolicy::Nothing || self.front_ends().iter().any(FrontEnd::needs_colour)
     }
 
     /// Streams the frames through the sensors into their files, and keeps some frames as each front
@@ -302,9 +287,10 @@ impl EventsStage {
     fn simulate(
         &self,
         frames: &mut dyn FrameSequence,
-        (stamps_us, choice): (&[i64], &AnchorChoice),
+        stamps_us: &[i64],
+        choice: &AnchorChoice,
         cx: &StageContext<'_>,
-    ) -> Result<(Vec<EventStream>, Vec<AnchorFrames>), StageError> {
+    ) -> Result<SimulatedStreams, StageError> {
         let size = frames.size();
         let mut anchors = vec![AnchorFrames::without_frames(choice); self.front_ends().len()];
         let keep = |anchors: &mut AnchorFrames, frame: &DenseFrame| {
@@ -344,7 +330,7 @@ impl EventsStage {
         let stream = |((name, sensor), account): ((Option<&str>, &SensorChoice), SimulationAccount)| {
             EventStream { name: name.map(str::to_owned), sensor: sensor.clone(), account, resampled: None }
         };
-        Ok((self.sensors().zip(accounts).map(stream).collect(), anchors))
+        Ok(SimulatedStreams { streams: self.sensors().zip(accounts).map(stream).collect(), anchors })
     }
 
     /// The file of each sensor's events.
@@ -360,6 +346,12 @@ impl EventsStage {
         };
         self.sensors().map(sink).collect::<Result<_, _>>().map_err(StageError::work_failed("write events"))
     }
+}
+
+/// The streams of the sensors, and some frames as each front end shows them.
+struct SimulatedStreams {
+    streams: Vec<EventStream>,
+    anchors: Vec<AnchorFrames>,
 }
 
 /// The result of a sample of the path.

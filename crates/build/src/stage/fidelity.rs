@@ -1,8 +1,8 @@
 //! Stage `fidelity`: compares renderings of a scene with the photos of its capture. Without photos,
 //! it does nothing and creates no renderer.
 
-use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
-use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::capture::{CaptureStage, SolvingInputs};
+use super::{OpenedInputs, SourceFile, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget};
 use crate::artifact::{ArtifactFiles, HELD_OUT_PICTURE, write_json};
 use gs2e_files as files;
 use gs2e_image::{photo, png};
@@ -41,12 +41,7 @@ pub struct FidelityStage {
 /// decoder.
 const BYTES_A_PIXEL: u64 = 48;
 
-impl Stage for FidelityStage {
-    const NAME: &'static str = "fidelity";
-    const REVISION: u32 = 2;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, SolvingInputs);
-    type Output = PhotoFidelity;
-
+impl StageFacts for FidelityStage {
     fn class(&self) -> Option<String> {
         Some(self.backend.class())
     }
@@ -62,23 +57,21 @@ impl Stage for FidelityStage {
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         super::rendering_need(&self.backend, None, files, BYTES_A_PIXEL)
     }
+}
 
-    fn run(
-        &self,
-        (capture, gaussians, solved): (Capture, Gaussians, SolvedInputs),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for FidelityStage {
+    const NAME: &'static str = "fidelity";
+    const REVISION: u32 = 2;
+    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, SolvingInputs);
+    type Output = PhotoFidelity;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (capture, gaussians, solved) = inputs;
         let photos = self.capturing.all_photos(&solved)?;
         let taken = views_taken(&capture, &photos);
         let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
         let mut sheet = ComparisonSheet::default();
-        let fidelity = measure_fidelity(
-            &Arc::new(gaussians),
-            (self.render, &self.backend),
-            (&picked, self.held_out),
-            &mut sheet,
-            cx,
-        )?;
+        let fidelity = self.measure(&Arc::new(gaussians), &picked, &mut sheet, cx)?;
         if let Some(image) = sheet.into_image() {
             let out = cx.out.join(HELD_OUT_PICTURE);
             let write = |file| png::write_image(&image, BufWriter::new(file));
@@ -98,42 +91,46 @@ pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) ->
     views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
 }
 
-/// Compares a scene with these photos. Without photos, no renderer is created. `sheet` gets some of
-/// the held-out views.
-pub(super) fn measure_fidelity(
-    gaussians: &Arc<Gaussians>,
-    (render, backend): (RenderChoice, &Backend),
-    (taken, held_out): (&[Taken<'_>], HeldOutViews),
-    sheet: &mut ComparisonSheet,
-    cx: &StageContext<'_>,
-) -> Result<PhotoFidelity, StageError> {
-    let mut fidelity = PhotoFidelity { held_out, ..PhotoFidelity::default() };
-    if taken.is_empty() {
-        return Ok(fidelity);
-    }
-    let style = render.resolve(gaussians.antialiased);
-    let mut renderer =
-        backend.renderer(gaussians.clone(), style).map_err(StageError::work_failed("render"))?;
-    let held: Vec<usize> = taken.iter().map(|(i, ..)| *i).filter(|i| held_out.holds_out(*i)).collect();
-    let pictured: Vec<usize> = spread_indices(held.len(), MAX_ROWS).into_iter().map(|k| held[k]).collect();
-    for &(i, view, photo) in taken {
-        cx.go_on()?;
-        let name = view.name.clone();
-        match read_photo(view, photo)? {
-            Ok(photo) => {
-                let found = compare_view(renderer.as_mut(), view, &photo)
-                    .map_err(StageError::work_failed("render"))?;
-                if pictured.contains(&i) {
-                    sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.shown));
-                }
-                let ViewComparison { psnr, ssim, .. } = found;
-                fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });
-            }
-            // A photo that cannot be compared is a result, not a failure of the step.
-            Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
+impl FidelityStage {
+    /// Compares a scene with these photos. Without photos, no renderer is created. `sheet` gets some of
+    /// the held-out views.
+    pub(super) fn measure(
+        &self,
+        gaussians: &Arc<Gaussians>,
+        taken: &[Taken<'_>],
+        sheet: &mut ComparisonSheet,
+        cx: &StageContext<'_>,
+    ) -> Result<PhotoFidelity, StageError> {
+        let held_out = self.held_out;
+        let mut fidelity = PhotoFidelity { held_out, ..PhotoFidelity::default() };
+        if taken.is_empty() {
+            return Ok(fidelity);
         }
+        let style = self.render.resolve(gaussians.antialiased);
+        let mut renderer =
+            self.backend.renderer(gaussians.clone(), style).map_err(StageError::work_failed("render"))?;
+        let held: Vec<usize> = taken.iter().map(|(i, ..)| *i).filter(|i| held_out.holds_out(*i)).collect();
+        let pictured: Vec<usize> =
+            spread_indices(held.len(), MAX_ROWS).into_iter().map(|k| held[k]).collect();
+        for &(i, view, photo) in taken {
+            cx.go_on()?;
+            let name = view.name.clone();
+            match read_photo(view, photo)? {
+                Ok(photo) => {
+                    let found = compare_view(renderer.as_mut(), view, &photo)
+                        .map_err(StageError::work_failed("render"))?;
+                    if pictured.contains(&i) {
+                        sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.shown));
+                    }
+                    let ViewComparison { psnr, ssim, .. } = found;
+                    fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });
+                }
+                // A photo that cannot be compared is a result, not a failure of the step.
+                Err(because) => fidelity.not_compared.push(NotCompared { name, because }),
+            }
+        }
+        Ok(fidelity)
     }
-    Ok(fidelity)
 }
 
 /// The file of a view's photo: sources name it like the view, or by its place among `images`.

@@ -2,15 +2,13 @@
 //! `pose_colmap`, `pose_opencv` or `readback`. Its class contains the versions of the programs, so
 //! a program that is installed later is asked.
 
-use super::{Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
+use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget, known_program};
 use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
 use gs2e_check::Limits;
 use gs2e_scene::camera::CameraChoice;
 use gs2e_source::Capture;
 use gs2e_source::foreign::versions::VersionQuery;
-use gs2e_source::foreign::{
-    ExternalReport, ForeignAnswer, ForeignError, TrajectoryPicture, colmap, opencv, readback, spread_evenly,
-};
+use gs2e_source::foreign::{ExternalReport, TrajectoryPicture, colmap, opencv, readback, spread_evenly};
 use gs2e_source::reconstruct::ProgramWorkspace;
 use serde::Serialize;
 use std::path::Path;
@@ -37,7 +35,7 @@ impl ExternalToolsStage {
     /// The stage for these checks; `None` if they ask no program. `version` returns the version of
     /// a program, if it is known.
     #[must_use]
-    pub fn for_limits(
+    pub(crate) fn for_limits(
         checks: &Limits,
         camera: Option<CameraChoice>,
         version: &dyn Fn(VersionQuery) -> Option<String>,
@@ -59,17 +57,7 @@ const BYTES: u64 = 600 << 20;
 /// index are expanded.
 const BYTES_A_STORED_BYTE: u64 = 16;
 
-impl Stage for ExternalToolsStage {
-    const NAME: &'static str = "foreign";
-    const REVISION: u32 = 1;
-    type Inputs = (
-        StepTarget<Capture>,
-        StepTarget<TrajectoryProduct>,
-        Option<StepTarget<PictureSet>>,
-        Option<StepTarget<EventStreams>>,
-    );
-    type Output = ExternalReport;
-
+impl StageFacts for ExternalToolsStage {
     fn class(&self) -> Option<String> {
         self.versions.clone().ok()
     }
@@ -88,17 +76,21 @@ impl Stage for ExternalToolsStage {
     fn runs_known_programs(&self) -> bool {
         true
     }
+}
 
-    fn run(
-        &self,
-        (capture, motion, pictures, events): (
-            Capture,
-            TrajectoryProduct,
-            Option<PictureSet>,
-            Option<EventStreams>,
-        ),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for ExternalToolsStage {
+    const NAME: &'static str = "foreign";
+    const REVISION: u32 = 1;
+    type Inputs = (
+        StepTarget<Capture>,
+        StepTarget<TrajectoryProduct>,
+        Option<StepTarget<PictureSet>>,
+        Option<StepTarget<EventStreams>>,
+    );
+    type Output = ExternalReport;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (capture, motion, pictures, events) = inputs;
         let camera = super::choose_camera(self.camera, &capture, cx);
         let pictures = pictures.map_or_else(Vec::new, numbered_pictures);
         let trajectory = &motion.trajectory;
@@ -107,9 +99,9 @@ impl Stage for ExternalToolsStage {
             let chosen =
                 spread_evenly(pictures.len(), frames as usize).into_iter().map(|i| pictures[i].clone());
             let chosen: Vec<TrajectoryPicture> = chosen.collect();
-            let found = in_workspace("colmap", cx, |workspace| {
-                colmap::register_pictures(&chosen, &camera, workspace)
-            })?;
+            let ask =
+                |workspace: ProgramWorkspace<'_>| colmap::register_pictures(&chosen, &camera, workspace);
+            let found = known_program("colmap", cx, ask)?;
             foreign.colmap = Some(found.map(|found| found.against(&trajectory.world_from_camera)));
         }
         if self.opencv {
@@ -117,13 +109,12 @@ impl Stage for ExternalToolsStage {
             let ask = |workspace: ProgramWorkspace<'_>| {
                 opencv::measure_released(&released, &camera, trajectory, &pictures, workspace)
             };
-            foreign.opencv = Some(in_workspace("opencv", cx, ask)?);
+            foreign.opencv = Some(known_program("opencv", cx, ask)?);
         }
         if self.readback {
             let streams = events.map_or_else(Vec::new, |events| events.files);
-            foreign.readback = Some(in_workspace("readback", cx, |workspace| {
-                readback::read_back(&streams, &pictures, workspace)
-            })?);
+            let ask = |workspace: ProgramWorkspace<'_>| readback::read_back(&streams, &pictures, workspace);
+            foreign.readback = Some(known_program("readback", cx, ask)?);
         }
         let out = cx.out.join("foreign.json");
         write_json(&out, &foreign).map_err(StageError::io_error(&out))
@@ -143,22 +134,4 @@ fn numbered_pictures(pictures: PictureSet) -> Vec<TrajectoryPicture> {
         Some(TrajectoryPicture { pose, file })
     };
     pictures.files.into_iter().filter_map(picture).collect()
-}
-
-/// Runs a program; see [`known_program`].
-fn in_workspace<T>(
-    name: &str,
-    cx: &StageContext<'_>,
-    ask: impl FnOnce(ProgramWorkspace<'_>) -> Result<ForeignAnswer<T>, ForeignError>,
-) -> Result<ForeignAnswer<T>, StageError> {
-    known_program(name, cx, ask, stage_failure)
-}
-
-pub(super) fn stage_failure(error: ForeignError) -> StageError {
-    match error {
-        ForeignError::Stopped => StageError::Cancelled,
-        ForeignError::Failed(failed) => StageError::Program(failed),
-        ForeignError::Io { path, cause } => StageError::Io { path, source: cause },
-        error @ ForeignError::Own { .. } => StageError::work_failed("compare it with other programs")(error),
-    }
 }

@@ -1,11 +1,11 @@
 //! Stage `frames`: takes sharp frames from a video with ffmpeg. Its class is the version of ffmpeg.
 
-use super::{SourceFile, Stage, StageContext, StageError, StepNeed, known_program};
+use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepNeed, known_program};
 use crate::artifact::{ArtifactFiles, PictureSet};
 use gs2e_files::is_there;
 use gs2e_source::DiskCapture;
 use gs2e_source::foreign::versions::VersionQuery;
-use gs2e_source::foreign::video::{FrameError, TakenFrames, take_frames};
+use gs2e_source::foreign::video::{TakenFrames, take_frames};
 use gs2e_source::photos::MIN_PHOTOS;
 use gs2e_source::reconstruct::ProgramWorkspace;
 use gs2e_source::solving::FramePicking;
@@ -28,12 +28,7 @@ pub struct FramesStage {
 /// Memory of ffmpeg with the reference frames of a 4K video, bytes.
 const BYTES: u64 = 1 << 30;
 
-impl Stage for FramesStage {
-    const NAME: &'static str = "frames";
-    const REVISION: u32 = 1;
-    type Inputs = ();
-    type Output = PictureSet;
-
+impl StageFacts for FramesStage {
     fn class(&self) -> Option<String> {
         self.version.clone()
     }
@@ -57,23 +52,23 @@ impl Stage for FramesStage {
     fn runs_known_programs(&self) -> bool {
         true
     }
+}
 
-    fn run(&self, (): (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
+impl Stage for FramesStage {
+    const NAME: &'static str = "frames";
+    const REVISION: u32 = 1;
+    type Inputs = ();
+    type Output = PictureSet;
+
+    fn run(&self, _: (), cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let video = &self.capturing.path;
         let take =
             |workspace: ProgramWorkspace<'_>| take_frames(video, self.picking, cx.out, MIN_PHOTOS, workspace);
-        let TakenFrames { kept, dropped } = known_program("ffmpeg", cx, take, stage_failure)?;
+        let TakenFrames { kept, dropped } = known_program("ffmpeg", cx, take)?;
         cx.remark = Some(format!("{kept} frames"));
         if dropped > 0 {
             cx.warnings.push(format!("{dropped} of {} frames were dropped as blurred", kept + dropped));
         }
         Ok(())
-    }
-}
-
-fn stage_failure(error: FrameError) -> StageError {
-    match error {
-        FrameError::Program(error) => super::foreign::stage_failure(error),
-        error => StageError::work_failed("take frames from the video")(error),
     }
 }

@@ -1,16 +1,14 @@
 //! Stages `depth` and `flow`: geometry of the scene as seen by the camera, one `.npy` per pose.
 
-use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
+use super::{ExpectedSize, PathLength, StageError};
+use crate::artifact::PictureSet;
 use gs2e_image::npy::NpyPixel;
 use gs2e_image::{Image, npy};
 use gs2e_render::{ChannelSet, RenderedImages};
 use gs2e_sampling::exposure;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
-use gs2e_source::Capture;
 use serde::Serialize;
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -92,34 +90,13 @@ impl PixelQuantity for FlowQuantity {
     }
 }
 
-impl<Q: PixelQuantity> Stage for GeometryStage<Q> {
+impl<Q: PixelQuantity> PoseProduct for GeometryStage<Q> {
     const NAME: &'static str = Q::NAME;
     const REVISION: u32 = Q::REVISION;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = PictureSet;
 
-    fn class(&self) -> Option<String> {
-        Some(self.shot.backend.class())
-    }
-
-    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, Q::BYTES_A_PIXEL)
-    }
-
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
-        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, Q::FILE_BYTES))
-    }
-
-    fn role(&self) -> Option<PassRole<'_>> {
-        Some(PassRole::Poses(self))
-    }
-
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        pass::run_alone(self, inputs, cx)
+    fn size_along(&self, path: PathLength) -> ExpectedSize {
+        ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, Q::FILE_BYTES)
     }
 }
 

@@ -1,6 +1,8 @@
 //! Stage `imu`: inertial measurements along a trajectory.
 
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepTarget};
+use super::{
+    ExpectedSize, OpenedInputs, PathLength, Stage, StageContext, StageError, StageFacts, StepTarget,
+};
 use crate::artifact::{ImuRecording, TrajectoryProduct};
 use gs2e_num::seed::Seed;
 use gs2e_source::Capture;
@@ -27,6 +29,13 @@ const SMOOTH: f64 = 1e-3;
 /// Bytes of a sample and its state in their files, by the digits of their numbers; fewer if biases are zero.
 const BYTES_A_SAMPLE: f64 = 450.0;
 
+impl StageFacts for ImuStage {
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        let samples = 1.0 + path.seconds * self.model.rate.to_f64();
+        Some(ExpectedSize::of_text(samples, BYTES_A_SAMPLE))
+    }
+}
+
 impl Stage for ImuStage {
     const NAME: &'static str = "imu";
     const REVISION: u32 = 1;
@@ -34,16 +43,8 @@ impl Stage for ImuStage {
     type Inputs = (StepTarget<TrajectoryProduct>, Option<StepTarget<Capture>>);
     type Output = ImuRecording;
 
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
-        let samples = 1.0 + path.seconds * self.model.rate.to_f64();
-        Some(ExpectedSize::of_text(samples, BYTES_A_SAMPLE))
-    }
-
-    fn run(
-        &self,
-        (motion, capture): (TrajectoryProduct, Option<Capture>),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (motion, capture) = inputs;
         let failed =
             |because: String| StageError::work_failed("measure the motion")(io::Error::other(because));
         let poses = &motion.trajectory.world_from_camera;
@@ -75,14 +76,14 @@ impl Stage for ImuStage {
         let sensor = cx.out.join(SENSOR);
         let text = files::sensor_text(&self.model, sampler.gravity());
         std::fs::write(&sensor, text).map_err(StageError::io_error(&sensor))?;
-        self.warn(&motion, (sampler.saturated, count), cx);
+        self.warn(&motion, sampler.saturated, count, cx);
         cx.remark = Some(format!("{count} samples"));
         Ok(())
     }
 }
 
 impl ImuStage {
-    fn warn(&self, motion: &TrajectoryProduct, (saturated, count): (u64, u64), cx: &mut StageContext<'_>) {
+    fn warn(&self, motion: &TrajectoryProduct, saturated: u64, count: u64, cx: &mut StageContext<'_>) {
         if saturated > 0 {
             cx.warnings
                 .push(format!("{saturated} of {count} samples exceed the range of the inertial sensor"));

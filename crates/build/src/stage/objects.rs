@@ -1,6 +1,6 @@
 //! Stage `objects`: the scene with its objects as moving parts.
 
-use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
 use crate::artifact::{SCENE_PARTS, write_json};
 use gs2e_scene::Gaussians;
 use gs2e_scene::motion::PartRecord;
@@ -16,12 +16,7 @@ pub struct ObjectsStage {
     pub objects: Vec<ObjectSettings>,
 }
 
-impl Stage for ObjectsStage {
-    const NAME: &'static str = "objects";
-    const REVISION: u32 = 1;
-    type Inputs = StepTarget<Gaussians>;
-    type Output = Gaussians;
-
+impl StageFacts for ObjectsStage {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let file = |object: &ObjectSettings| {
             let path = object.from.file()?.to_owned();
@@ -29,6 +24,13 @@ impl Stage for ObjectsStage {
         };
         Ok(self.objects.iter().filter_map(file).collect())
     }
+}
+
+impl Stage for ObjectsStage {
+    const NAME: &'static str = "objects";
+    const REVISION: u32 = 1;
+    type Inputs = StepTarget<Gaussians>;
+    type Output = Gaussians;
 
     fn run(&self, scene: Gaussians, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let made =

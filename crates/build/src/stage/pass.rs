@@ -10,8 +10,11 @@ mod readers;
 use super::events::EventsStage;
 use super::shot::ShotParameters;
 use super::wired::AnyStep;
-use super::{StageContext, StageError, StepId, StepNeed};
-use crate::artifact::{Artifact as _, ArtifactError, ArtifactFiles, TrajectoryProduct};
+use super::{
+    ExpectedSize, OpenedInputs, PathLength, Stage, StageContext, StageError, StageFacts, StepId, StepNeed,
+    StepTarget,
+};
+use crate::artifact::{Artifact, ArtifactError, ArtifactFiles, TrajectoryProduct};
 use gs2e_render::backend::Backend;
 use gs2e_render::{ChannelSet, OmissionPolicy, RenderChoice, Renderer};
 use gs2e_sampling::rendered::{ReaderSeconds, RenderedPose, share_rest};
@@ -19,6 +22,7 @@ use gs2e_scene::Gaussians;
 use gs2e_scene::camera::{Camera, CameraChoice};
 use gs2e_source::Capture;
 pub(super) use readers::PoseReaders;
+use serde::Serialize;
 use std::fmt::Debug;
 use std::sync::Arc;
 
@@ -41,6 +45,9 @@ pub enum PassRole<'a> {
     Poses(&'a dyn PoseStage),
 }
 
+/// The inputs of a pass.
+pub type PassInputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
+
 /// A stage whose product is made of rendered poses.
 pub trait PoseStage: Debug + Sync {
     /// Camera and rendering.
@@ -54,6 +61,58 @@ pub trait PoseStage: Debug + Sync {
     /// # Errors
     /// The product cannot be made of this trajectory.
     fn taker(&self, ground: &PassGround, camera: Camera) -> Result<Box<dyn PoseTaker>, StageError>;
+}
+
+/// A product of rendered poses: a [`Stage`] that only takes poses.
+pub trait PoseProduct: PoseStage + Serialize {
+    /// See [`Stage::NAME`].
+    const NAME: &'static str;
+    /// See [`Stage::REVISION`].
+    const REVISION: u32;
+    /// The product.
+    type Output: Artifact;
+
+    /// Its expected size along a path.
+    fn size_along(&self, path: PathLength) -> ExpectedSize;
+
+    /// Returns true if other steps can share its pass.
+    fn is_shareable(&self) -> bool {
+        true
+    }
+}
+
+impl<P: PoseProduct> StageFacts for P {
+    fn class(&self) -> Option<String> {
+        Some(self.shot().backend.class())
+    }
+
+    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        self.shot().need(files, self.bytes_a_pixel())
+    }
+
+    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+        Some(self.size_along(path))
+    }
+
+    fn role(&self) -> Option<PassRole<'_>> {
+        self.is_shareable().then_some(PassRole::Poses(self))
+    }
+}
+
+impl<P: PoseProduct> Stage for P {
+    const NAME: &'static str = P::NAME;
+    const REVISION: u32 = P::REVISION;
+    type Inputs = PassInputs;
+    type Output = P::Output;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let ground = PassGround::from(inputs);
+        let mut readers = PoseReaders::new(ground.poses(), || 0.0);
+        readers.add(0, self, &ground, cx);
+        readers.lead(self.shot(), &ground)?;
+        let ends: Vec<(usize, PassEnd)> = readers.finish().collect();
+        ends.into_iter().find_map(|(_, end)| end.made).expect("a pass that has not failed is complete")
+    }
 }
 
 /// The state of a product that is made while the poses of a trajectory are rendered in order.
@@ -82,20 +141,20 @@ pub struct PassGround {
     pub(super) motion: TrajectoryProduct,
 }
 
-impl PassGround {
-    pub(super) fn new((capture, gaussians, motion): (Capture, Gaussians, TrajectoryProduct)) -> Self {
+impl From<(Capture, Gaussians, TrajectoryProduct)> for PassGround {
+    fn from(inputs: (Capture, Gaussians, TrajectoryProduct)) -> Self {
+        let (capture, gaussians, motion) = inputs;
         Self { capture, gaussians: Arc::new(gaussians), motion }
     }
+}
 
+impl PassGround {
     fn open(files: &[ArtifactFiles]) -> Result<Self, ArtifactError> {
         let [capture, gaussians, motion] = files else {
             unreachable!("a pass has a capture, a scene and a trajectory");
         };
-        Ok(Self::new((
-            Capture::open(capture)?,
-            Gaussians::open(gaussians)?,
-            TrajectoryProduct::open(motion)?,
-        )))
+        let (gaussians, motion) = (Arc::new(Gaussians::open(gaussians)?), TrajectoryProduct::open(motion)?);
+        Ok(Self { capture: Capture::open(capture)?, gaussians, motion })
     }
 
     /// Number of poses.
@@ -105,10 +164,10 @@ impl PassGround {
 }
 
 impl PassRole<'_> {
-    fn shot(&self) -> ShotParameters {
+    fn shot(&self) -> &ShotParameters {
         match self {
-            Self::Events(stage) => stage.shot(),
-            Self::Poses(stage) => stage.shot().clone(),
+            Self::Events(stage) => &stage.shot,
+            Self::Poses(stage) => stage.shot(),
         }
     }
 
@@ -125,9 +184,11 @@ impl SharedPass {
     /// GPU: the images of one kernel need not be those of another.
     #[must_use]
     pub fn of(step: &dyn AnyStep) -> Option<Self> {
-        let ShotParameters { camera, render, omit, backend } = step.role()?.shot();
+        let role = step.facts().role()?;
+        let ShotParameters { camera, render, omit, backend } = role.shot();
         let inputs = step.inputs().into_iter().map(|(_, input)| input).collect();
         let shares = matches!(backend, Backend::Cpu | Backend::Reference);
+        let (camera, render, omit) = (*camera, *render, *omit);
         shares.then(|| Self { inputs, camera, render, omit, class: backend.class() })
     }
 }
@@ -137,11 +198,11 @@ impl SharedPass {
 /// # Panics
 /// There is no step, or one takes no poses.
 #[must_use]
-pub fn shared_need(steps: &[&dyn AnyStep], files: &[ArtifactFiles]) -> StepNeed {
-    let roles: Vec<PassRole<'_>> = steps.iter().map(|step| step.role().expect("it takes poses")).collect();
-    let shot = roles.first().expect("a pass has a step").shot();
+pub(crate) fn shared_need(steps: &[&dyn AnyStep], files: &[ArtifactFiles]) -> StepNeed {
+    let roles: Vec<PassRole<'_>> =
+        steps.iter().map(|step| step.facts().role().expect("it takes poses")).collect();
     let others = roles.iter().map(PassRole::bytes_a_pixel).sum();
-    super::rendering_need(&shot.backend, shot.camera, files, others)
+    roles.first().expect("a pass has a step").shot().need(files, others)
 }
 
 /// A step of a pass.
@@ -165,7 +226,11 @@ pub struct PassEnd {
 
 /// Makes the products of several steps of one [`SharedPass`]. `files` are those of their inputs;
 /// `clock` gives seconds since some moment.
-pub fn run_pass(steps: &mut [PassStep<'_>], files: &[ArtifactFiles], clock: fn() -> f64) -> Vec<PassEnd> {
+pub(crate) fn run_pass(
+    steps: &mut [PassStep<'_>],
+    files: &[ArtifactFiles],
+    clock: fn() -> f64,
+) -> Vec<PassEnd> {
     let began = clock();
     let mut ends: Vec<PassEnd> = steps.iter().map(|_| PassEnd::default()).collect();
     // Each step finds the same error alone.
@@ -173,7 +238,7 @@ pub fn run_pass(steps: &mut [PassStep<'_>], files: &[ArtifactFiles], clock: fn()
     let mut readers = PoseReaders::new(ground.poses(), clock);
     let (mut leader, mut first) = (None, None);
     for (index, PassStep { step, cx }) in steps.iter_mut().enumerate() {
-        match step.role() {
+        match step.facts().role() {
             Some(PassRole::Events(stage)) => leader = Some((index, stage, cx)),
             Some(PassRole::Poses(stage)) => {
                 first.get_or_insert(stage);
@@ -195,18 +260,4 @@ pub fn run_pass(steps: &mut [PassStep<'_>], files: &[ArtifactFiles], clock: fn()
     let durations = ends.iter_mut().map(|end| &mut end.seconds);
     share_rest(durations.collect(), led, clock() - began);
     ends
-}
-
-/// Makes the product of a step in a pass of its own.
-pub(super) fn run_alone(
-    stage: &dyn PoseStage,
-    inputs: (Capture, Gaussians, TrajectoryProduct),
-    cx: &mut StageContext<'_>,
-) -> Result<(), StageError> {
-    let ground = PassGround::new(inputs);
-    let mut readers = PoseReaders::new(ground.poses(), || 0.0);
-    readers.add(0, stage, &ground, cx);
-    readers.lead(stage.shot(), &ground)?;
-    let ends: Vec<(usize, PassEnd)> = readers.finish().collect();
-    ends.into_iter().find_map(|(_, end)| end.made).expect("a pass that has not failed is complete")
 }

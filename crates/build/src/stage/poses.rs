@@ -2,10 +2,10 @@
 //! version of COLMAP. Later steps depend on the bytes of the model only.
 
 use super::capture::CaptureStage;
-use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, known_program};
+use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget, known_program};
 use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
 use gs2e_source::DiskCapture;
-use gs2e_source::foreign::photos::{PoseError, SolvedPhotos, solve_photos};
+use gs2e_source::foreign::photos::{SolvedPhotos, solve_photos};
 use gs2e_source::foreign::versions::VersionQuery;
 use gs2e_source::photos::own_name;
 use gs2e_source::reconstruct::ProgramWorkspace;
@@ -42,13 +42,7 @@ impl PosesStage {
     }
 }
 
-impl Stage for PosesStage {
-    const NAME: &'static str = "poses";
-    const REVISION: u32 = 1;
-    /// The frames, if the source is a video.
-    type Inputs = Option<StepTarget<PictureSet>>;
-    type Output = SolvedModel;
-
+impl StageFacts for PosesStage {
     fn class(&self) -> Option<String> {
         self.version.clone()
     }
@@ -78,6 +72,14 @@ impl Stage for PosesStage {
     fn runs_known_programs(&self) -> bool {
         true
     }
+}
+
+impl Stage for PosesStage {
+    const NAME: &'static str = "poses";
+    const REVISION: u32 = 1;
+    /// The frames, if the source is a video.
+    type Inputs = Option<StepTarget<PictureSet>>;
+    type Output = SolvedModel;
 
     fn run(&self, frames: Option<PictureSet>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         let on_disk = self.photos()?.into_iter().map(|file| (own_name(&file.name).to_owned(), file.path));
@@ -89,7 +91,7 @@ impl Stage for PosesStage {
         let tell = |words: &str| progress.iter().for_each(|progress| progress.tell(words));
         let solve =
             |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace, &tell);
-        let solved = known_program("colmap", cx, solve, stage_failure)?;
+        let solved = known_program("colmap", cx, solve)?;
         report(&solved, cx);
         Ok(())
     }
@@ -117,12 +119,5 @@ fn report(solved: &SolvedPhotos, cx: &mut StageContext<'_>) {
     }
     if *cameras > 1 {
         cx.warnings.push(format!("the photos are of {cameras} cameras, by size, camera and focal length"));
-    }
-}
-
-fn stage_failure(error: PoseError) -> StageError {
-    match error {
-        PoseError::Program(error) => super::foreign::stage_failure(error),
-        error => StageError::work_failed("find the poses of the photos")(error),
     }
 }

@@ -7,8 +7,11 @@ mod command;
 pub use builtin::BuiltinStage;
 pub use command::TrainingStage;
 
-use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
-use super::{SourceFile, Stage, StageContext, StageError, StepNeed, StepTarget, small_stage_memory};
+use super::capture::{CaptureStage, SolvingInputs};
+use super::{
+    OpenedInputs, SourceFile, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget,
+    small_stage_memory,
+};
 use crate::artifact::{Artifact, ArtifactFiles, SCENE_TIME, write_json};
 use gs2e_demo as procedural;
 use gs2e_demo::{Fountain, StillLife};
@@ -106,7 +109,7 @@ impl ReconstructStage {
 
     /// The newest scene of a 3DGS model folder.
     #[must_use]
-    pub fn newest_of(model: &Path) -> Self {
+    pub(crate) fn newest_of(model: &Path) -> Self {
         Self::Given { form: None, file: SceneLocation::NewestOf(model.to_owned()) }
     }
 
@@ -124,18 +127,12 @@ impl ReconstructStage {
 
     /// The scene that a program trains on the photos of a source.
     #[must_use]
-    pub fn from_command(command: &TrainerCommand, source: CaptureStage, render: RenderChoice) -> Self {
+    pub(crate) fn from_command(command: &TrainerCommand, source: CaptureStage, render: RenderChoice) -> Self {
         Self::Command(Box::new(TrainingStage::new(command, source, render)))
     }
 }
 
-impl Stage for ReconstructStage {
-    const NAME: &'static str = "reconstruct";
-    const REVISION: u32 = 1;
-    /// The capture, if the scene is trained on it, and the steps that found its poses.
-    type Inputs = (Option<StepTarget<Capture>>, SolvingInputs);
-    type Output = Gaussians;
-
+impl StageFacts for ReconstructStage {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         Ok(match self {
             Self::Procedural { .. } => Vec::new(),
@@ -180,12 +177,17 @@ impl Stage for ReconstructStage {
             }
         }
     }
+}
 
-    fn run(
-        &self,
-        (capture, solved): (Option<Capture>, SolvedInputs),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for ReconstructStage {
+    const NAME: &'static str = "reconstruct";
+    const REVISION: u32 = 1;
+    /// The capture, if the scene is trained on it, and the steps that found its poses.
+    type Inputs = (Option<StepTarget<Capture>>, SolvingInputs);
+    type Output = Gaussians;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (capture, solved) = inputs;
         let gaussians = match self {
             Self::Command(training) => {
                 training.run(&capture.expect("a training is wired to the capture"), &solved, cx)?

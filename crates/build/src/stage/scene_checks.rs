@@ -3,8 +3,8 @@
 //! The scene id is not part of the input, so findings are stored with an empty subject, as those of
 //! [`super::checks`].
 
-use super::capture::{CaptureStage, SolvedInputs, SolvingInputs};
-use super::{SourceFile, Stage, StageContext, StageError, StepTarget};
+use super::capture::{CaptureStage, SolvingInputs};
+use super::{OpenedInputs, SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
 use crate::artifact::{VerdictsRecord, write_json};
 use gs2e_check::{CapturePhotos, Limits, SceneSubject, judge_scene};
 use gs2e_source::colmap::{ColmapModel, ReprojectionStats};
@@ -30,12 +30,7 @@ pub struct CheckingScene {
 
 const NO_MODEL: &str = "the source is not a COLMAP model";
 
-impl Stage for CheckingScene {
-    const NAME: &'static str = NAME;
-    const REVISION: u32 = 4;
-    type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>, SolvingInputs);
-    type Output = VerdictsRecord;
-
+impl StageFacts for CheckingScene {
     fn sources(&self) -> Result<Vec<SourceFile>, StageError> {
         let files = self.capturing.model().map(|model| model.files()).unwrap_or_default();
         Ok(files.into_iter().map(|(name, path)| SourceFile { name, path }).collect())
@@ -44,12 +39,16 @@ impl Stage for CheckingScene {
     fn source_folders(&self) -> Vec<PathBuf> {
         self.capturing.source_folders()
     }
+}
 
-    fn run(
-        &self,
-        (capture, fidelity, solved): (Capture, Option<PhotoFidelity>, SolvedInputs),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for CheckingScene {
+    const NAME: &'static str = NAME;
+    const REVISION: u32 = 4;
+    type Inputs = (StepTarget<Capture>, Option<StepTarget<PhotoFidelity>>, SolvingInputs);
+    type Output = VerdictsRecord;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (capture, fidelity, solved) = inputs;
         let model = solved.map(|(solved, _)| solved.model).or_else(|| self.capturing.model());
         let subject = SceneSubject {
             name: "",

@@ -1,9 +1,9 @@
 //! Stage `segmentation`: the object that each pixel shows, one PNG per pose, and the places of the objects.
 
-use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
+use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
 use super::shot::{FileTaker, PoseFileForm, ShotParameters};
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, OBJECT_PLACES, PictureSet, TrajectoryProduct};
+use super::{ExpectedSize, PathLength, StageContext, StageError};
+use crate::artifact::{OBJECT_PLACES, PictureSet};
 use gs2e_image::{Image, png};
 use gs2e_render::{ChannelSet, RenderedImages, Renderer};
 use gs2e_sampling::exposure;
@@ -11,7 +11,6 @@ use gs2e_sampling::rendered::RenderedPose;
 use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::motion::write_places;
-use gs2e_source::Capture;
 use serde::Serialize;
 use std::fs::File;
 use std::io::BufWriter;
@@ -33,34 +32,13 @@ const BYTES_A_PIXEL: u64 = 48;
 /// Bytes per pixel of a mask, which is one colour in most places; an estimate.
 const BYTES_OF_MASK: f64 = 0.02;
 
-impl Stage for SegmentationStage {
+impl PoseProduct for SegmentationStage {
     const NAME: &'static str = "segmentation";
     const REVISION: u32 = 1;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = PictureSet;
 
-    fn class(&self) -> Option<String> {
-        Some(self.shot.backend.class())
-    }
-
-    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, BYTES_A_PIXEL)
-    }
-
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
-        Some(ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_MASK))
-    }
-
-    fn role(&self) -> Option<PassRole<'_>> {
-        Some(PassRole::Poses(self))
-    }
-
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        pass::run_alone(self, inputs, cx)
+    fn size_along(&self, path: PathLength) -> ExpectedSize {
+        ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_MASK)
     }
 }
 

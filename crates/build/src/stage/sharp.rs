@@ -1,10 +1,10 @@
 //! Stage `sharp`: sharp frames of a release, one PNG per pose.
 
-use super::pass::{self, PassGround, PassRole, PoseStage, PoseTaker};
-use super::shot::{FileTaker, PoseFileForm, ShotParameters, exposure_failure};
+use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
+use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::size::PNG_BYTES;
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, PictureSet, TrajectoryProduct};
+use super::{ExpectedSize, PathLength, StageContext, StageError};
+use crate::artifact::PictureSet;
 use gs2e_image::{Image, png};
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderedImages, Renderer};
@@ -12,9 +12,7 @@ use gs2e_sampling::exposure;
 use gs2e_sampling::exposure::{DenseView, ExposureCourse};
 use gs2e_sampling::rendered::RenderedPose;
 use gs2e_sampling::rolling::RowRoller;
-use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
-use gs2e_source::Capture;
 use serde::Serialize;
 
 /// Parameters: camera, rendering, and the poses with a frame.
@@ -42,37 +40,20 @@ const BYTES_A_PIXEL: u64 = 44;
 /// Bytes per pixel of a rolling shutter: the frame, a band's rendering, depth and flow.
 const BYTES_OF_ROWS: u64 = 36;
 
-impl Stage for SharpStage {
+impl PoseProduct for SharpStage {
     const NAME: &'static str = "sharp";
     const REVISION: u32 = 2;
-    type Inputs = (StepTarget<Capture>, StepTarget<Gaussians>, StepTarget<TrajectoryProduct>);
     type Output = PictureSet;
 
-    fn class(&self) -> Option<String> {
-        Some(self.shot.backend.class())
-    }
-
-    fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        self.shot.need(files, PoseStage::bytes_a_pixel(self))
-    }
-
-    fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
+    fn size_along(&self, path: PathLength) -> ExpectedSize {
         let exposed = self.exposed.map_or(0.0, |frames| path.exposures(frames));
         let pictures = path.pictures(self.every) + exposed;
-        Some(ExpectedSize::of_pictures(pictures, self.shot.camera, PNG_BYTES))
+        ExpectedSize::of_pictures(pictures, self.shot.camera, PNG_BYTES)
     }
 
-    fn role(&self) -> Option<PassRole<'_>> {
+    fn is_shareable(&self) -> bool {
         // The bands of a rolling shutter are views of its own, on which the counts of other steps must not depend.
-        self.readout_us.is_none().then_some(PassRole::Poses(self))
-    }
-
-    fn run(
-        &self,
-        inputs: (Capture, Gaussians, TrajectoryProduct),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
-        pass::run_alone(self, inputs, cx)
+        self.readout_us.is_none()
     }
 }
 
@@ -134,7 +115,7 @@ impl PoseTaker for RollTaker {
         }
         let RenderedPose { index, images, work, seconds, has_frame, renderer } = pose;
         let view = DenseView { pose: index, images, work, renderer: &mut *renderer };
-        let rolled = self.roller.roll(view, &|| !cx.is_cancelled()).map_err(exposure_failure)?;
+        let rolled = self.roller.roll(view, &|| !cx.is_cancelled())?;
         let images = &RenderedImages { rgb: Some(rolled), ..RenderedImages::default() };
         self.files.take(RenderedPose { index, images, work, seconds, has_frame, renderer }, cx)
     }

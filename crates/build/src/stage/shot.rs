@@ -6,7 +6,6 @@ use super::{StageContext, StageError, StepNeed};
 use crate::artifact::{ArtifactFiles, write_json};
 use gs2e_render::backend::Backend;
 use gs2e_render::{ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages, Renderer};
-use gs2e_sampling::exposure::ExposeError;
 use gs2e_sampling::rendered::RenderedPose;
 use gs2e_scene::camera::{Camera, CameraChoice};
 use rayon::prelude::*;
@@ -123,14 +122,6 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
     fn finish(mut self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         self.flush(cx)?;
         record_work(&self.work, cx)
-    }
-}
-
-/// The failure of a frame that was exposed.
-pub(super) fn exposure_failure(error: ExposeError) -> StageError {
-    match error {
-        ExposeError::Interrupted => StageError::Cancelled,
-        error @ ExposeError::Render(_) => StageError::work_failed("render")(error),
     }
 }
 

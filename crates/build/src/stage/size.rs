@@ -26,7 +26,7 @@ pub struct ExpectedSize {
 impl PathLength {
     /// The length of `poses` poses at `rate` poses per second.
     #[must_use]
-    pub fn at_rate(poses: f64, rate: f64) -> Self {
+    pub(crate) fn at_rate(poses: f64, rate: f64) -> Self {
         Self { poses, seconds: (poses - 1.0).max(0.0) / rate }
     }
 
@@ -57,7 +57,7 @@ impl ExpectedSize {
 
     /// The bytes, with this size of pictures where the recipe states none.
     #[must_use]
-    pub fn bytes_at(self, size: Size) -> f64 {
+    pub(crate) fn bytes_at(self, size: Size) -> f64 {
         self.bytes.unwrap_or(self.a_pixel * f64::from(size.width) * f64::from(size.height))
     }
 }

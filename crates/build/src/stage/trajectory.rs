@@ -1,7 +1,9 @@
 //! Stage `trajectory`: makes a dense path at the prescribed speed, from captured views or other
 //! inputs.
 
-use super::{ExpectedSize, PathLength, Stage, StageContext, StageError, StepNeed, StepTarget};
+use super::{
+    ExpectedSize, OpenedInputs, PathLength, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget,
+};
 use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
 use gs2e_image::Size;
 use gs2e_num::units::Hertz;
@@ -63,15 +65,7 @@ pub struct ViewingSetup {
 /// Bytes of a pose in all files.
 pub(super) const BYTES_A_POSE: f64 = 200.0;
 
-impl Stage for TrajectoryStage {
-    const NAME: &'static str = "trajectory";
-    const REVISION: u32 = 2;
-    /// The capture, the base trajectory of key poses, and the scene: each if path or speed needs
-    /// it.
-    type Inputs =
-        (Option<StepTarget<Capture>>, Option<StepTarget<TrajectoryProduct>>, Option<StepTarget<Gaussians>>);
-    type Output = TrajectoryProduct;
-
+impl StageFacts for TrajectoryStage {
     fn class(&self) -> Option<String> {
         self.seeing.as_ref().map(|seeing| seeing.backend.class())
     }
@@ -100,12 +94,19 @@ impl Stage for TrajectoryStage {
     fn expected_size(&self, path: PathLength) -> Option<ExpectedSize> {
         Some(ExpectedSize::of_text(path.poses, BYTES_A_POSE))
     }
+}
 
-    fn run(
-        &self,
-        (capture, base, gaussians): (Option<Capture>, Option<TrajectoryProduct>, Option<Gaussians>),
-        cx: &mut StageContext<'_>,
-    ) -> Result<(), StageError> {
+impl Stage for TrajectoryStage {
+    const NAME: &'static str = "trajectory";
+    const REVISION: u32 = 2;
+    /// The capture, the base trajectory of key poses, and the scene: each if path or speed needs
+    /// it.
+    type Inputs =
+        (Option<StepTarget<Capture>>, Option<StepTarget<TrajectoryProduct>>, Option<StepTarget<Gaussians>>);
+    type Output = TrajectoryProduct;
+
+    fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
+        let (capture, base, gaussians) = inputs;
         let views = capture.as_ref().map_or(&[][..], |capture| &capture.views);
         let views: Vec<NamedPose<'_>> = views
             .iter()
@@ -130,13 +131,14 @@ impl Stage for TrajectoryStage {
         let made = self.path.make(PathInputs { views: &views, base, scene }, timing, meter);
         let made = made.map_err(StageError::work_failed("make the trajectory"))?;
         cx.warnings.extend(made.report.warnings.iter().cloned());
-        write_trajectory((&made.trajectory, &made.report), cx)
+        write_trajectory(&made.trajectory, &made.report, cx)
     }
 }
 
 /// Writes the files of a trajectory.
 pub(super) fn write_trajectory(
-    (trajectory, report): (&Trajectory, &SpeedReport),
+    trajectory: &Trajectory,
+    report: &SpeedReport,
     cx: &StageContext<'_>,
 ) -> Result<(), StageError> {
     let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {

@@ -72,6 +72,19 @@ pub(crate) struct IntervalWatch {
     tiles: Vec<TileSums>,
 }
 
+/// A pixel at an anchor.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct AnchoredPixel {
+    /// Its drift since the first anchor, if it is known.
+    pub(crate) drift: Option<f64>,
+    /// Its ON and OFF events until now.
+    pub(crate) counts: [u32; 2],
+    /// Error of their difference.
+    pub(crate) error: f64,
+    /// Events of the noise floor that are expected since the last anchor.
+    pub(crate) floor: [f64; 2],
+}
+
 impl IntervalWatch {
     pub(crate) fn new(size: Size, law: DriftLaw, anchors: &AnchorFrames) -> Self {
         let stamps_us = anchors.stamps_us.clone();
@@ -95,16 +108,9 @@ impl IntervalWatch {
         }
     }
 
-    /// Takes a pixel at the next anchor: its drift since the first, if it is known, its events
-    /// until now, the error of their difference, and the events of the noise floor that are expected
-    /// since the last anchor.
-    pub(crate) fn see(
-        &mut self,
-        pixel: usize,
-        drift: Option<f64>,
-        counts: [u32; 2],
-        (error, floor): (f64, [f64; 2]),
-    ) {
+    /// Takes a pixel at the next anchor.
+    pub(crate) fn see(&mut self, pixel: usize, anchored: AnchoredPixel) {
+        let AnchoredPixel { drift, counts, error, floor } = anchored;
         let change = drift.unwrap_or(f64::NAN) - self.drift[pixel];
         let before = std::mem::replace(&mut self.counts[pixel], counts);
         let [a, b] = self.law.thresholds;
@@ -159,7 +165,7 @@ mod tests {
         let frames = AnchorFrames { stamps_us: vec![0, 1000, 2000], images: Vec::new(), spans: Vec::new() };
         let mut watch = IntervalWatch::new(Size { width: 1, height: 1 }, law, &frames);
         for (i, (drift, counts)) in anchors.into_iter().enumerate() {
-            watch.see(0, Some(drift), counts, (0.0, [0.0; 2]));
+            watch.see(0, AnchoredPixel { drift: Some(drift), counts, error: 0.0, floor: [0.0; 2] });
             watch.settle(i + 1);
         }
         let (intervals, _) = watch.finish();

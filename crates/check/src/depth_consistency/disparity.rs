@@ -4,10 +4,9 @@
 //! state it to the 6e-8 of 32 bits, and the limit of 1e-4 leaves room for other programs. The statement finds
 //! another sign, scale, baseline, pose or unit, and images without values.
 
-use super::NAME;
+use crate::TrajectorySubject;
 use crate::flow_projection::rank;
-use crate::subject::{Judgement, LimitSide};
-use crate::{Finding, TrajectorySubject};
+use crate::subject::{Judged, Judgement, LimitSide};
 use gs2e_image::Image;
 
 /// Largest difference of a disparity, as a share of it.
@@ -46,12 +45,11 @@ impl DisparityDifference {
     }
 }
 
-/// The finding on the disparity images; `None` if the trajectory has none.
-pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<Finding> {
-    const PART: &str = "disparity";
+/// The statement on the disparity images; `None` if the trajectory has none.
+pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<Judged> {
     let differences = match subject.disparities? {
         Ok(differences) => differences,
-        Err(because) => return Some(subject.not_run(NAME, PART, because.clone())),
+        Err(because) => return Some(Err(because.clone())),
     };
     let worst = differences.iter().max_by(|a, b| a.fault().total_cmp(&b.fault()))?;
     let limit = LimitSide::gate(SHARE);
@@ -63,8 +61,8 @@ pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<Findi
         100.0 * worst.unpaired,
         differences.len()
     );
-    let judged = Judgement::from_value(limit.at_most(worst.fault() * SHARE), worst.off, limit, "1", because);
-    Some(subject.finding(NAME, PART, judged).detecting(SHARE, "1"))
+    let verdict = limit.at_most(worst.fault() * SHARE);
+    Some(Ok(Judgement::new(verdict, worst.off, SHARE, "1", because).detecting(SHARE, "1")))
 }
 
 #[cfg(test)]

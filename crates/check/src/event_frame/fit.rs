@@ -125,7 +125,7 @@ impl SlopeSums {
     /// Largest distance of a sound stream's factor from 1 that residuals and noise can cause. With
     /// `|dv - s| <= most`, `|factor - 1| <= most <|s|> / <s, s>`.
     #[must_use]
-    pub fn allowance(&self, most: f64) -> f64 {
+    pub(crate) fn allowance(&self, most: f64) -> f64 {
         (most * self.sizes + self.errors + DEVIATIONS * self.scatter.sqrt()) / self.squares
     }
 

@@ -52,7 +52,7 @@ const SMALL: f64 = 0.4;
 /// large residuals.
 const LARGE: f64 = 4.0;
 /// Offset from which on large residuals count, us: there, small ones are only those of slow pixels.
-pub const FAR_US: f64 = 50.0;
+pub(crate) const FAR_US: f64 = 50.0;
 /// Width of the band of residuals around the largest that is used, as a share of it, on either side.
 const BAND: f64 = 0.25;
 /// [`StreamClock::reach`] of single events.
@@ -137,9 +137,9 @@ impl CrossingFit {
 }
 
 impl CrossingObserver {
-    /// Starts at the first frame of a clip that ends at `end_us`, with about as many events.
+    /// Starts at the first frame of a clip that ends at `end_us`, with about `events` events.
     #[must_use]
-    pub fn new(law: DriftLaw, first: SeenFrame, (end_us, events): (i64, u64)) -> Self {
+    pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64, events: u64) -> Self {
         let apart = lines_apart(events, first.brightness.size());
         Self::of_lines(law, first, end_us, apart)
     }

@@ -37,7 +37,7 @@ impl ChangeCourse {
     /// The change with the largest ratio, and its index. `stride` is the number of steps in an interval;
     /// usual values are `least` or more. `None` if no change has enough others around it.
     #[must_use]
-    pub fn most_unusual(&self, stride: usize, least: f64) -> Option<(usize, UnusualChange)> {
+    pub(crate) fn most_unusual(&self, stride: usize, least: f64) -> Option<(usize, UnusualChange)> {
         let judged = (0..self.changes.len()).filter_map(|at| {
             let (change, usual) = (self.changes[at], self.usual(at, stride)?.max(least));
             Some((at, UnusualChange { change, usual, ratio: change / usual }))

@@ -6,10 +6,10 @@
 //! of the pixels of objects, so that a small object counts as much as a large one, and so does a mask that
 //! misses it. The limit is one in a hundred.
 
-use super::{NAME, rank};
+use super::rank;
+use crate::TrajectorySubject;
 use crate::geometry::Measured;
-use crate::subject::{Judgement, LimitSide};
-use crate::{Finding, TrajectorySubject};
+use crate::subject::{Judged, Judgement, LimitSide};
 use gs2e_image::Image;
 use gs2e_scene::camera::flow::flow_of_parts;
 use gs2e_scene::camera::view::CameraView;
@@ -88,21 +88,19 @@ fn is_wrong(stated: [f32; 2], expected: [f32; 2], allowed: f64) -> bool {
     off > SHARE * size(expected) + allowed
 }
 
-/// The finding on the flow of objects; `None` if nothing moves by itself.
-pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Finding> {
-    const PART: &str = "objects";
+/// The statement on the flow of objects; `None` if nothing moves by itself.
+pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Judged> {
     let flows: &Measured<Vec<ObjectFlow>> = subject.geometry?.objects.as_ref()?;
     let flows = match flows {
         Ok(flows) => flows,
-        Err(because) => return Some(subject.not_run(NAME, PART, because.clone())),
+        Err(because) => return Some(Err(because.clone())),
     };
     let limit = LimitSide::gate(MOST_WRONG);
     if let Some(ObjectFlow { pose, stranger: Some(number), .. }) = flows.iter().find(|f| f.stranger.is_some())
     {
         let because =
             format!("the mask at pose {pose} has the number {number}, which no object of the recipe has");
-        let judged = Judgement::from_value(limit.beyond, 1.0, limit, "1", because);
-        return Some(subject.finding(NAME, PART, judged));
+        return Some(Ok(Judgement::new(limit.beyond, 1.0, limit.value, "1", because)));
     }
     let worst = flows.iter().max_by(|a, b| a.share().total_cmp(&b.share()))?;
     let because = format!(
@@ -113,6 +111,5 @@ pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Finding> 
         worst.shown,
         flows.len()
     );
-    let judged = Judgement::from_value(limit.at_most(worst.share()), worst.share(), limit, "1", because);
-    Some(subject.finding(NAME, PART, judged).detecting(MOST_WRONG, "1"))
+    Some(Ok(Judgement::at_most(worst.share(), limit, "1", because).detecting(MOST_WRONG, "1")))
 }

@@ -12,7 +12,7 @@ const FACTORS: [f64; 16] =
 pub type PoseReading<'a> = &'a dyn Fn(&Se3, usize) -> Se3;
 
 /// The name of the first reading of these poses with which `explains` is true.
-pub fn find_reading(poses: &[Se3], explains: &dyn Fn(PoseReading<'_>) -> bool) -> Option<String> {
+pub(crate) fn find_reading(poses: &[Se3], explains: &dyn Fn(PoseReading<'_>) -> bool) -> Option<String> {
     let flip = DQuat::from_mat3(&DMat3::from_diagonal(OPENCV_FROM_OPENGL));
     let opengl = |pose: &Se3, _: usize| Se3 { rotation: pose.rotation * flip, ..*pose };
     let readings: [(&str, PoseReading<'_>); 4] = [

@@ -12,10 +12,9 @@
 //! statement is the worst of the three, as a share of its limit: it finds labels that are inverted, or all
 //! equal. A readout of limited rate loses events of unknown labels, so nothing is stated there.
 
-use super::NAME;
-use crate::subject::{Judgement, LimitSide};
+use crate::TrajectorySubject;
+use crate::subject::{Judged, Judgement, LimitSide};
 use crate::tally::LabelCounts;
-use crate::{Finding, TrajectorySubject};
 
 /// Largest share of the events of hot pixels without the label of noise.
 const MISSING: f64 = 0.3;
@@ -72,27 +71,21 @@ fn shares(counts: &LabelCounts) -> [WrongShare; 3] {
     ]
 }
 
-/// The finding on the labels; `None` if the events have none, or are compared by other means.
-pub(super) fn judge_labels(subject: &TrajectorySubject<'_>) -> Option<Finding> {
-    const PART: &str = "labels";
+/// The statement on the labels; `None` if the events have none, or are compared by other means.
+pub(super) fn judge_labels(subject: &TrajectorySubject<'_>) -> Option<Judged> {
     let counts = subject.tally?.labels.as_ref()?;
     if subject.sensor.is_some_and(|sensor| sensor.readout().is_some()) {
         let because = "not applicable behind a readout of limited rate: it loses events of unknown labels";
-        return Some(subject.not_run(NAME, PART, because));
+        return Some(Err(because.to_owned()));
     }
     let enough = shares(counts).into_iter().filter(|share| share.of >= MIN_EVENTS);
     let Some(worst) = enough.max_by(|a, b| a.fault().total_cmp(&b.fault())) else {
-        return Some(subject.not_run(
-            NAME,
-            PART,
-            format!("fewer than {MIN_EVENTS} events have a known label"),
-        ));
+        return Some(Err(format!("fewer than {MIN_EVENTS} events have a known label")));
     };
     let limit = LimitSide::gate(worst.limit);
     let because =
         format!("{:.4} {}; at most {:.4} of {:.0} may", worst.share, worst.what, worst.limit, worst.of);
-    let judged = Judgement::from_value(limit.at_most(worst.share), worst.share, limit, "1", because);
-    Some(subject.finding(NAME, PART, judged))
+    Some(Ok(Judgement::at_most(worst.share, limit, "1", because)))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use crate::drift::DriftLaw;
 use crate::motion::warp::FlowAt;
+use crate::tally::TallyReference;
 use gs2e_image::Size;
 use gs2e_sensor::frames::anchors::AnchorFrames;
 
@@ -52,8 +53,9 @@ impl StillPixelWatch {
         end_us: i64,
         law: &DriftLaw,
         anchors: &AnchorFrames,
-        (flows, hot_hz): (&[FlowAt], &[f64]),
+        against: &TallyReference<'_>,
     ) -> Option<Self> {
+        let TallyReference { flows, hot_hz, .. } = *against;
         let enough = anchors.images.len() >= if flows.is_empty() { WITHOUT_FLOW } else { 2 };
         if !enough || end_us <= 0 {
             return None;

@@ -90,7 +90,7 @@ pub struct PairAlignment {
 /// # Panics
 /// A picture does not have the camera's size.
 #[must_use]
-pub fn align_pair(
+pub(crate) fn align_pair(
     quantity: AlignedQuantity,
     camera: &Camera,
     [from, to]: [&PosedPicture; 2],

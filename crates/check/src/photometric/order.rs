@@ -5,9 +5,8 @@
 //! of a triple lies beyond an outer one. A camera that stands still sees one picture.
 
 use super::super::geometry::Measured;
-use super::super::subject::{Judgement, LimitSide};
-use super::super::{Finding, TrajectorySubject, Verdict};
-use super::NAME;
+use super::super::subject::{Judged, Judgement, LimitSide};
+use super::super::{TrajectorySubject, Verdict};
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::relative_angle;
 use gs2e_num::stats::mean_median;
@@ -38,19 +37,15 @@ pub struct FrameTriple {
     pub outer: f64,
 }
 
-/// The finding on the order of the frames.
-pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Vec<FrameTriple>>) -> Finding {
-    const PART: &str = "order";
-    let triples = match triples {
-        Ok(triples) => triples,
-        Err(because) => return subject.not_run(NAME, PART, because.clone()),
-    };
+/// The statement on the order of the frames.
+pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Vec<FrameTriple>>) -> Judged {
+    let triples = triples.as_ref()?;
     let poses = &subject.trajectory.world_from_camera;
     let scale = subject.speed.map_or(1.0, |report| report.scale_distance);
     let apart = |a: usize, b: usize| mixed_distance(&poses[a], &poses[b], scale);
     let seen = mean_median(triples.iter().map(|t| t.inner[0]).collect()).unwrap_or(0.0);
     if poses.iter().all(|pose| mixed_distance(pose, &poses[0], scale) <= SAME) && !triples.is_empty() {
-        return judge_still(subject, seen);
+        return Ok(judge_still(seen));
     }
     let judged: Vec<&FrameTriple> = triples
         .iter()
@@ -62,7 +57,7 @@ pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Ve
     let ratio = |t: &FrameTriple| t.outer / t.inner[0].max(t.inner[1]);
     let worst = judged.iter().min_by(|a, b| ratio(a).total_cmp(&ratio(b)));
     let Some(worst) = worst.filter(|_| judged.len() >= LEAST_TRIPLES) else {
-        return subject.not_run(NAME, PART, "too few frames in a row differ");
+        return Err("too few frames in a row differ".into());
     };
     let limit = LimitSide::gate(LEAST_RATIO);
     let because = format!(
@@ -73,18 +68,17 @@ pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Ve
         worst.poses[1],
         judged.len()
     );
-    let judged = Judgement::from_value(limit.at_least(ratio(worst)), ratio(worst), limit, "1", because);
-    subject.finding(NAME, PART, judged)
+    Ok(Judgement::at_least(ratio(worst), limit, "1", because))
 }
 
-fn judge_still(subject: &TrajectorySubject<'_>, seen: f64) -> Finding {
+fn judge_still(seen: f64) -> Judgement {
     let limit = LimitSide::gate(MOST_STILL_GREY);
     let verdict = limit.at_most(seen);
     let because = match verdict {
         Verdict::Pass => format!("the camera stands still, and neighbouring frames differ by {seen:.2} grey"),
         _ => format!("the poses stand still, but neighbouring frames differ by {seen:.2} grey"),
     };
-    subject.finding(NAME, "order", Judgement::from_value(verdict, seen, limit, "grey", because))
+    Judgement::new(verdict, seen, limit.value, "grey", because)
 }
 
 fn mixed_distance(a: &Se3, b: &Se3, scale: f64) -> f64 {

@@ -1,43 +1,94 @@
 //! A measured value against its limits.
 
-use crate::{Finding, FindingSubject, Verdict};
+use crate::{DetectableFault, Finding, FindingSubject, Verdict};
+
+/// The statements of a pass by their names. The name is empty if the pass makes only one.
+pub(crate) type Statements = Vec<(&'static str, Judged)>;
+
+/// The verdict on one statement, or the reason why nothing could be measured.
+pub type Judged = Result<Judgement, String>;
 
 /// The verdict on one statement.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Judgement {
-    pub(crate) verdict: Verdict,
-    pub(crate) measured: Option<f64>,
-    pub(crate) limit: Option<f64>,
-    pub(crate) unit: &'static str,
-    pub(crate) because: String,
+pub struct Judgement {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The measured value, in `unit`.
+    pub measured: Option<f64>,
+    /// The limit.
+    pub limit: Option<f64>,
+    /// Unit of both values; `1` for pure numbers.
+    pub unit: &'static str,
+    /// One sentence for people with the measured value and the limit.
+    pub because: String,
+    /// The smallest fault that would have been found, if the pass states one.
+    pub detects: Option<DetectableFault>,
 }
 
 impl Judgement {
     /// The verdict on a statement that could not be measured.
-    pub(crate) fn not_run(because: impl Into<String>) -> Self {
-        let verdict = Verdict::NotRun;
-        Self { verdict, measured: None, limit: None, unit: "1", because: because.into() }
+    #[must_use]
+    pub fn not_run(because: impl Into<String>) -> Self {
+        Self::without_value(Verdict::NotRun, "1", because.into())
     }
 
-    /// The verdict on a measured value and a limit.
-    pub(crate) fn from_value(
+    /// A verdict without a measured value.
+    #[must_use]
+    pub fn without_value(verdict: Verdict, unit: &'static str, because: String) -> Self {
+        Self { verdict, measured: None, limit: None, unit, because, detects: None }
+    }
+
+    /// The verdict on a measured value and a limit, if there is one.
+    #[must_use]
+    pub fn new(
         verdict: Verdict,
         measured: f64,
-        limit: LimitSide,
+        limit: impl Into<Option<f64>>,
         unit: &'static str,
         because: String,
     ) -> Self {
-        Self { verdict, measured: Some(measured), limit: Some(limit.value), unit, because }
+        let (measured, limit) = (Some(measured), limit.into());
+        Self { verdict, measured, limit, unit, because, detects: None }
+    }
+
+    /// The verdict on a value that must not exceed its limit.
+    pub(crate) fn at_most(measured: f64, limit: LimitSide, unit: &'static str, because: String) -> Self {
+        Self::new(limit.at_most(measured), measured, limit.value, unit, because)
+    }
+
+    /// The verdict on a value that must not be below its limit.
+    pub(crate) fn at_least(measured: f64, limit: LimitSide, unit: &'static str, because: String) -> Self {
+        Self::new(limit.at_least(measured), measured, limit.value, unit, because)
+    }
+
+    /// The verdict on a number of faults, of which none is allowed.
+    pub(crate) fn none_of(faults: f64, unit: &'static str, because: String) -> Self {
+        Self::at_most(faults, LimitSide::gate(0.0), unit, because)
+    }
+
+    /// This verdict with the smallest fault that it would have shown.
+    #[must_use]
+    pub fn detecting(self, size: f64, unit: &str) -> Self {
+        // Infinity is not a number in JSON, and states nothing.
+        Self { detects: size.is_finite().then(|| DetectableFault::new(size, unit)), ..self }
     }
 
     /// The finding of `name`; `part` names the statement if a pass makes several.
-    pub(crate) fn finding(self, name: &str, check: &str, part: &str) -> Finding {
+    #[must_use]
+    pub fn finding(self, name: &str, check: &str, part: &str) -> Finding {
         let subject = FindingSubject::new(name, part);
-        let Self { verdict, measured, limit, unit, because } = self;
+        let Self { verdict, measured, limit, unit, because, detects } = self;
         let unit = unit.to_owned();
-        let detects = None;
         Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because, detects }
     }
+}
+
+/// The statements of a check as its findings. A check that could not measure anything has one, without a name.
+pub(crate) fn findings_of(name: &str, check: &str, made: Result<Statements, String>) -> Vec<Finding> {
+    let statements = made.unwrap_or_else(|because| vec![("", Err(because))]);
+    let finding =
+        |(part, judged): (_, Judged)| judged.unwrap_or_else(Judgement::not_run).finding(name, check, part);
+    statements.into_iter().map(finding).collect()
 }
 
 /// One end of an allowed range, and the verdict beyond it.

@@ -34,7 +34,7 @@ impl DescriptionChange {
 /// The lines that differ, the most important first: revision and class, then parameters, then
 /// inputs.
 #[must_use]
-pub fn changed_lines(old: &[ExplanationLine], new: &[ExplanationLine]) -> Vec<DescriptionChange> {
+pub(crate) fn changed_lines(old: &[ExplanationLine], new: &[ExplanationLine]) -> Vec<DescriptionChange> {
     let text = |lines: &[ExplanationLine], path: &str| {
         lines.iter().find(|l| l.path == path).map(|l| l.text.clone()).unwrap_or_default()
     };

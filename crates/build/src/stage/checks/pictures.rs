@@ -16,7 +16,8 @@ const WIDEST: u32 = 320;
 /// drawn if they are `balanced`.
 pub(super) fn write_pictures(
     name: &str,
-    (tally, balanced): (&StreamTally, bool),
+    tally: &StreamTally,
+    balanced: bool,
     cx: &StageContext<'_>,
 ) -> Result<(), StageError> {
     let prefix = name.strip_prefix('/').map_or_else(String::new, |name| format!("{name}."));

@@ -59,10 +59,12 @@ impl ChecksStage {
     /// Compares disparity images with depth images. `None` without disparity.
     pub(super) fn compare_disparities(
         &self,
-        (_, disparity, depth, capture): &OpenedProducts,
-        (motion, events): (&TrajectoryProduct, Option<&EventStreams>),
+        products: &OpenedProducts,
+        motion: &TrajectoryProduct,
+        events: Option<&EventStreams>,
         cx: &StageContext<'_>,
     ) -> Result<Option<Measured<Vec<DisparityDifference>>>, StageError> {
+        let (_, disparity, depth, capture) = products;
         let (Some(pair), Some(disparity), Some(capture)) = (&self.pair, disparity, capture) else {
             return Ok(None);
         };

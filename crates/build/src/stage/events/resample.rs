@@ -9,9 +9,11 @@ use gs2e_num::units::Timestamp;
 use gs2e_render::Renderer;
 use gs2e_sampling::rendered::RenderedFrames;
 use gs2e_scene::camera::Camera;
+use gs2e_scene::camera::view::CameraVelocity;
 use gs2e_sensor::frames::{DenseFrame, FrameSequence as _};
 use gs2e_sensor::voltmeter::BetweenFrames;
 use gs2e_sensor::{SensorChoice, SensorError, SensorModel};
+use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::sampled::SampledPath;
 
 /// Number of intervals.
@@ -32,23 +34,39 @@ impl EventSink for ResampledRows {
     }
 }
 
+/// The middle of a path with twice the frames.
+pub(super) struct DoubledPath {
+    intervals: usize,
+    trajectory: Trajectory,
+    velocities: Vec<CameraVelocity>,
+}
+
+impl DoubledPath {
+    /// `None` without an interval between frames.
+    pub(super) fn new(path: &SampledPath, stamps_us: &[i64]) -> Option<Self> {
+        let last = stamps_us.len().checked_sub(1).filter(|last| *last > 0)?;
+        let intervals = INTERVALS.min(last);
+        let from = (last - intervals) / 2;
+        let (trajectory, velocities) = path.sampled(&doubled_stamps(&stamps_us[from..=from + intervals]));
+        Some(Self { intervals, trajectory, velocities })
+    }
+}
+
 impl EventsStage {
     /// The events of each sensor in the middle of the sequence, with its frames and with twice as
     /// many. `None` for a sensor that follows the frames, or one that sees colour.
     pub(super) fn resample(
         &self,
-        path: &SampledPath,
-        stamps_us: &[i64],
-        (camera, renderer): (Camera, Box<dyn Renderer>),
+        doubled: DoubledPath,
+        camera: Camera,
+        renderer: Box<dyn Renderer>,
         cx: &StageContext<'_>,
     ) -> Result<Vec<Option<ResampledIntervals>>, StageError> {
         let sensors: Vec<&SensorChoice> = self.sensors().map(|(_, sensor)| sensor).collect();
-        let intervals = INTERVALS.min(stamps_us.len().saturating_sub(1));
-        if intervals == 0 || !sensors.iter().any(|sensor| is_comparable(sensor)) {
+        if !sensors.iter().any(|sensor| is_comparable(sensor)) {
             return Ok(vec![None; sensors.len()]);
         }
-        let from = (stamps_us.len() - 1 - intervals) / 2;
-        let (trajectory, velocities) = path.sampled(&doubled_stamps(&stamps_us[from..=from + intervals]));
+        let DoubledPath { intervals, trajectory, velocities } = doubled;
         let mut rendered = RenderedFrames::new(renderer, camera, trajectory).lit_by(self.lights.clone());
         if sensors.iter().any(|sensor| sensor.between() == BetweenFrames::Hermite) {
             rendered = rendered.with_rates(velocities);

@@ -1,20 +1,19 @@
 //! Times of the frames: at the poses, or where a tolerance requires them.
 
-use super::EventsStage;
+use super::{EventsStage, SimulatedStreams};
 use crate::artifact::{EventStream, TrajectoryProduct};
 use crate::stage::{StageContext, StageError};
 use gs2e_num::units::format_amount;
 use gs2e_render::{LayerOrder, RenderRules, Renderer, lights};
+use gs2e_sampling::SamplingChoice;
 use gs2e_sampling::choose::{ChoiceQuestion, ChooseError};
 use gs2e_sampling::flow::PathFlow;
 use gs2e_sampling::jitter::lost_in_noise;
 use gs2e_sampling::measure::SensorScale;
 use gs2e_sampling::scout::{ScoutError, ScoutRenderer};
-use gs2e_sampling::{ErrorTolerance, SamplingChoice};
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::CameraVelocity;
 use gs2e_sensor::SensorChoice;
-use gs2e_sensor::frames::anchors::AnchorFrames;
 use gs2e_sensor::voltmeter::{BetweenFrames, VoltmeterModel};
 use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::sampled::SampledPath;
@@ -33,29 +32,14 @@ impl EventsStage {
         &self,
         motion: TrajectoryProduct,
         camera: Camera,
-        renderer: Box<dyn Renderer>,
-        cx: &StageContext<'_>,
-    ) -> Result<SampledFrames, StageError> {
-        match self.tolerance {
-            // A single pose has no interval to choose frames in.
-            Some(tolerance) if motion.trajectory.stamps_us.len() > 1 => {
-                self.choose(tolerance, &motion, camera, renderer, cx)
-            }
-            _ => {
-                let velocities = motion.velocities();
-                Ok(SampledFrames { trajectory: motion.trajectory, velocities, chosen: None, renderer })
-            }
-        }
-    }
-
-    fn choose(
-        &self,
-        tolerance: ErrorTolerance,
-        motion: &TrajectoryProduct,
-        camera: Camera,
         mut renderer: Box<dyn Renderer>,
         cx: &StageContext<'_>,
     ) -> Result<SampledFrames, StageError> {
+        // A single pose has no interval to choose frames in.
+        let Some(tolerance) = self.tolerance.filter(|_| motion.trajectory.stamps_us.len() > 1) else {
+            let velocities = motion.velocities();
+            return Ok(SampledFrames { trajectory: motion.trajectory, velocities, chosen: None, renderer });
+        };
         let poses = &motion.trajectory.world_from_camera;
         let path = SampledPath::through_poses(poses, motion.seconds())
             .map_err(StageError::work_failed("follow the path"))?;
@@ -103,8 +87,8 @@ impl EventsStage {
         Self {
             sensor: self.sensor.as_ref().map(with),
             sensors: self.sensors.iter().map(|(name, sensor)| (name.clone(), with(sensor))).collect(),
+            shot: self.shot.clone(),
             lights: self.lights.clone(),
-            backend: self.backend.clone(),
             ..*self
         }
     }
@@ -115,9 +99,10 @@ impl EventsStage {
         &self,
         trajectory: &Trajectory,
         chosen: Option<&SamplingChoice>,
-        (streams, anchors): (&[EventStream], &[AnchorFrames]),
+        simulated: &SimulatedStreams,
         cx: &mut StageContext<'_>,
     ) {
+        let SimulatedStreams { streams, anchors } = simulated;
         let events = format_amount(streams.iter().map(|stream| stream.account.events).sum(), "ev");
         cx.warnings.extend(self.flicker_warning(trajectory, chosen));
         let Some(chosen) = chosen else {
@@ -150,7 +135,7 @@ impl EventsStage {
 
     /// A suggestion to reduce jumps.
     fn advice(&self) -> &'static str {
-        match (self.render.rules, self.render.order) {
+        match (self.shot.render.rules, self.shot.render.order) {
             (RenderRules::Soft, LayerOrder::Blended) => "",
             (RenderRules::Soft, LayerOrder::Depth) => "; render: { rules: soft, order: blended } has fewer",
             (RenderRules::Official | RenderRules::Exact | RenderRules::Gsplat, _) => {

@@ -2,14 +2,13 @@
 
 use crate::artifact::{TRAINING_FILE, write_json};
 use crate::stage::capture::{CaptureStage, SolvedInputs};
-use crate::stage::{SourceFile, Stage as _, StageContext, StageError, StepNeed};
+use crate::stage::{SourceFile, StageContext, StageError, StageFacts as _, StepNeed};
 use gs2e_render::backend::Backend;
 use gs2e_scene::Gaussians;
 use gs2e_source::Capture;
 use gs2e_train as training;
 use gs2e_train::{
-    CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingError, TrainingNews, TrainingSettings,
-    TrainingWatch,
+    CheckpointFile, LAWS, TrainedGaussians, TrainingEnd, TrainingNews, TrainingSettings, TrainingWatch,
 };
 use serde::Serialize;
 use std::path::PathBuf;
@@ -65,8 +64,7 @@ impl BuiltinStage {
             clock: cx.clock,
             checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
         };
-        let trained = training::train_capture(capture, &files, &self.settings, &Backend::Cpu, watch)
-            .map_err(stage_failure)?;
+        let trained = training::train_capture(capture, &files, &self.settings, &Backend::Cpu, watch)?;
         let TrainedGaussians { scene, record, without_photo } = trained;
         let judged = record.means();
         cx.remark =
@@ -88,12 +86,5 @@ impl BuiltinStage {
         let out = cx.out.join(TRAINING_FILE);
         write_json(&out, &record).map_err(StageError::io_error(&out))?;
         Ok(scene)
-    }
-}
-
-fn stage_failure(error: TrainingError) -> StageError {
-    match error {
-        TrainingError::Stopped => StageError::Cancelled,
-        error => StageError::work_failed("train the scene")(error),
     }
 }

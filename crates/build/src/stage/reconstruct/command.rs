@@ -1,17 +1,15 @@
 //! A program that trains a scene on the capture.
 
 use crate::stage::capture::{CaptureStage, SolvedInputs};
-use crate::stage::fidelity::{measure_fidelity, views_taken};
-use crate::stage::{SourceFile, Stage, StageContext, StageError};
+use crate::stage::fidelity::{FidelityStage, views_taken};
+use crate::stage::{SourceFile, StageContext, StageError, StageFacts as _};
 use gs2e_files as files;
 use gs2e_files::{Removal, is_there};
 use gs2e_render::RenderChoice;
 use gs2e_render::backend::Backend;
 use gs2e_scene::Gaussians;
 use gs2e_source::Capture;
-use gs2e_source::reconstruct::{
-    LAYOUT, LayoutError, ProgramWorkspace, TrainError, TrainedScene, TrainerCommand,
-};
+use gs2e_source::reconstruct::{LAYOUT, ProgramWorkspace, TrainedScene, TrainerCommand};
 use gs2e_train::fidelity::HeldOutViews;
 use gs2e_train::fidelity::sheet::ComparisonSheet;
 use serde::Serialize;
@@ -79,11 +77,11 @@ impl TrainingStage {
             programs: &cx.programs,
         };
         let trained = self.command.train(capture, &files, workspace);
-        let TrainedScene { gaussians, without_photo } = trained.map_err(stage_failure)?;
+        let TrainedScene { gaussians, without_photo } = trained?;
         // Nothing in this folder is part of the product.
         files::remove(&folder, Removal::Tree).map_err(StageError::io_error(&folder))?;
         let gaussians = Arc::new(gaussians);
-        self.hold((capture, solved), &gaussians, cx)?;
+        self.hold(capture, solved, &gaussians, cx)?;
         if without_photo > 0 {
             cx.warnings
                 .push(format!("{without_photo} views were not used for training: their photos are missing"));
@@ -95,26 +93,19 @@ impl TrainingStage {
     /// renders on the CPU, because the decision to keep a scene must not depend on the machine.
     fn hold(
         &self,
-        (capture, solved): (&Capture, &SolvedInputs),
+        capture: &Capture,
+        solved: &SolvedInputs,
         gaussians: &Arc<Gaussians>,
         cx: &StageContext<'_>,
     ) -> Result<(), StageError> {
         let photos = self.source.all_photos(solved)?;
+        let (render, capturing) = (self.render, self.source.clone());
+        let comparison =
+            FidelityStage { render, held_out: HeldOutViews::Unknown, capturing, backend: Backend::Cpu };
         let mut taken = views_taken(capture, &photos);
-        let (held_out, mut sheet) = (HeldOutViews::Unknown, ComparisonSheet::default());
-        taken.retain(|(i, ..)| held_out.holds_out(*i));
-        let fidelity =
-            measure_fidelity(gaussians, (self.render, &Backend::Cpu), (&taken, held_out), &mut sheet, cx)?;
+        taken.retain(|(i, ..)| comparison.held_out.holds_out(*i));
+        let fidelity = comparison.measure(gaussians, &taken, &mut ComparisonSheet::default(), cx)?;
         let held = fidelity.hold(self.command.min_psnr);
         held.map_err(StageError::work_failed("compare the trained scene with its photos"))
-    }
-}
-
-fn stage_failure(error: TrainError) -> StageError {
-    match error {
-        TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => StageError::Cancelled,
-        TrainError::Failed(failed) => StageError::Program(failed),
-        TrainError::Io { path, cause } => StageError::Io { path, source: cause },
-        TrainError::Layout(error) => StageError::work_failed("write the capture for the program")(error),
     }
 }

@@ -3,7 +3,7 @@
 use super::floor::FloorCounts;
 use super::{AnchorFit, FitSums, in_thresholds};
 use crate::alignment::places::{PlaceSums, PlaceWatch};
-use crate::completeness::intervals::{ChangeInterval, IntervalWatch, TileSums};
+use crate::completeness::intervals::{AnchoredPixel, ChangeInterval, IntervalWatch, TileSums};
 use crate::drift::DriftLaw;
 use crate::tally::PixelCounts;
 use gs2e_image::Size;
@@ -153,7 +153,8 @@ impl<'a> DriftBalance<'a> {
                 stock.fit.lag.add(left, ways, span, stock.unequal.even);
             }
             let known = left.is_some().then_some(change.dv);
-            self.intervals.see(i, known, [on, off], (change.error, change.floor_since));
+            let (error, floor) = (change.error, change.floor_since);
+            self.intervals.see(i, AnchoredPixel { drift: known, counts: [on, off], error, floor });
             if placed {
                 self.places.see(i, known, change.s);
             }

@@ -50,7 +50,7 @@ impl LagSums {
     /// The lag over all spans, us, and its standard deviation; `None` without pixels. Each span has
     /// its own mean residual, which covers voltages that start anywhere.
     #[must_use]
-    pub fn pooled_lag(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
+    pub(crate) fn pooled_lag(spans: impl Iterator<Item = Self>) -> Option<[f64; 2]> {
         let (mut pixels, mut squares, mut products, mut left_squares) = (0.0, 0.0, 0.0, 0.0);
         for Self { pixels: n, rates, squares: s, left, left_squares: l, products: p } in spans {
             // A single pixel has no deviation from its span's mean.
