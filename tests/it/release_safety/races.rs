@@ -3,8 +3,10 @@
 use super::{POSES, neighbours, out, place, released};
 use crate::release::small::said;
 use crate::support::workspace::{Workspace, same_tree};
+use gs2e_store::{LockClaim, LockRequest, StoreLock};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::Path;
 use std::process::{Child, ChildStderr, Stdio};
 use std::time::Duration;
 
@@ -42,17 +44,17 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
     assert_eq!(whole[0] + whole[1], ROUNDS);
 }
 
+/// Takes the lock of a target, as another release would.
+fn hold(path: &Path, claim: &LockClaim) -> StoreLock {
+    let request = LockRequest { path, of: path, claim, wait: false, cancel: &false.into() };
+    StoreLock::take_temporary(&request, &mut |_| {}).unwrap()
+}
+
 #[test]
 fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let holder = gs2e_store::StoreLock::take_temporary(
-        &path,
-        &path,
-        (&gs2e_store::LockClaim { command: "gs2e release".into(), ..Default::default() }, false),
-        &false.into(),
-        &mut |_| {},
-    );
+    let holder = hold(&path, &LockClaim { command: "gs2e release".into(), ..Default::default() });
     let ended = place.gs2e("release --no-wait --to out r.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let us = format!("out is in use by pid {}", std::process::id());
@@ -82,9 +84,7 @@ fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, Str
 fn an_interrupt_while_waiting_ends_it() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let claim = (&gs2e_store::LockClaim::default(), false);
-    let _holder =
-        gs2e_store::StoreLock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
+    let _holder = hold(&path, &LockClaim::default());
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));
