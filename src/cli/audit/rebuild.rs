@@ -2,7 +2,7 @@
 //! separate store, and compares every byte.
 
 use crate::cli::build::{BuildRequest, TrustOptions, exit_kind};
-use crate::cli::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError, input, on_interrupt};
+use crate::cli::{CommonArgs, Console, ExitKind, RecipeTargets, VerbError, on_interrupt};
 use gs2e_audit::{AuditFault, rebuilt};
 use gs2e_build::plan::Plan;
 use gs2e_build::run::backends::{RendererChoice, RendererKind};
