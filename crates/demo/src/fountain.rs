@@ -1,7 +1,8 @@
 //! A fountain on the table: drops that fly on parabolas, turn, and are there for a while.
 //!
-//! With `s` the time from the apex of a drop in seconds of the scene, its mean is `apex + v s + g s^2 / 2` with a
-//! horizontal velocity `v`, and its opacity `o exp(-(s / w)^2)`: a [`SplatTrack`] of degree 2 about the apex.
+//! With `s` the time from the apex of a drop in seconds of the scene, its mean is `apex + v s + g s^2 / 2`
+//! with a horizontal velocity `v`, and its opacity `o exp(-(s / w)^2)`: a [`SplatTrack`] of degree 2 about
+//! the apex.
 
 use super::draw::SceneDraws;
 use super::{light, to_single};

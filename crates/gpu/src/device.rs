@@ -18,8 +18,8 @@ pub enum DeviceChoice {
     Any,
     /// The most capable hardware GPU. Software implementations are slower than the CPU renderer.
     Hardware,
-    /// Like [`Self::Any`], and all others of the same kind with the same driver, for many scenes at once. A single
-    /// scene is rendered by one.
+    /// Like [`Self::Any`], and all others of the same kind with the same driver, for many scenes at once. A
+    /// single scene is rendered by one.
     All,
     /// The GPU at this index in the list of all, from 0.
     Index(usize),
@@ -84,7 +84,8 @@ impl GpuDevice {
         Self::from_adapter(&adapters.swap_remove(at), without)
     }
 
-    /// Opens all GPUs that a choice means, the most capable one first: several for [`DeviceChoice::All`] only.
+    /// Opens all GPUs that a choice means, the most capable one first: several for [`DeviceChoice::All`]
+    /// only.
     pub(super) fn open_all(choice: &DeviceChoice, without: FeatureSet) -> Result<Vec<Self>, GpuError> {
         if *choice != DeviceChoice::All {
             return Self::open_without(choice, without).map(|device| vec![device]);

@@ -184,6 +184,7 @@ impl<'a> ShaderCompiler<'a> {
 }
 
 /// A sort by digits.
+#[derive(Clone, Copy)]
 struct DigitSort<'a> {
     /// The uniform entry of the lowest digit.
     first: u32,

@@ -1,7 +1,7 @@
 //! Several GPUs of one kind, for many scenes at once.
 //!
-//! Each renderer works on one GPU. GPUs of other kinds round differently, so their steps would have other keys: a
-//! pool has GPUs of one numerical class only.
+//! Each renderer works on one GPU. GPUs of other kinds round differently, so their steps would have other
+//! keys: a pool has GPUs of one numerical class only.
 
 use super::device::{DeviceChoice, GpuDevice};
 use super::features::FeatureSet;
@@ -105,8 +105,8 @@ impl GpuPool {
         if self.devices.len() == 1 { name.to_owned() } else { format!("{} GPUs {name}", self.devices.len()) }
     }
 
-    /// The device with the fewest renderers among those that were not lost. The renderer that it is for keeps the
-    /// place.
+    /// The device with the fewest renderers among those that were not lost. The renderer that it is for keeps
+    /// the place.
     ///
     /// # Errors
     /// All devices were lost: the error of the first.

@@ -193,8 +193,8 @@ impl RegionImages<'_> {
         self.bytes.as_chunks().0.iter().all(|bytes| f32::from_le_bytes(*bytes).is_finite())
     }
 
-    /// Fills the region of an image from values of `N` bytes behind this many planes of floats, or removes the
-    /// image.
+    /// Fills the region of an image from values of `N` bytes behind this many planes of floats, or removes
+    /// the image.
     ///
     /// All cores copy: one core moves some 5 GB/s, and the link to a device brings ten times as much.
     fn fill<T: std::marker::Copy + Default + Send, const N: usize>(

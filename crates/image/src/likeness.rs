@@ -91,8 +91,8 @@ fn similarity([a, b, aa, bb, ab]: [f64; 5]) -> f64 {
     means * spreads
 }
 
-/// The weighted means of `a`, `b`, `a^2`, `b^2` and `ab` of each column around a row, channels next to each other. The
-/// window is a product of two, so columns are summed first: 22 terms per pixel instead of 121.
+/// The weighted means of `a`, `b`, `a^2`, `b^2` and `ab` of each column around a row, channels next to each
+/// other. The window is a product of two, so columns are summed first: 22 terms per pixel instead of 121.
 fn column_moments(
     a: &Image<[f32; 3]>,
     b: &Image<[f32; 3]>,

@@ -9,7 +9,7 @@
 //! A case takes the function under test as an argument, so that a test can pass a naive one and
 //! verify that it exceeds the limit.
 
-pub mod answers;
+mod answers;
 pub mod clips;
 pub mod clock;
 pub mod sensor;
@@ -127,11 +127,11 @@ impl CaseResult {
 
 /// Collects points.
 #[derive(Debug, Default)]
-pub struct WorstPoint(Option<CaseResult>);
+pub(crate) struct WorstPoint(Option<CaseResult>);
 
 impl WorstPoint {
     /// Adds a point; `at` describes its place.
-    pub fn see(&mut self, point: StressPoint, at: impl FnOnce() -> String) {
+    pub(crate) fn see(&mut self, point: StressPoint, at: impl FnOnce() -> String) {
         match &mut self.0 {
             Some(found) => {
                 found.points += 1;
@@ -154,7 +154,7 @@ impl WorstPoint {
     /// # Panics
     /// There was no point: a case without points would pass for any program.
     #[must_use]
-    pub fn found(self) -> CaseResult {
+    pub(crate) fn found(self) -> CaseResult {
         self.0.expect("a case has points")
     }
 }

@@ -18,7 +18,7 @@ pub mod cost;
 pub mod errors;
 pub mod grid;
 pub mod lab;
-pub mod pass;
+mod pass;
 pub mod pick;
 pub mod recommend;
 pub mod report;

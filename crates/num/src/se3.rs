@@ -64,8 +64,8 @@ impl Se3 {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// This motion after another: `a_from_c` for this `a_from_b` and a `b_from_c`. Nothing is renormalised, so that a
-    /// motion without a rotation leaves the bits of the other rotation.
+    /// This motion after another: `a_from_c` for this `a_from_b` and a `b_from_c`. Nothing is renormalised,
+    /// so that a motion without a rotation leaves the bits of the other rotation.
     #[must_use]
     #[inline]
     pub fn compose(&self, b_from_c: &Self) -> Self {

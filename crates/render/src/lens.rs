@@ -1,15 +1,15 @@
-//! Renderings through a lens that distorts: a pinhole image with a wider field, resampled at the places where the
-//! lens shows its rays.
+//! Renderings through a lens that distorts: a pinhole image with a wider field, resampled at the places where
+//! the lens shows its rays.
 //!
 //! ```text
 //! pixel (u, v) ─ camera^-1 ─ (x', y') ─ lens^-1 ─ (x, y) ─ wide camera ─ place in the wide image
 //! ```
 //!
-//! The wide camera has the lens's own magnification where that is largest, so no detail is lost. Brightness is
-//! interpolated by Catmull and Rom's cubic over 4x4 pixels, which has no error for parabolas and keeps centroids. The
-//! cubic is the same at all times, so that rates stay the derivatives of what they belong to. Depth is that of the
-//! nearest pixel, since a mean of a near and a far depth is neither. The flow follows from that depth and the ray of the
-//! pixel, through the derivatives of the lens.
+//! The wide camera has the lens's own magnification where that is largest, so no detail is lost. Brightness
+//! is interpolated by Catmull and Rom's cubic over 4x4 pixels, which has no error for parabolas and keeps
+//! centroids. The cubic is the same at all times, so that rates stay the derivatives of what they belong to.
+//! Depth is that of the nearest pixel, since a mean of a near and a far depth is neither. The flow follows
+//! from that depth and the ray of the pixel, through the derivatives of the lens.
 //!
 //! # Examples
 //!
@@ -187,7 +187,8 @@ impl LensMap {
     }
 
     /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the
-    /// axes of its part, which has one of `views`; without parts, it is still. What changes adds its velocity.
+    /// axes of its part, which has one of `views`; without parts, it is still. What changes adds its
+    /// velocity.
     fn flow(&self, depth: &Image<f32>, seen: &RenderedImages, views: &[CameraView]) -> Image<[f32; 2]> {
         let (segments, drift) = (seen.segments.as_ref(), seen.drift.as_ref());
         self.each(|i| {
@@ -206,7 +207,8 @@ impl LensMap {
     }
 }
 
-/// Size of the picture that is rendered for a camera: that of the wide camera, by the rays of its edge, or its own.
+/// Size of the picture that is rendered for a camera: that of the wide camera, by the rays of its edge, or
+/// its own.
 #[must_use]
 pub fn rendered_size(camera: &Camera) -> Size {
     let Some(lens) = &camera.lens else { return camera.size };
@@ -223,7 +225,8 @@ fn magnification(slopes: DMat2) -> f64 {
     ((a + (a * a - 4.0 * b * b).max(0.0).sqrt()) / 2.0).sqrt()
 }
 
-/// Weights of the four pixels around a place; the second of them is `s` before it (Keys 1981, with a slope of -1/2).
+/// Weights of the four pixels around a place; the second of them is `s` before it (Keys 1981, with a slope of
+/// -1/2).
 fn cubic_weights(s: f64) -> [f64; TAPS] {
     let (s2, s3) = (s * s, s * s * s);
     [
@@ -286,8 +289,8 @@ impl LensRenderer {
         Ok(self.map.as_ref())
     }
 
-    /// The pinhole camera that is rendered for a camera; the camera itself if no picture can be made with its lens, which
-    /// rendering reports.
+    /// The pinhole camera that is rendered for a camera; the camera itself if no picture can be made with its
+    /// lens, which rendering reports.
     fn seen_by(&mut self, camera: &Camera) -> Camera {
         match self.map_of(*camera) {
             Ok(Some(map)) => map.wide,
@@ -415,7 +418,8 @@ mod tests {
         t("opencv:0,0,0,0", edge, "wanted at most");
     }
 
-    /// Paints a plane wave of this period over the wide image, so that the pixel of a ray is known in closed form.
+    /// Paints a plane wave of this period over the wide image, so that the pixel of a ray is known in closed
+    /// form.
     struct Wave {
         period_px: f64,
     }
@@ -450,8 +454,8 @@ mod tests {
         }
     }
 
-    /// The cubic misses a wave with the phase `p` from pixel to pixel by at most `0.008 p^3 + 0.024 p^4` of its
-    /// amplitude along each axis: below `p^3 / 8` for both.
+    /// The cubic misses a wave with the phase `p` from pixel to pixel by at most `0.008 p^3 + 0.024 p^4` of
+    /// its amplitude along each axis: below `p^3 / 8` for both.
     #[test]
     fn resampling_has_the_error_of_a_cubic() {
         let mut errors = Vec::new();

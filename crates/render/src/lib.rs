@@ -275,10 +275,11 @@ pub struct RenderedImages {
     pub luminance_rate: Option<Image<f32>>,
     /// Blended weight, 0..1, of the Gaussians counted by [`RenderWork::affine_doubtful`].
     pub doubtful: Option<Image<f32>>,
-    /// The moving part with the largest blended weight, from 1; 0 where what is still and what is behind have more.
+    /// The moving part with the largest blended weight, from 1; 0 where what is still and what is behind have
+    /// more.
     pub segments: Option<Image<u8>>,
-    /// `sum(w v) / sum(w)` of the velocities of the means, without the motion of the camera: camera axes, scene units per
-    /// second. NaN where alpha is below 0.5.
+    /// `sum(w v) / sum(w)` of the velocities of the means, without the motion of the camera: camera axes,
+    /// scene units per second. NaN where alpha is below 0.5.
     pub drift: Option<Image<[f32; 3]>>,
 }
 
@@ -405,8 +406,8 @@ pub trait Renderer {
         work
     }
 
-    /// Promises that of later frames of this size only the pixels of a sample are read; with `None`, all pixels.
-    /// The others may have any value. The values of the sample's pixels do not change.
+    /// Promises that of later frames of this size only the pixels of a sample are read; with `None`, all
+    /// pixels. The others may have any value. The values of the sample's pixels do not change.
     fn sample(&mut self, sample: Option<Arc<TileSample>>) {
         let _ = sample;
     }
@@ -417,8 +418,8 @@ pub trait Renderer {
         ChannelSet::NONE
     }
 
-    /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in order:
-    /// with the pose and the velocity of the camera in those axes.
+    /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in
+    /// order: with the pose and the velocity of the camera in those axes.
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
         vec![*view]
     }

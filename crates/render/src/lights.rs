@@ -5,9 +5,9 @@
 //! ```
 //!
 //! The whole scene is lit alike, so its light is multiplied by one factor `f`, in linear light. `c` are the
-//! display-encoded colours of a rendering, and the curve is that of sRGB. `w` has a mean of 0, so `f` has a mean
-//! of 1 without a level. `d` is the depth of modulation after Michelson, `(max - min) / (max + min)` for a sine or a
-//! square wave. `s` is the level in stops.
+//! display-encoded colours of a rendering, and the curve is that of sRGB. `w` has a mean of 0, so `f` has a
+//! mean of 1 without a level. `d` is the depth of modulation after Michelson, `(max - min) / (max + min)` for
+//! a sine or a square wave. `s` is the level in stops.
 //!
 //! # Examples
 //!
@@ -30,11 +30,11 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, LN_2, PI, TAU};
 use std::fmt;
 
-/// Part of a period by which a jump of a square wave comes early, so that a stamp at the jump, whose product with
-/// the frequency may be rounded down, is after it.
+/// Part of a period by which a jump of a square wave comes early, so that a stamp at the jump, whose product
+/// with the frequency may be rounded down, is after it.
 const EARLY: f64 = 1e-9;
-/// Equivalent of a period of flicker in px of motion, for the choice of frames by a tolerance: the longest step of
-/// its pilot is 9 px, or 4.4 frames in a period.
+/// Equivalent of a period of flicker in px of motion, for the choice of frames by a tolerance: the longest
+/// step of its pilot is 9 px, or 4.4 frames in a period.
 const PERIOD_PX: f64 = 40.0;
 /// Equivalent of a stop, px.
 const STOP_PX: f64 = 8.0;
@@ -49,8 +49,8 @@ pub struct SceneLights {
     /// Flicker, if there is any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flicker: Option<Flicker>,
-    /// The level at moments, in order of time; constant before the first and after the last, and linear in stops
-    /// between them.
+    /// The level at moments, in order of time; constant before the first and after the last, and linear in
+    /// stops between them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub level: Vec<LevelMoment>,
 }
@@ -77,7 +77,8 @@ pub enum Waveform {
     Sine,
     /// Bright in the first half of the period and dark in the second, as a lamp with pulse-width modulation.
     Square,
-    /// The size of a sine, from the dark upwards, as a lamp on the mains: `hz` is twice the frequency of the mains.
+    /// The size of a sine, from the dark upwards, as a lamp on the mains: `hz` is twice the frequency of the
+    /// mains.
     Rectified,
 }
 
@@ -151,7 +152,8 @@ impl SceneLights {
         LightAt { factor: level.factor * factor, rate: level.rate * factor + level.factor * rate }
     }
 
-    /// The light that undoes the one at a stamp. `None` where so little was left that a picture cannot be undone.
+    /// The light that undoes the one at a stamp. `None` where so little was left that a picture cannot be
+    /// undone.
     #[must_use]
     pub fn undone_at_us(&self, stamp_us: i64) -> Option<LightAt> {
         let factor = self.at_us(stamp_us).factor;
@@ -195,8 +197,8 @@ impl SceneLights {
     }
 }
 
-/// Frames in a period below which brightness between frames misses that of the light: a line through 20 frames misses
-/// a sine by `(pi / 20)^2 / 2`, or 1.2 %, of its amplitude.
+/// Frames in a period below which brightness between frames misses that of the light: a line through 20
+/// frames misses a sine by `(pi / 20)^2 / 2`, or 1.2 %, of its amplitude.
 const FRAMES_A_PERIOD: f64 = 20.0;
 
 /// A warning for light that changes too fast for frames with these stamps.

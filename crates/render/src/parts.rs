@@ -1,14 +1,15 @@
 //! Views of moving parts: each part is seen from the camera's place in the part's own axes.
 //!
-//! Let a point rest in the axes of a part, which moves with the velocity `v` of its origin `T` and the angular velocity
-//! `W`, in world axes. In the axes of a camera at `C` that moves with `v_c` and `w_c`, the point `q` moves by
+//! Let a point rest in the axes of a part, which moves with the velocity `v` of its origin `T` and the
+//! angular velocity `W`, in world axes. In the axes of a camera at `C` that moves with `v_c` and `w_c`, the
+//! point `q` moves by
 //!
 //! ```text
 //! qdot = -(v_c - u) - (w_c - r) x q,    u = R_c^T (v + W x (C - T)),    r = R_c^T W
 //! ```
-//! which is the motion of a point at rest for a camera with the velocities in brackets. The part's projection, the
-//! direction from which its harmonics are seen, and all rates therefore follow from that camera, without a rotation of
-//! covariances or harmonics.
+//! which is the motion of a point at rest for a camera with the velocities in brackets. The part's
+//! projection, the direction from which its harmonics are seen, and all rates therefore follow from that
+//! camera, without a rotation of covariances or harmonics.
 //!
 //! # Examples
 //!
@@ -83,8 +84,8 @@ fn seen_from(part: &PartMotion, view: &CameraView) -> CameraView {
     CameraView { world_from_camera: pose, velocity, ..*view }
 }
 
-/// A warning for each part that reaches the near plane within the view, with the number of poses at which it does: what
-/// is nearer is not drawn. A part counts as the ball about its mean that holds 95 % of its means.
+/// A warning for each part that reaches the near plane within the view, with the number of poses at which it
+/// does: what is nearer is not drawn. A part counts as the ball about its mean that holds 95 % of its means.
 #[must_use]
 pub fn near_warnings(
     scene: &Gaussians,
@@ -141,8 +142,8 @@ mod tests {
         t([0.0, 0.0, 0.09], false);
     }
 
-    /// The middle of the last pixel is 49.5 px from the axis. With a focal length of 50 px, a fisheye lens shows the angle
-    /// 0.99 there: 0.305 units to the side at 0.2 units, where a pinhole shows 0.198.
+    /// The middle of the last pixel is 49.5 px from the axis. With a focal length of 50 px, a fisheye lens
+    /// shows the angle 0.99 there: 0.305 units to the side at 0.2 units, where a pinhole shows 0.198.
     #[test]
     fn a_ball_reaches_the_near_plane_within_the_field_of_a_lens() {
         let flat = Camera::pinhole(Size { width: 100, height: 1 }, [50.0, 50.0, 50.0, 0.5]);

@@ -23,8 +23,8 @@ pub struct TileSample {
     size: Size,
     columns: usize,
     has: Vec<bool>,
-    /// Number of tiles of the sample above and to the left of each corner of the grid, row by row. Four of them
-    /// give the number within a rectangle.
+    /// Number of tiles of the sample above and to the left of each corner of the grid, row by row. Four of
+    /// them give the number within a rectangle.
     sums: Vec<u32>,
 }
 
@@ -60,8 +60,8 @@ impl TileSample {
         Self::from_tiles(size, vec![true; columns * rows])
     }
 
-    /// The tiles of an image that hold squares of pixels, by their first pixels and the length of their edges. The
-    /// squares are within the image.
+    /// The tiles of an image that hold squares of pixels, by their first pixels and the length of their
+    /// edges. The squares are within the image.
     pub fn under(size: Size, squares: impl Iterator<Item = [usize; 2]>, edge: usize) -> Self {
         let [columns, rows] = [size.width, size.height].map(|edge| (edge as usize).div_ceil(TILE));
         let mut has = vec![false; columns * rows];

@@ -54,15 +54,16 @@ impl Camera {
         Self { size, fx, fy, cx, cy, lens: None }
     }
 
-    /// The ray of a place on the image: a point at depth 1, in camera axes. NaN if the lens shows no ray there.
+    /// The ray of a place on the image: a point at depth 1, in camera axes. NaN if the lens shows no ray
+    /// there.
     #[must_use]
     pub fn ray(&self, [x, y]: [f64; 2]) -> DVec2 {
         let flat = DVec2::new((x - self.cx) / self.fx, (y - self.cy) / self.fy);
         self.lens.map_or(flat, |lens| lens.undistort(flat).unwrap_or(DVec2::NAN))
     }
 
-    /// The point at a place on the image, at this depth along the optical axis, in camera axes. NaN if the lens shows
-    /// no ray there.
+    /// The point at a place on the image, at this depth along the optical axis, in camera axes. NaN if the
+    /// lens shows no ray there.
     #[must_use]
     pub fn unproject(&self, place: [f64; 2], z: f64) -> DVec3 {
         self.ray(place).extend(1.0) * z
@@ -89,8 +90,8 @@ impl Camera {
         rows.chain((0..width).flat_map(move |x| [[x, 0], [x, height.saturating_sub(1)]]))
     }
 
-    /// The least and the largest slopes `x/z` and `y/z` of the rays that the picture holds. With a lens, those at the
-    /// middles of the pixels at the edge.
+    /// The least and the largest slopes `x/z` and `y/z` of the rays that the picture holds. With a lens,
+    /// those at the middles of the pixels at the edge.
     #[must_use]
     pub fn field(&self) -> [DVec2; 2] {
         let Size { width, height } = self.size;

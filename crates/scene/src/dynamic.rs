@@ -1,8 +1,8 @@
 //! Scenes whose Gaussians change with time by themselves.
 //!
-//! A scene has a time `u` of its own: from 0 to 1 for [`SplatTrack`]s, and the number of a frame for a sequence. A
-//! [`SceneTime`] gives the `u` at each time of a trajectory. Each value of a Gaussian is a function of `u` with an
-//! exact derivative.
+//! A scene has a time `u` of its own: from 0 to 1 for [`SplatTrack`]s, and the number of a frame for a
+//! sequence. A [`SceneTime`] gives the `u` at each time of a trajectory. Each value of a Gaussian is a
+//! function of `u` with an exact derivative.
 //!
 //! ```text
 //! tracks:    d = u - c
@@ -11,8 +11,8 @@
 //!            opacity    sigmoid(logit) exp(-(d / e^s)^2)
 //! sequence:  the cubic between two frames whose slope at each frame is half the difference of its neighbours
 //! ```
-//! Tracks are those of Li et al., "Spacetime Gaussian Feature Splatting", CVPR 2024, equations 2 to 6, as their program
-//! has them (`renderer/__init__.py`, `train_ours_lite`).
+//! Tracks are those of Li et al., "Spacetime Gaussian Feature Splatting", CVPR 2024, equations 2 to 6, as
+//! their program has them (`renderer/__init__.py`, `train_ours_lite`).
 //!
 //! # Examples
 //!

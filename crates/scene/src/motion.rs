@@ -3,8 +3,9 @@
 //! ```text
 //! world_from_part(t) = [ about the pivot p: X -> R(t) (X - p) + p + d(t) ] after the part's own place
 //! ```
-//! `d` and `R` are C2, and their derivatives are exact. Nothing of a part is ever rotated: a renderer sees each part
-//! from the camera's place in the part's own axes, where its means, covariances and harmonics are at rest.
+//! `d` and `R` are C2, and their derivatives are exact. Nothing of a part is ever rotated: a renderer sees
+//! each part from the camera's place in the part's own axes, where its means, covariances and harmonics are
+//! at rest.
 //!
 //! # Examples
 //!
@@ -255,7 +256,8 @@ impl MovingPart {
         }
     }
 
-    /// Place and motion of the axes of its scene file, without the origin that the positions are stored relative to.
+    /// Place and motion of the axes of its scene file, without the origin that the positions are stored
+    /// relative to.
     fn moved_origin(&self, seconds: f64) -> PartMotion {
         let PartMotion { pose, velocity, angular } = self.at(seconds);
         let origin = pose.rotation * self.record.shift;
@@ -263,7 +265,8 @@ impl MovingPart {
         PartMotion { pose, velocity: velocity - angular.cross(origin), angular }
     }
 
-    /// Place and motion at this time after the first pose, s. Times beyond the keyframes are those of the last one.
+    /// Place and motion at this time after the first pose, s. Times beyond the keyframes are those of the
+    /// last one.
     #[must_use]
     pub fn at(&self, seconds: f64) -> PartMotion {
         let (shift, turn, moving, angular) = match &self.curve {
@@ -291,8 +294,8 @@ impl MovingPart {
 /// Columns of [`write_places`].
 pub(crate) const PLACES_HEAD: &str = "#stamp_us,id,name,tx,ty,tz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
 
-/// Writes the motion of every part at these stamps: number and name, pose `world_from_part`, velocity of the part's
-/// origin and angular velocity, both in world axes. The axes of a part are those of its scene file.
+/// Writes the motion of every part at these stamps: number and name, pose `world_from_part`, velocity of the
+/// part's origin and angular velocity, both in world axes. The axes of a part are those of its scene file.
 ///
 /// # Errors
 /// `out` fails.
@@ -437,8 +440,8 @@ mod tests {
         ])
     }
 
-    /// Central differences over 2e-5 s: their error is a third derivative, below 1e4, times 1e-10 / 6, and rounding at
-    /// 1e-16 / 1e-5.
+    /// Central differences over 2e-5 s: their error is a third derivative, below 1e4, times 1e-10 / 6, and
+    /// rounding at 1e-16 / 1e-5.
     #[test]
     fn motions_are_the_derivatives_of_places() {
         let orbit = PartPath::Orbit {

@@ -163,8 +163,8 @@ pub enum ObjectError {
     Path(#[from] PartError),
 }
 
-/// The scene with its objects as moving parts. What is still keeps its order and comes first; the parts follow in the
-/// order of the objects.
+/// The scene with its objects as moving parts. What is still keeps its order and comes first; the parts
+/// follow in the order of the objects.
 ///
 /// # Errors
 /// A file cannot be read, an object is empty, two of them share Gaussians, or a path is not one.

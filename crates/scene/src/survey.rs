@@ -190,7 +190,8 @@ mod tests {
         assert!((survey(&faint).centre.x - 500.0).abs() < 1e-9);
     }
 
-    /// A floor of 20 by 20 points, alternately a little up and down, with a pillar of 40 on one side of it, in these axes.
+    /// A floor of 20 by 20 points, alternately a little up and down, with a pillar of 40 on one side of it,
+    /// in these axes.
     fn floor(pillar: f32, place: impl Fn([f32; 3]) -> [f32; 3]) -> Vec<([f32; 3], f32)> {
         let cell = |i: u16| f32::from(i % 20) - 9.5;
         let floor =

@@ -200,7 +200,8 @@ impl Capture {
         Some((first.camera, other))
     }
 
-    /// The mean of the up directions of the views, in world axes; `None` if there is no view, or if they cancel.
+    /// The mean of the up directions of the views, in world axes; `None` if there is no view, or if they
+    /// cancel.
     #[must_use]
     pub fn up(&self) -> Option<DVec3> {
         // Cameras have OpenCV axes: up in the image is `-y`.

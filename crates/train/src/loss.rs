@@ -178,8 +178,8 @@ impl PhotoPair<'_> {
         }
     }
 
-    /// The horizontal means of a row of `P`, `Q` and `R`; zeros below the image. A function and not a closure, which may
-    /// be compiled without the instruction set in use.
+    /// The horizontal means of a row of `P`, `Q` and `R`; zeros below the image. A function and not a
+    /// closure, which may be compiled without the instruction set in use.
     #[inline(always)]
     fn take_slopes(&self, y: usize, slopes: &[Vec<f32>; 3], values: &mut PaddedRow, to: &mut [Vec<f32>; 3]) {
         let n = self.row_len();

@@ -5,8 +5,8 @@
 //! accelerometer  a = R^T (acceleration - gravity)     + bias + noise   m/s^2
 //! bias: a random walk from a drawn start              noise: white, density * sqrt(rate)
 //! ```
-//! The rates are the derivatives of the C2 path through the poses, on which the frames between poses lie too. The
-//! body is the camera, with OpenCV axes. The model of noise is that of Kalibr and ESIM (Forster et al.,
+//! The rates are the derivatives of the C2 path through the poses, on which the frames between poses lie too.
+//! The body is the camera, with OpenCV axes. The model of noise is that of Kalibr and ESIM (Forster et al.,
 //! "On-Manifold Preintegration", 2016, section IV).
 
 pub mod consistency;
@@ -36,8 +36,8 @@ pub struct ImuModel {
     pub accelerometer: AxisModel,
     /// Strength of gravity, m/s^2.
     pub gravity: f64,
-    /// The direction against gravity, in world axes and of any length. Without it, the mean of the up directions
-    /// of the captured views.
+    /// The direction against gravity, in world axes and of any length. Without it, the mean of the up
+    /// directions of the captured views.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub up: Option<[f64; 3]>,
     /// Metres per unit of the scene.

@@ -1,7 +1,8 @@
 //! Cameras on a rigid body: their paths, from the path of the body.
 //!
-//! A camera at the place `t` in the axes of a body at `world_from_body = (R, p)` has its centre at `p + R t` and the
-//! velocity `v + R (w x t)`, with the velocity `v` of the body's origin in world axes and its body rate `w`.
+//! A camera at the place `t` in the axes of a body at `world_from_body = (R, p)` has its centre at `p + R t`
+//! and the velocity `v + R (w x t)`, with the velocity `v` of the body's origin in world axes and its body
+//! rate `w`.
 
 use super::Trajectory;
 use super::course::CourseKind;
@@ -16,8 +17,8 @@ use serde::Serialize;
 pub struct CameraMount {
     /// Centre of the camera in the axes of the body, scene units.
     pub position: DVec3,
-    /// Rotation from the axes of the camera to those of the body, as the recipe writes it: a quaternion whose length is
-    /// 1 to its own rounding.
+    /// Rotation from the axes of the camera to those of the body, as the recipe writes it: a quaternion whose
+    /// length is 1 to its own rounding.
     pub rotation: DQuat,
 }
 
@@ -56,8 +57,8 @@ impl Trajectory {
 }
 
 impl SpeedReport {
-    /// The report on a camera with these poses, from that of its body. The asked speeds remain those of the body;
-    /// nothing is asked of the camera, so there are no ratios. `None` if the numbers of poses differ.
+    /// The report on a camera with these poses, from that of its body. The asked speeds remain those of the
+    /// body; nothing is asked of the camera, so there are no ratios. `None` if the numbers of poses differ.
     #[must_use]
     pub fn of_mounted(&self, poses: &[Se3]) -> Option<Self> {
         Some(Self {

@@ -33,6 +33,20 @@ pub struct PicturePanel {
     pub height: f64,
 }
 
+impl PicturePanel {
+    /// The point at shares of the width and of the height, from the lower left corner.
+    #[must_use]
+    pub fn point(self, [x, y]: [f64; 2]) -> [f64; 2] {
+        [self.left + self.width * x, self.top + self.height * (1.0 - y)]
+    }
+
+    /// The lower edge, px.
+    #[must_use]
+    pub fn bottom(self) -> f64 {
+        self.top + self.height
+    }
+}
+
 /// The picture as SVG.
 #[must_use]
 pub fn trajectory_svg(trajectory: &Trajectory, report: &SpeedReport) -> String {

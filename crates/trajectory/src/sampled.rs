@@ -41,9 +41,10 @@ impl SampledPath {
         Ok(Self { curve: CubicPair::through_knots(steps, poses)?, seconds })
     }
 
-    /// As [`SampledPath::through_poses`], with body rates at the ends that are the derivatives of the polynomial
-    /// through five poses. The other spline has the mean turns of the first and of the last interval there, which
-    /// shows in the rate of the first and last milliseconds, though hardly in the poses.
+    /// As [`SampledPath::through_poses`], with body rates at the ends that are the derivatives of the
+    /// polynomial through five poses. The other spline has the mean turns of the first and of the last
+    /// interval there, which shows in the rate of the first and last milliseconds, though hardly in the
+    /// poses.
     ///
     /// # Errors
     /// The rotation spline does not converge.

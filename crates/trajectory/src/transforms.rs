@@ -21,8 +21,8 @@ pub struct PictureLinks<'a> {
 
 /// Composes the file. It lists the poses with a sharp picture, because readers of this form open a
 /// picture for each frame; without sharp pictures it lists all poses. `poses.txt` always has every
-/// pose. A frame also names its blurred picture. `readout_us` says that row r of H of a sharp picture was seen at `t_us +
-/// readout_us (r / (H - 1) - 1/2)`: the pose is that of the middle row.
+/// pose. A frame also names its blurred picture. `readout_us` says that row r of H of a sharp picture was
+/// seen at `t_us + readout_us (r / (H - 1) - 1/2)`: the pose is that of the middle row.
 #[must_use]
 pub fn compose_transforms(camera: &Camera, path: &Trajectory, pictures: &PictureLinks<'_>) -> Value {
     let frames: Vec<Value> = path

@@ -41,8 +41,7 @@ pub fn intervals_svg(study: &RealStudy) -> String {
 }
 
 fn chart_point(decade: f64, share: f64) -> [f64; 2] {
-    let along = (decade - DECADES[0]) / (DECADES[1] - DECADES[0]);
-    [INNER.left + INNER.width * along, INNER.top + INNER.height * (1.0 - share)]
+    INNER.point([(decade - DECADES[0]) / (DECADES[1] - DECADES[0]), share])
 }
 
 /// The look of a distribution, and its place in the legend.

@@ -28,15 +28,6 @@ pub fn study_svg(name: &str, sensor: &SensorChoice, study: &SensorStudy) -> Stri
     out.finish()
 }
 
-/// A point of a panel, from shares of its width and height.
-fn place(panel: PicturePanel, [x, y]: [f64; 2]) -> [f64; 2] {
-    [panel.left + panel.width * x, panel.top + panel.height * (1.0 - y)]
-}
-
-fn bottom(panel: PicturePanel) -> f64 {
-    panel.top + panel.height
-}
-
 /// Round numbers within a range, four to ten of them.
 fn round_marks([low, high]: [f64; 2]) -> impl Iterator<Item = f64> {
     let decade = libm::exp10(libm::floor(libm::log10((high - low) / 4.0)));
@@ -53,26 +44,26 @@ fn draw_steps(out: &mut SvgText, rows: &[ContrastRow]) {
     // At the left edge no pixel answers, and at the right edge all do.
     let x = |height: f64| (height - low) / (high - low);
     for share in [0.0, 0.5, 1.0] {
-        out.polyline([place(STEPS, [0.0, share]), place(STEPS, [1.0, share])], LIGHT, 1.0);
-        let [x, y] = place(STEPS, [0.0, share]);
+        out.polyline([STEPS.point([0.0, share]), STEPS.point([1.0, share])], LIGHT, 1.0);
+        let [x, y] = STEPS.point([0.0, share]);
         out.text([x - 8.0, y + 4.0], "end", GREY, &share.to_string());
     }
     for mark in round_marks([low, high]) {
-        out.polyline([place(STEPS, [x(mark), 0.0]), place(STEPS, [x(mark), 1.0])], LIGHT, 1.0);
-        let [left, _] = place(STEPS, [x(mark), 0.0]);
-        out.text([left, bottom(STEPS) + 18.0], "middle", GREY, &short_number(mark));
+        out.polyline([STEPS.point([x(mark), 0.0]), STEPS.point([x(mark), 1.0])], LIGHT, 1.0);
+        let [left, _] = STEPS.point([x(mark), 0.0]);
+        out.text([left, STEPS.bottom() + 18.0], "middle", GREY, &short_number(mark));
     }
     for row in rows {
         let colour = COLOURS[usize::from(!row.on)];
-        out.polyline(row.answers.iter().map(|[h, share]| place(STEPS, [x(*h), *share])), colour, 1.2);
+        out.polyline(row.answers.iter().map(|[h, share]| STEPS.point([x(*h), *share])), colour, 1.2);
         let stated = x(row.stated);
         out.line("<g stroke-dasharray=\"2 4\">");
-        out.polyline([place(STEPS, [stated, 0.0]), place(STEPS, [stated, 1.0])], colour, 1.0);
+        out.polyline([STEPS.point([stated, 0.0]), STEPS.point([stated, 1.0])], colour, 1.0);
         out.line("</g>");
     }
     let middle = STEPS.left + STEPS.width / 2.0;
     let words = "height of the step (contrast) at three lights; red ON, blue OFF, dotted: stated";
-    out.text([middle, bottom(STEPS) + 42.0], "middle", GREY, words);
+    out.text([middle, STEPS.bottom() + 42.0], "middle", GREY, words);
 }
 
 /// A logarithmic axis: its ends.
@@ -113,16 +104,16 @@ fn draw_noise(out: &mut SvgText, sensor: &SensorChoice, rows: &[NoiseRow]) {
     let y = DecadeAxis::around(rows.iter().flat_map(rates).filter(|rate| *rate > 1e-4));
     for mark in x.marks() {
         let share = x.share(mark);
-        out.polyline([place(NOISE, [share, 0.0]), place(NOISE, [share, 1.0])], LIGHT, 1.0);
-        out.text([place(NOISE, [share, 0.0])[0], bottom(NOISE) + 18.0], "middle", GREY, &short_number(mark));
+        out.polyline([NOISE.point([share, 0.0]), NOISE.point([share, 1.0])], LIGHT, 1.0);
+        out.text([NOISE.point([share, 0.0])[0], NOISE.bottom() + 18.0], "middle", GREY, &short_number(mark));
     }
     for mark in y.marks() {
         let share = y.share(mark);
-        out.polyline([place(NOISE, [0.0, share]), place(NOISE, [1.0, share])], LIGHT, 1.0);
-        let [left, up] = place(NOISE, [0.0, share]);
+        out.polyline([NOISE.point([0.0, share]), NOISE.point([1.0, share])], LIGHT, 1.0);
+        let [left, up] = NOISE.point([0.0, share]);
         out.text([left - 8.0, up + 4.0], "end", GREY, &short_number(mark));
     }
-    let at = |light: f64, rate: f64| place(NOISE, [x.share(light), y.share(rate.max(y.low))]);
+    let at = |light: f64, rate: f64| NOISE.point([x.share(light), y.share(rate.max(y.low))]);
     for (side, colour) in COLOURS.into_iter().enumerate() {
         out.polyline(
             predicted(sensor, rows, side).into_iter().map(|[light, rate]| at(light, rate)),
@@ -139,7 +130,7 @@ fn draw_noise(out: &mut SvgText, sensor: &SensorChoice, rows: &[NoiseRow]) {
     }
     let unit = if rows.iter().any(|row| row.lux.is_some()) { "lux" } else { "grey" };
     let words = format!("{unit}; red ON, blue OFF; lines: predicted, dots: simulated, crosses: published");
-    out.text([NOISE.left + NOISE.width / 2.0, bottom(NOISE) + 42.0], "middle", GREY, &words);
+    out.text([NOISE.left + NOISE.width / 2.0, NOISE.bottom() + 42.0], "middle", GREY, &words);
 }
 
 /// A published rate. A rate of 0 has no place on the axis, and stands at its lower end with a word.

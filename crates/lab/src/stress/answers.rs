@@ -5,7 +5,7 @@ const TABLE: &str = include_str!("answers.txt");
 
 /// One point of a table of answers.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KnownAnswer {
+pub(crate) struct KnownAnswer {
     /// Input of the program.
     pub given: Vec<f64>,
     /// Correct output.

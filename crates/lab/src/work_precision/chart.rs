@@ -64,7 +64,7 @@ pub fn chart_svg(study: &StudyResult, measure: ErrorMeasure) -> Option<String> {
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
     draw_axes(&mut out, cost, error, &study.machine());
-    let at = |row: &SettingRow, value: f64| chart_point(cost.share(row.core_s()), error.share(value));
+    let at = |row: &SettingRow, value: f64| INNER.point([cost.share(row.core_s()), error.share(value)]);
     let mut entries: Vec<(String, MethodStyle)> = Vec::new();
     for (row, _) in &shown {
         let method = row.method();
@@ -80,7 +80,7 @@ pub fn chart_svg(study: &StudyResult, measure: ErrorMeasure) -> Option<String> {
     }
     let mut named: Vec<f64> = Vec::new();
     for line in lines.iter().filter(|line| (error.low..=error.high).contains(&line.error)) {
-        let ends = [0.0, 1.0].map(|x| chart_point(x, error.share(line.error)));
+        let ends = [0.0, 1.0].map(|x| INNER.point([x, error.share(line.error)]));
         draw_dashed(&mut out, &ends, line.colour, "2 4");
         // Lines may overlap, their labels may not.
         let mut y = ends[1][1] + 4.0;
@@ -94,20 +94,16 @@ pub fn chart_svg(study: &StudyResult, measure: ErrorMeasure) -> Option<String> {
     Some(out.finish())
 }
 
-fn chart_point(x: f64, y: f64) -> [f64; 2] {
-    [INNER.left + INNER.width * x, INNER.top + INNER.height * (1.0 - y)]
-}
-
 fn draw_axes(out: &mut SvgText, cost: LogAxis, error: LogAxis, machine: &str) {
     out.frame(INNER);
-    let bottom = INNER.top + INNER.height;
+    let bottom = INNER.bottom();
     for mark in cost.marks() {
-        let [x, _] = chart_point(cost.share(mark), 0.0);
+        let [x, _] = INNER.point([cost.share(mark), 0.0]);
         out.polyline([[x, INNER.top], [x, bottom]], "#eeeeee", 1.0);
         out.text([x, bottom + 18.0], "middle", GREY, &plain_number(mark));
     }
     for mark in error.marks() {
-        let [_, y] = chart_point(0.0, error.share(mark));
+        let [_, y] = INNER.point([0.0, error.share(mark)]);
         out.polyline([[INNER.left, y], [INNER.left + INNER.width, y]], "#eeeeee", 1.0);
         out.text([INNER.left - 8.0, y + 4.0], "end", GREY, &plain_number(mark));
     }
@@ -190,7 +186,7 @@ fn error_lines(study: &StudyResult, measure: ErrorMeasure) -> Vec<ErrorLine> {
 fn draw_legend(out: &mut SvgText, entries: &[(String, MethodStyle)], error: LogAxis, lines: &[ErrorLine]) {
     let [x, mut y] = LEGEND;
     // Labels of the lines stand at their right ends; the legend avoids them.
-    let taken: Vec<f64> = lines.iter().map(|line| chart_point(1.0, error.share(line.error))[1]).collect();
+    let taken: Vec<f64> = lines.iter().map(|line| INNER.point([1.0, error.share(line.error)])[1]).collect();
     for (method, look) in entries {
         while taken.iter().any(|at| (at - y).abs() < LINE) {
             y += LINE;

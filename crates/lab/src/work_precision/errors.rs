@@ -20,7 +20,7 @@ const PIXEL_BITS: u32 = u64::BITS - TIME_BITS - 1;
 /// Events of 8 bytes each: pixel, polarity and time from the highest bit down, so that their
 /// numerical order is that by pixel, polarity and time.
 #[derive(Debug, Clone, Default)]
-pub struct CompactEvents {
+pub(crate) struct CompactEvents {
     width: u64,
     events: Vec<u64>,
 }
@@ -28,13 +28,13 @@ pub struct CompactEvents {
 impl CompactEvents {
     /// An empty stream of a sensor with this width.
     #[must_use]
-    pub fn new(width: u32) -> Self {
+    pub(crate) fn new(width: u32) -> Self {
         Self { width: u64::from(width), events: Vec::new() }
     }
 
     /// All events, sorted.
     #[must_use]
-    pub fn sorted(mut self) -> Vec<u64> {
+    pub(crate) fn sorted(mut self) -> Vec<u64> {
         self.events.sort_unstable();
         self.events
     }

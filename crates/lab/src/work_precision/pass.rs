@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// The inputs of a pass.
 #[derive(Debug)]
-pub struct PassSetup<'a> {
+pub(crate) struct PassSetup<'a> {
     /// The sensor of all settings; its interpolation is replaced.
     pub sensor: &'a VoltmeterModel,
     /// Seed of its noise, the same for all.
@@ -28,7 +28,7 @@ pub struct PassSetup<'a> {
 
 /// The result of one setting.
 #[derive(Debug)]
-pub struct FedSetting {
+pub(crate) struct FedSetting {
     /// Index of the grid.
     pub grid: usize,
     /// Interpolation between its frames.
@@ -43,7 +43,7 @@ pub struct FedSetting {
 
 /// The result of a pass.
 #[derive(Debug)]
-pub struct PassResult {
+pub(crate) struct PassResult {
     /// Events of the finest frames with `hermite`, sorted.
     pub reference: Vec<u64>,
     /// The settings, grid by grid.
@@ -55,7 +55,7 @@ pub struct PassResult {
 impl PassResult {
     /// Time jitter by noise of a sensor in this window; `None` without events.
     #[must_use]
-    pub fn jitter(&self, sensor: &VoltmeterModel, seconds: f64) -> Option<IntervalNoise> {
+    pub(crate) fn jitter(&self, sensor: &VoltmeterModel, seconds: f64) -> Option<IntervalNoise> {
         let counts = [self.reference.len(), active_pixels(&self.reference)].map(|n| n as u64);
         IntervalNoise::for_sensor(sensor, self.grey, counts, seconds)
     }

@@ -88,8 +88,8 @@ impl RotationSpline {
         Self::with_ends(steps, rotations, None)
     }
 
-    /// As [`RotationSpline::new`], with these body rates at the first and at the last rotation. The mean turn of an
-    /// interval misses the rate at its end by half of the interval's acceleration.
+    /// As [`RotationSpline::new`], with these body rates at the first and at the last rotation. The mean turn
+    /// of an interval misses the rate at its end by half of the interval's acceleration.
     ///
     /// # Errors
     /// As [`RotationSpline::new`].

@@ -45,7 +45,8 @@ impl SeedCells {
         [b << 32 | a, d << 32 | c]
     }
 
-    /// The first draw of each of these pixels as a standard normal deviate, with the bits of [`CellDraws::normal`].
+    /// The first draw of each of these pixels as a standard normal deviate, with the bits of
+    /// [`CellDraws::normal`].
     pub fn first_normals(self, pixels: &[u64], normals: &mut Vec<f64>) {
         #[inline(always)]
         fn fill<S: Simd>(simd: S, cells: SeedCells, pixels: &[u64], normals: &mut [f64]) {

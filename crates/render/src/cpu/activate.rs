@@ -141,7 +141,8 @@ impl GaussianBlock {
     }
 }
 
-/// Applies the activations to the Gaussians with these indices, ascending. No block has Gaussians of two parts.
+/// Applies the activations to the Gaussians with these indices, ascending. No block has Gaussians of two
+/// parts.
 pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Vec<GaussianBlock> {
     let (mut blocks, mut rest) = (Vec::new(), numbers);
     for part in 0..=scene.part_count() {
@@ -205,8 +206,8 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
     [axis(0), axis(1), axis(2)]
 }
 
-/// The scaled axes of a Gaussian that changes, each with its rate. While a unit quaternion `q` changes, axes turn with
-/// the angular velocity `2 qdot q*`.
+/// The scaled axes of a Gaussian that changes, each with its rate. While a unit quaternion `q` changes, axes
+/// turn with the angular velocity `2 qdot q*`.
 fn moving_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
     let quaternion = |part: usize| {
         let [w, x, y, z] = splat.rotation.map(|both| both[part]);

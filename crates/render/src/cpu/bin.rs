@@ -15,8 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Number of splats whose lists are read as one: no batch of the raster spans two chunks.
 const CHUNK: usize = 1 << 15;
-/// Least number of splats that one task bins. The list of a tile is the concatenation of the tasks' lists, so threads
-/// never write to the same list.
+/// Least number of splats that one task bins. The list of a tile is the concatenation of the tasks' lists, so
+/// threads never write to the same list.
 const LEAST_PART: usize = 1 << 10;
 /// Largest number of parts that a small frame is divided into. Each tile looks into the list of each part.
 const MOST_PARTS: usize = 16;
@@ -276,7 +276,8 @@ impl SplatPart {
     }
 }
 
-/// The list of a tile, in batches. A batch is full, or the last one of a chunk: where parts end does not show.
+/// The list of a tile, in batches. A batch is full, or the last one of a chunk: where parts end does not
+/// show.
 pub(super) struct TileBatches<'a> {
     tile: usize,
     divided: usize,
@@ -319,7 +320,8 @@ impl<'a> TileBatches<'a> {
     }
 }
 
-/// Number of splats of a part: a chunk, or a fraction of it so that all threads bin the splats of a small scene.
+/// Number of splats of a part: a chunk, or a fraction of it so that all threads bin the splats of a small
+/// scene.
 fn part_len(splats: usize) -> usize {
     // Twice as many as threads, so that threads end at about the same time.
     let parts = match rayon::current_num_threads() {

@@ -258,8 +258,8 @@ impl ProjectionInput<'_> {
         }
     }
 
-    /// Writes the features to blend, in the order of [`ChannelSet`]. Into the splat itself: a copy of single numbers
-    /// that is read as a vector would wait for all of them.
+    /// Writes the features to blend, in the order of [`ChannelSet`]. Into the splat itself: a copy of single
+    /// numbers that is read as a vector would wait for all of them.
     #[inline(always)]
     fn write_features<S: LaneValue>(
         &self,
@@ -484,8 +484,8 @@ impl<S: LaneValue> ProjectedBlock<S> {
     }
 }
 
-/// How the Gaussians of a block move. A trait and no closures, which would be compiled without the instruction set in
-/// use.
+/// How the Gaussians of a block move. A trait and no closures, which would be compiled without the
+/// instruction set in use.
 trait LaneMotion: Copy {
     /// The scaled axes of lane `i` in camera axes.
     fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], i: usize) -> [[S; 3]; 3];

@@ -62,8 +62,8 @@ impl DepthSorter {
         ends.reduce(|| [u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// One stable counting sort by the high bits. Returns the number of keys of each bucket. Depths are positive, so
-    /// their bits sort as their values do.
+    /// One stable counting sort by the high bits. Returns the number of keys of each bucket. Depths are
+    /// positive, so their bits sort as their values do.
     fn distribute(&mut self, digit: impl Fn(u64) -> usize + Sync) -> Vec<u32> {
         let none = || vec![0_u32; 1 << DIGIT_BITS];
         let count = |mut counts: Vec<u32>, &key: &u64| {
@@ -91,8 +91,8 @@ impl DepthSorter {
         counts
     }
 
-    /// Sorts each bucket. The low halves of the keys ascend in file order and differ, so that no other order is possible,
-    /// and ties stay in the order of the file.
+    /// Sorts each bucket. The low halves of the keys ascend in file order and differ, so that no other order
+    /// is possible, and ties stay in the order of the file.
     fn sort_buckets(&mut self, counts: &[u32]) {
         let mut rest = self.keys.as_mut_slice();
         let buckets: Vec<&mut [u64]> = counts

@@ -1,8 +1,8 @@
 //! Renderings in changed light.
 //!
 //! Where a value and its result are above the linear piece of the sRGB curve, which is a power law, the map
-//! `encode(f decode(c))` is affine: `g (c + 0.055) - 0.055` with `g = f^(1/2.4)`. So a pixel needs a power only in
-//! the dark.
+//! `encode(f decode(c))` is affine: `g (c + 0.055) - 0.055` with `g = f^(1/2.4)`. So a pixel needs a power
+//! only in the dark.
 
 use super::LightAt;
 use gs2e_image as image;
@@ -95,12 +95,12 @@ impl LightAt {
         Image::from_vec(colours.size(), grey)
     }
 
-    /// The luminance of the colours `unlit` of a rendering in this light, and its rate of change if that of the
-    /// rendering is given.
+    /// The luminance of the colours `unlit` of a rendering in this light, and its rate of change if that of
+    /// the rendering is given.
     ///
-    /// The rate is exact where the three channels have the same slope: where all of them, before and after, are on
-    /// the power law, or all on the linear piece. Elsewhere, which is in dark saturated colours, the rendered rate
-    /// is shared out evenly among the channels.
+    /// The rate is exact where the three channels have the same slope: where all of them, before and after,
+    /// are on the power law, or all on the linear piece. Elsewhere, which is in dark saturated colours, the
+    /// rendered rate is shared out evenly among the channels.
     pub fn light_luminance(
         self,
         unlit: &Image<[f32; 3]>,

@@ -28,8 +28,8 @@ fn the_mean_of_a_period_is_one_and_its_range_is_that_of_the_depth() {
     }
 }
 
-/// Central differences: their error is `h^2 / 6` times a third derivative of at most 2 (2 pi 100)^3 = 5e8, so 1e-4,
-/// and rounding over `h`.
+/// Central differences: their error is `h^2 / 6` times a third derivative of at most 2 (2 pi 100)^3 = 5e8, so
+/// 1e-4, and rounding over `h`.
 #[test]
 fn the_rate_is_the_derivative() {
     let h = 1e-6;

@@ -21,8 +21,8 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// Largest coordinate of a ray at focal length 1 that a pinhole image holds: 76 degrees from the axis. Beyond it,
-/// such an image grows without bound.
+/// Largest coordinate of a ray at focal length 1 that a pinhole image holds: 76 degrees from the axis. Beyond
+/// it, such an image grows without bound.
 pub const WIDEST: f64 = 4.0;
 /// Largest number of Newton's steps, and the distance from the wanted point at which they end.
 const STEPS: usize = 50;
@@ -37,8 +37,8 @@ pub enum Distortion {
     /// Radial and tangential, or rational: k1, k2, p1, p2, k3, k4, k5, k6.
     #[serde(rename = "opencv")]
     Rational([f64; 8]),
-    /// Fisheye (Kannala and Brandt 2006): k1 to k4 of `theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4
-    /// theta^8)`.
+    /// Fisheye (Kannala and Brandt 2006): k1 to k4 of `theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3
+    /// theta^6 + k4 theta^8)`.
     Fisheye([f64; 4]),
 }
 
@@ -52,7 +52,8 @@ impl Distortion {
         }
     }
 
-    /// The ray at focal length 1 whose image is at this point. `None` if no ray has it before the image folds.
+    /// The ray at focal length 1 whose image is at this point. `None` if no ray has it before the image
+    /// folds.
     #[must_use]
     pub fn undistort(&self, image: DVec2) -> Option<DVec2> {
         let mut ray = self.start(image)?;
@@ -104,8 +105,8 @@ impl Distortion {
         }
     }
 
-    /// Name of the camera's model in COLMAP's files and in those of nerfstudio, and the coefficients with their names
-    /// there. No loader of nerfstudio reads the rational model, which COLMAP calls `FULL_OPENCV`.
+    /// Name of the camera's model in COLMAP's files and in those of nerfstudio, and the coefficients with
+    /// their names there. No loader of nerfstudio reads the rational model, which COLMAP calls `FULL_OPENCV`.
     #[must_use]
     pub fn nerfstudio(&self) -> (&'static str, Vec<(&'static str, f64)>) {
         match self {
@@ -119,8 +120,8 @@ impl Distortion {
         }
     }
 
-    /// Name of the model in Kalibr's files, and its coefficients. Kalibr knows the first four numbers of OpenCV's
-    /// model alone; with more, the name is one that it does not know.
+    /// Name of the model in Kalibr's files, and its coefficients. Kalibr knows the first four numbers of
+    /// OpenCV's model alone; with more, the name is one that it does not know.
     #[must_use]
     pub fn kalibr(&self) -> (&'static str, Vec<f64>) {
         match self {
@@ -257,8 +258,8 @@ mod tests {
         }
     }
 
-    /// Reference values: `cv2.projectPoints` and `cv2.fisheye.projectPoints` of OpenCV 5.0 with an identity camera
-    /// matrix, on (0.3, -0.2, 1), printed with eight digits.
+    /// Reference values: `cv2.projectPoints` and `cv2.fisheye.projectPoints` of OpenCV 5.0 with an identity
+    /// camera matrix, on (0.3, -0.2, 1), printed with eight digits.
     #[test]
     fn models_are_opencvs() {
         let t = |text: &str, wanted: [f64; 2]| {

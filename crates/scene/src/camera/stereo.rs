@@ -1,14 +1,15 @@
 //! Rectification of two cameras: rotations and one camera matrix after which the same point of the scene is
 //! in the same row of both pictures, or in the same column for cameras above each other.
 //!
-//! The definition is that of OpenCV's `stereoRectify` (`modules/calib3d/src/calibration.cpp`; Bouguet's method) with
-//! `CALIB_ZERO_DISPARITY` and the default scale, `alpha` = -1: each camera turns by half of the rotation between them,
-//! and both turn together until the line through their centres is along an axis. OpenCV holds the corners from which
-//! it takes the principal point in 32 bits, which moves it by about 1e-5 px. Behind a lens, a corner is where the lens
-//! shows it; OpenCV finds its ray in five steps, and this module to the last bits. A fisheye has the same rule.
+//! The definition is that of OpenCV's `stereoRectify` (`modules/calib3d/src/calibration.cpp`; Bouguet's
+//! method) with `CALIB_ZERO_DISPARITY` and the default scale, `alpha` = -1: each camera turns by half of the
+//! rotation between them, and both turn together until the line through their centres is along an axis.
+//! OpenCV holds the corners from which it takes the principal point in 32 bits, which moves it by about 1e-5
+//! px. Behind a lens, a corner is where the lens shows it; OpenCV finds its ray in five steps, and this
+//! module to the last bits. A fisheye has the same rule.
 //!
-//! OpenCV has the centre of the first pixel at (0, 0). Numbers of a [`Rectification`] follow it; those of a [`Camera`]
-//! have the centre at (0.5, 0.5).
+//! OpenCV has the centre of the first pixel at (0, 0). Numbers of a [`Rectification`] follow it; those of a
+//! [`Camera`] have the centre at (0.5, 0.5).
 //!
 //! # Examples
 //!
@@ -118,8 +119,8 @@ impl Rectification {
         Ok(Self { cameras, rotations, focal, centre, axis, baseline })
     }
 
-    /// OpenCV's `P1` and `P2`: rows of the matrices that map points in the axes of the first rectified camera to the
-    /// pixels of each.
+    /// OpenCV's `P1` and `P2`: rows of the matrices that map points in the axes of the first rectified camera
+    /// to the pixels of each.
     #[must_use]
     pub fn projections(&self) -> [[[f64; 4]; 3]; 2] {
         let [cx, cy] = self.centre;
@@ -142,17 +143,17 @@ impl Rectification {
         ]
     }
 
-    /// Disparity of the point at a place of the first camera's picture (in the pixels of a [`Camera`]) and at this
-    /// depth along its optical axis: its coordinate along the axis in the first rectified picture minus that in the
-    /// second, px. `None` if the point is not in front of the rectified cameras.
+    /// Disparity of the point at a place of the first camera's picture (in the pixels of a [`Camera`]) and at
+    /// this depth along its optical axis: its coordinate along the axis in the first rectified picture minus
+    /// that in the second, px. `None` if the point is not in front of the rectified cameras.
     #[must_use]
     pub fn disparity(&self, place: [f64; 2], depth: f64) -> Option<f64> {
         let z = (self.rotations[0] * self.cameras[0].unproject(place, depth)).z;
         (z > 0.0).then(|| -self.baseline * self.focal / z)
     }
 
-    /// Disparity of each pixel of the first camera's picture, by its depth, px. NaN where there is no depth, or where
-    /// the point is not in front of the rectified cameras.
+    /// Disparity of each pixel of the first camera's picture, by its depth, px. NaN where there is no depth,
+    /// or where the point is not in front of the rectified cameras.
     ///
     /// # Panics
     /// The picture has another size than the camera.
@@ -184,8 +185,8 @@ impl Rectification {
             .collect()
     }
 
-    /// For each pixel of a camera's rectified picture, its place in the picture, in OpenCV's pixels: the maps of
-    /// `initUndistortRectifyMap`, for `remap`. NaN if the camera does not see it.
+    /// For each pixel of a camera's rectified picture, its place in the picture, in OpenCV's pixels: the maps
+    /// of `initUndistortRectifyMap`, for `remap`. NaN if the camera does not see it.
     #[must_use]
     #[expect(clippy::cast_possible_truncation, reason = "maps have 32 bits")]
     pub fn source_map(&self, camera: usize) -> Vec<[f32; 2]> {
@@ -207,7 +208,8 @@ fn pixels(size: Size) -> impl Iterator<Item = [f64; 2]> {
     (0..size.height).map(f64::from).flat_map(move |y| columns().map(move |x| [x, y]))
 }
 
-/// The principal point, in OpenCV's pixels, that puts the mean of the rectified corners of the picture in its middle.
+/// The principal point, in OpenCV's pixels, that puts the mean of the rectified corners of the picture in its
+/// middle.
 fn mean_centre(camera: &Camera, turn: &DMat3, focal: f64) -> Option<[f64; 2]> {
     let last = [camera.size.width, camera.size.height].map(|side| f64::from(side) - 1.0);
     let mut sum = [0.0; 2];
@@ -224,8 +226,8 @@ fn mean_centre(camera: &Camera, turn: &DMat3, focal: f64) -> Option<[f64; 2]> {
 }
 
 impl Camera {
-    /// Focal lengths and principal point as OpenCV, Kalibr and DSEC state them: fx, fy, cx, cy, with the centre of the
-    /// first pixel at (0, 0).
+    /// Focal lengths and principal point as OpenCV, Kalibr and DSEC state them: fx, fy, cx, cy, with the
+    /// centre of the first pixel at (0, 0).
     #[must_use]
     pub fn opencv_intrinsics(&self) -> [f64; 4] {
         [self.fx, self.fy, self.cx - CENTRE, self.cy - CENTRE]
@@ -244,8 +246,8 @@ mod tests {
         Se3 { rotation: exp_vector(rotation), translation }
     }
 
-    /// Points of the scene are in one row of both rectified pictures, and as far apart as the disparity says. The
-    /// pictures are projections by this test.
+    /// Points of the scene are in one row of both rectified pictures, and as far apart as the disparity says.
+    /// The pictures are projections by this test.
     #[test]
     fn points_are_in_one_row_and_the_disparity_apart() {
         for (pair, axis) in [

@@ -57,8 +57,8 @@ pub fn read_dynamic(path: &Path, time: SceneTime) -> Result<Gaussians, SceneErro
     Ok(scene.with_dynamics(time, SplatCourse::Tracks(tracks)))
 }
 
-/// The usual time of what changes: 1 s for a file with tracks, 30 frames per second for a folder with scene files.
-/// `None` for a scene at rest.
+/// The usual time of what changes: 1 s for a file with tracks, 30 frames per second for a folder with scene
+/// files. `None` for a scene at rest.
 ///
 /// # Errors
 /// The file or the folder cannot be read.

@@ -1,9 +1,10 @@
 //! A scene as a sequence of frames: the same Gaussians in the same order, with values of their own in each.
 //!
-//! Between two frames, each value follows the cubic of Catmull and Rom (1974): it meets the frames, and its slope at a
-//! frame is half the difference of the frames around. At both ends, the parabola through the nearest three frames
-//! continues the sequence. With two frames, values are linear. What is interpolated is what a file stores: positions,
-//! logarithms of scales, quaternions of unit length with the signs of their predecessors, logits, and harmonics.
+//! Between two frames, each value follows the cubic of Catmull and Rom (1974): it meets the frames, and its
+//! slope at a frame is half the difference of the frames around. At both ends, the parabola through the
+//! nearest three frames continues the sequence. With two frames, values are linear. What is interpolated is
+//! what a file stores: positions, logarithms of scales, quaternions of unit length with the signs of their
+//! predecessors, logits, and harmonics.
 
 use super::{MomentSplat, Rated, SceneMoment};
 use crate::{Gaussians, sh};
@@ -27,8 +28,8 @@ impl SplatFrames {
     /// Takes frames that have the same number of Gaussians and the same degree.
     ///
     /// # Errors
-    /// The number of the first frame that differs, what was found and what was wanted. The number is 0 if there are
-    /// fewer than two frames.
+    /// The number of the first frame that differs, what was found and what was wanted. The number is 0 if
+    /// there are fewer than two frames.
     pub fn new(mut frames: Vec<Gaussians>) -> Result<Self, (usize, String)> {
         if frames.len() < 2 {
             return Err((0, format!("found {} frames, wanted at least 2", frames.len())));
@@ -109,7 +110,8 @@ impl SplatFrames {
             return FrameWeights { first: 0, weights: vec![[1.0 - s, -rate], [s, rate]] };
         }
         let mut four = catmull_rom(s);
-        // A frame before the first is `3 f0 - 3 f1 + f2`, where third differences are 0; one after the last alike.
+        // A frame before the first is `3 f0 - 3 f1 + f2`, where third differences are 0; one after the last
+        // alike.
         let (first, weights) = if k == 0 {
             let before = four[0];
             [3.0, -3.0, 1.0].into_iter().zip(&mut four[1..]).for_each(|(share, to)| add(to, share, before));
@@ -148,7 +150,8 @@ fn catmull_rom(s: f64) -> [Rated; 4] {
     ]
 }
 
-/// Makes quaternions unit ones, of the sign that is nearer to the frame before. A zero quaternion is no rotation.
+/// Makes quaternions unit ones, of the sign that is nearer to the frame before. A zero quaternion is no
+/// rotation.
 #[expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
 fn align_rotations(frames: &mut [Gaussians]) {
     let mut before: Option<Vec<[f32; 4]>> = None;

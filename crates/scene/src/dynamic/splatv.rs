@@ -5,8 +5,8 @@
 //! chunk `splat`, per Gaussian: f32 x y z; f16 quaternion w x y z, standard deviations (linear) and 0;
 //!     u8 red, green, blue, opacity; f16 motion_0..8 and 0; f16 omega_0..3; f16 centre, width (linear)
 //! ```
-//! All little endian. A texture has more places than Gaussians; those at the end are zero and no Gaussians. Colours are
-//! those of the display. Other chunks are skipped.
+//! All little endian. A texture has more places than Gaussians; those at the end are zero and no Gaussians.
+//! Colours are those of the display. Other chunks are skipped.
 //!
 //! # Examples
 //!
@@ -47,8 +47,8 @@ struct ChunkHead {
     size: usize,
 }
 
-/// Reads a scene and the track of each of its Gaussians. A Gaussian is dropped and counted if a value is not finite, or
-/// a standard deviation or its width in time is 0.
+/// Reads a scene and the track of each of its Gaussians. A Gaussian is dropped and counted if a value is not
+/// finite, or a standard deviation or its width in time is 0.
 ///
 /// # Errors
 /// Returns a [`SceneError`] if the bytes do not follow the format or no Gaussian is left.

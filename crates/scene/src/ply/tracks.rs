@@ -1,9 +1,10 @@
-//! Scenes with a track per Gaussian, as `.ply` files of Spacetime Gaussians (oppo-us-research/SpacetimeGaussians,
-//! `scene/ourslite.py`, `save_ply`).
+//! Scenes with a track per Gaussian, as `.ply` files of Spacetime Gaussians
+//! (oppo-us-research/SpacetimeGaussians, `scene/ourslite.py`, `save_ply`).
 //!
-//! Their vertices have `motion_0..8` (three coefficients of the first power, then of the second and the third),
-//! `omega_0..3`, `trbf_center` and `trbf_scale` besides the properties of a scene. Without `f_rest_*`, `f_dc_0..2` are
-//! the colour itself. Their variant with a network for colours has more of `f_dc_*` and is refused.
+//! Their vertices have `motion_0..8` (three coefficients of the first power, then of the second and the
+//! third), `omega_0..3`, `trbf_center` and `trbf_scale` besides the properties of a scene. Without
+//! `f_rest_*`, `f_dc_0..2` are the colour itself. Their variant with a network for colours has more of
+//! `f_dc_*` and is refused.
 
 use super::body::{self, ElementRows, VertexColumn};
 use super::header::{PlyElement, PlyHeader};
@@ -44,8 +45,8 @@ pub(crate) fn has_tracks_at(bytes: &[u8]) -> bool {
     header.is_ok_and(|header| header.elements.iter().any(has_tracks))
 }
 
-/// Reads a scene and the track of each of its Gaussians. A Gaussian is dropped and counted if a value of it or of its
-/// track is not finite.
+/// Reads a scene and the track of each of its Gaussians. A Gaussian is dropped and counted if a value of it
+/// or of its track is not finite.
 ///
 /// # Errors
 /// As [`super::read_ply`]; or a property of the tracks is missing.

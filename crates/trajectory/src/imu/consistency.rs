@@ -1,9 +1,10 @@
 //! Inertial data against the poses of the same path: states against poses, and samples against states.
 //!
-//! Neither comparison knows the path that made the data. States are interpolated at the times of the poses; the
-//! samples at both ends of an interval are compared with the turn and the change of velocity of the states over it.
-//! No sample is beyond the range of its sensor, and one at its bound belongs to states beyond that bound.
-//! What noise and interpolation allow follows from the model of the sensor, and from the states themselves.
+//! Neither comparison knows the path that made the data. States are interpolated at the times of the poses;
+//! the samples at both ends of an interval are compared with the turn and the change of velocity of the
+//! states over it. No sample is beyond the range of its sensor, and one at its bound belongs to states beyond
+//! that bound. What noise and interpolation allow follows from the model of the sensor, and from the states
+//! themselves.
 
 use super::ImuModel;
 use crate::Trajectory;
@@ -203,8 +204,9 @@ fn against_poses(
             let pairs = intervals[first..=last.min(first + 2)].windows(2);
             pairs.map(|pair| (of(&pair[1]) - of(&pair[0])).length()).sum::<f64>()
         };
-        // A cubic through values and slopes errs by at most h^2/32 of the range of the second derivative, and a turn at
-        // a constant rate by h^2/8 of the derivative of the rate. Twice that, since both are estimates.
+        // A cubic through values and slopes errs by at most h^2/32 of the range of the second derivative, and
+        // a turn at a constant rate by h^2/8 of the derivative of the rate. Twice that, since both are
+        // estimates.
         let bends = [h * h / 16.0 * around(&|m| m.acceleration), h / 4.0 * around(&|m| m.rate)];
         let moved = [a.velocity.length(), intervals[i].rate.length()].map(|speed| speed * HALF_STAMP);
         let position = cubic_between([a.position, b.position], [a.velocity * h, b.velocity * h], s);
@@ -339,8 +341,9 @@ impl ShownAxes<'_> {
             sums.squares += (0.5 * (ends[0] + ends[1]) - own).length_squared();
             let before = i.checked_sub(1).map_or(own, |j| (self.mean)(j));
             let next = if i + 1 < count { (self.mean)(i + 1) } else { own };
-            // The mean of both ends misses that of the interval by a twelfth of the second difference, or by an eighth
-            // of a bend within it, which shows as 3/4 there. A turn about a moving axis adds a twelfth of w x dw.
+            // The mean of both ends misses that of the interval by a twelfth of the second difference, or by
+            // an eighth of a bend within it, which shows as 3/4 there. A turn about a moving axis adds a
+            // twelfth of w x dw.
             let bend = (next - 2.0 * own + before).length() / 6.0;
             let turning = own.length() * (next - before).length() / (24.0 * self.rate);
             sums.bends += (bend + turning) * (bend + turning);

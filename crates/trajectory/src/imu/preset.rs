@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 pub enum ImuPreset {
     /// No errors.
     Ideal,
-    /// Bosch BMI088 (data sheet BST-BMI088-DS001): densities, offsets and ranges of the data sheet, which has no
-    /// random walks; those are assumed.
+    /// Bosch BMI088 (data sheet BST-BMI088-DS001): densities, offsets and ranges of the data sheet, which has
+    /// no random walks; those are assumed.
     #[default]
     Bmi088,
     /// InvenSense MPU-6500, as in the DAVIS346 (data sheet PS-MPU-6500A-01): densities and ranges of the data

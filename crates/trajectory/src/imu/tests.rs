@@ -51,8 +51,8 @@ fn a_body_on_a_circle_shows_its_turn_and_its_centripetal_force() {
     );
     let model = model(400, AxisModel::IDEAL);
     for sample in ImuSampler::new(&model, &circle, DVec3::Z, Seed(1)).skip(4).take(190) {
-        // The spline through poses 1 ms apart misses a second derivative by h^2/12 of the fourth, 3^4 * 2 m, and by
-        // terms of higher order, which are below a thousandth of that.
+        // The spline through poses 1 ms apart misses a second derivative by h^2/12 of the fourth, 3^4 * 2 m,
+        // and by terms of higher order, which are below a thousandth of that.
         let bound = 1.001 * 1e-6 / 12.0 * 162.0;
         let wanted = DVec3::new(-rate * rate * 2.0, 0.0, GRAVITY);
         assert!((sample.accelerometer - wanted).length() < bound, "{sample:?}");

@@ -198,7 +198,7 @@ pub(crate) fn counted_scene() -> (Gaussians, CameraView, GaussianCounts) {
 
 /// The counts of [`gs2e_render::RenderWork`] that concern Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct GaussianCounts {
+pub(crate) struct GaussianCounts {
     /// All Gaussians.
     pub gaussians: u64,
     /// Not in front of the near plane.

@@ -76,8 +76,9 @@ impl<S: LaneValue> ProjectedBlock<S> {
         k: usize,
         coefficients: &[f32],
     ) -> [[f32; 4]; 2] {
-        // The fourth value of a vector belongs to the next function. So the last function, which no other follows, is
-        // added by itself. As a vector of four by name, because the compiler would make three numbers of it.
+        // The fourth value of a vector belongs to the next function. So the last function, which no other
+        // follows, is added by itself. As a vector of four by name, because the compiler would make three
+        // numbers of it.
         let mut sums = [f32x4::splat(simd, 0.0); 2];
         for n in 0..N {
             let b = S::at(&self.basis[n], k);

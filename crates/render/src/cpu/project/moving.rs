@@ -1,7 +1,7 @@
 //! Gaussians that change: their rates in the projection of a block.
 //!
-//! Nothing here is inlined into the copies per instruction set: those of a still scene stay as small as they are. The bits
-//! are the same.
+//! Nothing here is inlined into the copies per instruction set: those of a still scene stay as small as they
+//! are. The bits are the same.
 
 use super::{LaneMotion, LaneValue, ProjectedBlock};
 use crate::RenderStyle;
