@@ -15,6 +15,7 @@ pub(crate) enum FrameMessage {
 }
 
 /// The frames of a channel, at their stamps.
+#[derive(Debug)]
 pub(crate) struct ReceivedFrames {
     receiver: Receiver<FrameMessage>,
     size: Size,

@@ -42,11 +42,7 @@ impl Polarity {
     /// The polarity for a number in a file.
     #[must_use]
     pub fn from_number(stored: u8) -> Option<Self> {
-        match stored {
-            0 => Some(Self::Off),
-            1 => Some(Self::On),
-            _ => None,
-        }
+        [Self::Off, Self::On].get(usize::from(stored)).copied()
     }
 }
 
@@ -65,11 +61,7 @@ impl EventLabel {
     /// The label for a number in a file.
     #[must_use]
     pub fn from_number(stored: u8) -> Option<Self> {
-        match stored {
-            0 => Some(Self::Noise),
-            1 => Some(Self::Signal),
-            _ => None,
-        }
+        [Self::Noise, Self::Signal].get(usize::from(stored)).copied()
     }
 }
 
@@ -206,8 +198,8 @@ pub(crate) fn set_labels(
     first: u64,
 ) -> Result<(), EventFileError> {
     for ((number, event), stored) in (first..).zip(events).zip(stored) {
-        let refusal = || wrong_value(dataset, number, stored, "0 or 1");
-        event.label = EventLabel::from_number(stored).ok_or_else(refusal)?;
+        let label = EventLabel::from_number(stored);
+        event.label = label.ok_or_else(|| wrong_value(dataset, number, stored, "0 or 1"))?;
     }
     Ok(())
 }

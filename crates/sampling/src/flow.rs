@@ -137,16 +137,14 @@ impl PathFlow {
     }
 
     /// The middle of the fastest part, us.
-    #[must_use]
-    pub fn fastest_us(&self) -> f64 {
+    pub(crate) fn fastest_us(&self) -> f64 {
         let highest = self.px_s.iter().copied().fold(0.0, f64::max);
         let part = self.px_s.iter().position(|flow| *flow >= highest).unwrap_or(0);
         (part as f64 + 0.5) * self.part_us()
     }
 
     /// The moment at which this share of the motion is over, us.
-    #[must_use]
-    pub fn past_us(&self, share: f64) -> f64 {
+    pub(crate) fn past_us(&self, share: f64) -> f64 {
         let total: f64 = self.px_s.iter().sum();
         if total <= 0.0 {
             return share * self.end_us as f64;

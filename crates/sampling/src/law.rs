@@ -68,8 +68,7 @@ impl ErrorLaw {
     }
 
     /// The share of the squared error at a step that comes from jumps; 0 without error.
-    #[must_use]
-    pub fn share_of_jumps(&self, step: f64) -> f64 {
+    pub(crate) fn share_of_jumps(&self, step: f64) -> f64 {
         let error = self.error(step);
         if error > 0.0 { self.jumps * step / (error * error) } else { 0.0 }
     }

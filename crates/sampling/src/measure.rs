@@ -52,7 +52,7 @@ pub type SampledShot = (i64, Arc<TileSample>);
 /// Two neighbouring frames, a moment between them that is rendered for comparison, and the frames
 /// beyond, if there are any; us.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SampledInterval {
+pub(crate) struct SampledInterval {
     /// The two frames.
     pub ends: [i64; 2],
     /// The frames before and after.
@@ -105,7 +105,7 @@ impl SampledVoltage {
 
 /// The measurement of some intervals.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MeasuredIntervals {
+pub(crate) struct MeasuredIntervals {
     /// The mean over pixels of the squared error at the middle, thresholds squared, by interval and
     /// method. For several sensors, the largest.
     pub squares: Vec<Vec<f64>>,
@@ -120,7 +120,7 @@ pub struct MeasuredIntervals {
 ///
 /// # Errors
 /// A frame cannot be rendered.
-pub fn measure_intervals<V: PathViewer>(
+pub(crate) fn measure_intervals<V: PathViewer>(
     viewer: &mut V,
     scales: &[SensorScale],
     intervals: &[SampledInterval],

@@ -117,8 +117,7 @@ impl RenderedFrames {
     ///
     /// # Panics
     /// The number of samples differs from that of poses.
-    #[must_use]
-    pub fn with_samples(self, samples: Vec<Arc<TileSample>>) -> Self {
+    pub(crate) fn with_samples(self, samples: Vec<Arc<TileSample>>) -> Self {
         assert_eq!(samples.len(), self.len(), "one sample a pose");
         Self { samples, ..self }
     }

@@ -24,8 +24,7 @@ use std::ops::Range;
 pub const MISS_PX: f64 = 0.05;
 
 /// Time of a row after that of the pose, s.
-#[must_use]
-pub fn row_seconds(readout_s: f64, row: f64, rows: u32) -> f64 {
+fn row_seconds(readout_s: f64, row: f64, rows: u32) -> f64 {
     // A single row is the middle one.
     let last = f64::from(rows.max(2) - 1);
     if rows < 2 { 0.0 } else { readout_s * (row / last - 0.5) }

@@ -8,6 +8,7 @@ use gs2e_event::{Event, EventSink};
 
 /// Selects the first events of each pixel between two frames. As in the sensors, an event at the
 /// stamp of a frame belongs to the interval before it.
+#[derive(Debug)]
 pub(super) struct FirstEvents {
     cap: u32,
     array: PixelArray,

@@ -60,7 +60,7 @@ impl PixelArray {
 }
 
 /// A stage between the pixels of a law and the stream.
-pub(super) trait EventFilter {
+pub(super) trait EventFilter: std::fmt::Debug {
     /// Sees the next frame, before the events up to it.
     fn see(&mut self, _frame: &DenseFrame) {}
 
@@ -76,6 +76,7 @@ pub(super) trait EventFilter {
 }
 
 /// The pixels of a law, and the filters behind them in the order in which events pass them.
+#[derive(Debug)]
 pub struct FilteredPixels {
     pixels: Box<dyn SensorPixels>,
     filters: Vec<Box<dyn EventFilter>>,
@@ -91,12 +92,6 @@ impl FilteredPixels {
     pub(super) fn behind<F: EventFilter + 'static>(mut self, filter: Option<F>) -> Self {
         self.filters.extend(filter.map(|filter| Box::new(filter) as Box<dyn EventFilter>));
         self
-    }
-}
-
-impl std::fmt::Debug for FilteredPixels {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("FilteredPixels").finish_non_exhaustive()
     }
 }
 
@@ -133,7 +128,7 @@ impl EventSink for FilterSink<'_> {
 }
 
 /// Passes on some of the events, and counts the others.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub(super) struct EventSelection {
     /// Number of dropped ON events.
     pub(super) on: u64,
@@ -176,6 +171,7 @@ impl EventSelection {
 }
 
 /// Counts of the events that a filter passes on in place of those that it takes.
+#[derive(Debug)]
 pub(super) struct PassedEvents {
     pub(super) count: u64,
     on: u64,

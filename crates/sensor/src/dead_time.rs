@@ -11,6 +11,7 @@ use super::noise::RefractoryPeriod;
 use gs2e_event::{Event, EventSink};
 
 /// Selects the events of each pixel that are at least a period apart.
+#[derive(Debug)]
 pub(super) struct DeadTime {
     period_ns: i64,
     array: PixelArray,

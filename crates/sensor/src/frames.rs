@@ -73,7 +73,7 @@ pub enum FrameError {
 }
 
 /// A sequence of frames with strictly increasing stamps, the first at 0.
-pub trait FrameSequence {
+pub trait FrameSequence: std::fmt::Debug {
     /// Size of all frames.
     fn size(&self) -> Size;
 

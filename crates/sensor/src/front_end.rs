@@ -398,15 +398,10 @@ pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn SensorM
 }
 
 /// Frames as seen through a front end.
+#[derive(Debug)]
 pub struct FrontEndFrames<'a> {
     frames: &'a mut dyn FrameSequence,
     front_end: FrontEnd,
-}
-
-impl fmt::Debug for FrontEndFrames<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("FrontEndFrames").field("front_end", &self.front_end).finish_non_exhaustive()
-    }
 }
 
 impl<'a> FrontEndFrames<'a> {

@@ -158,7 +158,7 @@ impl EventFilter for LateEvents {
 }
 
 /// The previous event of a pixel, late.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct PixelPast {
     t_ns: i64,
     /// Number of events of the pixel, which numbers their draws.
@@ -166,7 +166,7 @@ struct PixelPast {
 }
 
 /// A late event, in the order of files.
-#[derive(PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq)]
 struct LateEvent {
     event: Event,
     /// Its delay, ns.
@@ -191,6 +191,7 @@ impl Ord for LateEvent {
 const CHUNK: usize = 1 << 14;
 
 /// The events of pixels that are late.
+#[derive(Debug)]
 pub(super) struct LateEvents {
     latency: PixelLatency,
     /// The light of the last frames, if the delay depends on it.

@@ -114,7 +114,7 @@ pub trait SensorModel: SensorParameters {
 }
 
 /// State of a sensor's pixels.
-pub trait SensorPixels {
+pub trait SensorPixels: std::fmt::Debug {
     /// Takes the next frame, and passes on the events that are now final.
     ///
     /// # Errors
@@ -167,6 +167,18 @@ pub struct SimulationAccount {
     /// Events left out because they fell into the dead time of their pixel.
     #[serde(default, skip_serializing_if = "is_default")]
     pub refractory: u64,
+}
+
+impl SimulationAccount {
+    /// Adds the events of one pixel, and the difference of their balance from its drift, relative to the
+    /// bound of the law.
+    fn add_pixel(&mut self, on: u32, off: u32, imbalance: f64) {
+        self.on += u64::from(on);
+        self.off += u64::from(off);
+        self.active_pixels += u64::from(on + off > 0);
+        self.drift_worst = self.drift_worst.max(imbalance);
+        self.drift_violations += u64::from(imbalance > 1.0);
+    }
 }
 
 /// Returns true if a value is the default of its type. Defaults are left out of records, because

@@ -21,6 +21,7 @@ use std::io;
 const CHUNK: usize = 4096;
 
 /// Merges the events that pixels make by themselves into those of a law.
+#[derive(Debug)]
 pub(super) struct OwnEvents {
     own: OwnEventQueue,
     floor: Option<FloorPixels>,
@@ -89,6 +90,7 @@ impl EventFilter for OwnEvents {
 }
 
 /// The noise floor of all pixels.
+#[derive(Debug)]
 struct FloorPixels {
     table: FloorTable,
     array: PixelArray,
@@ -179,6 +181,7 @@ struct FiredCause {
 }
 
 /// An own event that is due, ordered as in files.
+#[derive(Debug)]
 struct NextOwnEvent {
     event: Event,
     /// The process that goes on after it, if it is that of a hot pixel.
@@ -186,7 +189,7 @@ struct NextOwnEvent {
 }
 
 /// The process of a hot pixel at one of its events.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct HotTrain {
     /// Time of the event, ns.
     at: f64,
@@ -216,7 +219,7 @@ impl Ord for NextOwnEvent {
 }
 
 /// Events of one pixel in one microsecond, the latest that were passed on.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct CoincidentEvents {
     place: Option<(i64, u16, u16)>,
     all: u64,
@@ -224,6 +227,7 @@ struct CoincidentEvents {
 }
 
 /// The own events that are known and not passed on yet.
+#[derive(Debug)]
 struct OwnEventQueue {
     hot: HotPixelNoise,
     array: PixelArray,

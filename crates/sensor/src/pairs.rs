@@ -327,12 +327,8 @@ impl<L: FrameLaw> PairPixels<L> {
         let mut account =
             SimulationAccount { negative_luminance: self.negative_luminance, ..SimulationAccount::default() };
         for (tally, pixel) in self.tally.iter().zip(&self.pixels) {
-            account.on += u64::from(tally.on);
-            account.off += u64::from(tally.off);
-            account.active_pixels += u64::from(tally.on + tally.off > 0);
-            let share = self.law.imbalance(pixel, tally.on, tally.off).unwrap_or(0.0);
-            account.drift_worst = account.drift_worst.max(share);
-            account.drift_violations += u64::from(share > 1.0);
+            let imbalance = self.law.imbalance(pixel, tally.on, tally.off);
+            account.add_pixel(tally.on, tally.off, imbalance.unwrap_or(0.0));
         }
         account.events = account.on + account.off;
         account.same_us_same_pixel = self.windows.same_us_same_pixel;

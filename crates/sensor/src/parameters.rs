@@ -176,3 +176,38 @@ pub trait SensorParameters {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{esim::EsimModel, v2e, voltmeter::VoltmeterPreset};
+    use super::*;
+
+    /// Stored products hold sensors as text, so the order of the fields is part of their bytes.
+    #[test]
+    fn records_keep_the_order_of_their_fields() {
+        let common =
+            r#""hot_pixels":{"share":0.0,"rate":0.0},"max_events_per_pixel_frame":1000,"allow_cap":false"#;
+        let esim = format!(
+            r#"{{"threshold":{{"on":0.2,"off":0.2,"spread":0.0}},"mismatch":"per-sensor","intensity":"log","eps":0.001,"refractory":{{"period_us":0.0,"reference":"passing"}},{common}}}"#
+        );
+        assert_eq!(serde_json::to_string(&EsimModel::default()).unwrap(), esim);
+        assert_eq!(serde_json::from_str::<EsimModel>(&esim).unwrap(), EsimModel::default());
+        let v2e = format!(
+            r#"{{"threshold":{{"on":0.2,"off":0.2,"spread":0.02}},"cutoff":0.0,"filter":"exact","leak":{{"rate":0.0,"jitter":0.0,"cov":0.0}},"shot":0.0,"refractory":{{"period_us":0.0,"reference":"at-event"}},{common}}}"#
+        );
+        let clean = v2e::V2eModel::from(v2e::V2ePreset::Clean);
+        assert_eq!(serde_json::to_string(&clean).unwrap(), v2e);
+        assert_eq!(serde_json::from_str::<v2e::V2eModel>(&v2e).unwrap(), clean);
+        let mut evk4 = VoltmeterPreset::Evk4.model();
+        evk4.settings.hot_pixels.share = 0.5;
+        evk4.settings.labels = true;
+        let text = serde_json::to_string(&evk4).unwrap();
+        let keys =
+            ["max_events", "threshold_spread", "hot_pixels", "floor", "refractory", "front_end", "labels"];
+        assert!(
+            keys.map(|key| text.find(&format!("\"{key}"))).is_sorted() && !text.contains("allow_cap"),
+            "{text}"
+        );
+        assert_eq!(serde_json::from_str::<crate::voltmeter::VoltmeterModel>(&text).unwrap(), evk4);
+    }
+}

@@ -143,6 +143,7 @@ impl EventFilter for BusState {
 const CHUNK: usize = 1 << 14;
 
 /// The bus, and the events that wait for it.
+#[derive(Debug)]
 pub(super) struct BusState {
     /// Time of one event on the bus, ns; 0 for a bus without a limit.
     period_ns: f64,

@@ -250,6 +250,7 @@ mod tests {
     }
 
     /// Coloured frames that change, with their encoded luminance.
+    #[derive(Debug)]
     struct Coloured {
         greys: ArrayFrames,
         wanted: bool,

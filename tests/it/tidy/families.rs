@@ -42,7 +42,7 @@ fn families() -> [Family; 3] {
             own: &["crates/sensor/src/{}.rs", "crates/recipe/src/schema/sensor/{}.rs"],
             quoted_in: &["crates", "src"],
             needed: &[
-                ("crates/sensor/src/choice.rs", "the variant, and the one match over the family"),
+                ("crates/sensor/src/choice.rs", "the variant, and the matches over the family"),
                 ("crates/recipe/src/schema/sensor.rs", "its keys in a recipe"),
                 ("crates/recipe/src/resolve/sensor.rs", "defaults and ranges of the keys"),
                 // The fourth. A law of drift is part of the check, which knows the sensor; the sensor

@@ -77,6 +77,7 @@ fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16),
 }
 
 /// Frames that were made before.
+#[derive(Debug)]
 struct MadeFrames {
     frames: VecDeque<DenseFrame>,
     len: usize,

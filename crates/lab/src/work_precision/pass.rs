@@ -218,6 +218,7 @@ mod tests {
 
     /// `k1 V` of each pixel is a sine with its own phase, an amplitude of 6 thresholds, and a
     /// frequency of 30 Hz.
+    #[derive(Debug)]
     struct Waves(usize);
 
     impl FrameSequence for Waves {

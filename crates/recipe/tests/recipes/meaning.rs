@@ -316,13 +316,8 @@ fn all_sensors_are_read() {
     );
     t("{ v2e: {} }", SensorChoice::V2e(V2eModel::from(v2e::V2ePreset::Clean)));
     let noisy = V2eModel::from(v2e::V2ePreset::Noisy);
-    t(
-        "{ v2e: { preset: noisy, labels: true } }",
-        SensorChoice::V2e(V2eModel {
-            settings: SensorSettings { labels: true, ..noisy.settings },
-            ..noisy.clone()
-        }),
-    );
+    let refractory = RefractoryPeriod { period_us: 10.0, ..noisy.settings.refractory };
+    t("{ v2e: { preset: noisy, labels: true } }", SensorChoice::V2e(noisy.clone()).with_labels());
     t("{ v2e: { preset: noisy, labels: false } }", SensorChoice::V2e(noisy.clone()));
     t(
         "{ v2e: { preset: noisy, cutoff: 100, filter: euler, leak: { rate: 0.5 }, refractory: { period_us: 10 } } }",
@@ -330,10 +325,7 @@ fn all_sensors_are_read() {
             cutoff: 100.0,
             filter: FilterSteps::Euler,
             leak: LeakNoise { rate: 0.5, ..noisy.leak },
-            settings: SensorSettings {
-                refractory: RefractoryPeriod { period_us: 10.0, ..noisy.settings.refractory },
-                ..noisy.settings
-            },
+            settings: SensorSettings { refractory, ..noisy.settings },
             ..noisy
         }),
     );

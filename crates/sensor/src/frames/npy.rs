@@ -62,6 +62,7 @@ pub enum NpyError {
 }
 
 /// An array that is open at its first element.
+#[derive(Debug)]
 struct OpenArray {
     path: PathBuf,
     data: BufReader<File>,
@@ -129,20 +130,12 @@ pub enum SampleKind {
 }
 
 /// An array `[N, H, W]` of uint8 or float32, frame after frame.
+#[derive(Debug)]
 pub struct FrameStack {
     array: OpenArray,
     kind: SampleKind,
     frames: usize,
     size: Size,
-}
-
-impl std::fmt::Debug for FrameStack {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("FrameStack")
-            .field("path", &self.array.path)
-            .field("size", &self.size)
-            .finish_non_exhaustive()
-    }
 }
 
 impl FrameStack {
@@ -295,16 +288,11 @@ impl FrameSequence for NpyFrames {
 }
 
 /// Frames with the luminance's change per second at every pixel, on the scale of the file.
+#[derive(Debug)]
 pub struct RatedFrames {
     frames: Box<dyn FrameSequence>,
     rates: FrameStack,
     scale: f32,
-}
-
-impl std::fmt::Debug for RatedFrames {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("RatedFrames").field("rates", &self.rates).finish_non_exhaustive()
-    }
 }
 
 impl RatedFrames {

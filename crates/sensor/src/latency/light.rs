@@ -11,6 +11,7 @@ const BEHIND_NS: i64 = 1 << 21;
 const FRAMES_BEHIND: usize = 3;
 
 /// Brightness at the last frames.
+#[derive(Debug)]
 pub(super) struct RecentLight {
     white_lux: f64,
     frames: VecDeque<(i64, Vec<f32>)>,

@@ -5,6 +5,7 @@ use gs2e_event::Event;
 use std::collections::{BTreeMap, VecDeque};
 
 /// The waiting events.
+#[derive(Debug)]
 pub(super) struct WaitingEvents {
     order: ArbiterOrder,
     /// Events to be read next: all of them without an arbiter, otherwise the line that was granted.

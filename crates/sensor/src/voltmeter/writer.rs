@@ -27,13 +27,8 @@ impl PixelTally {
     /// Adds a pixel to the account. Events times thresholds differ from the drift over the run by
     /// noise and by the voltages at both ends; `bound` is the largest difference that is accepted.
     pub(super) fn settle(self, barriers: Barriers, drift: f64, bound: f64, account: &mut SimulationAccount) {
-        account.on += u64::from(self.on);
-        account.off += u64::from(self.off);
-        account.active_pixels += u64::from(self.on + self.off > 0);
         let balance = barriers.up * f64::from(self.on) - barriers.down * f64::from(self.off) - drift;
-        let share = balance.abs() / bound;
-        account.drift_worst = account.drift_worst.max(share);
-        account.drift_violations += u64::from(share > 1.0);
+        account.add_pixel(self.on, self.off, balance.abs() / bound);
     }
 
     /// Counts an event, and returns the number of events since the frame before it.
