@@ -1,6 +1,7 @@
 //! What an export reads: one trajectory of a release, with one sensor.
 
 use super::ExportError;
+use glam::DVec3;
 use gs2e_event::{Event, StreamHeader};
 use gs2e_image::Image;
 use gs2e_image::light::MeanScale;
@@ -197,12 +198,21 @@ impl ExportSubject {
         Ok(depth)
     }
 
-    /// The optical flow at a pose, px/s to the right and down; NaN where it is undefined.
+    /// The optical flow at a pose, px/s to the right and down, row-major; NaN where it is undefined.
     ///
     /// # Errors
     /// It cannot be read, or has another size than the camera.
-    pub fn flow_picture(&self, pose: usize) -> Result<Image<[f32; 2]>, ExportError> {
-        Ok(self.tree.flow(pose)?)
+    pub fn flow_picture(&self, pose: usize) -> Result<Vec<[f32; 2]>, ExportError> {
+        Ok(self.tree.flow(pose)?.into_pixels())
+    }
+
+    /// The inertial measurements: times from the first pose, ns, with body rates and specific forces; empty if the
+    /// release has none.
+    ///
+    /// # Errors
+    /// They cannot be read.
+    pub fn inertial(&self) -> Result<Vec<(i64, [DVec3; 2])>, ExportError> {
+        Ok(self.tree.inertial()?)
     }
 
     /// Statements of the file of events.

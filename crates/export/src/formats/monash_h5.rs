@@ -141,7 +141,7 @@ fn write_flows(
     let Size { width, height } = plan.subject.camera.size;
     for (index, pose) in poses.iter().enumerate() {
         let flow = plan.subject.flow_picture(*pose)?;
-        let channel = |k: usize| flow.pixels().iter().map(move |v| if v[k].is_nan() { 0.0 } else { v[k] });
+        let channel = |k: usize| flow.iter().map(move |v| if v[k].is_nan() { 0.0 } else { v[k] });
         let values: Vec<f32> = channel(0).chain(channel(1)).collect();
         file.add(|_| {
             let new = group.new_dataset::<f32>().shape([2, height as usize, width as usize]);
