@@ -11,9 +11,7 @@ use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
 use gs2e_sensor::noise::ThresholdMismatch;
-use gs2e_sensor::voltmeter::{
-    BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
-};
+use gs2e_sensor::voltmeter::{BetweenFrames, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorSet};
 use std::collections::BTreeMap;
 
@@ -214,16 +212,17 @@ impl Resolver<'_> {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
             threshold_spread: threshold.map(|threshold| threshold.spread),
-            law: raw.law.or(SamplerKind::Exact),
-            gain: raw.gain.or(DriftGain::Log),
-            initial: raw.initial.or(InitialVoltage::Zero),
-            max_events_per_pixel_frame: self.cap(&raw.max_events_per_pixel_frame),
-            allow_cap: raw.allow_cap.or(false),
+            law: raw.law.or(usual.law),
+            gain: raw.gain.or(usual.gain),
+            initial: raw.initial.or(usual.initial),
+            max_events_per_pixel_frame: self
+                .cap(&raw.max_events_per_pixel_frame, usual.max_events_per_pixel_frame),
+            allow_cap: raw.allow_cap.or(usual.allow_cap),
             hot_pixels: self.hot_pixels(&raw.hot_pixels),
             floor,
             refractory: self.refractory(&raw.refractory, usual.refractory),
             front_end: self.front_end(&raw.front_end, in_lux),
-            labels: raw.labels.or(false),
+            labels: raw.labels.or(usual.labels),
             latency,
             readout: self.readout(&raw.readout),
             ..VoltmeterModel::new(k?)

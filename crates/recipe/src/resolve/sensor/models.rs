@@ -48,11 +48,12 @@ impl Resolver<'_> {
             eps: self.real(&raw.eps, usual.eps, RealRange::above(0.0, 1e6)),
             refractory: self.refractory(&raw.refractory, usual.refractory),
             hot_pixels: self.hot_pixels(&raw.hot_pixels),
-            max_events_per_pixel_frame: self.cap(&raw.max_events_per_pixel_frame),
-            allow_cap: raw.allow_cap.or(false),
+            max_events_per_pixel_frame: self
+                .cap(&raw.max_events_per_pixel_frame, usual.max_events_per_pixel_frame),
+            allow_cap: raw.allow_cap.or(usual.allow_cap),
             latency: self.latency(&raw.latency),
             front_end: self.front_end(&raw.front_end, follows_light(latency)),
-            labels: raw.labels.or(false),
+            labels: raw.labels.or(usual.labels),
             readout: self.readout(&raw.readout),
         });
         preset.and(model)
@@ -68,11 +69,12 @@ impl Resolver<'_> {
             shot: self.real(&raw.shot, usual.shot, RATE),
             refractory: self.refractory(&raw.refractory, usual.refractory),
             hot_pixels: self.hot_pixels(&raw.hot_pixels),
-            max_events_per_pixel_frame: self.cap(&raw.max_events_per_pixel_frame),
-            allow_cap: raw.allow_cap.or(false),
+            max_events_per_pixel_frame: self
+                .cap(&raw.max_events_per_pixel_frame, usual.max_events_per_pixel_frame),
+            allow_cap: raw.allow_cap.or(usual.allow_cap),
             latency: self.latency(&raw.latency),
             front_end: self.front_end(&raw.front_end, follows_light(latency)),
-            labels: raw.labels.or(false),
+            labels: raw.labels.or(usual.labels),
             readout: self.readout(&raw.readout),
         })
     }
@@ -203,7 +205,7 @@ impl Resolver<'_> {
         .map(Some)
     }
 
-    pub(super) fn cap(&self, field: &Field<u64>) -> Option<u32> {
-        self.small(field, 1000, WholeRange::new(1, 1_000_000_000))
+    pub(super) fn cap(&self, field: &Field<u64>, usual: u32) -> Option<u32> {
+        self.small(field, usual, WholeRange::new(1, 1_000_000_000))
     }
 }
