@@ -114,12 +114,8 @@ impl RecipeParts {
             return Err(vec![RecipeFault::of_file(name, &message, None)]);
         }
         let text = Arc::new(SourceText { path: name.to_owned(), body });
-        let texts = vec![text];
-        let faulty = |problems: Vec<FieldProblem>| {
-            problems.into_iter().map(|problem| problem.fault(&texts, None)).collect::<Vec<_>>()
-        };
-        let tree = tree::parse_tree(&texts[0], 0).map_err(faulty)?.unwrap_or_else(empty_tree);
-        Ok(Self { texts, folders: vec![PathBuf::new()], tree, seen: Vec::new() })
+        let tree = parse_text(&text, 0)?.unwrap_or_else(empty_tree);
+        Ok(Self { texts: vec![text], folders: vec![PathBuf::new()], tree, seen: Vec::new() })
     }
 
     /// Returns true if the tree is a mapping with this key.
@@ -304,14 +300,17 @@ fn empty_tree() -> TreeNode {
 fn parse_file(file: &Path, index: u32) -> Result<ParsedFile, Vec<RecipeFault>> {
     let (body, seen) = read_file(file).map_err(|fault| vec![fault])?;
     let text = Arc::new(SourceText { path: file.to_owned(), body });
-    match tree::parse_tree(&text, index) {
-        Ok(tree) => Ok(ParsedFile { text, tree, seen }),
-        Err(problems) => {
-            // Places in this file have the number `index`, so the list must reach that far.
-            let texts = vec![text; index as usize + 1];
-            Err(problems.into_iter().map(|problem| problem.fault(&texts, None)).collect())
-        }
-    }
+    let tree = parse_text(&text, index)?;
+    Ok(ParsedFile { text, tree, seen })
+}
+
+/// Parses a text. Its places carry the number `index`.
+fn parse_text(text: &Arc<SourceText>, index: u32) -> Result<Option<TreeNode>, Vec<RecipeFault>> {
+    tree::parse_tree(text, index).map_err(|problems| {
+        // Places in this text have the number `index`, so the list must reach that far.
+        let texts = vec![Arc::clone(text); index as usize + 1];
+        problems.into_iter().map(|problem| problem.fault(&texts, None)).collect()
+    })
 }
 
 fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {

@@ -7,12 +7,6 @@ use gs2e_sensor::{SensorChoice, SensorSet};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Keys of a recipe that affect the sensor.
-const OF_THE_SENSOR: [&str; 5] = ["version", "preset", "group", SENSOR, "sampling"];
-
-/// Keys of a recipe that affect its named sensors.
-const OF_SENSORS: [&str; 5] = ["version", "preset", "group", SENSORS, "sampling"];
-
 /// The key of the only sensor, and the key of several.
 const SENSOR: &str = "sensor";
 
@@ -74,7 +68,8 @@ fn sensor_of(
     }
     // The content of the key may stand alone in the file.
     let parts = if has_names || parts.has(SENSOR) { parts } else { parts.under(SENSOR) };
-    let kept = if has_names { OF_SENSORS } else { OF_THE_SENSOR };
+    // The keys of a recipe that affect its sensors.
+    let kept = ["version", "preset", "group", if has_names { SENSORS } else { SENSOR }, "sampling"];
     let others = format!("{STAND_IN_FOR_THEM}seed: {seed}\n");
     let recipe = parts.standing_in(&all_but(&kept), &others).with_ranges().resolved()?;
     // The stand-in has one trajectory.

@@ -11,9 +11,7 @@ use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
 use gs2e_sensor::noise::ThresholdMismatch;
-use gs2e_sensor::voltmeter::{
-    BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset,
-};
+use gs2e_sensor::voltmeter::{BetweenFrames, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings};
 use std::collections::BTreeMap;
 
@@ -212,9 +210,9 @@ impl Resolver<'_> {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
             threshold_spread: threshold.map(|threshold| threshold.spread),
-            law: raw.law.or(SamplerKind::Exact),
-            gain: raw.gain.or(DriftGain::Log),
-            initial: raw.initial.or(InitialVoltage::Zero),
+            law: raw.law.or(usual.law),
+            gain: raw.gain.or(usual.gain),
+            initial: raw.initial.or(usual.initial),
             floor,
             settings: models::settings!(self, raw, usual.settings, in_lux: in_lux),
             ..VoltmeterModel::new(k?)

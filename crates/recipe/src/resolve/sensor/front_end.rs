@@ -7,7 +7,7 @@ use crate::problem::FieldProblem;
 use crate::schema;
 use crate::text::TextSpan;
 use gs2e_sensor::front_end;
-use gs2e_sensor::front_end::{ChannelDecode, FrontEnd, LuminanceWeights};
+use gs2e_sensor::front_end::{FrontEnd, LuminanceWeights};
 use gs2e_sensor::voltmeter::BetweenFrames;
 
 /// Range of the weights of a colour.
@@ -26,7 +26,7 @@ impl Resolver<'_> {
         let raw = field.or_default()?;
         resolved!(FrontEnd {
             luminance: self.luminance(&raw.luminance),
-            decode: raw.decode.or(ChannelDecode::None),
+            decode: raw.decode.or_default(),
             exposure: self.real(&raw.exposure, 1.0, EXPOSURE),
             range: self.brightness_range(&raw.range),
             lux: self.lux(&raw.lux, in_lux),

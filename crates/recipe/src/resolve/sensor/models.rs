@@ -34,10 +34,11 @@ macro_rules! settings {
         resolved!(SensorSettings {
             refractory: $resolver.refractory(&$raw.refractory, $usual.refractory),
             hot_pixels: $resolver.hot_pixels(&$raw.hot_pixels),
-            max_events_per_pixel_frame: $resolver.cap(&$raw.max_events_per_pixel_frame),
-            allow_cap: $raw.allow_cap.or(false),
+            max_events_per_pixel_frame: $resolver
+                .cap(&$raw.max_events_per_pixel_frame, $usual.max_events_per_pixel_frame),
+            allow_cap: $raw.allow_cap.or($usual.allow_cap),
             front_end: $resolver.front_end(&$raw.front_end, $in_lux || follows_light),
-            labels: $raw.labels.or(false),
+            labels: $raw.labels.or($usual.labels),
             readout: $resolver.readout(&$raw.readout),
             latency,
         })
@@ -205,7 +206,7 @@ impl Resolver<'_> {
         .map(Some)
     }
 
-    pub(super) fn cap(&self, field: &Field<u64>) -> Option<u32> {
-        self.small(field, 1000, WholeRange::new(1, 1_000_000_000))
+    pub(super) fn cap(&self, field: &Field<u64>, usual: u32) -> Option<u32> {
+        self.small(field, usual, WholeRange::new(1, 1_000_000_000))
     }
 }
