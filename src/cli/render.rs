@@ -21,7 +21,6 @@ use gs2e_scene::dynamic::file::read_dynamic;
 use gs2e_scene::dynamic::{SceneSpan, SceneTime};
 use gs2e_scene::{self as scene, Gaussians};
 use gs2e_source::{self as source, view};
-use numbers::ColourArg;
 use picture::{ChannelArg, ChannelImage, PictureFormat};
 use serde_json::json;
 use std::path::PathBuf;
@@ -65,7 +64,7 @@ pub(super) struct RenderArgs {
     antialiased: bool,
     /// Colour behind the scene, each channel 0..1
     #[arg(long, value_name = "R,G,B", default_value = "0,0,0", value_parser = numbers::parse_colour, allow_hyphen_values = true)]
-    background: ColourArg,
+    background: [f64; 3],
     /// Channel to render
     #[arg(long, value_enum, default_value_t = ChannelArg::Rgb)]
     channel: ChannelArg,
@@ -204,7 +203,7 @@ impl RenderArgs {
 
     fn style(&self, gaussians: &Gaussians) -> RenderStyle {
         let antialiased = if self.antialiased { AntialiasMode::On } else { AntialiasMode::Auto };
-        let Self { rules, order, background: ColourArg(background), .. } = *self;
+        let Self { rules, order, background, .. } = *self;
         RenderChoice { rules, order, antialiased, background, near: None }.resolve(gaussians.antialiased)
     }
 

@@ -94,7 +94,7 @@ pub(super) struct SimulateArgs {
     /// Position of the frames' top-left pixel on the sensor, so that a crop draws the same noise as
     /// the whole
     #[arg(long, value_name = "X,Y", default_value = "0,0", value_parser = sequence::parse_origin)]
-    origin: sequence::SensorOrigin,
+    origin: [u16; 2],
     /// Seed of the sensor's noise
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -216,7 +216,7 @@ impl SimulateArgs {
             if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let model = sensor.as_model();
-        let pixels = model.start(sequence.frames.size(), self.origin.0, Seed(self.seed));
+        let pixels = model.start(sequence.frames.size(), self.origin, Seed(self.seed));
         let pixels = pixels.map_err(SimulateError::from)?;
         let mut channel = [SensorChannel::new(pixels, sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);

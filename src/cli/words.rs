@@ -1,7 +1,8 @@
-//! Options with a few values, each with its name and a line of help.
+//! Options with a few values, each with its name and a line of help, and options with several numbers.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use gs2e_render::RenderRules;
+use std::str::FromStr;
 
 /// A value of an option: its name, a line of help or nothing, and the value.
 pub(super) type Word<T> = (&'static str, &'static str, T);
@@ -31,6 +32,12 @@ pub(super) const TRAINED: [Word<RenderRules>; 4] = [
     EXACT,
     GSPLAT,
 ];
+
+/// Reads `N` numbers, separated by commas.
+pub(super) fn parse_numbers<T: FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
+    let numbers: Option<Vec<T>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
 
 /// A parser of one of these values, by its name.
 pub(super) fn one_of<T: Clone + Send + Sync>(words: &'static [Word<T>]) -> impl TypedValueParser<Value = T> {

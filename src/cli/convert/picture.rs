@@ -2,6 +2,7 @@
 
 use super::events::InputEvents;
 use super::refuse_usage;
+use crate::cli::words::parse_numbers;
 use crate::cli::{Console, ExitKind, VerbError, input, output, path};
 use clap::ValueEnum;
 use gs2e_event::picture::WindowCounts;
@@ -24,7 +25,7 @@ pub(super) struct PictureOptions {
     picture: Option<PictureKind>,
     /// Time window of the picture, T0 <= t < T1, in microseconds [default: all]
     #[arg(long, value_name = "T0,T1", value_parser = parse_window, allow_hyphen_values = true)]
-    window: Option<TimeWindow>,
+    window: Option<[i64; 2]>,
     /// Age in microseconds at which an event of a time surface has faded to 1/e [default: a quarter
     /// of the window]
     #[arg(long, value_name = "US", value_parser = clap::value_parser!(u32).range(1..))]
@@ -42,17 +43,10 @@ enum PictureKind {
     Rate,
 }
 
-/// Begin and end, in microseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct TimeWindow(i64, i64);
-
 /// Reads `T0,T1`.
-fn parse_window(text: &str) -> Result<TimeWindow, String> {
-    let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
-    match ends {
-        Some((begin, end)) if begin < end => Ok(TimeWindow(begin, end)),
-        _ => Err(format!("`{text}` is not T0,T1: two whole microseconds, T0 before T1")),
-    }
+fn parse_window(text: &str) -> Result<[i64; 2], String> {
+    let window = parse_numbers(text).filter(|[begin, end]| begin < end);
+    window.ok_or_else(|| format!("`{text}` is not T0,T1: two whole microseconds, T0 before T1"))
 }
 
 impl PictureOptions {
@@ -79,7 +73,7 @@ impl PictureOptions {
         output::screen_outputs([output], [input.path], console.json)?;
         let mut opened = input.open(console)?;
         let size = opened.header.size;
-        let window_us = self.window.map_or(i64::MIN..i64::MAX, |TimeWindow(begin, end)| begin..end);
+        let window_us = self.window.map_or(i64::MIN..i64::MAX, |[begin, end]| begin..end);
         let mut pour = |sink: &mut dyn EventSink| {
             let poured = pour_events(&mut *opened.source, &window_us, sink);
             poured.map_err(|e| input::wrong_events(input.path, &e))

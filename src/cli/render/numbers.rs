@@ -3,16 +3,12 @@
 use glam::DVec3;
 use gs2e_scene::camera::view::CameraVelocity;
 
-/// A colour, each channel 0..1.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ColourArg(pub(super) [f64; 3]);
-
-/// Reads `R,G,B`.
-pub(super) fn parse_colour(text: &str) -> Result<ColourArg, String> {
+/// Reads `R,G,B`, each channel 0..1.
+pub(super) fn parse_colour(text: &str) -> Result<[f64; 3], String> {
     let rgb = parse_numbers(text)?;
     match rgb.iter().find(|v| !(0.0..=1.0).contains(*v)) {
         Some(bad) => Err(format!("{bad} is not between 0 and 1")),
-        None => Ok(ColourArg(rgb)),
+        None => Ok(rgb),
     }
 }
 
@@ -51,7 +47,7 @@ mod tests {
 
     #[test]
     fn numbers_are_as_many_as_are_wanted() {
-        assert_eq!(parse_colour("0, .5,1"), Ok(ColourArg([0.0, 0.5, 1.0])));
+        assert_eq!(parse_colour("0, .5,1"), Ok([0.0, 0.5, 1.0]));
         let wanted =
             CameraVelocity { linear: DVec3::new(-1.0, 2e3, 0.0), angular: DVec3::new(0.5, -0.0, 7.0) };
         assert_eq!(parse_velocity("-1,2e3,0,.5,-0,7"), Ok(wanted));

@@ -89,7 +89,7 @@ impl SimulateReport<'_> {
         let (first_us, last_us) = self.sequence.span_us();
         let full_scale = self.sequence.full_scale.white();
         json!({
-            "output": path(&asked.out), "bytes": bytes, "seed": asked.seed, "origin": asked.origin.0,
+            "output": path(&asked.out), "bytes": bytes, "seed": asked.seed, "origin": asked.origin,
             "frames": {
                 "input": path(asked.input_path()), "count": self.sequence.stamps_us.len(), "width": size.width,
                 "height": size.height, "first_us": first_us, "last_us": last_us, "full_scale": full_scale,

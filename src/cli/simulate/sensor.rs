@@ -2,6 +2,7 @@
 
 use super::SimulateArgs;
 use crate::cli::VerbError;
+use crate::cli::words::parse_numbers;
 use gs2e_files::is_there;
 use gs2e_recipe::draw_sensor;
 use gs2e_sensor::SensorChoice;
@@ -86,11 +87,6 @@ pub(super) fn parse_range(text: &str) -> Result<GreyRange, String> {
         parse_numbers(text).ok_or_else(|| format!("`{text}` is not MIN,MAX, such as 0,255 or 5,inf"))?;
     // An infinite end means no clamp.
     Ok(GreyRange { min, max: Some(max).filter(|max| *max != f64::INFINITY) })
-}
-
-fn parse_numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
-    numbers?.try_into().ok()
 }
 
 /// The sensor of a name or of a file. `lux` is the light of white, if the command line states it; numbers

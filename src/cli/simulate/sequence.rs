@@ -1,5 +1,6 @@
 //! The frames of a simulation, with their time stamps.
 
+use crate::cli::words::parse_numbers;
 use crate::cli::{ExitKind, UserMessage, VerbError, input};
 use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
@@ -18,15 +19,9 @@ const MANY_A_SECOND: f64 = 50_000.0;
 /// Length of time for which a sensor holds frames, ns: one root cell of the dyadic clock.
 const HELD_NS: f64 = 1_048_576.0;
 
-/// The position of the frames on a sensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct SensorOrigin(pub(super) [u16; 2]);
-
 /// Reads `X,Y`.
-pub(super) fn parse_origin(text: &str) -> Result<SensorOrigin, String> {
-    let origin = |(x, y): (&str, &str)| Some(SensorOrigin([x.trim().parse().ok()?, y.trim().parse().ok()?]));
-    text.split_once(',')
-        .and_then(origin)
+pub(super) fn parse_origin(text: &str) -> Result<[u16; 2], String> {
+    parse_numbers(text)
         .ok_or_else(|| format!("`{text}` is not X,Y, two numbers from 0 to 65535 such as 40,12"))
 }
 

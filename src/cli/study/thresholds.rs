@@ -2,6 +2,7 @@
 
 use super::subject::{StudySubject, SubjectArgs};
 use super::{end_problem, go_unless, not_rendered};
+use crate::cli::words::parse_numbers;
 use crate::cli::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
 use gs2e_event::picture::picture_grid;
 use gs2e_image::png;
@@ -28,7 +29,7 @@ pub(super) struct ThresholdsArgs {
     /// Begin and end of the part to render, milliseconds of the trajectory [default: 100 ms around
     /// its middle]
     #[arg(long, value_name = "T0,T1", value_parser = parse_span)]
-    span: Option<SpanArg>,
+    span: Option<[f64; 2]>,
     /// File for the table
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -37,15 +38,9 @@ pub(super) struct ThresholdsArgs {
     picture: Option<PathBuf>,
 }
 
-/// Begin and end, in milliseconds.
-#[derive(Debug, Clone, Copy)]
-struct SpanArg(f64, f64);
-
-fn parse_span(text: &str) -> Result<SpanArg, String> {
-    let ends = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
-    ends.filter(|(begin, end)| 0.0 <= *begin && begin < end)
-        .map(|(begin, end)| SpanArg(begin, end))
-        .ok_or_else(|| format!("`{text}` is not T0,T1: two times in milliseconds, T0 before T1"))
+fn parse_span(text: &str) -> Result<[f64; 2], String> {
+    let span = parse_numbers(text).filter(|[begin, end]| 0.0 <= *begin && begin < end);
+    span.ok_or_else(|| format!("`{text}` is not T0,T1: two times in milliseconds, T0 before T1"))
 }
 
 /// Default length of the rendered part, ms.
@@ -93,8 +88,8 @@ impl ThresholdsArgs {
     fn range(&self, whole: &Trajectory) -> Result<Range<usize>, VerbError> {
         let end_us = whole.stamps_us.last().copied().unwrap_or(0);
         let middle_ms = end_us as f64 * 0.5e-3;
-        let SpanArg(begin, end) =
-            self.span.unwrap_or(SpanArg(middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0));
+        let usual = [middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0];
+        let [begin, end] = self.span.unwrap_or(usual);
         let place = |ms: f64| whole.stamps_us.partition_point(|t| (*t as f64) < ms * 1e3);
         // One pose beyond the end, so that the last interval covers it.
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
