@@ -147,7 +147,7 @@ impl ExportArgs {
 /// Shows the number of events, and stops at an interrupt.
 pub(super) struct BarProgress {
     bar: ProgressBar,
-    cancel: Arc<AtomicBool>,
+    pub(super) cancel: Arc<AtomicBool>,
 }
 
 impl BarProgress {

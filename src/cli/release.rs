@@ -112,9 +112,7 @@ impl ReleaseArgs {
         let progress = BarProgress::new(console, Arc::clone(cancel));
         let exporter = &IncludedExporter { progress: &progress };
         let ready = BuiltPlan { plan: &plan, summary: &summary, store: &store, context: &context, exporter };
-        let written = self.write(ready, &mut target, cancel, console);
-        progress.finish();
-        let written = written?;
+        let written = self.write(ready, &mut target, &progress, console)?;
         // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary, &written))?;
         self.tell(&written, &mut target, console);
@@ -129,10 +127,10 @@ impl ReleaseArgs {
         &self,
         built: BuiltPlan<'_>,
         target: &mut ReleaseTarget,
-        cancel: &AtomicBool,
+        progress: &BarProgress,
         console: &Console,
     ) -> Result<WrittenRelease, VerbError> {
-        let store = built.store;
+        let (store, cancel) = (built.store, &progress.cancel);
         let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
         let mut findings: Vec<Finding> = judged.findings().cloned().collect();
         let faults = show_findings(&findings, console);
@@ -142,6 +140,7 @@ impl ReleaseArgs {
         }
         let link = if self.copy { LinkMode::Copy } else { self.link };
         let written = judged.write(target, link, cancel);
+        progress.finish();
         store.flush()?;
         findings.extend(written.iter().flat_map(|written| written.agreement.iter().cloned()));
         tell_count(&findings, console);
