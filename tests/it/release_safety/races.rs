@@ -3,8 +3,10 @@
 use super::{POSES, neighbours, out, place, released};
 use crate::release::small::said;
 use crate::support::workspace::{Workspace, same_tree};
+use gs2e_store::{LockClaim, LockRequest, StoreLock};
 use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::Path;
 use std::process::{Child, ChildStderr, Stdio};
 use std::time::Duration;
 
@@ -46,13 +48,7 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
 fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let holder = gs2e_store::StoreLock::take_temporary(
-        &path,
-        &path,
-        (&gs2e_store::LockClaim { command: "gs2e release".into(), ..Default::default() }, false),
-        &false.into(),
-        &mut |_| {},
-    );
+    let holder = hold(&path, "gs2e release");
     let ended = place.gs2e("release --no-wait --to out r.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let us = format!("out is in use by pid {}", std::process::id());
@@ -64,6 +60,13 @@ fn a_waiting_release_names_the_holder_of_its_folder() {
     stderr.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait().unwrap().success(), "{rest}");
     assert_eq!(neighbours(&place), ["out"]);
+}
+
+/// Takes the lock of a folder for a command.
+fn hold(path: &Path, command: &str) -> StoreLock {
+    let claim = &LockClaim { command: command.into(), ..LockClaim::default() };
+    let request = LockRequest { path, of: path, claim, wait: false, cancel: &false.into() };
+    StoreLock::take_temporary(&request, &mut |_| {}).unwrap()
 }
 
 /// Starts a release and reads its stderr up to the line about waiting, which comes last.
@@ -82,9 +85,7 @@ fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, Str
 fn an_interrupt_while_waiting_ends_it() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let claim = (&gs2e_store::LockClaim::default(), false);
-    let _holder =
-        gs2e_store::StoreLock::take_temporary(&path, &path, claim, &false.into(), &mut |_| {}).unwrap();
+    let _holder = hold(&path, "");
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));
