@@ -1,17 +1,18 @@
 //! The drift of a pixel's voltage between two frames, by the sensor's law.
 
+mod error;
 mod floor_rates;
+mod noise;
 
+pub use error::FrameRounding;
+pub(crate) use error::length;
 use floor_rates::FloorRates;
-use gs2e_image::srgb;
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::esim::{EsimModel, IntensityScale};
-use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
 use gs2e_sensor::noise::HotPixelNoise;
-use gs2e_sensor::statistics::RenewalProcess;
 use gs2e_sensor::v2e::{V2eModel, lin_log};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
-use std::f64::consts::LN_10;
+use noise::ShotNoise;
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -52,41 +53,6 @@ enum BrightnessScale {
     Linear,
     /// Linear up to a grey of 20, and the logarithm above.
     LinLog,
-}
-
-/// Shot noise in the dark, Hz; it falls towards white as in v2e.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct ShotNoise {
-    dark_hz: f64,
-    leak_hz: f64,
-}
-
-/// Pictures of 8 bits per channel, as a sensor sees them: each channel is known to half of a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameRounding {
-    /// The front end through which the pictures were seen.
-    pub front_end: FrontEnd,
-    /// Root mean square error of the brightness between the frames of the simulation, in
-    /// thresholds, if these frames are not the pictures.
-    pub between: f64,
-}
-
-impl FrameRounding {
-    /// Largest error of a luminance, in greys. Every channel is rounded by at most half of a step,
-    /// and the weights sum to 1. The curve of linear light is convex, and its slope a concave
-    /// function of its value: for a given luminance, a grey pixel has the largest error.
-    #[must_use]
-    pub fn error(&self, luminance: f64) -> f64 {
-        let FrontEnd { decode, exposure, .. } = self.front_end;
-        match decode {
-            ChannelDecode::None => 0.5 * exposure,
-            ChannelDecode::Srgb => {
-                let encoded = srgb::encode((luminance / (255.0 * exposure)).clamp(0.0, 1.0));
-                // The slope at the far end of the step bounds that within it.
-                0.5 * exposure * srgb::decode_slope(encoded + 0.5 / 255.0)
-            }
-        }
-    }
 }
 
 impl DriftLaw {
@@ -203,166 +169,6 @@ impl DriftLaw {
     #[must_use]
     pub fn drift(&self, change: f64, dt_us: f64, exposure: f64) -> f64 {
         self.k[0] * change + self.k[3] * dt_us + self.k[4] * exposure
-    }
-
-    /// Largest error of the drift by the rounding of a frame with this luminance, in units of the
-    /// voltage; 0 for frames that are not rounded.
-    #[must_use]
-    pub(crate) fn rounding_error(&self, luminance: f32) -> f64 {
-        self.rounding_error_at(luminance, self.brightness(luminance))
-    }
-
-    /// [`Self::rounding_error`] of a luminance with this brightness.
-    #[must_use]
-    pub(crate) fn rounding_error_at(&self, luminance: f32, brightness: f64) -> f64 {
-        let Some(rounding) = self.rounding else { return 0.0 };
-        let luminance = f64::from(luminance).max(0.0);
-        let error = rounding.error(luminance);
-        let below = brightness - self.brightness_of((luminance - error).max(0.0));
-        // Brightness is concave, so that its change is larger below, if black does not end it.
-        if luminance >= error {
-            return self.k[0] * below;
-        }
-        self.k[0] * below.max(self.brightness_of(luminance + error) - brightness)
-    }
-
-    /// Standard deviation of the drift by what lies between rounded frames; 0 if events were made
-    /// from these frames.
-    #[must_use]
-    pub(crate) fn between_error(&self) -> f64 {
-        self.rounding.map_or(0.0, |rounding| rounding.between * self.least_threshold())
-    }
-
-    /// Bound of the difference between the drift of `on` and `off` events by the stated thresholds
-    /// and by those of the pixel: three standard deviations, and the same of the threshold that
-    /// bounds the remaining voltage.
-    #[must_use]
-    pub(crate) fn spread_error(&self, [on, off]: [u32; 2]) -> f64 {
-        // Without spread, the multiplication keeps it at exactly 0.
-        3.0 * self.spread * (1.0 + length([f64::from(on), f64::from(off)]))
-    }
-
-    /// Largest probability that the remaining voltage of a pixel exceeds its bound by more than
-    /// [`DriftLaw::spread_error`].
-    ///
-    /// After `n` events, the voltage and its bound are off by `n + 1` times the error of the threshold. If
-    /// that is above three standard deviations, the voltage has to lie near the bound too: it is uniform,
-    /// so the probability is the mean of what the error exceeds, in thresholds.
-    #[must_use]
-    pub(crate) fn beyond_spread_error(&self, [on, off]: [u32; 2]) -> f64 {
-        // Probability of a normal deviate above 3, and the mean of its excess: `Q(3)` and `phi(3) - 3 Q(3)`.
-        const ABOVE: f64 = 0.001_35;
-        const EXCESS: f64 = 0.000_382;
-        let events = length([f64::from(on), f64::from(off)]);
-        ABOVE.min((1.0 + events) * EXCESS * self.spread / self.least_threshold())
-    }
-
-    /// Standard deviation of the voltage after `dt_us` microseconds at this luminance.
-    #[must_use]
-    pub fn noise(&self, luminance: f64, dt_us: f64) -> f64 {
-        let [_, k2, k3, _, _, k6] = self.k;
-        // The constants of the other laws may divide 0 by 0.
-        if self.scale != BrightnessScale::Log {
-            return 0.0;
-        }
-        (k3 * luminance.max(0.0).sqrt() / (luminance.max(0.0) + k2) + k6) * dt_us.sqrt()
-    }
-
-    /// The largest of [`DriftLaw::noise`] over all luminances, which is at `L = k2`.
-    #[must_use]
-    pub(crate) fn most_noise(&self, dt_us: f64) -> f64 {
-        self.noise(self.k[1], dt_us)
-    }
-
-    /// Events that a pixel of constant luminance makes per microsecond by its noise and leak.
-    #[must_use]
-    pub(crate) fn noise_events(&self, luminance: f64) -> f64 {
-        let Some(shots) = self.shots else {
-            let noise = self.noise(luminance, 1.0);
-            let [up, down] = self.thresholds;
-            let drift = self.drift(0.0, 1.0, luminance);
-            let law = RenewalProcess { drift, variance: noise * noise, up, down }.rate();
-            return law + self.floor_events(luminance);
-        };
-        1e-6 * (shots.at(luminance) + shots.leak_hz)
-    }
-
-    /// ON and OFF events of the noise floor of a pixel per microsecond. They do not move its voltage.
-    #[must_use]
-    pub(crate) fn floor_rates(&self, luminance: f64) -> [f64; 2] {
-        self.floor.map_or([0.0; 2], |floor| floor.at(luminance).map(|hz| 1e-6 * hz))
-    }
-
-    fn floor_events(&self, luminance: f64) -> f64 {
-        self.floor_rates(luminance).iter().sum()
-    }
-
-    /// Returns true if the sensor has a noise floor.
-    #[must_use]
-    pub(crate) fn has_floor(&self) -> bool {
-        self.floor.is_some()
-    }
-
-    /// Expected number of shots of a pixel in `dt_us` microseconds. They move its reference.
-    #[must_use]
-    pub fn shots(&self, luminance: f64, dt_us: f64) -> f64 {
-        self.shots.map_or(0.0, |shots| 1e-6 * shots.at(luminance) * dt_us)
-    }
-
-    /// Chance that shots, or the events of a hot pixel, make the events of a pixel differ from its
-    /// brightness change in `dt_us` microseconds; above 1 if there are several shots. All events of a hot
-    /// pixel count as one, because they spoil one pixel. The noise floor is [`DriftLaw::floor_rates`].
-    #[must_use]
-    pub fn disturbances(&self, luminance: f64, dt_us: f64) -> f64 {
-        self.shots(luminance, dt_us) + (1e-6 * self.hot.mean_hz() * dt_us).min(self.hot.share)
-    }
-
-    /// Expected number of events of the hot pixels among `pixels` in `dt_us` microseconds, all of
-    /// them ON, and its standard deviation: the number of hot pixels, their rates and their events are
-    /// drawn.
-    #[must_use]
-    pub(crate) fn hot_events(&self, pixels: f64, dt_us: f64) -> [f64; 2] {
-        if self.hot.is_absent() {
-            return [0.0; 2];
-        }
-        let of_a_pixel = 1e-6 * self.hot.mean_hz() * dt_us;
-        let (events, each) = (of_a_pixel * pixels, of_a_pixel / self.hot.share);
-        // The mean square of a log-normal factor, in squares of its mean.
-        let deviation = self.hot.spread * LN_10;
-        let unequal = libm::exp(deviation * deviation);
-        [events, (events * (1.0 + each * unequal)).sqrt()]
-    }
-
-    /// An upper bound of the events of a pixel of constant luminance in `dt_us` microseconds. The
-    /// renewal rate is `(mu / Th) coth(mu Th / sigma^2)`, and `coth x <= 1 + 1/x`.
-    #[must_use]
-    pub(crate) fn most_noise_events(&self, luminance: f64, dt_us: f64) -> f64 {
-        let own = self.hot.mean_hz() * 1e-6 * dt_us;
-        if self.shots.is_some() {
-            return self.noise_events(luminance) * dt_us + own;
-        }
-        // The lower threshold is reached more often, so it bounds the events of both.
-        let threshold = self.least_threshold();
-        let noise = self.noise(luminance, dt_us) / threshold;
-        let own = own + self.floor_events(luminance) * dt_us;
-        self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise + own
-    }
-
-    /// Standard deviation of the leak if the luminance is known only at the ends of `intervals`
-    /// intervals of `dt_us`. In each interval, the mean luminance has a random error of an eighth
-    /// of the grey scale, typical for pictures with contrast.
-    #[must_use]
-    pub(crate) fn leak_error(&self, dt_us: f64, intervals: usize) -> f64 {
-        // 32 of 255 greys. Errors of intervals are independent, so their sum grows with the root.
-        let by_luminance = 32.0 * self.k[4].abs() * dt_us * (intervals as f64).sqrt();
-        by_luminance + self.leak_spread * self.k[3].abs() * dt_us * intervals as f64
-    }
-}
-
-impl ShotNoise {
-    /// Shots per second at this luminance.
-    fn at(self, luminance: f64) -> f64 {
-        V2eModel::shots_at(self.dark_hz, luminance)
     }
 }
 
@@ -483,11 +289,6 @@ fn of_v2e(v2e: &V2eModel) -> DriftLaw {
     }
 }
 
-/// The length of a vector of event counts, which are too small for an overflow.
-pub(super) fn length([x, y]: [f64; 2]) -> f64 {
-    (x * x + y * y).sqrt()
-}
-
 /// Requires that a sensor's events balance the change of each pixel's brightness. The sensor's
 /// account states this for every pixel.
 ///
@@ -510,6 +311,8 @@ pub(crate) fn require_balance(sensor: &SensorChoice) -> Result<(), &'static str>
 mod tests {
     use super::*;
     use gs2e_sensor::SensorSettings;
+    use gs2e_sensor::front_end::{ChannelDecode, FrontEnd};
+    use std::f64::consts::LN_10;
 
     fn preset() -> DriftLaw {
         quiet_law([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5], BrightnessScale::Log, [1.0; 2])

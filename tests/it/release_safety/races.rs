@@ -44,17 +44,11 @@ fn two_releases_to_one_folder_leave_one_whole_release() {
     assert_eq!(whole[0] + whole[1], ROUNDS);
 }
 
-/// Takes the lock of a target, as another release would.
-fn hold(path: &Path, claim: &LockClaim) -> StoreLock {
-    let request = LockRequest { path, of: path, claim, wait: false, cancel: &false.into() };
-    StoreLock::take_temporary(&request, &mut |_| {}).unwrap()
-}
-
 #[test]
 fn a_waiting_release_names_the_holder_of_its_folder() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let holder = hold(&path, &LockClaim { command: "gs2e release".into(), ..Default::default() });
+    let holder = hold(&path, "gs2e release");
     let ended = place.gs2e("release --no-wait --to out r.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let us = format!("out is in use by pid {}", std::process::id());
@@ -66,6 +60,13 @@ fn a_waiting_release_names_the_holder_of_its_folder() {
     stderr.read_to_string(&mut rest).unwrap();
     assert!(waiting.wait().unwrap().success(), "{rest}");
     assert_eq!(neighbours(&place), ["out"]);
+}
+
+/// Takes the lock of a folder for a command.
+fn hold(path: &Path, command: &str) -> StoreLock {
+    let claim = &LockClaim { command: command.into(), ..LockClaim::default() };
+    let request = LockRequest { path, of: path, claim, wait: false, cancel: &false.into() };
+    StoreLock::take_temporary(&request, &mut |_| {}).unwrap()
 }
 
 /// Starts a release and reads its stderr up to the line about waiting, which comes last.
@@ -84,7 +85,7 @@ fn spawn_until_waiting(place: &Workspace) -> (Child, BufReader<ChildStderr>, Str
 fn an_interrupt_while_waiting_ends_it() {
     let place = place();
     let path = place.path(".out.gs2e-lock");
-    let _holder = hold(&path, &LockClaim::default());
+    let _holder = hold(&path, "");
     let (mut waiting, _stderr, _) = spawn_until_waiting(&place);
     kill_process(Pid::from_child(&waiting), Signal::INT).unwrap();
     assert_eq!(waiting.wait().unwrap().code(), Some(130));

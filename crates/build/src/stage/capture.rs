@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Parameters: the source. Paths stay out of the key; the content of the files enters it.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum CaptureStage {
+pub(crate) enum CaptureStage {
     /// The capture of the embedded scene, for any number of Gaussians.
     Procedural {
         /// Number of key views.
@@ -34,7 +34,7 @@ pub enum CaptureStage {
 impl CaptureStage {
     /// The capture of an embedded scene.
     #[must_use]
-    pub fn procedural(still_life: &StillLife) -> Self {
+    pub(crate) fn procedural(still_life: &StillLife) -> Self {
         let StillLife { views, arc, seed, .. } = *still_life;
         Self::Procedural { views, arc, seed }
     }
@@ -42,9 +42,9 @@ impl CaptureStage {
 
 /// The steps that find the poses of a source without poses: its model, and its frames if it is a
 /// video.
-pub type SolvingInputs = Option<(StepTarget<SolvedModel>, Option<StepTarget<PictureSet>>)>;
+pub(crate) type SolvingInputs = Option<(StepTarget<SolvedModel>, Option<StepTarget<PictureSet>>)>;
 /// The outputs of these steps.
-pub type SolvedInputs = Option<(SolvedModel, Option<PictureSet>)>;
+pub(crate) type SolvedInputs = Option<(SolvedModel, Option<PictureSet>)>;
 
 /// Endings of files that are not photos.
 const NO_PHOTOS: [&str; 3] = ["bin", "txt", "json"];

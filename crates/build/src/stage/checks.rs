@@ -8,8 +8,8 @@ mod flash;
 mod pictures;
 mod products;
 
-pub use flash::FlashProducts;
-pub use products::CheckedProducts;
+use flash::FlashProducts;
+use products::CheckedProducts;
 
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget};
 use crate::artifact::{
@@ -40,7 +40,7 @@ pub const NAME: &str = "checks";
 
 /// Parameters: limits and waivers of the recipe.
 #[derive(Debug, Serialize)]
-pub struct ChecksStage {
+pub(crate) struct ChecksStage {
     /// Limits and waivers.
     pub limits: Limits,
     /// True if the light of the scene changes.
@@ -63,7 +63,7 @@ pub struct ChecksStage {
 
 /// The cameras of a stereo pair, and their places on the body.
 #[derive(Debug, Clone, Serialize)]
-pub struct CheckedPair {
+pub(crate) struct CheckedPair {
     /// The first camera, if it differs from that of the source.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub first: Option<CameraChoice>,

@@ -24,7 +24,7 @@ use std::sync::Arc;
 /// Parameters: the rendering, and the views that the training did not see. The camera is that of
 /// each photo.
 #[derive(Debug, Serialize)]
-pub struct FidelityStage {
+pub(crate) struct FidelityStage {
     /// The rendering.
     pub render: RenderChoice,
     /// The views that the training did not see.

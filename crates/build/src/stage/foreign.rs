@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// Parameters: the programs to ask.
 #[derive(Debug, Clone, Serialize)]
-pub struct ExternalToolsStage {
+pub(crate) struct ExternalToolsStage {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,

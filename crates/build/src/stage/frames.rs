@@ -13,7 +13,7 @@ use serde::Serialize;
 
 /// Parameters: the choice of frames.
 #[derive(Debug, Serialize)]
-pub struct FramesStage {
+pub(crate) struct FramesStage {
     /// The choice of frames.
     #[serde(flatten)]
     pub picking: FramePicking,

@@ -15,7 +15,7 @@ use std::marker::PhantomData;
 
 /// Parameters: camera, rendering, and the spacing of images.
 #[derive(Debug, Serialize)]
-pub struct GeometryStage<Q> {
+pub(crate) struct GeometryStage<Q> {
     /// Camera and rendering.
     #[serde(flatten)]
     pub shot: ShotParameters,
@@ -28,7 +28,7 @@ pub struct GeometryStage<Q> {
 impl<Q> GeometryStage<Q> {
     /// Images at this spacing.
     #[must_use]
-    pub fn new(shot: ShotParameters, every: u32) -> Self {
+    pub(crate) fn new(shot: ShotParameters, every: u32) -> Self {
         Self { shot, every, quantity: PhantomData }
     }
 }

@@ -9,7 +9,7 @@ use std::io;
 
 /// Parameters: the place of the camera on the body.
 #[derive(Debug, Serialize)]
-pub struct MountStage {
+pub(crate) struct MountStage {
     /// The place.
     #[serde(flatten)]
     pub mount: CameraMount,

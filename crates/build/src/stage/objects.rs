@@ -11,7 +11,7 @@ use std::fs::File;
 
 /// Parameters: the objects. Their files enter the key by their digests.
 #[derive(Debug, Serialize)]
-pub struct ObjectsStage {
+pub(crate) struct ObjectsStage {
     /// The objects.
     pub objects: Vec<ObjectSettings>,
 }

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 
 /// Parameters: the settings of the search.
 #[derive(Debug, Serialize)]
-pub struct PosesStage {
+pub(crate) struct PosesStage {
     /// The settings.
     #[serde(flatten)]
     pub solving: PoseSolving,

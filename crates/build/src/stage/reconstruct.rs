@@ -89,21 +89,21 @@ impl SceneLocation {
 impl ReconstructStage {
     /// The Gaussians of an embedded scene.
     #[must_use]
-    pub fn procedural(still_life: &StillLife) -> Self {
+    pub(crate) fn procedural(still_life: &StillLife) -> Self {
         let StillLife { gaussians, seed, fountain, .. } = *still_life;
         Self::Procedural { gaussians, seed, fountain }
     }
 
     /// A scene file. A `.splat` file has no magic number, so its name is part of its identity.
     #[must_use]
-    pub fn from_file(file: &Path) -> Self {
+    pub(crate) fn from_file(file: &Path) -> Self {
         let is_splat = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat"));
         Self::Given { form: is_splat.then_some("splat"), file: SceneLocation::At(file.to_owned()) }
     }
 
     /// A scene that changes with time.
     #[must_use]
-    pub fn changing(path: &Path, time: SceneTime) -> Self {
+    pub(crate) fn changing(path: &Path, time: SceneTime) -> Self {
         Self::Changing { time, path: path.to_owned() }
     }
 
@@ -115,13 +115,13 @@ impl ReconstructStage {
 
     /// The scene that is trained on the photos of a source.
     #[must_use]
-    pub fn builtin(settings: TrainingSettings, source: CaptureStage) -> Self {
+    pub(crate) fn builtin(settings: TrainingSettings, source: CaptureStage) -> Self {
         Self::Builtin(Box::new(BuiltinStage::new(settings, source)))
     }
 
     /// Returns true if the scene is trained on the capture.
     #[must_use]
-    pub fn is_trained(&self) -> bool {
+    pub(crate) fn is_trained(&self) -> bool {
         matches!(self, Self::Command(_) | Self::Builtin(_))
     }
 

@@ -20,7 +20,7 @@ pub const NAME: &str = "scene_checks";
 
 /// Parameters: limits and waivers of the recipe for scenes.
 #[derive(Debug, Serialize)]
-pub struct CheckingScene {
+pub(crate) struct CheckingScene {
     /// Limits and waivers.
     pub limits: Limits,
     /// Location of the capture.

@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 /// Parameters: path, speed, and frame rate.
 #[derive(Debug, Serialize)]
-pub struct TrajectoryStage {
+pub(crate) struct TrajectoryStage {
     /// The path.
     pub path: CameraPath,
     /// The speed.
@@ -48,7 +48,7 @@ pub struct TrajectoryStage {
 
 /// A camera and its rendering.
 #[derive(Debug, Serialize)]
-pub struct ViewingSetup {
+pub(crate) struct ViewingSetup {
     /// The camera, if it differs from the source's own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub camera: Option<CameraChoice>,

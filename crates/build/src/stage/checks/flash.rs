@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The sharp frames, if they are made and the light does not change; and the scene, if there are events.
-pub type FlashProducts = (Option<StepTarget<SharpFrames>>, Option<StepTarget<SceneFiles>>);
+pub(crate) type FlashProducts = (Option<StepTarget<SharpFrames>>, Option<StepTarget<SceneFiles>>);
 
 /// Number of frames between two looks at the clock of a cancellation.
 const BATCH: usize = 64;

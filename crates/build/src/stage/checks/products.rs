@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 /// The products that the checks look at, if the trajectory has them: inertial data, disparity, and depth and
 /// the capture to compare the disparity with.
-pub type CheckedProducts = (
+pub(crate) type CheckedProducts = (
     Option<StepTarget<ImuRecording>>,
     Option<StepTarget<DisparityPictures>>,
     Option<StepTarget<PictureSet>>,
