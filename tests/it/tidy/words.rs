@@ -49,11 +49,6 @@ const BANS: &[Ban] = &[
     },
     Ban { words: &["clap"], except: CLI, because: "the command line is parsed in `cli`" },
     Ban {
-        words: &["miette"],
-        except: &["src/main.rs", "src/cli.rs", "crates/recipe/src/lib.rs"],
-        because: "errors are drawn in `cli` and `recipe` only",
-    },
-    Ban {
         words: &["HashMap", "HashSet", "RandomState", "DefaultHasher"],
         except: &[],
         because: "nothing may depend on hash order: BTreeMap or a sorted Vec",
