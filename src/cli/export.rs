@@ -78,12 +78,12 @@ fn parse_epoch(text: &str) -> Result<i64, String> {
 impl ExportArgs {
     pub(super) fn run(self, console: &Console) -> Result<ExitKind, VerbError> {
         let Some(format) = format_named(&self.to) else {
-            let names: Vec<&str> = FORMATS.iter().map(|format| format.name()).collect();
+            let names: Vec<&str> = FORMATS.iter().map(|format| format.name).collect();
             let what = format!("{} is no format of exports", self.to);
             return Err(VerbError::usage("format", what).help(names.join(", ")));
         };
-        if self.epoch.is_some() && !format.has_epoch() {
-            let what = format!("--epoch: {} has no absolute times", format.name());
+        if self.epoch.is_some() && !format.has_epoch {
+            let what = format!("--epoch: {} has no absolute times", format.name);
             return Err(VerbError::usage("epoch", what).help("--to mcap has"));
         }
         output::refuse_inside(&self.out, &self.release, "the release")?;
@@ -99,7 +99,7 @@ impl ExportArgs {
         Ok(ExitKind::Done)
     }
 
-    fn export(&self, format: &dyn ExportFormat, console: &Console) -> Result<Value, ExportError> {
+    fn export(&self, format: &ExportFormat, console: &Console) -> Result<Value, ExportError> {
         let open = |scene: Option<&String>, trajectory: Option<&String>| {
             let (scene, trajectory) = (scene.cloned(), trajectory.cloned());
             let choice = SubjectChoice { scene, trajectory, sensor: self.sensor.clone() };
@@ -114,7 +114,7 @@ impl ExportArgs {
         plan.epoch_us = self.epoch.unwrap_or(plan.epoch_us);
         let cancel = on_interrupt().map_err(|_| ExportError::Interrupted)?;
         let progress = BarProgress::new(console, cancel);
-        let written = write_export(format, &plan, (&self.out, self.lossy), &progress);
+        let written = write_export(format, &plan, &self.out, self.lossy, &progress);
         progress.finish();
         written
     }

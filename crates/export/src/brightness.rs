@@ -8,11 +8,10 @@
 use gs2e_image::srgb;
 use gs2e_sensor::front_end::ChannelDecode;
 use gs2e_sensor::{SensorChoice, SensorModel, WHITE};
-use serde::Serialize;
 
 /// A formula of a consumer, of a display-encoded grey `g` from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum BrightnessFormula {
+pub(super) enum BrightnessFormula {
     /// `ln(255 g)`, linear below 20: E-NeRF, E2NeRF, IncEventGS.
     LinLog,
     /// `ln(g + offset)`: Robust e-NeRF, Deblur e-NeRF.
@@ -28,14 +27,14 @@ pub enum BrightnessFormula {
 }
 
 /// Change of a formula per change of the sensor's brightness, over greys from 0.02 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct BrightnessFactor {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct BrightnessFactor {
     /// Median.
-    pub median: f64,
+    pub(super) median: f64,
     /// 5th percentile.
-    pub p5: f64,
+    pub(super) p5: f64,
     /// 95th percentile.
-    pub p95: f64,
+    pub(super) p95: f64,
 }
 
 /// Range of greys.
@@ -68,8 +67,7 @@ impl BrightnessFormula {
 
 impl BrightnessFactor {
     /// Compares a formula with a sensor.
-    #[must_use]
-    pub fn between(sensor: &SensorChoice, formula: BrightnessFormula) -> Self {
+    pub(super) fn between(sensor: &SensorChoice, formula: BrightnessFormula) -> Self {
         let own = |grey: f64| own_brightness(sensor.as_model(), grey);
         let slope = |of: &dyn Fn(f64) -> f64, grey: f64| of(grey + STEP) - of(grey - STEP);
         let mut ratios: Vec<f64> = (0..=COUNT)
@@ -84,16 +82,21 @@ impl BrightnessFactor {
     }
 
     /// Spread of the factor relative to its median.
-    #[must_use]
-    pub fn spread(&self) -> f64 {
+    pub(super) fn spread(&self) -> f64 {
         (self.p95 - self.p5) / self.median
     }
 
     /// Returns true if one threshold serves all greys.
-    #[must_use]
-    pub fn is_exact(&self) -> bool {
+    pub(super) fn is_exact(&self) -> bool {
         self.spread() <= EXACT
     }
+}
+
+/// The thresholds of a sensor in a formula, ON and OFF.
+pub(super) fn thresholds_in(sensor: &SensorChoice, formula: BrightnessFormula) -> [f64; 2] {
+    let factor = BrightnessFactor::between(sensor, formula).median;
+    let (on, off) = sensor.as_model().contrast();
+    [on * factor, off * factor]
 }
 
 /// Brightness of an encoded grey from 0 to 1, as thresholds compare it.

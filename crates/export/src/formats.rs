@@ -21,33 +21,33 @@ mod windows;
 use super::ExportFormat;
 
 /// All layouts.
-pub static FORMATS: [&dyn ExportFormat; 20] = [
-    &e_nerf::ENerf,
-    &event_3dgs::Event3dgs,
-    &event_3dgs::Colmap,
-    &eventnerf::EventNerf,
-    &eventnerf::E3dgs,
-    &robust_e_nerf::RobustENerf,
-    &robust_e_nerf::DeblurENerf,
-    &evdeblurnerf::EvDeblurNerf,
-    &evdeblurnerf::Llff,
-    &e2nerf::E2Nerf,
-    &e2nerf::E2gs,
-    &inceventgs::IncEventGs,
-    &monash_h5::MonashH5,
+pub static FORMATS: [&ExportFormat; 20] = [
+    &e_nerf::FORMAT,
+    &event_3dgs::EVENT_3DGS,
+    &event_3dgs::COLMAP,
+    &eventnerf::EVENTNERF,
+    &eventnerf::E_3DGS,
+    &robust_e_nerf::ROBUST_E_NERF,
+    &robust_e_nerf::DEBLUR_E_NERF,
+    &evdeblurnerf::EVDEBLURNERF,
+    &evdeblurnerf::LLFF,
+    &e2nerf::E2NERF,
+    &e2nerf::E2GS,
+    &inceventgs::FORMAT,
+    &monash_h5::FORMAT,
     &e2vid::TEXT,
     &e2vid::ZIP,
-    &evreal::Evreal,
-    &dsec::Dsec,
-    &webdataset::WebDataset,
-    &parquet_rows::ParquetRows,
-    &mcap::Mcap,
+    &evreal::FORMAT,
+    &dsec::FORMAT,
+    &webdataset::FORMAT,
+    &parquet_rows::FORMAT,
+    &mcap::FORMAT,
 ];
 
 /// The layout of this name.
 #[must_use]
-pub fn format_named(name: &str) -> Option<&'static dyn ExportFormat> {
-    FORMATS.into_iter().find(|format| format.name() == name)
+pub fn format_named(name: &str) -> Option<&'static ExportFormat> {
+    FORMATS.into_iter().find(|format| format.name == name)
 }
 
 #[cfg(test)]
@@ -57,6 +57,6 @@ mod tests {
 
     #[test]
     fn a_release_may_include_every_format() {
-        assert_eq!(FORMATS.map(ExportFormat::name), EXPORT_FORMATS);
+        assert_eq!(FORMATS.map(|format| format.name), EXPORT_FORMATS);
     }
 }

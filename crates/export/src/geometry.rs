@@ -3,7 +3,9 @@
 use super::{ExportError, ExportPlan, UnmetNeed};
 use glam::DVec3;
 use gs2e_image::Size;
+use gs2e_num::se3::Se3;
 use gs2e_source::colmap::ColmapPoint;
+use serde_json::{Value, json};
 
 /// Number of frames whose depth is lifted.
 const FRAMES: usize = 8;
@@ -16,15 +18,35 @@ const BOUNDS: [usize; 2] = [1, 999];
 
 /// The points and cameras of an export.
 #[derive(Debug, Clone)]
-pub struct SceneBox {
+pub(super) struct SceneBox {
     /// Middle of the points.
-    pub centre: DVec3,
+    pub(super) centre: DVec3,
     /// Corners of the box of points and cameras.
-    pub corners: [DVec3; 2],
+    pub(super) corners: [DVec3; 2],
     /// Percentiles 0.1 and 99.9 of the distances along the optical axes, units.
-    pub depth: [f64; 2],
+    pub(super) depth: [f64; 2],
     /// Basis of the box: `depth` or `statistics`.
-    pub basis: &'static str,
+    pub(super) basis: &'static str,
+}
+
+/// A similarity that moves a scene.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Similarity {
+    /// The point that it moves to 0.
+    pub(super) origin: DVec3,
+    /// Lengths after it per length before.
+    pub(super) scale: f64,
+}
+
+impl Similarity {
+    pub(super) fn moved(&self, pose: &Se3) -> Se3 {
+        Se3 { rotation: pose.rotation, translation: (pose.translation - self.origin) * self.scale }
+    }
+
+    /// Its numbers, for `export.json`.
+    pub(super) fn facts(&self) -> Value {
+        json!({ "origin": self.origin.to_array(), "scale": self.scale })
+    }
 }
 
 /// The need for depth, if the release has neither depth nor statistics of it.

@@ -36,7 +36,7 @@ impl std::fmt::Debug for IncludedExporter<'_> {
 
 impl ReleaseExporter for IncludedExporter<'_> {
     fn identity(&self, format: &str) -> (u32, &'static str) {
-        (REVISION, named(format).consumer())
+        (REVISION, named(format).consumer)
     }
 
     fn foresee(
@@ -56,11 +56,11 @@ impl ReleaseExporter for IncludedExporter<'_> {
             }
         };
         let plan = ExportPlan::new(&subject, &test, None).map_err(refusal)?;
-        let unmet = super::unmet_needs(format, &plan);
+        let unmet = format.unmet_needs(&plan);
         if unmet.is_empty() {
             Ok(())
         } else {
-            Err(refusal(ExportError::Unmet { format: format.name(), unmet }))
+            Err(refusal(ExportError::Unmet { format: format.name, unmet }))
         }
     }
 
@@ -111,7 +111,7 @@ fn export(order: ExportOrder<'_>, to: &Path, progress: &dyn ExportProgress) -> R
             Some(other) => TestViews::From(Box::new(ExportSubject::of_scene(scene, &choice(other))?)),
         };
         let plan = ExportPlan::new(&subject, &test, None)?;
-        write_export(named(&include.format), &plan, (to, include.lossy), progress)
+        write_export(named(&include.format), &plan, to, include.lossy, progress)
     };
     write().map(drop).map_err(|error| refusal(&scene.record.id, trajectory, include, error))
 }
@@ -120,7 +120,7 @@ fn export(order: ExportOrder<'_>, to: &Path, progress: &dyn ExportProgress) -> R
 ///
 /// # Panics
 /// There is no such format. The reader of `release.yaml` accepts known names only.
-fn named(format: &str) -> &'static dyn ExportFormat {
+fn named(format: &str) -> &'static ExportFormat {
     format_named(format).expect("release.yaml names known formats")
 }
 

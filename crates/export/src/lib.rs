@@ -24,9 +24,9 @@
 //! // Recordings of ROS have absolute times, and the layout of E-NeRF has not.
 //! let mcap = format_named("mcap").ok_or("no such layout")?;
 //! let e_nerf = format_named("e-nerf").ok_or("no such layout")?;
-//! assert!(mcap.has_epoch() && !e_nerf.has_epoch());
+//! assert!(mcap.has_epoch && !e_nerf.has_epoch);
 //! // A name leads to one layout.
-//! let names: BTreeSet<&str> = FORMATS.iter().map(|format| format.name()).collect();
+//! let names: BTreeSet<&str> = FORMATS.iter().map(|format| format.name).collect();
 //! assert_eq!(names.len(), FORMATS.len());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -45,61 +45,71 @@ mod subject;
 mod tensor;
 mod tree;
 
-pub use brightness::{BrightnessFactor, BrightnessFormula};
 pub use error::ExportError;
 pub use formats::{FORMATS, format_named};
-pub use geometry::SceneBox;
-pub use gs2e_tree::Exposure;
 pub use included::IncludedExporter;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{DEFAULT_EPOCH_US, ExportPlan, TestViews};
 pub use subject::{ExportSubject, SubjectChoice};
-pub use tree::ExportFolder;
 
 use serde_json::{Value, json};
 use std::path::Path;
+use tree::ExportFolder;
 
 /// A layout of a published method.
-pub trait ExportFormat: Sync {
+#[derive(Debug)]
+pub struct ExportFormat {
     /// Name on the command line.
-    fn name(&self) -> &'static str;
-
+    pub name: &'static str,
     /// The program whose loader reads it, with the commit at which the layout was read.
-    fn consumer(&self) -> &'static str;
-
-    /// Returns true if its stamps are absolute, and begin at [`ExportPlan::epoch_us`].
-    fn has_epoch(&self) -> bool {
-        false
-    }
-
-    /// Returns true if a lens that distorts is no obstacle: the layout describes it, or has no camera at all.
-    fn takes_lens(&self) -> bool {
-        false
-    }
-
-    /// Requirements of the loader that the plan does not meet, other than a camera without a lens.
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed>;
-
-    /// Properties of the release that the layout does not hold, or holds approximately.
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss>;
-
-    /// Writes the files. Returns facts for `export.json`, such as similarity and thresholds.
-    ///
-    /// # Errors
-    /// The release cannot be read, a file cannot be written, or the data do not fit the loader.
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError>;
+    consumer: &'static str,
+    /// True if its stamps are absolute, and begin at [`ExportPlan::epoch_us`].
+    pub has_epoch: bool,
+    /// True if a lens that distorts is no obstacle: the layout describes it, or has no camera at all.
+    takes_lens: bool,
+    unmet: fn(&ExportPlan<'_>) -> Vec<Option<UnmetNeed>>,
+    losses: fn(&ExportPlan<'_>) -> Vec<ExportLoss>,
+    write: FormatWriter,
 }
 
-/// Requirements of a layout that the plan does not meet.
-fn unmet_needs(format: &dyn ExportFormat, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-    let lens = plan.subject.camera.lens.filter(|_| !format.takes_lens());
-    let lens = lens.map(|lens| {
-        UnmetNeed::new(
-            format!("the lens {lens}, where the loader assumes a pinhole"),
-            "a camera without `lens`",
-        )
-    });
-    lens.into_iter().chain(format.unmet(plan)).collect()
+/// Writes the files of a layout. Returns facts for `export.json`, such as similarity and thresholds.
+///
+/// It fails if the release cannot be read, a file cannot be written, or the data do not fit the loader.
+type FormatWriter = fn(&ExportPlan<'_>, &mut ExportFolder<'_>) -> Result<Value, ExportError>;
+
+impl ExportFormat {
+    /// A layout of a camera without a lens, with times from 0. `unmet` are the requirements of the loader other
+    /// than such a camera, each where the plan does not meet it; `losses` are the properties of the release that
+    /// the layout does not hold, or holds approximately.
+    const fn new(
+        name: &'static str,
+        consumer: &'static str,
+        unmet: fn(&ExportPlan<'_>) -> Vec<Option<UnmetNeed>>,
+        losses: fn(&ExportPlan<'_>) -> Vec<ExportLoss>,
+        write: FormatWriter,
+    ) -> Self {
+        Self { name, consumer, has_epoch: false, takes_lens: false, unmet, losses, write }
+    }
+
+    /// The same layout of a camera with any lens.
+    const fn for_any_lens(self) -> Self {
+        Self { takes_lens: true, ..self }
+    }
+
+    /// The same layout with absolute times.
+    const fn with_epoch(self) -> Self {
+        Self { has_epoch: true, ..self }
+    }
+
+    /// Requirements of the layout that the plan does not meet.
+    fn unmet_needs(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
+        let lens = plan.subject.camera.lens.filter(|_| !self.takes_lens);
+        let lens = lens.map(|lens| {
+            let what = format!("the lens {lens}, where the loader assumes a pinhole");
+            UnmetNeed::new(what, "a camera without `lens`")
+        });
+        [lens].into_iter().chain((self.unmet)(plan)).flatten().collect()
+    }
 }
 
 /// Name of the file that describes an export.
@@ -112,25 +122,26 @@ pub const DESCRIPTION: &str = "export.json";
 /// A need is unmet; a property is approximate and `lossy` is false; `to` exists; or reading or
 /// writing fails.
 pub fn write_export(
-    format: &dyn ExportFormat,
+    format: &ExportFormat,
     plan: &ExportPlan<'_>,
-    (to, lossy): (&Path, bool),
+    to: &Path,
+    lossy: bool,
     progress: &dyn ExportProgress,
 ) -> Result<Value, ExportError> {
-    let unmet = unmet_needs(format, plan);
+    let unmet = format.unmet_needs(plan);
     if !unmet.is_empty() {
-        return Err(ExportError::Unmet { format: format.name(), unmet });
+        return Err(ExportError::Unmet { format: format.name, unmet });
     }
     // Lost and derived properties follow from the choice of a format; a false assumption does not.
-    let losses = [format.losses(plan), plan.losses()].concat();
+    let losses = [(format.losses)(plan), plan.losses()].concat();
     if !lossy && losses.iter().any(|loss| loss.kind == LossKind::Approximate) {
-        return Err(ExportError::Lossy { format: format.name(), losses });
+        return Err(ExportError::Lossy { format: format.name, losses });
     }
     let mut out = ExportFolder::create(to, progress)?;
-    let facts = format.write(plan, &mut out)?;
+    let facts = (format.write)(plan, &mut out)?;
     let description = json!({
-        "format": format.name(),
-        "consumer": format.consumer(),
+        "format": format.name,
+        "consumer": format.consumer,
         "source": plan.subject.release,
         "selection": plan.selection(),
         "losses": losses,
@@ -138,9 +149,7 @@ pub fn write_export(
         // With this one.
         "files": out.files() + 1,
     });
-    let mut text = serde_json::to_vec_pretty(&description).expect("a JSON value can be written");
-    text.push(b'\n');
-    out.write_file(DESCRIPTION, &text)?;
+    out.write_file(DESCRIPTION, format!("{description:#}\n").as_bytes())?;
     out.place()?;
     Ok(description)
 }

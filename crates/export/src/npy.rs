@@ -38,6 +38,17 @@ pub(super) fn text(value: &str) -> Vec<u8> {
     array(&format!("<U{}", bytes.len() / 4), &[], &bytes)
 }
 
+/// A float32 number.
+pub(super) fn scalar(value: f64) -> Entry {
+    Entry::Whole(array("<f4", &[], &float32([value])))
+}
+
+/// Whole numbers along one axis.
+pub(super) fn int64(values: impl IntoIterator<Item = i64>) -> Vec<u8> {
+    let bytes: Vec<u8> = values.into_iter().flat_map(i64::to_le_bytes).collect();
+    array("<i8", &[bytes.len() as u64 / 8], &bytes)
+}
+
 /// An array that grows along its first axis.
 #[derive(Debug)]
 pub(super) struct GrowingArray {
@@ -100,16 +111,19 @@ pub(super) enum Entry {
     Spooled(GrowingArray),
 }
 
-/// Writes an archive of arrays. Nothing is compressed: loaders map such entries fastest, and dates are
-/// the first day of the format, so that equal data are equal bytes.
+/// Options of an entry of an archive. Its date is the first day of the format, so that equal data are equal bytes.
+pub(super) fn entry_options(method: CompressionMethod) -> SimpleFileOptions {
+    SimpleFileOptions::default()
+        .compression_method(method)
+        .last_modified_time(DateTime::DEFAULT)
+        .unix_permissions(0o644)
+}
+
+/// Writes an archive of arrays. Nothing is compressed: loaders map such entries fastest.
 pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<(), ExportError> {
     let failed = |e: io::Error| ExportError::unwritten(path)(e);
     let mut archive = ZipWriter::new(BufWriter::new(File::create_new(path).map_err(failed)?));
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::DEFAULT)
-        .unix_permissions(0o644)
-        .large_file(true);
+    let options = entry_options(CompressionMethod::Stored).large_file(true);
     for (name, entry) in entries {
         archive.start_file(format!("{name}.npy"), options).map_err(|e| failed(e.into()))?;
         match entry {
@@ -127,10 +141,7 @@ pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<
 /// A compressed archive of whole arrays, in memory.
 pub(super) fn compressed_archive(entries: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut archive = ZipWriter::new(io::Cursor::new(Vec::new()));
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(DateTime::DEFAULT)
-        .unix_permissions(0o644);
+    let options = entry_options(CompressionMethod::Deflated);
     for (name, bytes) in entries {
         let added = archive.start_file(format!("{name}.npy"), options);
         added

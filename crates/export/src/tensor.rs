@@ -6,11 +6,11 @@
 //! the little-endian numbers.
 
 use super::ExportError;
+use super::npy::entry_options;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
-use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
+use zip::{CompressionMethod, ZipWriter};
 
 /// A float32 tensor of three axes that is written front to back.
 pub(super) struct TensorWriter {
@@ -26,11 +26,12 @@ impl TensorWriter {
         let left = shape.iter().product();
         let start = || {
             let mut archive = ZipWriter::new(BufWriter::new(File::create_new(path)?));
-            archive.start_file("archive/data.pkl", options())?;
+            let options = entry_options(CompressionMethod::Stored).large_file(true);
+            archive.start_file("archive/data.pkl", options)?;
             archive.write_all(&pickle(shape))?;
-            archive.start_file("archive/version", options())?;
+            archive.start_file("archive/version", options)?;
             archive.write_all(b"3\n")?;
-            archive.start_file("archive/data/0", options())?;
+            archive.start_file("archive/data/0", options)?;
             Ok::<_, io::Error>(archive)
         };
         let archive = start().map_err(ExportError::unwritten(path))?;
@@ -50,14 +51,6 @@ impl TensorWriter {
         let finish = || self.archive.finish()?.flush();
         finish().map_err(ExportError::unwritten(&self.path))
     }
-}
-
-fn options() -> SimpleFileOptions {
-    SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Stored)
-        .last_modified_time(DateTime::DEFAULT)
-        .unix_permissions(0o644)
-        .large_file(true)
 }
 
 /// The pickle of a contiguous tensor.

@@ -1,6 +1,6 @@
 //! The folder of an export: hidden next to its place until it is complete.
 
-use super::{ExportError, ExportProgress};
+use super::{ExportError, ExportProgress, ExportSubject};
 use gs2e_files as files;
 use gs2e_files::rename::parent_folder;
 use gs2e_files::{LinkRule, MAX_TEXT, Removal};
@@ -28,7 +28,7 @@ const TREE: &str = "tree";
 /// A folder that is being written. It is removed when it is dropped before [`ExportFolder::place`].
 ///
 /// It is `tree/` in a hidden folder, which has a name that cannot be guessed and belongs to one process.
-pub struct ExportFolder<'a> {
+pub(super) struct ExportFolder<'a> {
     target: PathBuf,
     hidden: PathBuf,
     /// `tree/` in the hidden folder.
@@ -53,7 +53,7 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// Something exists at `target`, another process exports to it, or the folder cannot be made.
-    pub fn create(target: &Path, progress: &'a dyn ExportProgress) -> Result<Self, ExportError> {
+    pub(super) fn create(target: &Path, progress: &'a dyn ExportProgress) -> Result<Self, ExportError> {
         let exists = |because| ExportError::Exists { path: target.to_owned(), because };
         let Some(name) = target.file_name() else {
             return Err(exists("wanted the name of a new folder"));
@@ -88,7 +88,7 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// A folder cannot be made.
-    pub fn file(&mut self, name: &str) -> Result<PathBuf, ExportError> {
+    pub(super) fn file(&mut self, name: &str) -> Result<PathBuf, ExportError> {
         let path = self.folder.join(name);
         let parent = parent_folder(&path);
         fs::create_dir_all(parent).map_err(ExportError::unwritten(parent))?;
@@ -100,17 +100,34 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write_file(&mut self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
+    pub(super) fn write_file(&mut self, name: &str, bytes: &[u8]) -> Result<(), ExportError> {
         let path = self.file(name)?;
         let write = || File::create_new(&path)?.write_all(bytes);
         write().map_err(ExportError::unwritten(&path))
+    }
+
+    /// Writes sharp frames as `FOLDER/NNNNNN.png`.
+    ///
+    /// # Errors
+    /// A frame cannot be read or written, or the export is to stop.
+    pub(super) fn write_frames(
+        &mut self,
+        folder: &str,
+        subject: &ExportSubject,
+        frames: &[usize],
+    ) -> Result<(), ExportError> {
+        for (index, pose) in frames.iter().enumerate() {
+            self.write_file(&format!("{folder}/{index:06}.png"), &subject.sharp_file(*pose)?)?;
+            self.report()?;
+        }
+        Ok(())
     }
 
     /// Gives a file of the export a second name. It is copied on file systems without hard links.
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn repeat(&mut self, of: &str, name: &str) -> Result<(), ExportError> {
+    pub(super) fn repeat(&mut self, of: &str, name: &str) -> Result<(), ExportError> {
         let (of, path) = (self.folder.join(of), self.file(name)?);
         let linked = fs::hard_link(&of, &path).or_else(|_| fs::copy(&of, &path).map(|_| ()));
         linked.map_err(ExportError::unwritten(&path))
@@ -118,7 +135,7 @@ impl<'a> ExportFolder<'a> {
 
     /// Number of files so far.
     #[must_use]
-    pub fn files(&self) -> usize {
+    pub(super) fn files(&self) -> usize {
         self.files
     }
 
@@ -126,7 +143,7 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// The export is to stop.
-    pub fn count_event(&mut self) -> Result<(), ExportError> {
+    pub(super) fn count_event(&mut self) -> Result<(), ExportError> {
         self.unreported += 1;
         if self.unreported < REPORTED_AT_ONCE { Ok(()) } else { self.report() }
     }
@@ -135,7 +152,7 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// The export is to stop.
-    pub fn report(&mut self) -> Result<(), ExportError> {
+    pub(super) fn report(&mut self) -> Result<(), ExportError> {
         self.progress.advance(std::mem::take(&mut self.unreported));
         if self.progress.is_cancelled() { Err(ExportError::Interrupted) } else { Ok(()) }
     }
@@ -144,7 +161,7 @@ impl<'a> ExportFolder<'a> {
     ///
     /// # Errors
     /// Something is there by now, or the folder cannot be moved.
-    pub fn place(self) -> Result<(), ExportError> {
+    pub(super) fn place(self) -> Result<(), ExportError> {
         let moved = rustix::fs::renameat_with(CWD, &self.folder, CWD, &self.target, RenameFlags::NOREPLACE);
         let moved = match moved {
             // File systems without this flag: a plain rename replaces an empty folder at most.

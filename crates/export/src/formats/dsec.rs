@@ -18,6 +18,7 @@
 //! stream, and the attributes `width` and `height` of the root state the same.
 
 use super::camera_needs::{products, unmet_events, unmet_own_views};
+use super::marks::frame_lines;
 use crate::hdf5::Hdf5File;
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
 use gs2e_event::{Event, EventFileError, EventSink as _, StreamHeader, h5};
@@ -31,8 +32,13 @@ use std::io;
 use std::path::Path;
 
 /// The layout of DSEC.
-#[derive(Debug)]
-pub(super) struct Dsec;
+pub(super) static FORMAT: ExportFormat = ExportFormat::new(
+    "dsec",
+    "github.com/uzh-rpg/DSEC at af90ef1, github.com/uzh-rpg/E-RAFT at c58ce05",
+    unmet,
+    losses,
+    write,
+);
 
 /// Steps of a flow per pixel, and the number that stands for 0.
 const STEPS_PER_PX: f64 = 128.0;
@@ -42,59 +48,41 @@ const AT_ONCE: usize = 65_536;
 /// The size in E-RAFT's code.
 const E_RAFT: Size = Size { width: 640, height: 480 };
 
-impl ExportFormat for Dsec {
-    fn name(&self) -> &'static str {
-        "dsec"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_own_views(plan)]
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/uzh-rpg/DSEC at af90ef1, github.com/uzh-rpg/E-RAFT at c58ce05"
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = vec![
+        products(&["blur", "depth", "velocities of the flow"]),
+        ExportLoss::lost("poses", "poses and camera matrix"),
+    ];
+    if steps_with_depth(plan).is_empty() {
+        losses.push(ExportLoss::lost("flow", "no frame but the last has depth, so there is no displacement"));
+    } else {
+        let what = "displacements from depth and poses, in steps of 1/128 px; hidden points have one too";
+        losses.push(ExportLoss::derived("flow", what));
     }
+    if plan.subject.camera.size != E_RAFT {
+        let what = format!("E-RAFT has {E_RAFT}, windows of 100 ms and pictures each 50 ms in its code");
+        losses.push(ExportLoss::lost("e-raft", what));
+    }
+    losses
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        [unmet_events(plan), unmet_own_views(plan)].into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = vec![
-            products(&["blur", "depth", "velocities of the flow"]),
-            ExportLoss::lost("poses", "poses and camera matrix"),
-        ];
-        if steps_with_depth(plan).is_empty() {
-            losses.push(ExportLoss::lost(
-                "flow",
-                "no frame but the last has depth, so there is no displacement",
-            ));
-        } else {
-            let what = "displacements from depth and poses, in steps of 1/128 px; hidden points have one too";
-            losses.push(ExportLoss::derived("flow", what));
-        }
-        if plan.subject.camera.size != E_RAFT {
-            let what = format!("E-RAFT has {E_RAFT}, windows of 100 ms and pictures each 50 ms in its code");
-            losses.push(ExportLoss::lost("e-raft", what));
-        }
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let name = format!("{}-{}", plan.subject.scene, plan.subject.trajectory).replace('/', "-");
-        let root = format!("test/{name}");
-        let events = write_events(plan, &format!("{root}/events_left/events.h5"), out)?;
-        write_map(plan, &out.file(&format!("{root}/events_left/rectify_map.h5"))?)?;
-        let mut stamps = String::new();
-        for (index, frame) in plan.frames.iter().enumerate() {
-            let picture = plan.subject.sharp_file(*frame)?;
-            out.write_file(&format!("{root}/images/left/{index:06}.png"), &picture)?;
-            writeln!(stamps, "{}", plan.stamp_us(*frame)).expect("a String takes any text");
-            out.report()?;
-        }
-        out.write_file(&format!("{root}/image_timestamps.txt"), stamps.as_bytes())?;
-        let [flows, beyond] = write_flows(plan, &root, out)?;
-        Ok(json!({
-            "events": events, "frames": plan.frames.len(), "flows": flows, "sequence": name,
-            "pixels_beyond_256_px": beyond,
-        }))
-    }
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let name = format!("{}-{}", plan.subject.scene, plan.subject.trajectory).replace('/', "-");
+    let root = format!("test/{name}");
+    let events = write_events(plan, &format!("{root}/events_left/events.h5"), out)?;
+    write_map(plan, &out.file(&format!("{root}/events_left/rectify_map.h5"))?)?;
+    out.write_frames(&format!("{root}/images/left"), plan.subject, &plan.frames)?;
+    let stamps = frame_lines(plan, |t_us| t_us.to_string());
+    out.write_file(&format!("{root}/image_timestamps.txt"), stamps.as_bytes())?;
+    let [flows, beyond] = write_flows(plan, &root, out)?;
+    Ok(json!({
+        "events": events, "frames": plan.frames.len(), "flows": flows, "sequence": name,
+        "pixels_beyond_256_px": beyond,
+    }))
 }
 
 /// Places in the list of frames whose frame has depth, and is not the last.

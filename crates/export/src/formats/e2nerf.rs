@@ -20,26 +20,36 @@ use super::camera_needs::{
     centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames,
 };
 use super::event_3dgs;
-use crate::brightness::BrightnessFactor;
+use super::marks::event_sign;
+use crate::brightness::{BrightnessFormula, thresholds_in};
+use crate::geometry::{SceneBox, Similarity};
 use crate::tensor::TensorWriter;
 use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, SceneBox,
-    TestViews, UnmetNeed, geometry, poses,
+    ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, TestViews, UnmetNeed,
+    geometry, poses,
 };
 use glam::DVec3;
-use gs2e_event::Polarity;
 use gs2e_image::{Size, srgb};
-use gs2e_num::se3::Se3;
 use gs2e_sensor::WHITE;
 use serde_json::{Value, json};
 
 /// The layout of E2NeRF.
-#[derive(Debug)]
-pub(super) struct E2Nerf;
+pub(super) static E2NERF: ExportFormat = ExportFormat::new(
+    "e2nerf",
+    "github.com/iCVTEAM/E2NeRF at 487fec1",
+    e2nerf_unmet,
+    e2nerf_losses,
+    write_e2nerf,
+);
 
 /// The layout of E2GS.
-#[derive(Debug)]
-pub(super) struct E2gs;
+pub(super) static E2GS: ExportFormat = ExportFormat::new(
+    "e2gs",
+    "github.com/deguchihiroyuki/E2GS at 2d768e3",
+    e2gs_unmet,
+    e2gs_losses,
+    write_e2gs,
+);
 
 const FORMULA: BrightnessFormula = BrightnessFormula::LinLog;
 /// The size, the number of views and the bounds in the code of E2NeRF, and the thresholds in that of both.
@@ -54,92 +64,65 @@ const STEPS: u32 = 16;
 /// Relative difference of thresholds below which they count as equal.
 const SAME_THRESHOLD: f64 = 0.01;
 
-impl ExportFormat for E2Nerf {
-    fn name(&self) -> &'static str {
-        "e2nerf"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/iCVTEAM/E2NeRF at 487fec1"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs = [
-            unmet_events(plan),
-            unmet_exposures(plan, 1),
-            // One between two exposures at least, or of another trajectory.
-            unmet_frames(plan, 2),
-            geometry::unmet_depth(plan),
-        ];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = centred_camera(plan, 0.0, true);
-        losses.extend(numbers_in_code(plan));
-        losses.extend(losses_of_both(plan));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let exposures = plan.exposures();
-        let seen = geometry::scene_box(plan)?;
-        let similarity = scale_to_bounds(&seen);
-        let events = write_counts(plan, &exposures, out)?;
-        write_train(plan, &exposures, similarity, out)?;
-        let test = write_test(plan, &exposures, (similarity, TestEntries::One), out)?;
-        let fits = seen.depth.map(|depth| depth * similarity.1);
-        Ok(json!({
-            "events": events, "views": exposures.len(), "test_views": test,
-            "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
-            "similarity": { "origin": similarity.0.to_array(), "scale": similarity.1 },
-            "near": fits[0], "far": fits[1], "bounds_from": seen.basis,
-            "command": "python run_nerf_exp.py --dataset_type blender --datadir DIR",
-        }))
-    }
+fn e2nerf_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![
+        unmet_events(plan),
+        unmet_exposures(plan, 1),
+        // One between two exposures at least, or of another trajectory.
+        unmet_frames(plan, 2),
+        geometry::unmet_depth(plan),
+    ]
 }
 
-impl ExportFormat for E2gs {
-    fn name(&self) -> &'static str {
-        "e2gs"
-    }
+fn e2nerf_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = centred_camera(plan, 0.0, true);
+    losses.extend(numbers_in_code(plan));
+    losses.extend(losses_of_both(plan));
+    losses
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/deguchihiroyuki/E2GS at 2d768e3"
-    }
+fn write_e2nerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let exposures = plan.exposures();
+    let seen = geometry::scene_box(plan)?;
+    let similarity = scale_to_bounds(&seen);
+    let events = write_counts(plan, &exposures, out)?;
+    write_train(plan, &exposures, similarity, out)?;
+    let test = write_test(plan, &exposures, similarity, TestEntries::One, out)?;
+    let fits = seen.depth.map(|depth| depth * similarity.scale);
+    Ok(json!({
+        "events": events, "views": exposures.len(), "test_views": test,
+        "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
+        "similarity": similarity.facts(),
+        "near": fits[0], "far": fits[1], "bounds_from": seen.basis,
+        "command": "python run_nerf_exp.py --dataset_type blender --datadir DIR",
+    }))
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs = [
-            unmet_events(plan),
-            unmet_exposures(plan, 1),
-            unmet_frames(plan, 2),
-            event_3dgs::unmet_points(plan),
-        ];
-        needs.into_iter().flatten().collect()
-    }
+fn e2gs_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_exposures(plan, 1), unmet_frames(plan, 2), event_3dgs::unmet_points(plan)]
+}
 
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = centred_camera(plan, 0.5, true);
-        losses.extend(losses_of_both(plan));
-        losses.push(ExportLoss::derived("points", "lifted from depth"));
-        losses
-    }
+fn e2gs_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = centred_camera(plan, 0.5, true);
+    losses.extend(losses_of_both(plan));
+    losses.push(ExportLoss::derived("points", "lifted from depth"));
+    losses
+}
 
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let exposures = plan.exposures();
-        let events = write_counts(plan, &exposures, out)?;
-        // Nothing in its code bounds the depths, so the points and the poses stay where they are.
-        let similarity = (DVec3::ZERO, 1.0);
-        write_train(plan, &exposures, similarity, out)?;
-        let test = write_test(plan, &exposures, (similarity, TestEntries::TwoLists), out)?;
-        let middles: Vec<usize> = exposures.iter().map(|exposure| exposure.pose).collect();
-        let points = event_3dgs::write_colmap(plan, &middles, out)?;
-        Ok(json!({
-            "events": events, "views": exposures.len(), "test_views": test, "points": points,
-            "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
-            "command": "python train_BlurAndEvent.py -s DIR --eval",
-        }))
-    }
+fn write_e2gs(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let exposures = plan.exposures();
+    let events = write_counts(plan, &exposures, out)?;
+    // Nothing in its code bounds the depths, so the points and the poses stay where they are.
+    let similarity = Similarity { origin: DVec3::ZERO, scale: 1.0 };
+    write_train(plan, &exposures, similarity, out)?;
+    let test = write_test(plan, &exposures, similarity, TestEntries::TwoLists, out)?;
+    let middles: Vec<usize> = exposures.iter().map(|exposure| exposure.pose).collect();
+    let points = event_3dgs::write_model_files(plan, &middles, out)?;
+    Ok(json!({
+        "events": events, "views": exposures.len(), "test_views": test, "points": points,
+        "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
+        "command": "python train_BlurAndEvent.py -s DIR --eval",
+    }))
 }
 
 /// Losses of both programs.
@@ -184,9 +167,7 @@ fn numbers_in_code(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
 /// The loss by the thresholds in the code of both programs.
 fn thresholds_in_code(plan: &ExportPlan<'_>) -> Option<ExportLoss> {
     let sensor = plan.subject.sensor.as_ref()?;
-    let factor = BrightnessFactor::between(sensor, FORMULA).median;
-    let (on, off) = sensor.as_model().contrast();
-    let own = [on * factor, off * factor];
+    let own = thresholds_in(sensor, FORMULA);
     let apart = own.iter().zip(THRESHOLDS).map(|(own, code)| (own / code - 1.0).abs()).fold(0.0, f64::max);
     let [on, off] = THRESHOLDS;
     let what = format!(
@@ -210,15 +191,10 @@ fn encoded_mean() -> ExportLoss {
 }
 
 /// Origin and factor that move the depths into the bounds of the program.
-fn scale_to_bounds(seen: &SceneBox) -> (DVec3, f64) {
+fn scale_to_bounds(seen: &SceneBox) -> Similarity {
     // The geometric middle of the depths goes to that of the bounds.
     let middle = |[near, far]: [f64; 2]| (near * far).sqrt();
-    (seen.centre, middle(BOUNDS) / middle(seen.depth))
-}
-
-fn moved(pose: &Se3, (origin, scale): (DVec3, f64)) -> [[f64; 4]; 4] {
-    let translation = (pose.translation - origin) * scale;
-    poses::opengl_matrix(&Se3 { rotation: pose.rotation, translation })
+    Similarity { origin: seen.centre, scale: middle(BOUNDS) / middle(seen.depth) }
 }
 
 /// The signed counts of the exposures. Those of one exposure are in memory at a time.
@@ -269,7 +245,7 @@ fn write_counts(
     let mut events = 0;
     plan.for_each_event(|event, t_us| {
         let at = usize::from(event.y) * size.width as usize + usize::from(event.x);
-        let sign = if event.polarity == Polarity::On { 1.0 } else { -1.0 };
+        let sign = event_sign(event);
         events += u64::from(counts.add(at, t_us, sign)?);
         out.count_event()
     })?;
@@ -283,7 +259,7 @@ fn write_counts(
 fn write_train(
     plan: &ExportPlan<'_>,
     exposures: &[Exposure],
-    similarity: (DVec3, f64),
+    similarity: Similarity,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let mut entries = Vec::new();
@@ -291,7 +267,7 @@ fn write_train(
         let [start, end] = exposure.open_us.map(|t_us| t_us as f64);
         let pose = |step: u32| {
             let t_us = start + (end - start) * f64::from(step) / f64::from(STEPS);
-            moved(&poses::pose_at(plan, t_us), similarity)
+            poses::opengl_matrix(&similarity.moved(&poses::pose_at(plan, t_us)))
         };
         // The entry before the first of the program is not read.
         let listed: Vec<_> = [0].into_iter().chain(0..=STEPS).map(pose).collect();
@@ -317,7 +293,8 @@ enum TestEntries {
 fn write_test(
     plan: &ExportPlan<'_>,
     exposures: &[Exposure],
-    (similarity, form): ((DVec3, f64), TestEntries),
+    similarity: Similarity,
+    form: TestEntries,
     out: &mut ExportFolder<'_>,
 ) -> Result<usize, ExportError> {
     let exposed = |frame: &usize| exposures.iter().any(|exposure| exposure.pose == *frame);
@@ -328,7 +305,7 @@ fn write_test(
     }
     let mut entries = Vec::new();
     for (view, frame) in frames.iter().enumerate() {
-        let matrix = moved(&subject.poses.world_from_camera[*frame], similarity);
+        let matrix = poses::opengl_matrix(&similarity.moved(&subject.poses.world_from_camera[*frame]));
         let (copies, poses) = match form {
             TestEntries::One => (1, 2),
             TestEntries::TwoLists => (2, STEPS as usize + 2),
@@ -350,7 +327,6 @@ fn write_transforms(
 ) -> Result<(), ExportError> {
     let camera = &plan.subject.camera;
     let angle = 2.0 * libm::atan(f64::from(camera.size.width) / 2.0 / camera.fx);
-    let text = json!({ "camera_angle_x": angle, "frames": entries });
-    let text = serde_json::to_vec(&text).expect("a JSON value can be written");
-    out.write_file(name, &text)
+    let text = json!({ "camera_angle_x": angle, "frames": entries }).to_string();
+    out.write_file(name, text.as_bytes())
 }

@@ -15,19 +15,20 @@ use super::camera_needs::{
     centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
     unmet_poses,
 };
+use super::marks::{event_sign, frame_lines};
+use crate::brightness::BrightnessFormula;
 use crate::npy::GrowingArray;
 use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, geometry,
-    npy, poses,
+    ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, geometry, npy, poses,
 };
-use gs2e_event::{Event, Polarity};
+use gs2e_event::Polarity;
 use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
 /// The layout of E-NeRF.
-#[derive(Debug)]
-pub(super) struct ENerf;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("e-nerf", "github.com/knelk/enerf at 3fb17cd", unmet, losses, write);
 
 const FORMULA: BrightnessFormula = BrightnessFormula::LinLog;
 /// Its loader asserts more poses than this.
@@ -40,65 +41,55 @@ const MAX_SIDES: [u32; 2] = [1280, 720];
 const MIN_FRAMES: usize = 5;
 const NS_PER_US: i64 = 1000;
 
-impl ExportFormat for ENerf {
-    fn name(&self) -> &'static str {
-        "e-nerf"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    let size = plan.subject.camera.size;
+    let [w, h] = MAX_SIDES;
+    let fits = (MIN_SIDE..=w).contains(&size.width) && (MIN_SIDE..=h).contains(&size.height);
+    let side = (!fits).then(|| {
+        let what = format!("pictures of {size}, wanted {MIN_SIDE}x{MIN_SIDE} to {w}x{h}");
+        UnmetNeed::new(what, "camera: { width: 346, height: 260 }")
+    });
+    vec![
+        unmet_events(plan),
+        unmet_frames(plan, MIN_FRAMES),
+        unmet_poses(plan, MIN_POSES),
+        unmet_own_views(plan),
+        geometry::unmet_depth(plan),
+        side,
+    ]
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/knelk/enerf at 3fb17cd"
-    }
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = centred_camera(plan, 0.0, true);
+    losses.extend(thresholds(plan, FORMULA, true));
+    losses.push(products(&["blur", "depth", "flow", "labels of events"]));
+    let what = "scale, bound, near and far in config.txt and poses_bounds.npy follow from the points seen";
+    losses.push(ExportLoss::derived("geometry", what));
+    losses
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let size = plan.subject.camera.size;
-        let [w, h] = MAX_SIDES;
-        let fits = (MIN_SIDE..=w).contains(&size.width) && (MIN_SIDE..=h).contains(&size.height);
-        let side = (!fits).then(|| {
-            let what = format!("pictures of {size}, wanted {MIN_SIDE}x{MIN_SIDE} to {w}x{h}");
-            UnmetNeed::new(what, "camera: { width: 346, height: 260 }")
-        });
-        let needs = [
-            unmet_events(plan),
-            unmet_frames(plan, MIN_FRAMES),
-            unmet_poses(plan, MIN_POSES),
-            unmet_own_views(plan),
-            geometry::unmet_depth(plan),
-            side,
-        ];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = centred_camera(plan, 0.0, true);
-        losses.extend(thresholds(plan, FORMULA, true));
-        losses.push(products(&["blur", "depth", "flow", "labels of events"]));
-        let what =
-            "scale, bound, near and far in config.txt and poses_bounds.npy follow from the points seen";
-        losses.push(ExportLoss::derived("geometry", what));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let files = write_events(plan, out)?;
-        write_poses(plan, out)?;
-        write_images(plan, out)?;
-        let seen = geometry::scene_box(plan)?;
-        write_bounds(plan, seen.depth, out)?;
-        let views = choose_views(plan, &files.off)?;
-        // The program's box is the cube [-bound, bound], and it does not move the poses.
-        let reach = seen.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let scale = 1.0 / reach;
-        let threshold = mean_threshold(plan, FORMULA);
-        write_config(plan, (&views, threshold, scale), out)?;
-        Ok(json!({
-            "events": files.off.iter().zip(&files.on).map(|(off, on)| off + on).sum::<u64>(),
-            "events_before_the_first_frame": files.early,
-            "events_after_the_last_pose_in_float32": files.late,
-            "threshold": threshold, "scale": scale, "bound": 1, "bound_from": seen.basis,
-            "train_idxs": views.train, "val_idxs": views.validation,
-            "command": "python main_nerf.py --config config.txt --datadir DIR",
-        }))
-    }
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let files = write_events(plan, out)?;
+    write_poses(plan, out)?;
+    out.write_frames("images", plan.subject, &plan.frames)?;
+    let stamps = frame_lines(plan, |t_us| (t_us * NS_PER_US).to_string());
+    out.write_file("images/image_stamps_ns.txt", stamps.as_bytes())?;
+    let seen = geometry::scene_box(plan)?;
+    write_bounds(plan, seen.depth, out)?;
+    let views = choose_views(plan, &files.off)?;
+    // The program's box is the cube [-bound, bound], and it does not move the poses.
+    let reach = seen.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+    let scale = 1.0 / reach;
+    let threshold = mean_threshold(plan, FORMULA);
+    write_config(plan, &views, threshold, scale, out)?;
+    Ok(json!({
+        "events": files.off.iter().zip(&files.on).map(|(off, on)| off + on).sum::<u64>(),
+        "events_before_the_first_frame": files.early,
+        "events_after_the_last_pose_in_float32": files.late,
+        "threshold": threshold, "scale": scale, "bound": 1, "bound_from": seen.basis,
+        "train_idxs": views.train, "val_idxs": views.validation,
+        "command": "python main_nerf.py --config config.txt --datadir DIR",
+    }))
 }
 
 /// Counts of the files of events.
@@ -149,7 +140,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Eve
         let of = if event.polarity == Polarity::On { &mut files.on } else { &mut files.off };
         *of.last_mut().expect("a file is open") += 1;
         out.count_event()?;
-        array.push(&npy::float64([event.x.into(), event.y.into(), t_ns as f64, sign(event)]))
+        array.push(&npy::float64([event.x.into(), event.y.into(), t_ns as f64, event_sign(event)]))
     })?;
     // The loader counts on one file per frame, also after the last event.
     while files.on.len() < starts.len() {
@@ -172,10 +163,6 @@ fn next_file(
     Ok(())
 }
 
-fn sign(event: &Event) -> f64 {
-    if event.polarity == Polarity::On { 1.0 } else { -1.0 }
-}
-
 fn write_poses(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
     // The loader skips the first line whatever it holds; without it the first pose would be lost.
     let mut text = "# t_ns px py pz qx qy qz qw\n".to_owned();
@@ -185,16 +172,6 @@ fn write_poses(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(), 
         writeln!(text, "{} {numbers}", t_us * NS_PER_US).expect("a String takes any text");
     }
     out.write_file("poses_all.txt", text.as_bytes())
-}
-
-fn write_images(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
-    let mut stamps = String::new();
-    for (index, pose) in plan.frames.iter().enumerate() {
-        out.write_file(&format!("images/{index:06}.png"), &plan.subject.sharp_file(*pose)?)?;
-        writeln!(stamps, "{}", plan.stamp_us(*pose) * NS_PER_US).expect("a String takes any text");
-        out.report()?;
-    }
-    out.write_file("images/image_stamps_ns.txt", stamps.as_bytes())
 }
 
 /// One row per frame. Its columns are those of the pose as it is, not LLFF's.
@@ -247,7 +224,9 @@ fn choose_views(plan: &ExportPlan<'_>, off: &[u64]) -> Result<FrameSets, ExportE
 
 fn write_config(
     plan: &ExportPlan<'_>,
-    (views, threshold, scale): (&FrameSets, Option<f64>, f64),
+    views: &FrameSets,
+    threshold: Option<f64>,
+    scale: f64,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let list = |set: &[usize]| set.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");

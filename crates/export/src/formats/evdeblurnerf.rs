@@ -18,25 +18,35 @@
 use super::camera_needs::{
     centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames, unmet_own_views,
 };
-use crate::brightness::BrightnessFactor;
+use crate::brightness::{BrightnessFormula, thresholds_in};
 use crate::hdf5::{GrowingColumn, Hdf5File};
 use crate::npy::Entry;
 use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, TestViews,
-    UnmetNeed, geometry, npy, poses,
+    ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, Exposure, TestViews, UnmetNeed,
+    geometry, npy, poses,
 };
 use glam::DVec3;
-use gs2e_event::Polarity;
 use gs2e_num::se3::Se3;
+use gs2e_scene::camera::Camera;
 use serde_json::{Value, json};
 
 /// The layout of EvDeblurNeRF.
-#[derive(Debug)]
-pub(super) struct EvDeblurNerf;
+pub(super) static EVDEBLURNERF: ExportFormat = ExportFormat::new(
+    "evdeblurnerf",
+    "github.com/uzh-rpg/EvDeblurNeRF at 4111020",
+    evdeblurnerf_unmet,
+    evdeblurnerf_losses,
+    write_evdeblurnerf,
+);
 
 /// The layout of LLFF.
-#[derive(Debug)]
-pub(super) struct Llff;
+pub(super) static LLFF: ExportFormat = ExportFormat::new(
+    "llff",
+    "github.com/uzh-rpg/EvDeblurNeRF at 4111020, without its events",
+    llff_unmet,
+    llff_losses,
+    write_llff,
+);
 
 /// Its logarithm is that of linear light, and pictures have a gamma of 2.2.
 const FORMULA: BrightnessFormula = BrightnessFormula::Gamma { offset: 1e-5 };
@@ -48,108 +58,80 @@ const MIN_PICTURES: usize = 3;
 /// has no place for content beside the camera. The cosine of 45 degrees.
 const ONE_WAY: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-impl ExportFormat for EvDeblurNerf {
-    fn name(&self) -> &'static str {
-        "evdeblurnerf"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/uzh-rpg/EvDeblurNeRF at 4111020"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs = [
-            unmet_events(plan),
-            unmet_exposures(plan, MIN_PICTURES),
-            unmet_own_views(plan),
-            geometry::unmet_depth(plan),
-        ];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = losses(plan);
-        losses.extend(thresholds(plan, FORMULA, false));
-        losses.push(products(&[
-            "sharp frames between the held-out ones",
-            "depth",
-            "flow",
-            "labels of events",
-        ]));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let pictures = pictures(plan);
-        write_pictures(plan, &pictures, out)?;
-        write_stamps(&pictures, out)?;
-        let seen = geometry::scene_box(plan)?;
-        let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
-        write_rows(plan, ("poses_bounds.npy", seen.depth), pictures.iter().map(at), out)?;
-        write_rows(plan, ("all_poses_bounds.npy", seen.depth), plan.poses().map(|(_, pose)| pose), out)?;
-        let stamps: Vec<u8> = plan.poses().flat_map(|(t_us, _)| (t_us + SHIFT_US).to_le_bytes()).collect();
-        let stamps = npy::array("<i8", &[plan.pose_count() as u64], &stamps);
-        out.write_file("all_timestamps.npy", &stamps)?;
-        let events = write_events(plan, out)?;
-        let sensor = plan.sensor()?;
-        let factor = BrightnessFactor::between(sensor, FORMULA).median;
-        let (on, off) = sensor.as_model().contrast();
-        let [on, off] = [on * factor, off * factor];
-        let text = format!(
-            "datadir = DIR\nfactor = 1\nllffhold = {}\n{}events_threshold_pos = {on}\nevents_threshold_neg = {off}\n\
-             events_tms_unit = us\nevents_tms_files_unit = us\n",
-            held_out_every(plan),
-            projection(plan)
-        );
-        out.write_file("config.txt", text.as_bytes())?;
-        Ok(json!({
-            "events": events, "pictures": pictures.len(), "thresholds": { "on": on, "off": off },
-            "times_shifted_us": SHIFT_US, "near": seen.depth[0], "far": seen.depth[1], "bounds_from": seen.basis,
-            "command": "python train.py --config config.txt",
-        }))
-    }
+fn evdeblurnerf_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![
+        unmet_events(plan),
+        unmet_exposures(plan, MIN_PICTURES),
+        unmet_own_views(plan),
+        geometry::unmet_depth(plan),
+    ]
 }
 
-impl ExportFormat for Llff {
-    fn name(&self) -> &'static str {
-        "llff"
-    }
+fn evdeblurnerf_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = losses(plan);
+    losses.extend(thresholds(plan, FORMULA, false));
+    losses.push(products(&["sharp frames between the held-out ones", "depth", "flow", "labels of events"]));
+    losses
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/uzh-rpg/EvDeblurNeRF at 4111020, without its events"
-    }
+fn write_evdeblurnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let pictures = pictures(plan);
+    write_pictures(plan, &pictures, out)?;
+    write_stamps(&pictures, out)?;
+    let seen = geometry::scene_box(plan)?;
+    let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
+    let (camera, depth) = (&plan.subject.camera, seen.depth);
+    out.write_file("poses_bounds.npy", &llff_rows(camera, depth, pictures.iter().map(at)))?;
+    let all = llff_rows(camera, depth, plan.poses().map(|(_, pose)| pose));
+    out.write_file("all_poses_bounds.npy", &all)?;
+    out.write_file("all_timestamps.npy", &npy::int64(plan.poses().map(|(t_us, _)| t_us + SHIFT_US)))?;
+    let events = write_events(plan, out)?;
+    let [on, off] = thresholds_in(plan.sensor()?, FORMULA);
+    let text = format!(
+        "datadir = DIR\nfactor = 1\nllffhold = {}\n{}events_threshold_pos = {on}\nevents_threshold_neg = {off}\n\
+         events_tms_unit = us\nevents_tms_files_unit = us\n",
+        held_out_every(plan),
+        projection(plan)
+    );
+    out.write_file("config.txt", text.as_bytes())?;
+    Ok(json!({
+        "events": events, "pictures": pictures.len(), "thresholds": { "on": on, "off": off },
+        "times_shifted_us": SHIFT_US, "near": seen.depth[0], "far": seen.depth[1], "bounds_from": seen.basis,
+        "command": "python train.py --config config.txt",
+    }))
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let few = if plan.exposures().is_empty() {
-            unmet_frames(plan, MIN_PICTURES)
-        } else {
-            unmet_exposures(plan, MIN_PICTURES)
-        };
-        [few, unmet_own_views(plan), geometry::unmet_depth(plan)].into_iter().flatten().collect()
-    }
+fn llff_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    let few = if plan.exposures().is_empty() {
+        unmet_frames(plan, MIN_PICTURES)
+    } else {
+        unmet_exposures(plan, MIN_PICTURES)
+    };
+    vec![few, unmet_own_views(plan), geometry::unmet_depth(plan)]
+}
 
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = losses(plan);
-        losses.push(products(&["events", "depth", "flow", "times"]));
-        losses
-    }
+fn llff_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = losses(plan);
+    losses.push(products(&["events", "depth", "flow", "times"]));
+    losses
+}
 
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let pictures = pictures(plan);
-        write_pictures(plan, &pictures, out)?;
-        for index in 0..pictures.len() {
-            // Without a factor in its options, a loader reads this folder.
-            out.repeat(&format!("images_1/{index:04}.png"), &format!("images/{index:04}.png"))?;
-        }
-        let seen = geometry::scene_box(plan)?;
-        let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
-        write_rows(plan, ("poses_bounds.npy", seen.depth), pictures.iter().map(at), out)?;
-        Ok(json!({
-            "pictures": pictures.len(), "blurred": pictures.iter().filter(|picture| picture.is_blurred()).count(),
-            "llffhold": held_out_every(plan), "near": seen.depth[0], "far": seen.depth[1],
-            "bounds_from": seen.basis, "options": projection(plan).lines().collect::<Vec<_>>(),
-        }))
+fn write_llff(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let pictures = pictures(plan);
+    write_pictures(plan, &pictures, out)?;
+    for index in 0..pictures.len() {
+        // Without a factor in its options, a loader reads this folder.
+        out.repeat(&format!("images_1/{index:04}.png"), &format!("images/{index:04}.png"))?;
     }
+    let seen = geometry::scene_box(plan)?;
+    let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
+    let rows = llff_rows(&plan.subject.camera, seen.depth, pictures.iter().map(at));
+    out.write_file("poses_bounds.npy", &rows)?;
+    Ok(json!({
+        "pictures": pictures.len(), "blurred": pictures.iter().filter(|picture| picture.is_blurred()).count(),
+        "llffhold": held_out_every(plan), "near": seen.depth[0], "far": seen.depth[1],
+        "bounds_from": seen.basis, "options": projection(plan).lines().collect::<Vec<_>>(),
+    }))
 }
 
 /// A picture of the layout.
@@ -231,9 +213,7 @@ fn write_pictures(
 
 fn write_stamps(pictures: &[Picture], out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
     let stamps = |of: &dyn Fn(&Picture) -> i64| {
-        let bytes: Vec<u8> =
-            pictures.iter().flat_map(|picture| (of(picture) + SHIFT_US).to_le_bytes()).collect();
-        Entry::Whole(npy::array("<i8", &[pictures.len() as u64], &bytes))
+        Entry::Whole(npy::int64(pictures.iter().map(|picture| of(picture) + SHIFT_US)))
     };
     let entries = vec![
         ("timestamps", stamps(&|picture| picture.t_us)),
@@ -243,31 +223,25 @@ fn write_stamps(pictures: &[Picture], out: &mut ExportFolder<'_>) -> Result<(), 
     npy::write_archive(&out.file("images_1/timestamps.npz")?, entries)
 }
 
-/// Writes LLFF rows with these bounds.
-fn write_rows(
-    plan: &ExportPlan<'_>,
-    (name, depth): (&str, [f64; 2]),
-    rows: impl Iterator<Item = Se3>,
-    out: &mut ExportFolder<'_>,
-) -> Result<(), ExportError> {
-    let rows: Vec<[f64; 17]> = rows.map(|pose| poses::llff_row(&plan.subject.camera, &pose, depth)).collect();
-    let array = npy::array("<f8", &[rows.len() as u64, 17], &npy::float64(rows.into_iter().flatten()));
-    out.write_file(name, &array)
+/// LLFF rows with these bounds, as a file.
+fn llff_rows(camera: &Camera, depth: [f64; 2], poses: impl Iterator<Item = Se3>) -> Vec<u8> {
+    let rows: Vec<[f64; 17]> = poses.map(|pose| poses::llff_row(camera, &pose, depth)).collect();
+    npy::array("<f8", &[rows.len() as u64, 17], &npy::float64(rows.into_iter().flatten()))
 }
 
 fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64, ExportError> {
     let file = Hdf5File::create(&out.file("events.h5")?)?;
     let root = file.root();
-    let (mut x, mut y) =
-        (GrowingColumn::create::<u16>(&file, &root, "x")?, GrowingColumn::create::<u16>(&file, &root, "y")?);
-    let (mut t, mut p) =
-        (GrowingColumn::create::<i64>(&file, &root, "t")?, GrowingColumn::create::<u8>(&file, &root, "p")?);
+    let mut x = GrowingColumn::create::<u16>(&file, &root, "x")?;
+    let mut y = GrowingColumn::create::<u16>(&file, &root, "y")?;
+    let mut t = GrowingColumn::create::<i64>(&file, &root, "t")?;
+    let mut p = GrowingColumn::create::<u8>(&file, &root, "p")?;
     let mut events = 0;
     plan.for_each_event(|event, t_us| {
         x.push(&event.x.to_le_bytes())?;
         y.push(&event.y.to_le_bytes())?;
         t.push(&(t_us + SHIFT_US).to_le_bytes())?;
-        p.push(&[u8::from(event.polarity == Polarity::On)])?;
+        p.push(&[event.polarity as u8])?;
         events += 1;
         out.count_event()
     })?;

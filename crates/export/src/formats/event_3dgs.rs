@@ -28,95 +28,72 @@ use gs2e_source::colmap::write::{WrittenImage, write_model};
 use serde_json::{Value, json};
 
 /// The layout of Event-3DGS.
-#[derive(Debug)]
-pub(super) struct Event3dgs;
+pub(super) static EVENT_3DGS: ExportFormat =
+    ExportFormat::new("event-3dgs", "github.com/lanpokn/Event-3DGS at d6d12b8", unmet, losses, write);
 
 /// A COLMAP model with its images.
-#[derive(Debug)]
-pub(super) struct Colmap;
+pub(super) static COLMAP: ExportFormat = ExportFormat::new(
+    "colmap",
+    "github.com/colmap/colmap at 5d968cf",
+    colmap_unmet,
+    colmap_losses,
+    write_colmap,
+);
 
 /// Its script of evaluation reads the picture of this index.
 const MIN_FRAMES: usize = 86;
 /// It keeps four pictures per frame open, and systems allow 1,024 open files.
 const MAX_FRAMES: usize = 250;
 
-impl ExportFormat for Event3dgs {
-    fn name(&self) -> &'static str {
-        "event-3dgs"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/lanpokn/Event-3DGS at d6d12b8"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs =
-            [unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_points(plan), unmet_own_views(plan)];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = centred_camera(plan, 0.5, false);
-        losses.push(ExportLoss::lost("events", "times, polarities and thresholds: pictures stand for them"));
-        losses
-            .push(ExportLoss::derived("images", "integrated from the first sharp frame, in steps of 8 bits"));
-        losses.push(ExportLoss::derived("points", "lifted from depth"));
-        losses.push(ExportLoss::lost("views", "the program chooses its test views: 5, 25, 45, 65, 85"));
-        losses.push(products(&["blur", "flow", "labels of events"]));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let frames = thinned(&plan.frames);
-        for (index, pose) in frames.iter().enumerate() {
-            out.write_file(&format!("renders/{index:06}.png"), &plan.subject.sharp_file(*pose)?)?;
-        }
-        let events = integrate(plan, &frames, out)?;
-        let points = write_colmap(plan, &frames, out)?;
-        Ok(json!({
-            "events": events, "frames": frames, "points": points,
-            "command": "python train.py -s DIR --event --gray",
-        }))
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_points(plan), unmet_own_views(plan)]
 }
 
-impl ExportFormat for Colmap {
-    fn name(&self) -> &'static str {
-        "colmap"
-    }
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = centred_camera(plan, 0.5, false);
+    losses.push(ExportLoss::lost("events", "times, polarities and thresholds: pictures stand for them"));
+    losses.push(ExportLoss::derived("images", "integrated from the first sharp frame, in steps of 8 bits"));
+    losses.push(ExportLoss::derived("points", "lifted from depth"));
+    losses.push(ExportLoss::lost("views", "the program chooses its test views: 5, 25, 45, 65, 85"));
+    losses.push(products(&["blur", "flow", "labels of events"]));
+    losses
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/colmap/colmap at 5d968cf"
-    }
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let frames = thinned(&plan.frames);
+    out.write_frames("renders", plan.subject, &frames)?;
+    let events = integrate(plan, &frames, out)?;
+    let points = write_model_files(plan, &frames, out)?;
+    Ok(json!({
+        "events": events, "frames": frames, "points": points,
+        "command": "python train.py -s DIR --event --gray",
+    }))
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        [unmet_frames(plan, 1), unmet_points(plan)].into_iter().flatten().collect()
-    }
+fn colmap_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_frames(plan, 1), unmet_points(plan)]
+}
 
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = vec![products(&["events", "blur", "depth", "flow"])];
-        losses.push(ExportLoss::derived("points", "lifted from depth"));
-        if matches!(plan.test, TestViews::From(_)) {
-            losses.push(ExportLoss::lost("views", "frames of the other trajectory: a model has no sets"));
+fn colmap_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = vec![products(&["events", "blur", "depth", "flow"])];
+    losses.push(ExportLoss::derived("points", "lifted from depth"));
+    if matches!(plan.test, TestViews::From(_)) {
+        losses.push(ExportLoss::lost("views", "frames of the other trajectory: a model has no sets"));
+    }
+    losses
+}
+
+fn write_colmap(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    out.write_frames("images", plan.subject, &plan.frames)?;
+    let points = write_model_files(plan, &plan.frames, out)?;
+    let held_out: Vec<Option<usize>> = match plan.test {
+        TestViews::Every(_) => {
+            let of = |pose: &usize| plan.frames.iter().position(|frame| frame == pose);
+            plan.test_frames().1.iter().map(of).collect()
         }
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        for (index, pose) in plan.frames.iter().enumerate() {
-            out.write_file(&format!("images/{index:06}.png"), &plan.subject.sharp_file(*pose)?)?;
-            out.report()?;
-        }
-        let points = write_colmap(plan, &plan.frames, out)?;
-        let held_out: Vec<Option<usize>> = match plan.test {
-            TestViews::Every(_) => {
-                let of = |pose: &usize| plan.frames.iter().position(|frame| frame == pose);
-                plan.test_frames().1.iter().map(of).collect()
-            }
-            TestViews::From(_) => Vec::new(),
-        };
-        Ok(json!({ "points": points, "held_out": held_out }))
-    }
+        TestViews::From(_) => Vec::new(),
+    };
+    Ok(json!({ "points": points, "held_out": held_out }))
 }
 
 /// First points are needed, and only depth has them.
@@ -133,7 +110,7 @@ fn thinned(frames: &[usize]) -> Vec<usize> {
 }
 
 /// Writes the model, and returns the number of its points.
-pub(super) fn write_colmap(
+pub(super) fn write_model_files(
     plan: &ExportPlan<'_>,
     frames: &[usize],
     out: &mut ExportFolder<'_>,

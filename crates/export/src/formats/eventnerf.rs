@@ -15,14 +15,15 @@
 use super::camera_needs::{
     centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_poses,
 };
-use crate::brightness::log_offset;
+use super::marks::event_sign;
+use crate::brightness::{BrightnessFormula, log_offset};
+use crate::geometry::{SceneBox, Similarity};
 use crate::npy::{Entry, GrowingArray};
 use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, SceneBox, UnmetNeed,
-    geometry, npy, poses,
+    ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, geometry, npy, poses,
 };
 use glam::DVec3;
-use gs2e_event::{Event, Polarity};
+use gs2e_event::Event;
 use gs2e_image::{Image, Size, png};
 use gs2e_num::se3::Se3;
 use gs2e_sensor::SensorChoice;
@@ -30,12 +31,22 @@ use gs2e_sensor::front_end::ChannelDecode;
 use serde_json::{Value, json};
 
 /// The layout of EventNeRF.
-#[derive(Debug)]
-pub(super) struct EventNerf;
+pub(super) static EVENTNERF: ExportFormat = ExportFormat::new(
+    "eventnerf",
+    "github.com/r00tman/EventNeRF at 44297dd",
+    eventnerf_unmet,
+    eventnerf_losses,
+    write_eventnerf,
+);
 
 /// The layout of E-3DGS.
-#[derive(Debug)]
-pub(super) struct E3dgs;
+pub(super) static E_3DGS: ExportFormat = ExportFormat::new(
+    "e-3dgs",
+    "github.com/KwanWaiPang/E-3DGS at 652292b",
+    e3dgs_unmet,
+    e3dgs_losses,
+    write_e3dgs,
+);
 
 /// The size in the loaders' code.
 const SIZE: Size = Size { width: 346, height: 260 };
@@ -48,119 +59,92 @@ const LAST: f64 = 1000.0;
 /// Offset of EventNeRF's logarithm unless its config has another.
 const EPS: f64 = 1e-5;
 
-impl ExportFormat for EventNerf {
-    fn name(&self) -> &'static str {
-        "eventnerf"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/r00tman/EventNeRF at 44297dd"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let least = usize::try_from(POSES[1]).unwrap_or(usize::MAX);
-        let needs = [
-            unmet_events(plan),
-            unmet_frames(plan, 1),
-            unmet_poses(plan, least),
-            geometry::unmet_depth(plan),
-        ];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = losses(plan);
-        losses.push(ExportLoss::derived(
-            "events.t",
-            "the last event is moved to the last pose, because the loader divides by its time",
-        ));
-        losses.push(ExportLoss::derived(
-            "poses",
-            "poses at uniform times between those of the release; each has the nearest sharp frame",
-        ));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let seen = geometry::scene_box(plan)?;
-        let similarity = unit_sphere(plan, &seen);
-        let count = pose_count(plan);
-        let events = write_events(plan, EventClock::Shares, out)?;
-        write_train(plan, (count, similarity), out)?;
-        for set in ["validation", "test"] {
-            // Every set is read with events, also one whose pictures alone are used.
-            out.repeat("train/events/events.npz", &format!("{set}/events/events.npz"))?;
-            write_held_out(plan, (set, similarity), out)?;
-        }
-        let threshold = mean_threshold(plan, formula(plan));
-        let eps = offset(plan);
-        let window = (count / 10).max(1);
-        let text = format!(
-            "event_threshold = {}\ntonemap_eps = {eps}\nwinsize = {window}\nuse_random_window_len = True\n\
-             is_colored = False\nis_cycled = False\npolarity_offset = 0\nbg_color = 159\nneg_ratio = 0.1\n",
-            threshold.unwrap_or_default()
-        );
-        out.write_file("config.txt", text.as_bytes())?;
-        Ok(json!({
-            "events": events, "poses": count, "threshold": threshold, "tonemap_eps": eps,
-            "similarity": { "origin": similarity.0.to_array(), "scale": similarity.1 }, "bound_from": seen.basis,
-            "command": "python ddp_train_nerf.py --config config.txt --datadir PARENT --scene NAME",
-        }))
-    }
+fn eventnerf_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    let least = usize::try_from(POSES[1]).unwrap_or(usize::MAX);
+    vec![unmet_events(plan), unmet_frames(plan, 1), unmet_poses(plan, least), geometry::unmet_depth(plan)]
 }
 
-impl ExportFormat for E3dgs {
-    fn name(&self) -> &'static str {
-        "e-3dgs"
-    }
+fn eventnerf_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = losses_of_both(plan);
+    losses.push(ExportLoss::derived(
+        "events.t",
+        "the last event is moved to the last pose, because the loader divides by its time",
+    ));
+    losses.push(ExportLoss::derived(
+        "poses",
+        "poses at uniform times between those of the release; each has the nearest sharp frame",
+    ));
+    losses
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/KwanWaiPang/E-3DGS at 652292b"
+fn write_eventnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let seen = geometry::scene_box(plan)?;
+    let similarity = unit_sphere(plan, &seen);
+    let count = pose_count(plan);
+    let events = write_events(plan, EventClock::Shares, out)?;
+    write_train(plan, count, similarity, out)?;
+    for set in ["validation", "test"] {
+        // Every set is read with events, also one whose pictures alone are used.
+        out.repeat("train/events/events.npz", &format!("{set}/events/events.npz"))?;
+        write_held_out(plan, set, similarity, out)?;
     }
+    let threshold = mean_threshold(plan, formula(plan));
+    let eps = offset(plan);
+    let window = (count / 10).max(1);
+    let text = format!(
+        "event_threshold = {}\ntonemap_eps = {eps}\nwinsize = {window}\nuse_random_window_len = True\n\
+         is_colored = False\nis_cycled = False\npolarity_offset = 0\nbg_color = 159\nneg_ratio = 0.1\n",
+        threshold.unwrap_or_default()
+    );
+    out.write_file("config.txt", text.as_bytes())?;
+    Ok(json!({
+        "events": events, "poses": count, "threshold": threshold, "tonemap_eps": eps,
+        "similarity": similarity.facts(), "bound_from": seen.basis,
+        "command": "python ddp_train_nerf.py --config config.txt --datadir PARENT --scene NAME",
+    }))
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        [unmet_events(plan), unmet_frames(plan, 1)].into_iter().flatten().collect()
-    }
+fn e3dgs_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_frames(plan, 1)]
+}
 
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = losses(plan);
-        losses.extend(centred_camera(plan, 0.5, true));
-        losses
-    }
+fn e3dgs_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = losses_of_both(plan);
+    losses.extend(centred_camera(plan, 0.5, true));
+    losses
+}
 
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let events = write_events(plan, EventClock::Micros, out)?;
-        out.repeat("train/events/events.npz", "validation/events/events.npz")?;
-        let camera = poses::matrix_text(&poses::intrinsics(plan, 0.0));
-        let mut white = Vec::new();
-        let mask = Image::filled(plan.subject.camera.size, [u8::MAX; 3]);
-        png::write_image(&mask, &mut white).map_err(|e| ExportError::Data(e.to_string()))?;
-        for set in ["train", "validation"] {
-            out.write_file(&format!("{set}/intrinsics/intrinsics_000000.txt"), camera.as_bytes())?;
-            // Without a white mask, a mosaic of colours is assumed.
-            out.write_file(&format!("{set}/intrinsics/color_mask_undistorted.png"), &white)?;
-        }
-        for (index, (t_us, pose)) in plan.poses().enumerate() {
-            let text = poses::matrix_text(&poses::matrix(&pose));
-            out.write_file(&format!("train/pose/{index:06}_{t_us:012}.txt"), text.as_bytes())?;
-        }
-        let (held_out, frames) = plan.test_frames();
-        // Another trajectory has a clock of its own.
-        let first_us = held_out.poses.stamps_us[0];
-        for (index, frame) in frames.iter().enumerate() {
-            let t_us = held_out.poses.stamps_us[*frame] - first_us;
-            let text = poses::matrix_text(&poses::matrix(&held_out.poses.world_from_camera[*frame]));
-            out.write_file(&format!("validation/pose/{index:06}_{t_us:012}.txt"), text.as_bytes())?;
-            out.write_file(&format!("validation/rgb/{index:06}.png"), &held_out.sharp_file(*frame)?)?;
-        }
-        let threshold = mean_threshold(plan, formula(plan));
-        Ok(json!({
-            "events": events, "threshold": threshold, "tonemap_eps": offset(plan),
-            // With fewer events than its default after the first pose, nothing is trained on.
-            "max_events": events / 4,
-            "command": "python train.py -s DIR --event_threshold THRESHOLD --max_events MAX_EVENTS",
-        }))
+fn write_e3dgs(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let events = write_events(plan, EventClock::Micros, out)?;
+    out.repeat("train/events/events.npz", "validation/events/events.npz")?;
+    let camera = poses::matrix_text(&poses::intrinsics(plan, 0.0));
+    let mut white = Vec::new();
+    let mask = Image::filled(plan.subject.camera.size, [u8::MAX; 3]);
+    png::write_image(&mask, &mut white).map_err(|e| ExportError::Data(e.to_string()))?;
+    for set in ["train", "validation"] {
+        out.write_file(&format!("{set}/intrinsics/intrinsics_000000.txt"), camera.as_bytes())?;
+        // Without a white mask, a mosaic of colours is assumed.
+        out.write_file(&format!("{set}/intrinsics/color_mask_undistorted.png"), &white)?;
     }
+    for (index, (t_us, pose)) in plan.poses().enumerate() {
+        write_pose(&format!("train/pose/{index:06}_{t_us:012}.txt"), &pose, out)?;
+    }
+    let (held_out, frames) = plan.test_frames();
+    // Another trajectory has a clock of its own.
+    let first_us = held_out.poses.stamps_us[0];
+    for (index, frame) in frames.iter().enumerate() {
+        let t_us = held_out.poses.stamps_us[*frame] - first_us;
+        let pose = &held_out.poses.world_from_camera[*frame];
+        write_pose(&format!("validation/pose/{index:06}_{t_us:012}.txt"), pose, out)?;
+        out.write_file(&format!("validation/rgb/{index:06}.png"), &held_out.sharp_file(*frame)?)?;
+    }
+    let threshold = mean_threshold(plan, formula(plan));
+    Ok(json!({
+        "events": events, "threshold": threshold, "tonemap_eps": offset(plan),
+        // With fewer events than its default after the first pose, nothing is trained on.
+        "max_events": events / 4,
+        "command": "python train.py -s DIR --event_threshold THRESHOLD --max_events MAX_EVENTS",
+    }))
 }
 
 /// The offset of the method's logarithm. A sensor in linear light has its own.
@@ -173,7 +157,7 @@ fn formula(plan: &ExportPlan<'_>) -> BrightnessFormula {
     BrightnessFormula::Gamma { offset: offset(plan) }
 }
 
-fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+fn losses_of_both(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
     let size = plan.subject.camera.size;
     let mut losses = thresholds(plan, formula(plan), true);
     if size != SIZE {
@@ -192,7 +176,7 @@ fn pose_count(plan: &ExportPlan<'_>) -> u32 {
 }
 
 /// Origin and factor that move cameras and content into the unit sphere.
-fn unit_sphere(plan: &ExportPlan<'_>, seen: &SceneBox) -> (DVec3, f64) {
+fn unit_sphere(plan: &ExportPlan<'_>, seen: &SceneBox) -> Similarity {
     let [low, high] = seen.corners;
     // Bit a of k picks the upper end of axis a.
     let corners = (0..8).map(|k| {
@@ -201,11 +185,11 @@ fn unit_sphere(plan: &ExportPlan<'_>, seen: &SceneBox) -> (DVec3, f64) {
     });
     let cameras = plan.poses().map(|(_, pose)| pose.translation);
     let reach = corners.chain(cameras).map(|place| (place - seen.centre).length()).fold(0.0, f64::max);
-    (seen.centre, 1.0 / (MARGIN * reach))
+    Similarity { origin: seen.centre, scale: 1.0 / (MARGIN * reach) }
 }
 
-fn moved(pose: &Se3, (origin, scale): (DVec3, f64)) -> Se3 {
-    Se3 { rotation: pose.rotation, translation: (pose.translation - origin) * scale }
+fn write_pose(name: &str, pose: &Se3, out: &mut ExportFolder<'_>) -> Result<(), ExportError> {
+    out.write_file(name, poses::matrix_text(&poses::matrix(pose)).as_bytes())
 }
 
 /// Times of events.
@@ -239,8 +223,7 @@ fn write_events(
         x.push(&i32::from(event.x).to_le_bytes())?;
         y.push(&i32::from(event.y).to_le_bytes())?;
         t.push(&time(t_us).to_le_bytes())?;
-        let sign: i64 = if event.polarity == Polarity::On { 1 } else { -1 };
-        p.push(&sign.to_le_bytes())
+        p.push(&event_sign::<i64>(event).to_le_bytes())
     };
     plan.for_each_event(|event, t_us| match held.replace((*event, t_us)) {
         Some((event, t_us)) => push(&event, t_us),
@@ -259,19 +242,17 @@ fn write_events(
 /// Poses at uniform times, each with the nearest sharp frame.
 fn write_train(
     plan: &ExportPlan<'_>,
-    (count, similarity): (u32, (DVec3, f64)),
+    count: u32,
+    similarity: Similarity,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let camera = poses::matrix_text(&poses::intrinsics(plan, 0.0));
     let mut written: Option<(usize, String)> = None;
     for index in 0..count {
         let t_us = plan.length_us() as f64 * f64::from(index) / f64::from(count - 1);
-        let pose = moved(&poses::pose_at(plan, t_us), similarity);
+        let pose = similarity.moved(&poses::pose_at(plan, t_us));
         let name = format!("r_{index:05}");
-        out.write_file(
-            &format!("train/pose/{name}.txt"),
-            poses::matrix_text(&poses::matrix(&pose)).as_bytes(),
-        )?;
+        write_pose(&format!("train/pose/{name}.txt"), &pose, out)?;
         out.write_file(&format!("train/intrinsics/{name}.txt"), camera.as_bytes())?;
         let distance = |frame: &&usize| (plan.stamp_us(**frame) as f64 - t_us).abs();
         let nearest = plan.frames.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
@@ -293,18 +274,16 @@ fn write_train(
 /// The held-out views.
 fn write_held_out(
     plan: &ExportPlan<'_>,
-    (set, similarity): (&str, (DVec3, f64)),
+    set: &str,
+    similarity: Similarity,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let camera = poses::matrix_text(&poses::intrinsics(plan, 0.0));
     let (subject, frames) = plan.test_frames();
     for (index, frame) in frames.iter().enumerate() {
         let name = format!("r_{index:05}");
-        let pose = moved(&subject.poses.world_from_camera[*frame], similarity);
-        out.write_file(
-            &format!("{set}/pose/{name}.txt"),
-            poses::matrix_text(&poses::matrix(&pose)).as_bytes(),
-        )?;
+        let pose = similarity.moved(&subject.poses.world_from_camera[*frame]);
+        write_pose(&format!("{set}/pose/{name}.txt"), &pose, out)?;
         out.write_file(&format!("{set}/intrinsics/{name}.txt"), camera.as_bytes())?;
         out.write_file(&format!("{set}/rgb/{name}.png"), &subject.sharp_file(*frame)?)?;
     }

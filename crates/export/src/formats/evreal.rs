@@ -17,60 +17,45 @@ use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unm
 use super::marks::{EventMarks, grey_picture};
 use crate::npy::GrowingArray;
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy};
-use gs2e_event::Polarity;
 use gs2e_image::Size;
 use serde_json::{Value, json};
 
 /// The layout of EVREAL.
-#[derive(Debug)]
-pub(super) struct Evreal;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("evreal", "github.com/ercanburak/EVREAL at 398f035", unmet, losses, write)
+        .for_any_lens();
 
-impl ExportFormat for Evreal {
-    fn name(&self) -> &'static str {
-        "evreal"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan), unmet_int16(plan)]
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/ercanburak/EVREAL at 398f035"
-    }
+fn losses(_: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    vec![
+        products(&["blur", "depth", "flow", "labels of events"]),
+        ExportLoss::lost("sharp", "colours: the pictures are grey"),
+        ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
+    ]
+}
 
-    fn takes_lens(&self) -> bool {
-        true
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let mut marks = EventMarks::at(plan, &plan.frames);
+    let events = write_events(plan, &mut marks, out)?;
+    let Size { width, height } = plan.subject.camera.size;
+    let path = out.file("images.npy")?;
+    let mut images = GrowingArray::of_rows(&path, "|u1", vec![height.into(), width.into(), 1])?;
+    for frame in &plan.frames {
+        images.push(&grey_picture(plan, *frame)?)?;
+        out.report()?;
     }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs = [unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan), unmet_int16(plan)];
-        needs.into_iter().flatten().collect()
-    }
-
-    fn losses(&self, _: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        vec![
-            products(&["blur", "depth", "flow", "labels of events"]),
-            ExportLoss::lost("sharp", "colours: the pictures are grey"),
-            ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
-        ]
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let mut marks = EventMarks::at(plan, &plan.frames);
-        let events = write_events(plan, &mut marks, out)?;
-        let Size { width, height } = plan.subject.camera.size;
-        let path = out.file("images.npy")?;
-        let mut images = GrowingArray::of_rows(&path, "|u1", vec![height.into(), width.into(), 1])?;
-        for frame in &plan.frames {
-            images.push(&grey_picture(plan, *frame)?)?;
-            out.report()?;
-        }
-        images.finish()?;
-        let shape = [plan.frames.len() as u64, 1];
-        let seconds = npy::float64(marks.stamps_us.iter().map(|t_us| *t_us as f64 / 1e6));
-        out.write_file("images_ts.npy", &npy::array("<f8", &shape, &seconds))?;
-        let before: Vec<u8> = marks.before.iter().flat_map(|count| count.to_le_bytes()).collect();
-        out.write_file("image_event_indices.npy", &npy::array("<i8", &shape, &before))?;
-        let metadata = json!({ "sensor_resolution": [height, width] }).to_string();
-        out.write_file("metadata.json", metadata.as_bytes())?;
-        Ok(json!({ "events": events, "frames": plan.frames.len() }))
-    }
+    images.finish()?;
+    let shape = [plan.frames.len() as u64, 1];
+    let seconds = npy::float64(marks.stamps_us.iter().map(|t_us| *t_us as f64 / 1e6));
+    out.write_file("images_ts.npy", &npy::array("<f8", &shape, &seconds))?;
+    let before: Vec<u8> = marks.before.iter().flat_map(|count| count.to_le_bytes()).collect();
+    out.write_file("image_event_indices.npy", &npy::array("<i8", &shape, &before))?;
+    let metadata = json!({ "sensor_resolution": [height, width] }).to_string();
+    out.write_file("metadata.json", metadata.as_bytes())?;
+    Ok(json!({ "events": events, "frames": plan.frames.len() }))
 }
 
 fn write_events(
@@ -85,7 +70,7 @@ fn write_events(
         marks.see(t_us, t.rows());
         t.push(&(t_us as f64 / 1e6).to_le_bytes())?;
         xy.push([event.x.to_le_bytes(), event.y.to_le_bytes()].as_flattened())?;
-        p.push(&[u8::from(event.polarity == Polarity::On)])?;
+        p.push(&[event.polarity as u8])?;
         out.count_event()
     })?;
     let events = t.rows();

@@ -14,20 +14,18 @@
 use super::camera_needs::{
     mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
 };
+use super::marks::{event_sign, frame_lines};
+use crate::brightness::BrightnessFormula;
 use crate::npy::GrowingArray;
 use crate::plan::seconds_text;
-use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy, poses,
-};
-use gs2e_event::Polarity;
+use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy, poses};
 use gs2e_image::jpeg;
 use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
-use std::fmt::Write as _;
 
 /// The layout of IncEventGS.
-#[derive(Debug)]
-pub(super) struct IncEventGs;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("inceventgs", "github.com/WU-CVGL/IncEventGS at 28d070f", unmet, losses, write);
 
 const FORMULA: BrightnessFormula = BrightnessFormula::LinLog;
 /// The program starts from a first and a second picture.
@@ -41,64 +39,52 @@ const ROUNDING_US: i64 = 2;
 const FLOAT32_US: i64 = 16_000_000;
 const SPACING_US: f64 = 16e6 / (1 << 23) as f64;
 
-impl ExportFormat for IncEventGs {
-    fn name(&self) -> &'static str {
-        "inceventgs"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    let stamps: Vec<i64> = plan.frames.iter().map(|pose| plan.stamp_us(*pose)).collect();
+    let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]);
+    let unequal = steps.clone().min().zip(steps.max()).filter(|(least, most)| most - least > ROUNDING_US);
+    let unequal = unequal.map(|(least, most)| {
+        let what = format!("sharp frames {least} to {most} us apart, wanted equal distances");
+        UnmetNeed::new(what, "a sharp.every that divides blur.frames, or outputs without blur")
+    });
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unequal]
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/WU-CVGL/IncEventGS at 28d070f"
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = thresholds(plan, FORMULA, true);
+    if plan.length_us() >= FLOAT32_US {
+        let octave = (plan.length_us() / FLOAT32_US).ilog2();
+        let spacing = SPACING_US * f64::from(1 << octave.min(30));
+        let what =
+            format!("times become float32 of seconds: they are up to {spacing:.1} us apart at the end");
+        losses.push(ExportLoss::approximate("events.t", spacing, what));
     }
+    losses.push(ExportLoss::lost("sharp", "exact greys: the pictures are JPEG, for evaluation"));
+    losses.push(ExportLoss::lost("poses", "poses between the sharp frames, for evaluation alone"));
+    losses.push(products(&["blur", "depth", "flow", "labels of events"]));
+    losses
+}
 
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let stamps: Vec<i64> = plan.frames.iter().map(|pose| plan.stamp_us(*pose)).collect();
-        let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]);
-        let unequal = steps.clone().min().zip(steps.max()).filter(|(least, most)| most - least > ROUNDING_US);
-        let unequal = unequal.map(|(least, most)| {
-            let what = format!("sharp frames {least} to {most} us apart, wanted equal distances");
-            UnmetNeed::new(what, "a sharp.every that divides blur.frames, or outputs without blur")
-        });
-        let needs = [unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unequal];
-        needs.into_iter().flatten().collect()
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let events = write_events(plan, out)?;
+    let mut path = String::new();
+    for (index, frame) in plan.frames.iter().enumerate() {
+        let rows = poses::matrix(&plan.subject.poses.world_from_camera[*frame]);
+        let numbers = rows.as_flattened().iter().copied().map(significant_digits).collect::<Vec<_>>();
+        path += &(numbers.join(" ") + "\n");
+        let picture = jpeg::encode(&plan.subject.sharp_picture(*frame)?, QUALITY);
+        let picture = picture.ok_or_else(|| ExportError::Data("a picture is too large".to_owned()))?;
+        out.write_file(&format!("images/{index:06}.jpg"), &picture)?;
+        out.report()?;
     }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = thresholds(plan, FORMULA, true);
-        if plan.length_us() >= FLOAT32_US {
-            let octave = (plan.length_us() / FLOAT32_US).ilog2();
-            let spacing = SPACING_US * f64::from(1 << octave.min(30));
-            let what =
-                format!("times become float32 of seconds: they are up to {spacing:.1} us apart at the end");
-            losses.push(ExportLoss::approximate("events.t", spacing, what));
-        }
-        losses.push(ExportLoss::lost("sharp", "exact greys: the pictures are JPEG, for evaluation"));
-        losses.push(ExportLoss::lost("poses", "poses between the sharp frames, for evaluation alone"));
-        losses.push(products(&["blur", "depth", "flow", "labels of events"]));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let events = write_events(plan, out)?;
-        let (mut path, mut stamps) = (String::new(), String::new());
-        for (index, frame) in plan.frames.iter().enumerate() {
-            let rows = poses::matrix(&plan.subject.poses.world_from_camera[*frame]);
-            let numbers = rows.as_flattened().iter().copied().map(significant_digits).collect::<Vec<_>>();
-            writeln!(path, "{}", numbers.join(" ")).expect("a String takes any text");
-            writeln!(stamps, "{}", seconds_text(plan.stamp_us(*frame))).expect("a String takes any text");
-            let picture = jpeg::encode(&plan.subject.sharp_picture(*frame)?, QUALITY);
-            let picture = picture.ok_or_else(|| ExportError::Data("a picture is too large".to_owned()))?;
-            out.write_file(&format!("images/{index:06}.jpg"), &picture)?;
-            out.report()?;
-        }
-        out.write_file("traj.txt", path.as_bytes())?;
-        out.write_file("poses_ts.txt", stamps.as_bytes())?;
-        let threshold = mean_threshold(plan, FORMULA);
-        write_config(plan, threshold, out)?;
-        Ok(json!({
-            "events": events, "frames": plan.frames.len(), "threshold": threshold,
-            "command": "python main.py --config config.yaml",
-        }))
-    }
+    out.write_file("traj.txt", path.as_bytes())?;
+    out.write_file("poses_ts.txt", frame_lines(plan, seconds_text).as_bytes())?;
+    let threshold = mean_threshold(plan, FORMULA);
+    write_config(plan, threshold, out)?;
+    Ok(json!({
+        "events": events, "frames": plan.frames.len(), "threshold": threshold,
+        "command": "python main.py --config config.yaml",
+    }))
 }
 
 fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64, ExportError> {
@@ -106,8 +92,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64
     let mut array = GrowingArray::create(&path, "<f8", Some(4))?;
     plan.for_each_event(|event, t_us| {
         out.count_event()?;
-        let sign = if event.polarity == Polarity::On { 1.0 } else { -1.0 };
-        array.push(&npy::float64([event.x.into(), event.y.into(), t_us as f64 / 1e6, sign]))
+        array.push(&npy::float64([event.x.into(), event.y.into(), t_us as f64 / 1e6, event_sign(event)]))
     })?;
     let events = array.rows();
     array.finish()?;

@@ -1,6 +1,7 @@
 //! Places of pictures in a stream of events, and grey pictures: what reconstruction networks read.
 
 use crate::{ExportError, ExportPlan};
+use gs2e_event::{Event, Polarity};
 use gs2e_image::{luminance, to_byte};
 
 /// The number of events before each of some stamps, from a stream that is seen once.
@@ -29,6 +30,16 @@ impl EventMarks {
     pub(super) fn finish(&mut self, count: u64) {
         self.before.resize(self.stamps_us.len(), count);
     }
+}
+
+/// 1 for ON and -1 for OFF.
+pub(super) fn event_sign<T: From<i8>>(event: &Event) -> T {
+    T::from(if event.polarity == Polarity::On { 1 } else { -1 })
+}
+
+/// A line per sharp frame with its stamp.
+pub(super) fn frame_lines(plan: &ExportPlan<'_>, stamp_text: impl Fn(i64) -> String) -> String {
+    plan.frames.iter().map(|frame| stamp_text(plan.stamp_us(*frame)) + "\n").collect()
 }
 
 /// The sharp picture of a pose as grey bytes, encoded as it is, row-major.

@@ -31,12 +31,11 @@ use recording::Recording;
 use serde_json::{Value, json};
 use timeline::Timeline;
 
-/// Name on the command line.
-pub(super) const NAME: &str = "mcap";
-
 /// The layout of ROS 2.
-#[derive(Debug)]
-pub(super) struct Mcap;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("mcap", CONSUMER, unmet, losses, write).for_any_lens().with_epoch();
+
+const CONSUMER: &str = "mcap.dev, github.com/ros-event-camera/event_camera_msgs at 65111f9";
 
 /// Columns and rows of EVT 3.0 have 11 bits.
 const EDGE: u32 = 1 << 11;
@@ -53,73 +52,55 @@ const END_US: i64 = (1 << 31) * 1_000_000;
 /// Times from here on overflow in `event_camera_py`: microseconds in 32 bits.
 const INT32_US: i64 = 1 << 31;
 
-impl ExportFormat for Mcap {
-    fn name(&self) -> &'static str {
-        NAME
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    let size = plan.subject.camera.size;
+    let large = (size.width > EDGE || size.height > EDGE).then(|| {
+        let what = format!("pictures of {size}, wanted at most {EDGE} columns and rows: EVT 3.0");
+        UnmetNeed::new(what, format!("camera: {{ width: {EDGE} }} or less"))
+    });
+    let late = (plan.epoch_us.saturating_add(plan.length_us()) >= END_US).then(|| {
+        let what = format!("times up to {} us, wanted less than {END_US}", plan.length_us());
+        UnmetNeed::new(what, "an earlier --epoch")
+    });
+    vec![unmet_events(plan), unmet_own_views(plan), large, late]
+}
 
-    fn consumer(&self) -> &'static str {
-        "mcap.dev, github.com/ros-event-camera/event_camera_msgs at 65111f9"
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = vec![products(&["flow", "labels of events"])];
+    losses.push(ExportLoss::lost("views", "held-out frames are not marked"));
+    if plan.length_us() >= INT32_US {
+        let what = "event_camera_py holds microseconds in 32 bits: times overflow after 2147 s";
+        losses.push(ExportLoss::lost("times", what));
     }
+    losses
+}
 
-    fn has_epoch(&self) -> bool {
-        true
-    }
-
-    fn takes_lens(&self) -> bool {
-        true
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let size = plan.subject.camera.size;
-        let large = (size.width > EDGE || size.height > EDGE).then(|| {
-            let what = format!("pictures of {size}, wanted at most {EDGE} columns and rows: EVT 3.0");
-            UnmetNeed::new(what, format!("camera: {{ width: {EDGE} }} or less"))
-        });
-        let late = (plan.epoch_us.saturating_add(plan.length_us()) >= END_US).then(|| {
-            let what = format!("times up to {} us, wanted less than {END_US}", plan.length_us());
-            UnmetNeed::new(what, "an earlier --epoch")
-        });
-        [unmet_events(plan), unmet_own_views(plan), large, late].into_iter().flatten().collect()
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = vec![products(&["flow", "labels of events"])];
-        losses.push(ExportLoss::lost("views", "held-out frames are not marked"));
-        if plan.length_us() >= INT32_US {
-            let what = "event_camera_py holds microseconds in 32 bits: times overflow after 2147 s";
-            losses.push(ExportLoss::lost("times", what));
-        }
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let name = format!("{}.mcap", file_name(plan));
-        let inertial = plan.subject.inertial()?;
-        let mut timeline = Timeline::new(plan, &inertial);
-        let mut recording = Recording::create(out.file(&name)?, plan, inertial, &timeline)?;
-        let mut packets = EventPackets::new();
-        plan.for_each_event(|event, t_us| {
-            out.count_event()?;
-            packets.add(event, t_us, |packet| {
-                timeline.write_before(packet.t_us, &mut recording, out)?;
-                recording.events(&packet)
-            })
-        })?;
-        packets.finish(|packet| {
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let name = format!("{}.mcap", file_name(plan));
+    let inertial = plan.subject.inertial()?;
+    let mut timeline = Timeline::new(plan, &inertial);
+    let mut recording = Recording::create(out.file(&name)?, plan, inertial, &timeline)?;
+    let mut packets = EventPackets::new();
+    plan.for_each_event(|event, t_us| {
+        out.count_event()?;
+        packets.add(event, t_us, |packet| {
             timeline.write_before(packet.t_us, &mut recording, out)?;
             recording.events(&packet)
-        })?;
-        timeline.write_rest(&mut recording, out)?;
-        let written = recording.finish()?;
-        out.write_file(bag::NAME, bag::describe(&name, &written).as_bytes())?;
-        let counts: serde_json::Map<String, Value> =
-            written.topics.iter().map(|topic| (topic.name.to_owned(), topic.messages.into())).collect();
-        Ok(json!({
-            "file": name, "epoch_us": plan.epoch_us, "events": packets.events(), "messages": counts,
-            "command": format!("ros2 bag play {name}"),
-        }))
-    }
+        })
+    })?;
+    packets.finish(|packet| {
+        timeline.write_before(packet.t_us, &mut recording, out)?;
+        recording.events(&packet)
+    })?;
+    timeline.write_rest(&mut recording, out)?;
+    let written = recording.finish()?;
+    out.write_file(bag::NAME, bag::describe(&name, &written).as_bytes())?;
+    let counts: serde_json::Map<String, Value> =
+        written.topics.iter().map(|topic| (topic.name.to_owned(), topic.messages.into())).collect();
+    Ok(json!({
+        "file": name, "epoch_us": plan.epoch_us, "events": packets.events(), "messages": counts,
+        "command": format!("ros2 bag play {name}"),
+    }))
 }
 
 /// The name of the recording without its ending: letters, digits, `-` and `_` of the names of scene,

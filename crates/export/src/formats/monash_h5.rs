@@ -18,75 +18,59 @@ use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unm
 use super::marks::{EventMarks, grey_picture};
 use crate::hdf5::{GrowingColumn, Hdf5File};
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
-use gs2e_event::Polarity;
 use gs2e_image::Size;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5Dataset, Hdf5Error};
 use serde_json::{Value, json};
 
 /// The HDF5 layout of Monash University.
-#[derive(Debug)]
-pub(super) struct MonashH5;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("monash-h5", "github.com/TimoStoff/event_cnn_minimal at 78aa471", unmet, losses, write)
+        .for_any_lens();
 
 /// An item has the events between two frames.
 const MIN_FRAMES: usize = 2;
 
-impl ExportFormat for MonashH5 {
-    fn name(&self) -> &'static str {
-        "monash-h5"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unmet_int16(plan)]
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/TimoStoff/event_cnn_minimal at 78aa471"
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let mut losses = vec![
+        products(&["blur", "depth", "labels of events"]),
+        ExportLoss::lost("sharp", "colours: the pictures are grey"),
+        ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
+    ];
+    if !plan.subject.flow.is_empty() {
+        losses.push(ExportLoss::lost("flow", "the mask: pixels without a flow are 0"));
     }
+    losses
+}
 
-    fn takes_lens(&self) -> bool {
-        true
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let file = Hdf5File::create(&out.file("events.h5")?)?;
+    let flows = flow_poses(plan);
+    let [mut images, mut marks] = [&plan.frames, &flows].map(|poses| EventMarks::at(plan, poses));
+    let counts = write_events(plan, &file, [&mut images, &mut marks], out)?;
+    let group = file.add(|file| file.create_group("images"))?;
+    for (index, frame) in plan.frames.iter().enumerate() {
+        let grey = grey_picture(plan, *frame)?;
+        let Size { width, height } = plan.subject.camera.size;
+        file.add(|_| {
+            let new = group.new_dataset::<u8>().shape([height as usize, width as usize]);
+            let image = new.create(&format!("image{index:09}"))?;
+            image.write_raw(&grey)?;
+            image.new_attr::<u8>().shape(()).create("type")?.write_string("greyscale")?;
+            describe(&image, plan.subject.camera.size, &images, index)
+        })?;
+        out.report()?;
     }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        let needs =
-            [unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unmet_int16(plan)];
-        needs.into_iter().flatten().collect()
+    if !flows.is_empty() {
+        write_flows(plan, &file, &flows, &marks, out)?;
     }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let mut losses = vec![
-            products(&["blur", "depth", "labels of events"]),
-            ExportLoss::lost("sharp", "colours: the pictures are grey"),
-            ExportLoss::lost("poses", "poses, camera matrix and thresholds"),
-        ];
-        if !plan.subject.flow.is_empty() {
-            losses.push(ExportLoss::lost("flow", "the mask: pixels without a flow are 0"));
-        }
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let file = Hdf5File::create(&out.file("events.h5")?)?;
-        let flows = flow_poses(plan);
-        let [mut images, mut marks] = [&plan.frames, &flows].map(|poses| EventMarks::at(plan, poses));
-        let counts = write_events(plan, &file, [&mut images, &mut marks], out)?;
-        let group = file.add(|file| file.create_group("images"))?;
-        for (index, frame) in plan.frames.iter().enumerate() {
-            let grey = grey_picture(plan, *frame)?;
-            let Size { width, height } = plan.subject.camera.size;
-            file.add(|_| {
-                let new = group.new_dataset::<u8>().shape([height as usize, width as usize]);
-                let image = new.create(&format!("image{index:09}"))?;
-                image.write_raw(&grey)?;
-                image.new_attr::<u8>().shape(()).create("type")?.write_string("greyscale")?;
-                describe(&image, [height.into(), width.into()], (&images, index))
-            })?;
-            out.report()?;
-        }
-        if !flows.is_empty() {
-            write_flows(plan, &file, (&flows, &marks), out)?;
-        }
-        describe_file(plan, &file, (counts, flows.len()))?;
-        file.close()?;
-        Ok(json!({ "events": counts[0] + counts[1], "frames": plan.frames.len(), "flows": flows.len() }))
-    }
+    describe_file(plan, &file, counts, flows.len())?;
+    file.close()?;
+    Ok(json!({ "events": counts[0] + counts[1], "frames": plan.frames.len(), "flows": flows.len() }))
 }
 
 /// Poses of the interval with a flow.
@@ -104,24 +88,21 @@ fn write_events(
     out: &mut ExportFolder<'_>,
 ) -> Result<[u64; 2], ExportError> {
     let group = file.add(|file| file.create_group("events"))?;
-    let (mut x, mut y) = (
-        GrowingColumn::create::<i16>(file, &group, "xs")?,
-        GrowingColumn::create::<i16>(file, &group, "ys")?,
-    );
+    let mut x = GrowingColumn::create::<i16>(file, &group, "xs")?;
+    let mut y = GrowingColumn::create::<i16>(file, &group, "ys")?;
     let mut t = GrowingColumn::create::<f64>(file, &group, "ts")?;
     let mut p = GrowingColumn::create::<HBool>(file, &group, "ps")?;
     let mut counts = [0; 2];
     let [images, flows] = marks;
     plan.for_each_event(|event, t_us| {
-        let is_on = event.polarity == Polarity::On;
         let before = counts[0] + counts[1];
         images.see(t_us, before);
         flows.see(t_us, before);
-        counts[usize::from(is_on)] += 1;
+        counts[event.polarity as usize] += 1;
         x.push(&event.x.to_le_bytes())?;
         y.push(&event.y.to_le_bytes())?;
         t.push(&(t_us as f64 / 1e6).to_le_bytes())?;
-        p.push(&[u8::from(is_on)])?;
+        p.push(&[event.polarity as u8])?;
         out.count_event()
     })?;
     [x, y, t, p].into_iter().try_for_each(GrowingColumn::finish)?;
@@ -134,7 +115,8 @@ fn write_events(
 fn write_flows(
     plan: &ExportPlan<'_>,
     file: &Hdf5File,
-    (poses, marks): (&[usize], &EventMarks),
+    poses: &[usize],
+    marks: &EventMarks,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let group = file.add(|file| file.create_group("flow"))?;
@@ -147,7 +129,7 @@ fn write_flows(
             let new = group.new_dataset::<f32>().shape([2, height as usize, width as usize]);
             let image = new.create(&format!("flow{index:09}"))?;
             image.write_raw(&values)?;
-            describe(&image, [height.into(), width.into()], (marks, index))
+            describe(&image, plan.subject.camera.size, marks, index)
         })?;
         out.report()?;
     }
@@ -155,12 +137,12 @@ fn write_flows(
 }
 
 /// The attributes that pictures of both kinds have.
-fn describe(
-    image: &H5Dataset,
-    size: [i64; 2],
-    (marks, index): (&EventMarks, usize),
-) -> Result<(), Hdf5Error> {
-    image.new_attr::<i64>().shape([2]).create("size")?.write_array(&size)?;
+fn describe(image: &H5Dataset, size: Size, marks: &EventMarks, index: usize) -> Result<(), Hdf5Error> {
+    image
+        .new_attr::<i64>()
+        .shape([2])
+        .create("size")?
+        .write_array(&[i64::from(size.height), i64::from(size.width)])?;
     let seconds = marks.stamps_us[index] as f64 / 1e6;
     image.new_attr::<f64>().shape(()).create("timestamp")?.write_numeric(&seconds)?;
     image.new_attr::<u64>().shape(()).create("event_idx")?.write_numeric(&marks.before[index])
@@ -170,7 +152,8 @@ fn describe(
 fn describe_file(
     plan: &ExportPlan<'_>,
     file: &Hdf5File,
-    ([off, on], flows): ([u64; 2], usize),
+    [off, on]: [u64; 2],
+    flows: usize,
 ) -> Result<(), ExportError> {
     let Size { width, height } = plan.subject.camera.size;
     let seconds = plan.length_us() as f64 / 1e6;

@@ -31,8 +31,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// The layout for `datasets`.
-#[derive(Debug)]
-pub(super) struct ParquetRows;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("parquet", "Hugging Face datasets 4", unmet, losses, write).for_any_lens();
 
 /// Bytes of a row group: it is in memory as a whole, here and in loaders.
 const GROUP_BYTES: usize = 32 << 20;
@@ -52,40 +52,26 @@ const SCHEMA: &str = "message windows {
     required binary description (STRING);
 }";
 
-impl ExportFormat for ParquetRows {
-    fn name(&self) -> &'static str {
-        "parquet"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    windows::unmet(plan)
+}
 
-    fn consumer(&self) -> &'static str {
-        "Hugging Face datasets 4"
-    }
+fn losses(_: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    windows::losses(false)
+}
 
-    fn takes_lens(&self) -> bool {
-        true
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        windows::unmet(plan)
-    }
-
-    fn losses(&self, _: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        windows::losses(false)
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let mut tables: BTreeMap<&str, RowFile> = BTreeMap::new();
-        let counts = windows::for_each_window(plan, out, |window, out| {
-            let split = window.split();
-            if !tables.contains_key(split) {
-                tables.insert(split, RowFile::create(out.file(&format!("{split}.parquet"))?)?);
-            }
-            let table = tables.get_mut(split).expect("it was inserted above");
-            table.push(plan, window)
-        })?;
-        tables.into_values().try_for_each(RowFile::finish)?;
-        Ok(json!({ "windows": counts.facts() }))
-    }
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let mut tables: BTreeMap<&str, RowFile> = BTreeMap::new();
+    let counts = windows::for_each_window(plan, out, |window, out| {
+        let split = window.split();
+        if !tables.contains_key(split) {
+            tables.insert(split, RowFile::create(out.file(&format!("{split}.parquet"))?)?);
+        }
+        let table = tables.get_mut(split).expect("it was inserted above");
+        table.push(plan, window)
+    })?;
+    tables.into_values().try_for_each(RowFile::finish)?;
+    Ok(json!({ "windows": counts.facts() }))
 }
 
 /// The types of the columns, as `datasets` writes them.

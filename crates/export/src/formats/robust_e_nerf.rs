@@ -14,22 +14,31 @@
 //! could hold, so an ideal circuit is written: all time constants are short.
 
 use super::camera_needs::{products, unmet_events, unmet_frames};
-use crate::brightness::{BrightnessFactor, log_offset};
+use crate::brightness::{BrightnessFactor, BrightnessFormula, log_offset, thresholds_in};
 use crate::npy::{Entry, GrowingArray};
 use crate::{
-    BrightnessFormula, ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, ExportSubject,
-    UnmetNeed, geometry, npy, poses,
+    ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, ExportSubject, UnmetNeed, geometry, npy,
+    poses,
 };
-use gs2e_event::Polarity;
 use serde_json::{Value, json};
 
 /// The layout of Robust e-NeRF.
-#[derive(Debug)]
-pub(super) struct RobustENerf;
+pub(super) static ROBUST_E_NERF: ExportFormat = ExportFormat::new(
+    "robust-e-nerf",
+    "github.com/wengflow/robust-e-nerf at 5bb9b46",
+    unmet,
+    losses,
+    |plan, out| write(plan, Vec::new(), out),
+);
 
 /// The layout of Deblur e-NeRF.
-#[derive(Debug)]
-pub(super) struct DeblurENerf;
+pub(super) static DEBLUR_E_NERF: ExportFormat = ExportFormat::new(
+    "deblur-e-nerf",
+    "github.com/wengflow/deblur-e-nerf at 0925cb1",
+    unmet,
+    deblur_losses,
+    |plan, out| write(plan, ideal_circuit(), out),
+);
 
 const NS_PER_US: i64 = 1000;
 /// Largest coordinate that float32 holds to 1e-5 of a unit: its spacing at 100 is 8e-6.
@@ -37,51 +46,11 @@ const MAX_POSITION: f64 = 100.0;
 /// One frame for training and one for each of validation and test.
 const MIN_FRAMES: usize = 2;
 
-impl ExportFormat for RobustENerf {
-    fn name(&self) -> &'static str {
-        "robust-e-nerf"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/wengflow/robust-e-nerf at 5bb9b46"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        unmet(plan)
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        losses(plan)
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        write(plan, Vec::new(), out)
-    }
-}
-
-impl ExportFormat for DeblurENerf {
-    fn name(&self) -> &'static str {
-        "deblur-e-nerf"
-    }
-
-    fn consumer(&self) -> &'static str {
-        "github.com/wengflow/deblur-e-nerf at 0925cb1"
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        unmet(plan)
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        let what = "an ideal circuit stands for the pixel: the release has no time constants in its terms";
-        let mut losses = losses(plan);
-        losses.push(ExportLoss::approximate("sensor.circuit", FAST_S, what));
-        losses
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        write(plan, ideal_circuit(), out)
-    }
+fn deblur_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    let what = "an ideal circuit stands for the pixel: the release has no time constants in its terms";
+    let mut losses = losses(plan);
+    losses.push(ExportLoss::approximate("sensor.circuit", FAST_S, what));
+    losses
 }
 
 /// Time constant of the ideal circuit, s: a hundredth of the resolution of the stamps.
@@ -91,29 +60,27 @@ const FAST_S: f64 = 1e-8;
 fn ideal_circuit() -> Vec<(&'static str, Entry)> {
     // A cutoff frequency `1 / (2 pi tau)` for the filters, and none for the low cutoff.
     let cutoff = 1.0 / (std::f64::consts::TAU * FAST_S);
-    let scalar = |value: f64| Entry::Whole(npy::array("<f4", &[], &npy::float32([value])));
     vec![
-        ("input_time_const_eff_it_prod", scalar(FAST_S)),
-        ("miller_time_const_eff_it_prod", scalar(FAST_S)),
+        ("input_time_const_eff_it_prod", npy::scalar(FAST_S)),
+        ("miller_time_const_eff_it_prod", npy::scalar(FAST_S)),
         ("black_level", Entry::Whole(npy::array("<f4", &[1], &npy::float32([0.0])))),
-        ("amplifier_gain", scalar(1.0)),
-        ("closed_loop_gain", scalar(1.0 / 0.7)),
-        ("output_time_const", scalar(FAST_S)),
-        ("lower_cutoff_freq", scalar(0.0)),
-        ("sf_cutoff_freq", scalar(cutoff)),
-        ("diff_amp_cutoff_freq", scalar(cutoff)),
+        ("amplifier_gain", npy::scalar(1.0)),
+        ("closed_loop_gain", npy::scalar(1.0 / 0.7)),
+        ("output_time_const", npy::scalar(FAST_S)),
+        ("lower_cutoff_freq", npy::scalar(0.0)),
+        ("sf_cutoff_freq", npy::scalar(cutoff)),
+        ("diff_amp_cutoff_freq", npy::scalar(cutoff)),
     ]
 }
 
-fn unmet(plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
     let far = plan.poses().map(|(_, pose)| pose.translation.abs().max_element()).fold(0.0, f64::max);
     let near = (far > MAX_POSITION).then(|| {
         let what =
             format!("a camera {far} units from the origin, wanted {MAX_POSITION} at most: poses are float32");
         UnmetNeed::new(what, "a source whose origin is near its scene")
     });
-    let needs = [unmet_events(plan), unmet_frames(plan, MIN_FRAMES), geometry::unmet_depth(plan), near];
-    needs.into_iter().flatten().collect()
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), geometry::unmet_depth(plan), near]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
@@ -135,18 +102,22 @@ fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
 
 fn write(
     plan: &ExportPlan<'_>,
-    circuit: Vec<(&str, Entry)>,
+    circuit: Vec<(&'static str, Entry)>,
     out: &mut ExportFolder<'_>,
 ) -> Result<Value, ExportError> {
     let sensor = plan.sensor()?;
     let eps = log_offset(sensor);
-    let factor = BrightnessFactor::between(sensor, BrightnessFormula::Log { offset: eps }).median;
-    let (on, off) = sensor.as_model().contrast();
-    let thresholds = [on * factor, off * factor];
+    let [on, off] = thresholds_in(sensor, BrightnessFormula::Log { offset: eps });
     let refractory_ns = sensor.dead_us() * NS_PER_US;
     let events = write_events(plan, out)?;
     write_poses(plan, out)?;
-    write_calibration(plan, (thresholds, refractory_ns), circuit, out)?;
+    let own = [
+        ("pos_contrast_threshold", npy::scalar(on)),
+        ("neg_contrast_threshold", npy::scalar(off)),
+        ("refractory_period", Entry::Whole(npy::array("<i8", &[], &refractory_ns.to_le_bytes()))),
+        ("bayer_pattern", Entry::Whole(npy::text(""))),
+    ];
+    write_calibration(plan, own.into_iter().chain(circuit), out)?;
     let colour = [
         ("interm_color_space", Entry::Whole(npy::text("display"))),
         ("log_eps", Entry::Whole(npy::array("<f8", &[], &npy::float64([eps])))),
@@ -170,10 +141,9 @@ fn write(
         "contrast_threshold.freeze": true, "refractory_period.freeze": true,
         "data.alpha_over_white_bg": false,
     });
-    let text = serde_json::to_vec_pretty(&config).expect("a JSON value can be written");
-    out.write_file("config.json", &text)?;
+    out.write_file("config.json", format!("{config:#}").as_bytes())?;
     Ok(json!({
-        "events": events, "thresholds": { "on": thresholds[0], "off": thresholds[1] },
+        "events": events, "thresholds": { "on": on, "off": off },
         "refractory_period_ns": refractory_ns, "min_modeled_intensity": eps, "box_from": seen.basis,
         "command": "set the keys of config.json in the program's YAML, then python scripts/run.py",
     }))
@@ -192,7 +162,7 @@ fn write_events(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<u64
         position.push([event.x, event.y].map(u16::to_le_bytes).as_flattened())?;
         stamp.push(&(t_us * NS_PER_US).to_le_bytes())?;
         // One byte per event: NumPy's bool.
-        polarity.push(&[u8::from(event.polarity == Polarity::On)])
+        polarity.push(&[event.polarity as u8])
     })?;
     let events = stamp.rows();
     let entries = [("position", position), ("timestamp", stamp), ("polarity", polarity)];
@@ -204,19 +174,19 @@ fn write_poses(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<(), 
     let count = plan.pose_count() as u64;
     let positions = plan.poses().flat_map(|(_, pose)| pose.translation.to_array());
     let turns = plan.poses().flat_map(|(_, pose)| pose.rotation.to_array());
-    let stamps: Vec<u8> = plan.poses().flat_map(|(t_us, _)| (t_us * NS_PER_US).to_le_bytes()).collect();
+    let stamps = npy::int64(plan.poses().map(|(t_us, _)| t_us * NS_PER_US));
     let entries = vec![
         ("T_wc_position", Entry::Whole(npy::array("<f4", &[count, 3], &npy::float32(positions)))),
         ("T_wc_orientation", Entry::Whole(npy::array("<f4", &[count, 4], &npy::float32(turns)))),
-        ("T_wc_timestamp", Entry::Whole(npy::array("<i8", &[count], &stamps))),
+        ("T_wc_timestamp", Entry::Whole(stamps)),
     ];
     npy::write_archive(&out.file("camera_poses.npz")?, entries)
 }
 
+/// Writes the calibration of the camera, and that of the sensor.
 fn write_calibration(
     plan: &ExportPlan<'_>,
-    ([on, off], refractory_ns): ([f64; 2], i64),
-    circuit: Vec<(&str, Entry)>,
+    sensor: impl Iterator<Item = (&'static str, Entry)>,
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     let size = plan.subject.camera.size;
@@ -226,7 +196,6 @@ fn write_calibration(
             .map_err(|_| ExportError::Data(format!("pictures of {size} are too large")))?;
         Ok::<_, ExportError>(Entry::Whole(npy::array("<u2", &[], &side.to_le_bytes())))
     };
-    let scalar = |value: f64| Entry::Whole(npy::array("<f4", &[], &npy::float32([value])));
     // The loader's pixel centres are at integers.
     let rows = poses::intrinsics(plan, 0.5);
     let numbers = npy::float32(rows[..3].iter().flat_map(|row| row[..3].iter().copied()));
@@ -236,12 +205,8 @@ fn write_calibration(
         ("distortion_model", Entry::Whole(npy::text("plumb_bob"))),
         ("img_height", side(size.height)?),
         ("img_width", side(size.width)?),
-        ("pos_contrast_threshold", scalar(on)),
-        ("neg_contrast_threshold", scalar(off)),
-        ("refractory_period", Entry::Whole(npy::array("<i8", &[], &refractory_ns.to_le_bytes()))),
-        ("bayer_pattern", Entry::Whole(npy::text(""))),
     ];
-    entries.extend(circuit);
+    entries.extend(sensor);
     npy::write_archive(&out.file("camera_calibration.npz")?, entries)
 }
 
@@ -263,6 +228,5 @@ fn write_views(
     let camera = &subject.camera;
     let intrinsics = [[camera.fx, 0.0, camera.cx - 0.5], [0.0, camera.fy, camera.cy - 0.5], [0.0, 0.0, 1.0]];
     let text = json!({ "intrinsics": intrinsics, "bit_depth": 8, "frames": listed });
-    let text = serde_json::to_vec_pretty(&text).expect("a JSON value can be written");
-    out.write_file(&format!("views/transforms_{set}.json"), &text)
+    out.write_file(&format!("views/transforms_{set}.json"), format!("{text:#}").as_bytes())
 }

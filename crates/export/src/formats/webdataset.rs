@@ -20,44 +20,31 @@ use std::path::PathBuf;
 use tar::{Builder, EntryType, Header};
 
 /// The layout of WebDataset.
-#[derive(Debug)]
-pub(super) struct WebDataset;
+pub(super) static FORMAT: ExportFormat =
+    ExportFormat::new("webdataset", "github.com/webdataset/webdataset at e0953f9", unmet, losses, write)
+        .for_any_lens();
 
 /// Bytes after which an archive is complete: loaders read whole archives in parallel.
 const ARCHIVE_BYTES: u64 = 256 << 20;
 
-impl ExportFormat for WebDataset {
-    fn name(&self) -> &'static str {
-        "webdataset"
-    }
+fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    windows::unmet(plan)
+}
 
-    fn consumer(&self) -> &'static str {
-        "github.com/webdataset/webdataset at e0953f9"
-    }
+fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
+    windows::losses(has_depth(plan))
+}
 
-    fn takes_lens(&self) -> bool {
-        true
-    }
-
-    fn unmet(&self, plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-        windows::unmet(plan)
-    }
-
-    fn losses(&self, plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
-        windows::losses(has_depth(plan))
-    }
-
-    fn write(&self, plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-        let mut sets: BTreeMap<&str, TarSet> = BTreeMap::new();
-        let depth = has_depth(plan);
-        let counts = windows::for_each_window(plan, out, |window, out| {
-            let set = sets.entry(window.split()).or_default();
-            let archive = set.archive(window.split(), out)?;
-            members(plan, window, depth)?.iter().try_for_each(|(name, bytes)| archive.add(name, bytes))
-        })?;
-        sets.into_values().try_for_each(TarSet::finish)?;
-        Ok(json!({ "windows": counts.facts(), "depth": depth }))
-    }
+fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
+    let mut sets: BTreeMap<&str, TarSet> = BTreeMap::new();
+    let depth = has_depth(plan);
+    let counts = windows::for_each_window(plan, out, |window, out| {
+        let set = sets.entry(window.split()).or_default();
+        let archive = set.archive(window.split(), out)?;
+        members(plan, window, depth)?.iter().try_for_each(|(name, bytes)| archive.add(name, bytes))
+    })?;
+    sets.into_values().try_for_each(TarSet::finish)?;
+    Ok(json!({ "windows": counts.facts(), "depth": depth }))
 }
 
 /// Returns true if every frame has depth.

@@ -2,7 +2,7 @@
 
 use super::camera_needs::{products, unmet_events, unmet_frames, unmet_own_views};
 use crate::{ExportError, ExportFolder, ExportLoss, ExportPlan, UnmetNeed, poses};
-use gs2e_event::{Event, Polarity};
+use gs2e_event::Event;
 use gs2e_trajectory::text::significant_digits;
 use serde_json::{Value, json};
 
@@ -95,7 +95,7 @@ impl EventWindow {
         self.t.push(t);
         self.x.push(event.x);
         self.y.push(event.y);
-        self.p.push(u8::from(event.polarity == Polarity::On));
+        self.p.push(event.polarity as u8);
         Ok(())
     }
 
@@ -110,8 +110,8 @@ impl EventWindow {
 }
 
 /// Requirements of a layout of windows.
-pub(super) fn unmet(plan: &ExportPlan<'_>) -> Vec<UnmetNeed> {
-    [unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan)].into_iter().flatten().collect()
+pub(super) fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
+    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan)]
 }
 
 /// Losses of a layout of windows.
