@@ -47,6 +47,7 @@ mod tree;
 
 pub use error::ExportError;
 pub use formats::{FORMATS, format_named};
+use gs2e_tree::Exposure;
 pub use included::IncludedExporter;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{DEFAULT_EPOCH_US, ExportPlan, TestViews};
