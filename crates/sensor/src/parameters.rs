@@ -179,8 +179,7 @@ pub trait SensorParameters {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{esim::EsimModel, v2e, voltmeter::VoltmeterPreset};
-    use super::*;
+    use crate::{esim::EsimModel, v2e, voltmeter::VoltmeterPreset};
 
     /// Stored products hold sensors as text, so the order of the fields is part of their bytes.
     #[test]
