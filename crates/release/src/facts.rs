@@ -4,8 +4,6 @@
 mod counts;
 mod words;
 
-pub(super) use counts::FileCounts;
-
 use super::held_back::HeldBackScene;
 use super::markdown::plain_text;
 use super::provenance::Provenance;
