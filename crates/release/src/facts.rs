@@ -2,8 +2,7 @@
 //! differ.
 
 mod counts;
-
-pub(super) use counts::FileCounts;
+mod words;
 
 use super::held_back::HeldBackScene;
 use super::markdown::plain_text;
@@ -13,7 +12,6 @@ use gs2e_check::Verdict;
 use gs2e_recipe::{ReconstructMethod, ReleaseInfo};
 use gs2e_source::licence::{ComposedTerms, HolderTerms, LedgerAsset, LicenceObligation, ledger};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
 
 /// A release, as described to people.
 #[derive(Debug, Clone, Copy)]
@@ -129,32 +127,15 @@ impl ReleaseFacts<'_> {
         self.scenes.iter().all(|scene| scene.recipe.source.kind().is_made_up())
     }
 
-    /// The ledger's rows on the material of this release, as a table.
-    pub(super) fn ledger(&self) -> String {
-        let assets = self.assets();
-        if assets.is_empty() {
-            return String::new();
-        }
-        let mut text = String::from(
-            "| dataset or program | terms | obligations | source of the terms | statement there | verified |\n\
-             |---|---|---|---|---|---|\n",
-        );
-        for asset in assets {
-            let LedgerAsset { name, evidence, obligations, .. } = asset;
-            let asked: Vec<&str> = obligations.iter().map(|obligation| obligation.words()).collect();
-            let read: Vec<String> = evidence.iter().map(|evidence| format!("<{}>", evidence.url)).collect();
-            let said: Vec<&str> = evidence.iter().map(|evidence| evidence.says).collect();
-            let verified = if asset.verified { "yes" } else { "**no**" };
-            let _ = writeln!(
-                text,
-                "| {name} | `{}` | {} | {} | {} | {verified} |",
-                asset.expression(),
-                asked.join(", "),
-                read.join(", "),
-                said.join("; ")
-            );
-        }
-        text
+    /// The days on which captures were downloaded, of the scenes that state it.
+    pub(super) fn accessed(&self) -> impl Iterator<Item = &str> {
+        self.scenes.iter().filter_map(|scene| scene.file.source.accessed.as_deref())
+    }
+
+    /// Returns true if a trajectory has several sensors.
+    pub(super) fn has_several_sensors(&self) -> bool {
+        let mut parts = self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
+        parts.any(|part| !part.sensors.is_empty())
     }
 
     /// Grants of upstreams that differ from their public terms, one sentence each.

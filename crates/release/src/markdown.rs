@@ -1,6 +1,42 @@
-//! Texts of users in Markdown.
+//! Texts in Markdown from templates, and texts of users in them.
 
 use gs2e_files::escape;
+use minijinja::syntax::SyntaxConfig;
+use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value};
+
+/// The table of terms, which other templates include.
+const TERMS: &str = include_str!("templates/terms.md.jinja");
+
+/// Composes a text from a template. Texts among the values are escaped as by [`plain_text`], but for those that
+/// are [`markup`].
+///
+/// # Panics
+/// The template is wrong, or a value is missing.
+pub(super) fn render(template: &str, values: Value) -> String {
+    // A line of a template that ends with a backslash goes on in the next one.
+    let [template, terms] = [template, TERMS].map(|text| text.replace("\\\n", ""));
+    let mut templates = Environment::new();
+    let lines =
+        SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).keep_trailing_newline(true).build();
+    templates.set_syntax(lines.expect("the delimiters are the usual ones"));
+    templates.set_undefined_behavior(UndefinedBehavior::Strict);
+    templates.set_auto_escape_callback(|_| AutoEscape::Custom("markdown".into()));
+    templates.set_formatter(|out, _, value| {
+        match value.as_str().filter(|_| !value.is_safe()) {
+            Some(text) => out.write_str(&plain_text(text))?,
+            None => write!(out, "{value}")?,
+        }
+        Ok(())
+    });
+    let added = templates.add_template_owned("terms", terms);
+    let text = added.and_then(|()| templates.render_str(&template, values));
+    text.expect("templates and values belong to this program")
+}
+
+/// A text of this program, in which markup acts.
+pub(super) fn markup(text: impl Into<String>) -> Value {
+    Value::from_safe_string(text.into())
+}
 
 /// Text of a user on one line of Markdown. Nothing in it acts as markup or is hidden, wherever it
 /// is put.

@@ -1,16 +1,31 @@
-//! The sections of the card on files: a table, and lines of Python that load them.
+//! The card's table of files, and lines of Python that load them.
 
 use crate::facts::ReleaseFacts;
+use crate::markdown::markup;
 use crate::products::{FOLDERS, FilePresence, FileRow, products};
 use crate::{layout, products};
 use gs2e_recipe::RigCamera;
-use std::fmt::Write as _;
+use minijinja::{Value, context};
 
-/// Table of the files that the release has.
-pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
+/// Line of Python that reads a pose, which every release has.
+const POSE: &str = "world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp";
+
+pub(super) fn files_values(facts: &ReleaseFacts<'_>) -> Value {
     let counts = facts.counts();
-    let several =
-        facts.scenes.iter().any(|scene| scene.file.trajectories.iter().any(|part| !part.sensors.is_empty()));
+    let made = products().filter(|product| counts.has(product));
+    let mut loading: Vec<&str> = made.flat_map(|product| product.loading).copied().collect();
+    // Events come first, and the pose second: users ask for both at one time.
+    loading.insert(usize::from(counts.has(&products::EVENTS)), POSE);
+    let row = |row: &FileRow| {
+        let names: Vec<String> = row.name.split(", ").map(|name| format!("`{name}`")).collect();
+        [markup(names.join(", ")), markup(row.content)]
+    };
+    context! { files => file_rows(facts).map(row).collect::<Value>(), loading => markup(loading.join("\n")) }
+}
+
+/// The rows of the files that the release has.
+fn file_rows(facts: &ReleaseFacts<'_>) -> impl Iterator<Item = &'static FileRow> {
+    let counts = facts.counts();
     let held_out = facts
         .scenes
         .iter()
@@ -19,7 +34,7 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
     let shown =
         |is: &dyn Fn(&RigCamera) -> bool| facts.scenes.iter().any(|scene| scene.recipe.rig.iter().any(is));
     let pictures = FOLDERS.into_iter().filter(|product| counts.has(product));
-    let rows = products::SCENE
+    let rows: Vec<&FileRow> = products::SCENE
         .iter()
         .chain(products::EVENTS.files)
         .chain(&products::PATH)
@@ -27,39 +42,18 @@ pub(super) fn files_section(facts: &ReleaseFacts<'_>) -> String {
         .chain(pictures.flat_map(|product| product.files))
         .chain(&products::CHECKS)
         .chain(&products::EXPORTS)
-        .chain(&products::TOP);
-    let is_there = |row: &&FileRow| match row.presence {
-        FilePresence::Always => true,
-        FilePresence::WithStreams => counts.has(&products::EVENTS),
-        FilePresence::WithSeveralSensors => several,
-        FilePresence::WithHeldOut => held_out,
-        FilePresence::WithRig => shown(&|camera| !camera.name.is_empty()),
-        FilePresence::WithStereo => shown(&|camera| camera.second.is_some()),
-        FilePresence::WithExports => {
-            !facts.info.include.is_empty() && facts.scenes.iter().any(|scene| !scene.is_withheld())
-        }
-    };
-    let mut text = String::from("## Files\n\n| file | content |\n|---|---|\n");
-    for FileRow { name, content, .. } in rows.filter(is_there) {
-        let names: Vec<String> = name.split(", ").map(|name| format!("`{name}`")).collect();
-        let _ = writeln!(text, "| {} | {content} |", names.join(", "));
-    }
-    text
-}
-
-/// Line of Python that reads a pose, which every release has.
-const POSE: &str = "world_from_camera = scene.pose(15_000)  # [4, 4], between poses by lerp and slerp";
-
-/// Lines of Python that load what the release has.
-pub(super) fn loading_section(facts: &ReleaseFacts<'_>) -> String {
-    let counts = facts.counts();
-    let made = products().filter(|product| counts.has(product));
-    let mut lines: Vec<&str> = made.flat_map(|product| product.loading).copied().collect();
-    // Events come first, and the pose second: users ask for both at one time.
-    lines.insert(usize::from(counts.has(&products::EVENTS)), POSE);
-    format!(
-        "## How to load it\n\n```python\nfrom gs2e import Scene  # gs2e.py, copied next to your own code\n\n\
-         scene = Scene(\"<scene>\", \"<trajectory>\")\n{}\n```\n",
-        lines.join("\n")
-    )
+        .chain(&products::TOP)
+        .filter(|row| match row.presence {
+            FilePresence::Always => true,
+            FilePresence::WithStreams => counts.has(&products::EVENTS),
+            FilePresence::WithSeveralSensors => facts.has_several_sensors(),
+            FilePresence::WithHeldOut => held_out,
+            FilePresence::WithRig => shown(&|camera| !camera.name.is_empty()),
+            FilePresence::WithStereo => shown(&|camera| camera.second.is_some()),
+            FilePresence::WithExports => {
+                !facts.info.include.is_empty() && facts.scenes.iter().any(|scene| !scene.is_withheld())
+            }
+        })
+        .collect();
+    rows.into_iter()
 }

@@ -1,9 +1,10 @@
 //! Front matter of the card, in the form that dataset hubs read.
 
 use crate::facts::ReleaseFacts;
+use crate::markdown::markup;
 use gs2e_files::escape::quoted;
 use gs2e_source::licence::LicenceObligation;
-use std::fmt::Write as _;
+use minijinja::{Value, context};
 
 /// The name that dataset hubs have for an SPDX expression. They know few licences by name; any other
 /// expression is given as another licence with a link.
@@ -27,53 +28,24 @@ pub fn hub_licence(expression: &str) -> Option<String> {
     KNOWN.contains(&expression).then(|| expression.to_lowercase())
 }
 
-/// Composes the front matter.
-pub(super) fn card_head(facts: &ReleaseFacts<'_>) -> String {
-    let (info, licence) = (facts.info, facts.licence);
-    let mut text = String::from("---\nlanguage: en\n");
-    let _ = match hub_licence(&licence.expression) {
-        Some(id) => writeln!(text, "license: {id}"),
-        None => writeln!(
-            text,
-            "license: other\nlicense_name: {}\nlicense_link: LICENSES",
-            quoted(&licence.expression)
-        ),
-    };
-    let _ = writeln!(text, "pretty_name: {}", quoted(&info.name));
-    let rows = facts.counts().trajectories;
-    // The names that dataset hubs know.
-    let size = [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K")];
-    let size = size.iter().find(|(limit, _)| rows < *limit).map_or("100K<n<1M", |(_, name)| name);
-    let _ = writeln!(text, "size_categories: [{}]", quoted(size));
-    text.push_str(match facts.provenance().has_events() {
-        true => "tags: [event-camera, 3d-gaussian-splatting, synthetic]\n",
-        false => "tags: [3d-gaussian-splatting, synthetic]\n",
-    });
-    let _ = writeln!(text, "configs: [{{ config_name: index, data_files: {} }}]", crate::index::NAME);
-    if licence.gated {
-        text.push_str(&gate_prompt(facts));
-    }
-    text.push_str("---\n");
-    text
-}
+/// Names of sizes that dataset hubs know, each with the number of rows from which on it does not hold.
+const SIZES: [(usize, &str); 4] =
+    [(1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (usize::MAX, "100K<n<1M")];
 
-/// Questions to receivers before they get access, in the form that hubs read: name and affiliation,
-/// and a promise for each obligation of the terms.
-fn gate_prompt(facts: &ReleaseFacts<'_>) -> String {
-    let mut text = String::from(
-        "extra_gated_heading: \"Terms of the upstream datasets\"\n\
-         extra_gated_prompt: \"To get access, accept the upstream terms in LICENSES.\"\n\
-         extra_gated_fields:\n  Name: text\n  Affiliation: text\n  \
-         \"I have read and accept the terms in LICENSES\": checkbox\n",
-    );
-    let asked = [
-        (LicenceObligation::NonCommercial, "I do not use it commercially"),
-        (LicenceObligation::NoRedistribution, "I do not redistribute any part of it"),
-        (LicenceObligation::DeletionOnRequest, "I delete data about a person on request"),
-    ];
-    let obligations = facts.obligations();
-    for (_, promise) in asked.iter().filter(|(obligation, _)| obligations.contains(obligation)) {
-        let _ = writeln!(text, "  \"{promise}\": checkbox");
+/// Promises of receivers before they get access, one per obligation of the terms.
+const PROMISES: [(LicenceObligation, &str); 3] = [
+    (LicenceObligation::NonCommercial, "I do not use it commercially"),
+    (LicenceObligation::NoRedistribution, "I do not redistribute any part of it"),
+    (LicenceObligation::DeletionOnRequest, "I delete data about a person on request"),
+];
+
+pub(super) fn head_values(facts: &ReleaseFacts<'_>) -> Value {
+    let (rows, obligations) = (facts.counts().trajectories, facts.obligations());
+    let size = SIZES.iter().find(|(limit, _)| rows < *limit).map(|(_, name)| markup(*name));
+    let promises = PROMISES.iter().filter(|(obligation, _)| obligations.contains(obligation));
+    context! {
+        hub_licence => hub_licence(&facts.licence.expression).map(markup),
+        quoted_licence => markup(quoted(&facts.licence.expression)), quoted_name => markup(quoted(&facts.info.name)),
+        size, index => crate::index::NAME, promises => promises.map(|(_, promise)| *promise).collect::<Value>(),
     }
-    text
 }

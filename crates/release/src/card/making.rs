@@ -1,67 +1,46 @@
-//! The section of the card on the making of the data: paths, sensors, and one row per stream.
+//! The making of the data: paths, sensors, and one row per stream.
 
 use super::built_trajectories;
-use crate::facts::ReleaseFacts;
+use crate::markdown::markup;
 use crate::published::PublishedScene;
 use crate::scene::{TrajectoryPart, TrajectoryStatistics};
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::voltmeter::BetweenFrames;
+use minijinja::{Value, context};
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 
 /// Ways in which paths of each kind are made.
-const PATHS: [(&str, &str); 4] = [
-    ("refine", "captured poses, smoothed"),
-    ("novel", "key poses drawn from another trajectory, joined by a curve"),
-    ("orbit", "a circle about a point, which the camera looks at"),
-    ("keyframes", "poses given by hand, joined by a curve"),
+const PATHS: [[&str; 2]; 4] = [
+    ["refine", "captured poses, smoothed"],
+    ["novel", "key poses drawn from another trajectory, joined by a curve"],
+    ["orbit", "a circle about a point, which the camera looks at"],
+    ["keyframes", "poses given by hand, joined by a curve"],
 ];
 
-pub(super) fn making_section(facts: &ReleaseFacts<'_>) -> String {
-    let scenes = facts.scenes;
+pub(super) fn making_values(scenes: &[PublishedScene]) -> Value {
     let kinds: Vec<&str> = built_trajectories(scenes).map(|(_, part)| part.kind.as_str()).collect();
-    let mut text = String::from("## How it was made\n\nEach path is one of these:\n\n");
-    for (kind, what) in PATHS.iter().filter(|(kind, _)| kinds.contains(kind)) {
-        let _ = writeln!(text, "- `{kind}`: {what}");
+    let paths = PATHS.into_iter().filter(|[kind, _]| kinds.contains(kind));
+    let streams = built_trajectories(scenes).flat_map(|(scene, part)| stream_rows(scene, part));
+    context! {
+        paths => paths.collect::<Value>(), sensors => sensors_made(scenes),
+        streams => streams.map(markup).collect::<Value>(),
     }
-    text.push_str(
-        "\nThe length of a path combines rotation and translation; poses are sampled at the prescribed speed. Seeds and all parameters \
-         are in `scene.json`.\n",
-    );
-    text.push_str(&sensors_made(scenes));
-    text.push_str(
-        "\n| scene / trajectory | source | path | Gaussians | size | poses | ms | events | ev/px/s | ON share | contrast ON, OFF |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n",
-    );
-    for row in built_trajectories(scenes).flat_map(|(scene, part)| stream_rows(scene, part)) {
-        let _ = writeln!(text, "{row}");
-    }
-    text
 }
 
 /// One item per kind of sensor: its model, what it compares, and its interpolation between frames.
-fn sensors_made(scenes: &[PublishedScene]) -> String {
+fn sensors_made(scenes: &[PublishedScene]) -> Value {
     let mut items = BTreeSet::new();
     for (scene, part) in built_trajectories(scenes) {
         for (_, sensor) in scene.streams(part) {
-            let between = between_words(sensor);
+            let (name, between) = (sensor.name(), between_words(sensor));
             // A rate of no meaning would be refused by the recipe, which the release holds.
             let screened = sensor.screen(scene.recipe.rate);
             let quantity =
                 screened.map_or_else(|_| "brightness".to_owned(), |found| found.quantity.to_owned());
-            items.insert(format!(
-                "- `{}`: compares `{quantity}`; {between} interpolation between frames\n",
-                sensor.name()
-            ));
+            items.insert(format!("`{name}`: compares `{quantity}`; {between} interpolation between frames"));
         }
     }
-    match items.is_empty() {
-        true => String::new(),
-        false => format!(
-            "\nEach frame was rendered and passed to the sensor:\n\n{}",
-            Vec::from_iter(items).concat()
-        ),
-    }
+    items.into_iter().map(markup).collect()
 }
 
 /// Interpolation of brightness between frames by a sensor.
