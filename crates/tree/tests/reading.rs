@@ -27,7 +27,8 @@ fn release(exposure_us: [i64; 2]) -> tempfile::TempDir {
         r#"{{ "frames": [{{ "t_us": 0 }}, {{ "t_us": 2000, "blur_file_path": "blur/000002.png",
              "exposure_start_us": {start}, "exposure_end_us": {end} }}] }}"#
     );
-    fs::write(folder.path().join("manifest.json"), r#"{ "format": 1, "scenes": [{ "id": "lab" }] }"#).unwrap();
+    fs::write(folder.path().join("manifest.json"), r#"{ "format": 1, "scenes": [{ "id": "lab" }] }"#)
+        .unwrap();
     fs::write(folder.path().join("lab/scene.json"), scene).unwrap();
     fs::write(base.join("poses.txt"), POSES).unwrap();
     fs::write(base.join("transforms.json"), transforms).unwrap();
