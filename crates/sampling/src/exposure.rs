@@ -31,7 +31,7 @@ pub enum SubframeRule {
     /// An odd number per dense frame, at most 33, so that the picture moves by at most 1 px between
     /// two. Motion beyond that draws a warning. It is measured at pixels with a depth.
     Auto,
-    /// No sub-frames.
+    /// No sub-frames. Ablation.
     Literal,
 }
 

@@ -95,7 +95,7 @@ pub enum FilterSteps {
     /// The exact response to an input that is linear between frames.
     #[default]
     Exact,
-    /// The published program's step towards the later frame.
+    /// The published program's step towards the later frame. Ablation.
     Euler,
 }
 

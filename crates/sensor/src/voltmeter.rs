@@ -113,7 +113,7 @@ pub struct VoltmeterModel {
 pub enum SamplerKind {
     /// First passages of the process, independent of the frame rate.
     Exact,
-    /// The published program's sampler, whose noise depends on the frame rate; for comparisons.
+    /// The published program's sampler, whose noise depends on the frame rate. Ablation.
     Official,
 }
 
@@ -123,7 +123,7 @@ pub enum SamplerKind {
 pub enum DriftGain {
     /// `k1 ln(L + k2)`.
     Log,
-    /// The published program's midpoint form; for comparisons.
+    /// The published program's midpoint form. Ablation.
     Midpoint,
 }
 

@@ -57,7 +57,7 @@ pub enum ViewOrder {
 pub enum RotationMean {
     /// Karcher mean.
     Mean,
-    /// The literal reading of the paper's equation 8.
+    /// The literal reading of the paper's equation 8. Ablation.
     SlerpMidpoint,
 }
 

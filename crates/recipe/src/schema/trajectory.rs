@@ -70,7 +70,7 @@ pub(crate) struct RefineSection {
     /// Curve along the smoothed poses. Default: `cubic`.
     pub curve: Field<CurveSection>,
     /// True if the paper's chord lengths are used, without normalisation by the arc length of the
-    /// curve. Default: `false`.
+    /// curve. Ablation. Default: `false`.
     pub literal: Field<bool>,
 }
 
@@ -89,11 +89,11 @@ pub(crate) struct MetricSection {
 pub(crate) enum CurveSection {
     /// Cubic splines, C2 through every pose.
     Cubic,
-    /// A cumulative cubic B-spline, C2, near the poses.
+    /// A cumulative cubic B-spline, C2, near the poses. Ablation.
     Cumulative,
-    /// Straight lines and slerp from pose to pose, which has corners.
+    /// Straight lines and slerp from pose to pose, which has corners. Ablation.
     SlerpLerp,
-    /// One Bezier curve near all poses.
+    /// One Bezier curve near all poses. Ablation.
     Bezier(Field<BezierSection>),
 }
 
@@ -122,7 +122,7 @@ pub(crate) struct NovelSection {
     pub duration: Field<NumberLiteral>,
     /// Curve along the key poses. Default: `any`.
     pub curve: Field<NovelCurveSection>,
-    /// True if chord lengths are used, without normalisation by the arc length of the curve.
+    /// True if chord lengths are used, without normalisation by the arc length of the curve. Ablation.
     /// Default: `false`.
     pub literal: Field<bool>,
 }
@@ -135,9 +135,9 @@ pub(crate) enum NovelCurveSection {
     Any,
     /// Cubic splines, C2 through every key pose.
     Cubic,
-    /// A cumulative cubic B-spline, C2, near the poses.
+    /// A cumulative cubic B-spline, C2, near the poses. Ablation.
     Cumulative,
-    /// Straight lines and slerp from pose to pose, which has corners.
+    /// Straight lines and slerp from pose to pose, which has corners. Ablation.
     SlerpLerp,
     /// One Bezier curve near all key poses.
     Bezier(Field<BezierSection>),
@@ -179,7 +179,7 @@ pub(crate) struct KeyframesSection {
     pub metric: Field<MetricSection>,
     /// Curve along the key poses. Default: `cubic`.
     pub curve: Field<CurveSection>,
-    /// True if chord lengths are used, without normalisation by the arc length of the curve.
+    /// True if chord lengths are used, without normalisation by the arc length of the curve. Ablation.
     /// Default: `false`.
     pub literal: Field<bool>,
 }

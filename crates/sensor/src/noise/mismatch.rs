@@ -31,7 +31,7 @@ pub enum RedrawRule {
     /// Once per sensor.
     #[default]
     PerSensor,
-    /// For each pair of frames. The behaviour of a pixel then depends on the frame rate.
+    /// For each pair of frames. The behaviour of a pixel then depends on the frame rate. Ablation.
     PerFrame,
 }
 
