@@ -163,7 +163,7 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
-        for (name, content) in trajectory_files((scene, file), (trajectory, part), store) {
+        for (name, content) in trajectory_files(scene, file, trajectory, part, store) {
             if shown(&name) {
                 tree.add(at(&name), content);
             }
@@ -181,8 +181,10 @@ fn stored_file(output: &StoredOutput, store: &Store) -> FileContent {
 /// The files of a trajectory by their names in its folder. Internal files of the store (the
 /// brightness that the sensor saw, the counts of the simulation) stay there.
 fn trajectory_files(
-    (scene, file): (&BuiltScene<'_>, &SceneRecord),
-    (trajectory, part): (&BuiltTrajectory, &TrajectoryPart),
+    scene: &BuiltScene<'_>,
+    file: &SceneRecord,
+    trajectory: &BuiltTrajectory,
+    part: &TrajectoryPart,
     store: &Store,
 ) -> BTreeMap<String, FileContent> {
     let outputs = |step: &str| scene.outputs(&trajectory.name, step);
@@ -198,7 +200,7 @@ fn trajectory_files(
     // A body sees nothing.
     if part.cameras.is_empty() {
         let camera = scene.camera_along(&trajectory.name);
-        let transforms = published::transforms_of(&camera, (part, readout_us), &trajectory.motion, &sharp);
+        let transforms = published::transforms_of(&camera, part, readout_us, &trajectory.motion, &sharp);
         files.insert(layout::TRANSFORMS.into(), FileContent::json(&transforms));
     }
     files

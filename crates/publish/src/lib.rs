@@ -221,7 +221,7 @@ impl<'a> JudgedRelease<'a> {
     /// cannot be read, or `cancel` is set.
     pub fn new(built: BuiltPlan<'a>, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
         let BuiltPlan { plan, summary, store, context, .. } = built;
-        let gather = |index| built::gather_scene(plan, index, summary, (store, &context.terms));
+        let gather = |index| built::gather_scene(plan, index, summary, store, &context.terms);
         let gathered = (0..plan.scenes().len()).map(gather);
         let (scenes, unbuilt) = sorted::part_unbuilt(gathered, context.partial)?;
         Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)?, unbuilt })

@@ -192,7 +192,8 @@ pub fn gather_scene<'a>(
     plan: &'a Plan,
     index: usize,
     summary: &RunSummary,
-    (store, terms): (&Store, &SourceTerms),
+    store: &Store,
+    terms: &SourceTerms,
 ) -> Result<BuiltScene<'a>, GatherError> {
     let recipe = &plan.scenes()[index];
     let not_built = |step: &str| GatherError::NotBuilt { scene: recipe.scene.clone(), step: step.to_owned() };

@@ -59,12 +59,15 @@ pub fn of_step(
     }
 }
 
-fn omission_row(
-    step: &str,
-    what: &str,
-    (how_much, of, unit): (u64, Option<u64>, &str),
-    proof: &str,
-) -> Option<OmissionRow> {
+/// An amount of work, of a whole where that is known.
+struct WorkAmount {
+    how_much: u64,
+    of: Option<u64>,
+    unit: &'static str,
+}
+
+fn omission_row(step: &str, what: &str, amount: WorkAmount, proof: &str) -> Option<OmissionRow> {
+    let WorkAmount { how_much, of, unit } = amount;
     let [step, what, unit, proof] = [step, what, unit, proof].map(str::to_owned);
     (how_much > 0).then_some(OmissionRow { step, what, how_much, of, unit, proof })
 }
@@ -77,19 +80,19 @@ fn of_work(step: &str, work: &RenderWork, sh_degree: Option<u8>) -> Vec<Omission
         omission_row(
             step,
             "Gaussians that no pose sees",
-            (work.unseen, Some(work.gaussians), "Gaussian-frames"),
+            WorkAmount { how_much: work.unseen, of: Some(work.gaussians), unit: "Gaussian-frames" },
             IDENTICAL,
         ),
         omission_row(
             step,
             "harmonics that are zero in the whole scene",
-            (work.zero_harmonics, harmonics, "harmonics"),
+            WorkAmount { how_much: work.zero_harmonics, of: harmonics, unit: "harmonics" },
             IDENTICAL,
         ),
         omission_row(
             step,
             "splat-tile pairs hidden behind opaque tiles",
-            (work.hidden, Some(work.tile_pairs), "pairs"),
+            WorkAmount { how_much: work.hidden, of: Some(work.tile_pairs), unit: "pairs" },
             IDENTICAL,
         ),
     ]
@@ -107,14 +110,19 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
         if let Some(QuietCells { quiet, all, missed_ln }) = quiet_cells(simulation, stream) {
             let proof = format!("error: misses an event with probability below e^-{missed_ln} per cell");
             let what = of("time cells of pixels far from any threshold");
-            rows.extend(omission_row(step, &what, (quiet, Some(all), "cells"), &proof));
+            rows.extend(omission_row(
+                step,
+                &what,
+                WorkAmount { how_much: quiet, of: Some(all), unit: "cells" },
+                &proof,
+            ));
         }
         let (kept, capped) = (stream.account.events, stream.account.capped);
         let what = of("events beyond the cap");
         rows.extend(omission_row(
             step,
             &what,
-            (capped, Some(kept + capped), "events"),
+            WorkAmount { how_much: capped, of: Some(kept + capped), unit: "events" },
             "error: these events are missing",
         ));
     }
@@ -132,7 +140,12 @@ fn colour_row(simulation: &SimulationRecord, class: &str) -> Option<OmissionRow>
     };
     // Gaussian-frames divided by Gaussians. Without Gaussians there is no row.
     let frames = simulation.work.gaussians.checked_div(simulation.gaussians as u64).filter(|_| !seen)?;
-    omission_row(EventsStage::NAME, "colours that no sensor sees", (frames, Some(frames), "frames"), proof)
+    omission_row(
+        EventsStage::NAME,
+        "colours that no sensor sees",
+        WorkAmount { how_much: frames, of: Some(frames), unit: "frames" },
+        proof,
+    )
 }
 
 /// Cells of the clock of a stream's pixels.

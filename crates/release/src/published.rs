@@ -145,7 +145,8 @@ pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
 /// their readout if their shutter rolls.
 pub fn transforms_of(
     camera: &Camera,
-    (part, readout_us): (&TrajectoryPart, Option<u32>),
+    part: &TrajectoryPart,
+    readout_us: Option<u32>,
     motion: &TrajectoryProduct,
     sharp: &[&str],
 ) -> serde_json::Value {

@@ -217,7 +217,8 @@ fn decode_table(file: File) -> Result<IndexTable, ParquetError> {
     let mut rows = Vec::new();
     let mut text = 0;
     for row in reader.get_row_iter(None)? {
-        let cells: Vec<CellValue> = row?.into_columns().into_iter().map(column_cell).collect();
+        let cells: Vec<CellValue> =
+            row?.into_columns().into_iter().map(|(_, field)| column_cell(field)).collect();
         // One long text in a dictionary can be used by many cells.
         text += cells.iter().map(text_bytes).sum::<usize>();
         budget.check(text, 1).map_err(over)?;
@@ -251,7 +252,7 @@ fn claim(metadata: &ParquetMetaData, columns: usize, budget: &mut ByteBudget) ->
     Ok(())
 }
 
-fn column_cell((_, field): (String, Field)) -> CellValue {
+fn column_cell(field: Field) -> CellValue {
     match field {
         Field::Null => CellValue::Null,
         Field::Str(text) => CellValue::Text(text),

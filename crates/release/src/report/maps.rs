@@ -30,7 +30,7 @@ pub(crate) fn depth_picture(
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    scale_picture(["depth", "units"], (product, track, places), width)
+    scale_picture(["depth", "units"], product, track, places, width)
 }
 
 /// The disparity nearest to the middle of the trajectory.
@@ -40,13 +40,15 @@ pub(crate) fn disparity_picture(
     places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
-    scale_picture(["disparity", "px"], (product, track, places), width)
+    scale_picture(["disparity", "px"], product, track, places, width)
 }
 
 /// A map of one value per pixel, in the colours of a scale.
 fn scale_picture(
     [what, unit]: [&str; 2],
-    (product, track, places): (&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>),
+    product: &ReleaseProduct,
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
     width: u32,
 ) -> Option<ShownPicture> {
     let (number, values) = read_map::<1>(track, places, product)?;

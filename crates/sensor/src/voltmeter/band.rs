@@ -80,6 +80,19 @@ struct BlockWindow {
     pieces: Vec<[[f64; 8]; 5]>,
 }
 
+/// The index of the first of eight pixels.
+#[derive(Clone, Copy)]
+struct PixelEight {
+    in_band: usize,
+    in_block: usize,
+}
+
+/// Those of eight pixels that have a barrier within reach, and the first of the eight in the band.
+struct LiveLanes<I> {
+    pixel: usize,
+    lanes: I,
+}
+
 /// The motion of eight pixels over a window if they touch no barrier.
 #[derive(Clone, Copy)]
 struct FreeCrossing<S: Simd> {
@@ -123,7 +136,8 @@ impl TimeStep<'_> {
                         // `crossing` leaves the drift of these eight in the block's pieces, and
                         // `pass` reads it there, so each eight is finished before the next.
                         let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
-                        self.pass::<C, S>(crossing, i, i - start, &mut slice, band);
+                        let eight = PixelEight { in_band: i, in_block: i - start };
+                        self.pass::<C, S>(crossing, eight, &mut slice, band);
                     }
                 },
             );
@@ -297,17 +311,17 @@ impl TimeStep<'_> {
     }
 
     /// Moves eight pixels to the end of the window where no barrier is within reach, and collects
-    /// the others as walkers. `pixel` is the index of the first in the band, `i` in its block.
+    /// the others as walkers.
     #[inline(always)]
     fn pass<C: DriftCurve, S: Simd>(
         &self,
         crossing: FreeCrossing<S>,
-        pixel: usize,
-        i: usize,
+        eight: PixelEight,
         slice: &mut BandSlice<'_>,
         band: &mut BandCrosser,
     ) {
         let FreeCrossing { increment, drift, sigma, curvature, straying } = crossing;
+        let PixelEight { in_band: pixel, in_block } = eight;
         let simd = drift.simd;
         let x = load_eight(simd, slice.voltage, pixel);
         let y = x + drift + sigma * increment;
@@ -333,17 +347,17 @@ impl TimeStep<'_> {
         // A window without noise lies between two frames, so it has one leg and one straight drift.
         if self.law.process.is_noiseless() && C::are_straight(&self.law.process) {
             let straight = StraightDrift::new(barriers, [x, drift], self.length);
-            return self.run_straight(live, pixel, &straight, slice, band);
+            return self.run_straight(LiveLanes { pixel, lanes: live }, &straight, slice, band);
         }
         // The curves are computed a second time, for few pixels: keeping them for all costs more
         // memory traffic.
         for at in 0..self.legs.len() {
-            let (curve, _) = self.curve::<C, S>(simd, at, i, &band.block);
+            let (curve, _) = self.curve::<C, S>(simd, at, in_block, &band.block);
             let [_, to @ ..] = &mut band.block.pieces[at];
             to.iter_mut().zip(curve).for_each(|(to, c)| c.store_slice(to));
         }
         if self.law.process.is_noiseless() {
-            return self.run::<C>(live, (pixel, *x), slice, band);
+            return self.run::<C>(LiveLanes { pixel, lanes: live }, *x, slice, band);
         }
         for lane in live {
             let walker = Walker {
@@ -362,17 +376,17 @@ impl TimeStep<'_> {
 }
 
 impl TimeStep<'_> {
-    /// Moves pixels across the window without noise and with straight drift: lanes of eight from
-    /// `pixel` on. Their voltages at the end, before the resets by events, are stored already.
+    /// Moves pixels across the window without noise and with straight drift. Their voltages at the
+    /// end, before the resets by events, are stored already.
     #[inline(always)]
     fn run_straight<S: Simd>(
         &self,
-        lanes: impl Iterator<Item = usize>,
-        pixel: usize,
+        live: LiveLanes<impl Iterator<Item = usize>>,
         straight: &StraightDrift<S>,
         slice: &mut BandSlice<'_>,
         band: &mut BandCrosser,
     ) {
+        let LiveLanes { pixel, lanes } = live;
         let BandCrosser { events, most, capped, logs, .. } = band;
         let BandSlice { first, seats, tally, voltage, .. } = slice;
         let logs = logs.as_deref_mut();
@@ -387,16 +401,16 @@ impl TimeStep<'_> {
         }
     }
 
-    /// Moves pixels across the window without noise: lanes of eight from `pixel` on, with their
-    /// voltages at the start.
+    /// Moves pixels across the window without noise. `x` are the voltages of the eight at the start.
     #[inline(always)]
     fn run<C: DriftCurve>(
         &self,
-        lanes: impl Iterator<Item = usize>,
-        (pixel, x): (usize, [f64; 8]),
+        live: LiveLanes<impl Iterator<Item = usize>>,
+        x: [f64; 8],
         slice: &mut BandSlice<'_>,
         band: &mut BandCrosser,
     ) {
+        let LiveLanes { pixel, lanes } = live;
         let BandCrosser { block, events, most, capped, logs, .. } = band;
         let BandSlice { first, seats, tally, voltage, .. } = slice;
         let logs = logs.as_deref_mut();

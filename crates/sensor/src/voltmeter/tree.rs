@@ -318,7 +318,7 @@ impl RootWalk<'_> {
             let curvature = gather_eight(simd, &self.walkers.curvature, &members);
             let mut straying = curvature * (length * length * 0.125);
             if !knots.is_empty() {
-                straying += self.knots_of(simd, node, &members, [from, to], knots.clone());
+                straying += self.knots_of(node, &members, [from, to], knots.clone());
             }
             let y = x + (to - from) + sigma * increment;
             let barriers = self.barriers(simd, &members);
@@ -373,13 +373,13 @@ impl RootWalk<'_> {
     #[inline(always)]
     fn knots_of<S: Simd>(
         &self,
-        simd: S,
         node: ClockCell,
         members: &[usize; 8],
         [from, to]: [f64x8<S>; 2],
         knots: Range<usize>,
     ) -> f64x8<S> {
         let Self { window, walkers, .. } = self;
+        let simd = from.simd;
         let slope = (to - from) * (1.0 / f64::from(node.length()));
         let legs = window.legs.len();
         let mut farthest = f64x8::splat(simd, 0.0);

@@ -127,7 +127,8 @@ impl McapWriter {
     pub(super) fn add_channel(
         &mut self,
         topic: &'static str,
-        (name, encoding): (&'static str, &'static str),
+        name: &'static str,
+        encoding: &'static str,
         definition: impl FnOnce() -> String,
     ) -> u16 {
         let place = self.schemas.iter().position(|schema| schema.name == name).unwrap_or_else(|| {

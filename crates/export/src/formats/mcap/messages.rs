@@ -45,7 +45,7 @@ pub(super) fn event_packet(t_ns: i64, size: Size, seq: u64, packet: &EventPacket
 }
 
 /// `sensor_msgs/msg/Image` with `bytes` per pixel.
-fn image(t_ns: i64, size: Size, (encoding, bytes): (&str, u32), data: &[u8]) -> Vec<u8> {
+fn image(t_ns: i64, size: Size, encoding: &str, bytes: u32, data: &[u8]) -> Vec<u8> {
     let mut message = stamped(t_ns, CAMERA);
     message.u32(size.height);
     message.u32(size.width);
@@ -58,13 +58,13 @@ fn image(t_ns: i64, size: Size, (encoding, bytes): (&str, u32), data: &[u8]) -> 
 
 /// A picture in sRGB.
 pub(super) fn colour(t_ns: i64, picture: &Image<[u8; 3]>) -> Vec<u8> {
-    image(t_ns, picture.size(), ("rgb8", 3), picture.pixels().as_flattened())
+    image(t_ns, picture.size(), "rgb8", 3, picture.pixels().as_flattened())
 }
 
 /// Depth along the optical axis; NaN where nothing is seen, as REP 118 has it.
 pub(super) fn depth(t_ns: i64, picture: &Image<f32>) -> Vec<u8> {
     let data: Vec<u8> = picture.pixels().iter().flat_map(|z| z.to_le_bytes()).collect();
-    image(t_ns, picture.size(), ("32FC1", 4), &data)
+    image(t_ns, picture.size(), "32FC1", 4, &data)
 }
 
 /// `sensor_msgs/msg/Imu` of a body rate and a specific force, in the axes of the camera.

@@ -80,8 +80,7 @@ impl<'a> Recording<'a> {
             (TRANSFORMS, MessageType::Transforms, true),
         ] {
             if is_used {
-                let schema = (kind.name(), ENCODING);
-                let channel = recording.file.add_channel(topic, schema, || kind.definition());
+                let channel = recording.file.add_channel(topic, kind.name(), ENCODING, || kind.definition());
                 recording.channels.insert(topic, channel);
             }
         }

@@ -28,7 +28,7 @@ pub(in crate::report) fn write_checks(html: &mut HtmlFragment, page: &ReportPage
                 let counts = check::NAMES.into_iter().map(|name| (name, count(name)));
                 counts
                     .filter(|(_, count)| *count != VerdictCount::default())
-                    .for_each(|of| by_check(html, of));
+                    .for_each(|(name, count)| by_check(html, name, count));
             });
         });
         write_faults(html, page);
@@ -39,7 +39,7 @@ const VERDICTS: &str = "pass: within the limits. warn: outside a limit that does
     accepted by the recipe for a stated reason. not-run: could not be judged; the reason is below. A scene with a \
     failed check is not in the release.";
 
-fn by_check(html: &mut HtmlFragment, (name, count): (&str, VerdictCount)) {
+fn by_check(html: &mut HtmlFragment, name: &str, count: VerdictCount) {
     html.within("tr", &[], |html| {
         html.leaf("th", &[("scope", "row")], name);
         html.within("td", &[("class", "verdicts")], |html| count.bar(html));
