@@ -146,8 +146,8 @@ fn trajectory(
     let planned = super::contents::pictures_planned(tree, &scene.file, part);
     let planned = planned.iter().filter_map(|name| name.strip_prefix(frames)?.strip_prefix('/'));
     let sharp: Vec<&str> = if scene.is_withheld() { planned.collect() } else { sharp.collect() };
-    let transforms =
-        gs2e_release::published::transforms_of(&camera, (part, scene.recipe.readout_us), motion, &sharp);
+    let readout_us = scene.recipe.readout_us;
+    let transforms = gs2e_release::published::transforms_of(&camera, part, readout_us, motion, &sharp);
     // The path of a camera follows from that of its body.
     let carried = scene.recipe.mounted(&part.name).and_then(|mounted| {
         let (_, body) = scene.paths().find(|(other, _)| other.name == mounted.body)?;

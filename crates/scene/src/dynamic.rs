@@ -29,8 +29,7 @@
 //! let track = SplatTrack { motion: [[4.0, 0.0, 0.0], [0.0; 3], [0.0; 3]], ..SplatTrack::STILL };
 //! let time = SceneTime { span: SceneSpan::Duration(2.0), ..SceneTime::default() };
 //! let scene = scene.with_dynamics(time, SplatCourse::Tracks(vec![track]));
-//! let dynamics = scene.dynamics().ok_or("a scene at rest")?;
-//! let splat = dynamics.splat(&scene, 0, dynamics.moment(0.5));
+//! let splat = scene.at(0.5).ok_or("a scene at rest")?.splat(0);
 //! // A position of 1 unit after half a second, and a velocity of 2 units per second.
 //! assert_eq!(splat.position[0], [1.0, 2.0]);
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -222,7 +222,10 @@ impl<'c> Reference<'c> {
         let (name, _) = core(&member.ty);
         // White is written as a number, and the same choices stand with `sensor`.
         let elsewhere = matches!(name, "WhiteBrightness" | "Limits") || member.ty.contains("BTreeMap");
-        self.krate.named(name, file).filter(|found| found.is_enum && !elsewhere)
+        if elsewhere {
+            return None;
+        }
+        self.krate.named(name, file).filter(|found| found.is_enum)
     }
 
     /// Choices of an enumeration, one per line.
