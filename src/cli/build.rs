@@ -80,8 +80,8 @@ pub(super) struct TrustOptions {
     /// Copy steps from and to this folder, or s3://BUCKET/PREFIX, which the builds of several machines share
     #[arg(long, value_name = "DIR")]
     pub(super) shared_store: Option<PathBuf>,
-    /// Space in the store for rendered frames, as 20GB, so that a sensor can be changed without a renderer; or off
-    /// [default: 2GB for a single scene, else off]
+    /// Space in the store for rendered frames, as 20GB, so that a sensor can be changed without a renderer;
+    /// or off [default: 2GB for a single scene, else off]
     #[arg(long, value_name = "BYTES", value_parser = parse_keep_frames)]
     keep_frames: Option<KeepFrames>,
     /// Treat a warning of a check as a fault: exit 3, and release nothing

@@ -30,8 +30,8 @@ pub(super) struct CommonArgs {
     /// Renderer
     #[arg(long, value_enum, default_value_t = BackendArg::Auto, global = true)]
     pub(super) backend: BackendArg,
-    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name, or `all`, so that each GPU
-    /// of the most capable kind renders a scene
+    /// GPU to render on: its index in the list of all GPUs, from 0, or a part of its name, or `all`, so that
+    /// each GPU of the most capable kind renders a scene
     #[arg(long, value_name = "NAME, INDEX or all", global = true)]
     pub(super) gpu: Option<gpu::DeviceChoice>,
     /// Features of the GPU to leave out, separated by commas: subgroups, timestamps

@@ -33,8 +33,8 @@ const MAX_PIXELS: usize = 1 << 28;
 /// Arguments of `render`.
 #[derive(Debug, clap::Args)]
 pub(super) struct RenderArgs {
-    /// Scene file: .ply, .splat, .spz or .sog; with --at-time, a .ply or .splatv with tracks, or a folder with a
-    /// sequence of scene files
+    /// Scene file: .ply, .splat, .spz or .sog; with --at-time, a .ply or .splatv with tracks, or a folder
+    /// with a sequence of scene files
     #[arg(long, value_name = "FILE")]
     scene: PathBuf,
     /// Moment of a scene that changes with time, s

@@ -1,5 +1,5 @@
-//! Scenes that change with time: rates and flow against differences of pictures and places, closed forms, files that
-//! this test writes, builds, and what is refused.
+//! Scenes that change with time: rates and flow against differences of pictures and places, closed forms,
+//! files that this test writes, builds, and what is refused.
 
 mod builds;
 mod files;
@@ -81,8 +81,8 @@ fn rates_are_differences_of_pictures_in_which_camera_and_gaussians_move() {
             let grey = |seconds: f64| -> Vec<f64> {
                 reference.luminance(&after(&view, seconds)).unwrap().iter().map(|[value, _]| *value).collect()
             };
-            // As for objects: within 2e-7 s nothing moves by 1e-4 px, and pixels whose differences over h and h/2
-            // disagree have a jump.
+            // As for objects: within 2e-7 s nothing moves by 1e-4 px, and pixels whose differences over h and
+            // h/2 disagree have a jump.
             let over = |h: f64| -> Vec<f64> {
                 grey(h).iter().zip(grey(-h)).map(|(after, before)| (after - before) / (2.0 * h)).collect()
             };
@@ -137,7 +137,8 @@ fn pictures_of_a_moment_do_not_depend_on_those_before() {
         let mut off: Vec<f32> = off.collect();
         off.sort_by(f32::total_cmp);
         println!("cpu and reference: at most {:e}, median {:e}", off[off.len() - 1], off[off.len() / 2]);
-        // 32 bits of a position of 8 units move a splat by 1e-5 px; a pixel at a cut of alpha jumps by a grey step.
+        // 32 bits of a position of 8 units move a splat by 1e-5 px; a pixel at a cut of alpha jumps by a grey
+        // step.
         assert!(off[off.len() * 99 / 100] < 1e-4 && off[off.len() - 1] < 0.03);
     }
 }
@@ -212,7 +213,8 @@ fn flow_is_the_way_of_points_that_move_with_their_gaussian() {
                 let moved = place(i, view.seconds + seconds) - place(i, view.seconds);
                 seen_from(&after(&view, seconds), world + moved).unwrap()
             };
-            // Over 2e-5 s, the third derivative of a place on the picture, below 1e5 px/s^3, leaves 1e-5 px/s.
+            // Over 2e-5 s, the third derivative of a place on the picture, below 1e5 px/s^3, leaves 1e-5
+            // px/s.
             let h = 1e-5;
             let (before, after) = (seen(-h), seen(h));
             let found = flow.pixels()[index];
@@ -227,7 +229,8 @@ fn flow_is_the_way_of_points_that_move_with_their_gaussian() {
     }
 }
 
-/// A round Gaussian on the optical axis that moves sideways, with the picture by the formula of the projection.
+/// A round Gaussian on the optical axis that moves sideways, with the picture by the formula of the
+/// projection.
 #[test]
 fn a_moving_gaussian_is_where_its_track_says() {
     let blob = ColourBlob {

@@ -1,5 +1,5 @@
-//! Inertial data: a strap-down integrator of this test returns the path, noise has its densities, and the files
-//! are part of a release.
+//! Inertial data: a strap-down integrator of this test returns the path, noise has its densities, and the
+//! files are part of a release.
 
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
@@ -121,8 +121,8 @@ fn ten_million_samples_have_the_densities_of_the_model() {
     let mean = |deviations: Vec<f64>| {
         (deviations.iter().map(|d| d * d).sum::<f64>() / deviations.len() as f64).sqrt()
     };
-    // White noise: the deviation at a span of tau seconds is N / sqrt(tau). With 3.3e6 samples and spans of 10, the
-    // variance is known to 0.2 %.
+    // White noise: the deviation at a span of tau seconds is N / sqrt(tau). With 3.3e6 samples and spans of
+    // 10, the variance is known to 0.2 %.
     let white = errors(AxisModel { noise, ..AxisModel::IDEAL });
     let found = mean(white.iter().map(|axis| allan(axis, 10)).collect()) * (10.0 / rate).sqrt();
     assert!((found / noise - 1.0).abs() < 0.03, "{found}");

@@ -21,8 +21,8 @@ fn files(place: &Workspace) -> Vec<PathBuf> {
     found.filter(|entry| entry.file_type().is_file()).map(walkdir::DirEntry::into_path).collect()
 }
 
-/// Builds with one threshold and then with another one. The second build takes its frames from the first, all of
-/// them or some, and its release is that of a build that renders them.
+/// Builds with one threshold and then with another one. The second build takes its frames from the first, all
+/// of them or some, and its release is that of a build that renders them.
 fn check(outputs: &[&str], settings: &[(&str, Value)], takes_all: bool) {
     let place = Workspace::new();
     place.write("recipes/tiny.yaml", scene(outputs, 0.1, settings));

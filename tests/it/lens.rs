@@ -1,5 +1,5 @@
-//! Pictures through a lens: planted points lie where OpenCV's formulae put them, what is undistorted is the pinhole
-//! picture, and flow is that of the distorted picture.
+//! Pictures through a lens: planted points lie where OpenCV's formulae put them, what is undistorted is the
+//! pinhole picture, and flow is that of the distorted picture.
 
 mod recipes;
 
@@ -65,7 +65,8 @@ fn seen(model: Model, point: DVec3) -> [f64; 2] {
     [CAMERA.fx * x + CAMERA.cx, CAMERA.fy * y + CAMERA.cy]
 }
 
-/// Points over the whole picture, at different depths, as far from each other as they are from the next blob's light.
+/// Points over the whole picture, at different depths, as far from each other as they are from the next
+/// blob's light.
 fn points() -> Vec<[f32; 3]> {
     let place = |i: u16| {
         let (column, row) = (f32::from(i % 9) - 4.0, f32::from(i / 9) - 3.0);
@@ -75,8 +76,8 @@ fn points() -> Vec<[f32; 3]> {
     (0..63).map(place).collect()
 }
 
-/// White blobs with a deviation of 1.9 px. Of smaller ones, which the lens makes smaller still towards the border, the
-/// cubic between pixels moves the centroid: by 0.02 px at 1.3 px.
+/// White blobs with a deviation of 1.9 px. Of smaller ones, which the lens makes smaller still towards the
+/// border, the cubic between pixels moves the centroid: by 0.02 px at 1.3 px.
 fn dots() -> Gaussians {
     let blob = |position: [f32; 3]| ColourBlob {
         position,
@@ -120,8 +121,9 @@ fn ray_of(model: Model, [u, v]: [f64; 2]) -> ([f64; 2], f64) {
     ([x, y], 1.0 / (a * d - b * c))
 }
 
-/// Where the model puts the centroid of the rays of the light within 7 px of a place; `None` near the border. A blob
-/// is symmetric among rays. In the picture it is not: the lens makes its outer half smaller, by 0.03 px of centroid.
+/// Where the model puts the centroid of the rays of the light within 7 px of a place; `None` near the border.
+/// A blob is symmetric among rays. In the picture it is not: the lens makes its outer half smaller, by 0.03
+/// px of centroid.
 fn centroid(image: &Image<f32>, model: Model, [u, v]: [f64; 2]) -> Option<[f64; 2]> {
     let near = 8.0;
     let inside = |at: f64, side: u32| (near..=f64::from(side) - near).contains(&at);
@@ -208,8 +210,8 @@ fn flow_is_that_of_the_distorted_picture() {
     }
 }
 
-/// Why pictures are resampled: a splat that is projected by the derivatives of the lens at its mean is bent by
-/// `3 k1 r s^2 / f` at `s` px from it, for a ray `r`.
+/// Why pictures are resampled: a splat that is projected by the derivatives of the lens at its mean is bent
+/// by `3 k1 r s^2 / f` at `s` px from it, for a ray `r`.
 #[test]
 fn a_splat_projected_by_derivatives_misses_by_the_square_of_its_size() {
     let (k1, focal, ray) = (-0.28, 420.0, DVec2::new(0.7, 0.0));

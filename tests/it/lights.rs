@@ -1,5 +1,5 @@
-//! Light that changes: the events of a flickering still scene are those of the law's closed form, pictures and
-//! exposures are multiplied in linear light, and the setting is part of keys, messages and releases.
+//! Light that changes: the events of a flickering still scene are those of the law's closed form, pictures
+//! and exposures are multiplied in linear light, and the setting is part of keys, messages and releases.
 
 use crate::rolling::picture;
 use crate::support::steps::{keys, recipe, steps};
@@ -57,9 +57,9 @@ fn still_events(lights: &SceneLights, model: &dyn SensorModel) -> (Image<[f32; 3
     (rendered.rgb.unwrap(), events)
 }
 
-/// The ideal sensor of `ln(eps + L)` with a threshold `c` and light `f` times the scene's: references are the grid
-/// `V(0) + k c`. In each period after the first, as many ON events as OFF events step through the grid points between
-/// the darkest and the brightest moment.
+/// The ideal sensor of `ln(eps + L)` with a threshold `c` and light `f` times the scene's: references are the
+/// grid `V(0) + k c`. In each period after the first, as many ON events as OFF events step through the grid
+/// points between the darkest and the brightest moment.
 fn check_closed_form(waveform: Waveform, depth: f64, decode: ChannelDecode) {
     let flicker = Flicker { hz: 100.0, depth, waveform, phase: 0.0 };
     // A first frame that is a little brighter, so that no reference is at an extreme of the flicker.

@@ -1,7 +1,7 @@
-//! Compares the demo's committed manifest with a fresh build, digest by digest, since there is one
-//! numerical class. The test runs an unoptimised program, the manifest comes from an optimised
-//! build: equal digests also show that no optimisation changes a bit. It is the README's first command, whose second
-//! run makes nothing.
+//! Compares the demo's committed manifest with a fresh build, digest by digest, since there is one numerical
+//! class. The test runs an unoptimised program, the manifest comes from an optimised build: equal digests
+//! also show that no optimisation changes a bit. It is the README's first command, whose second run makes
+//! nothing.
 
 use gs2e_release::{ManifestScene, ReleaseManifest};
 use std::path::Path;

@@ -1,5 +1,6 @@
-//! Objects that move: rates and flow against differences of pictures and places, harmonics against a scene that was
-//! rotated by this test, masks against renderings of each object alone, and events against the masks.
+//! Objects that move: rates and flow against differences of pictures and places, harmonics against a scene
+//! that was rotated by this test, masks against renderings of each object alone, and events against the
+//! masks.
 
 #![expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
 
@@ -181,7 +182,8 @@ fn flow_is_the_way_of_points_that_move_with_their_object() {
                 let own = after(&view, seconds).world_from_camera.inverse();
                 view.camera.project(own.rotation * place(seconds) + own.translation).unwrap()
             };
-            // Over 2e-5 s, the third derivative of a place on the picture, below 1e5 px/s^3, leaves 1e-5 px/s.
+            // Over 2e-5 s, the third derivative of a place on the picture, below 1e5 px/s^3, leaves 1e-5
+            // px/s.
             let h = 1e-5;
             let (before, after) = (seen(-h), seen(h));
             let wanted = [0, 1].map(|k| (after[k] - before[k]) / (2.0 * h));
@@ -195,8 +197,8 @@ fn flow_is_the_way_of_points_that_move_with_their_object() {
     }
 }
 
-/// Coefficients of the function that has the value of `coefficients` at `R^-1 d` in direction `d`, by least squares
-/// over many directions. It knows nothing of how harmonics turn, only their values.
+/// Coefficients of the function that has the value of `coefficients` at `R^-1 d` in direction `d`, by least
+/// squares over many directions. It knows nothing of how harmonics turn, only their values.
 fn rotated_harmonics(coefficients: &[[f32; 3]], turn: DQuat) -> Vec<[f32; 3]> {
     const N: usize = 16;
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());

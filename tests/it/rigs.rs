@@ -1,5 +1,5 @@
-//! Rigs: places and products of each camera, motion between the poses, disparity by projections of this test, and
-//! calibration by OpenCV.
+//! Rigs: places and products of each camera, motion between the poses, disparity by projections of this test,
+//! and calibration by OpenCV.
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of small pictures")]
 
@@ -21,8 +21,8 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// A rig on the tiny scene: a camera at the body, one that is turned and has other intrinsics and a lens, and one for
-/// frames with a fisheye.
+/// A rig on the tiny scene: a camera at the body, one that is turned and has other intrinsics and a lens, and
+/// one for frames with a fisheye.
 const RIG: &str = "\
 version: 1
 scene: tiny
@@ -160,8 +160,8 @@ fn noise_differs_where_nothing_else_does() {
     assert_ne!(files["a/events.h5"], files["b/events.h5"]);
 }
 
-/// Velocity between the poses: that of the spline through the poses of a camera, the lever arm on the spline of the
-/// body, and differences of its own poses.
+/// Velocity between the poses: that of the spline through the poses of a camera, the lever arm on the spline
+/// of the body, and differences of its own poses.
 #[test]
 fn velocities_of_a_camera_are_those_of_its_lever_arm_and_of_its_differences() {
     let mount = CameraMount {
@@ -283,8 +283,8 @@ fn sampled(map: &[f32], channels: usize, channel: usize, [x, y]: [f64; 2]) -> Op
     Some(rows[0] * (1.0 - b) + rows[1] * b)
 }
 
-/// A pixel of the left camera with its depth is a point. The right camera sees it, and the maps of both cameras take
-/// both places to one row, as far apart as the written disparity.
+/// A pixel of the left camera with its depth is a point. The right camera sees it, and the maps of both
+/// cameras take both places to one row, as far apart as the written disparity.
 #[test]
 fn the_rectified_pair_reprojects_within_a_twentieth_of_a_pixel() {
     let place = released();

@@ -1,5 +1,5 @@
-//! Rolling shutter: a vertical line under a pan leans by the closed form, and the setting is part of keys, files and
-//! messages.
+//! Rolling shutter: a vertical line under a pan leans by the closed form, and the setting is part of keys,
+//! files and messages.
 
 use crate::support::steps::{recipe, steps};
 use crate::support::workspace::Workspace;
@@ -28,7 +28,8 @@ fn line() -> Gaussians {
     }])
 }
 
-/// A pan about y at 1 rad/s. A point ahead at the start is at an angle of `-t` in the camera after the time `t`, where
+/// A pan about y at 1 rad/s. A point ahead at the start is at an angle of `-t` in the camera after the time
+/// `t`, where
 /// 0.5 s is the time of the pose that is looked at.
 fn pan(seconds: f64) -> Se3 {
     Se3 { rotation: DQuat::from_rotation_y(seconds - 0.5), translation: DVec3::ZERO }

@@ -199,7 +199,8 @@ fn the_printed_noise_is_that_of_the_array() {
     let events = found["account"]["events"].as_f64().unwrap();
     let made = events / (48.0 * 48.0) / 5.0;
     println!("{made:.4} Hz of {stated:.4} Hz");
-    // Five standard deviations of a count of about 40,000 are 2.5 %, a third of the difference to a nominal pixel.
+    // Five standard deviations of a count of about 40,000 are 2.5 %, a third of the difference to a nominal
+    // pixel.
     assert!(events > 30_000.0 && (made / stated - 1.0).abs() < 0.025, "{made} Hz of {stated} Hz");
 }
 

@@ -83,8 +83,8 @@ fn write_package(of: &Taken, package: &Path) -> std::io::Result<()> {
     fs::write(package.join("src/main.rs"), text)
 }
 
-/// Writes a scene, a picture, frames in which a bright bar moves, a recording of a few events, and a release that
-/// waits for the events of the frames.
+/// Writes a scene, a picture, frames in which a bright bar moves, a recording of a few events, and a release
+/// that waits for the events of the frames.
 fn write_inputs(folder: &Path) -> std::io::Result<()> {
     let golden = root().join("tests/golden/scenes");
     fs::copy(golden.join("packed-coloured.expected.ply"), folder.join("scene.ply"))?;

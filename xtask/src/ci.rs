@@ -12,8 +12,8 @@ type Step = (&'static str, fn() -> Outcome);
 const STEPS: [Step; 10] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
-        // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature is
-        // compiled here alone.
+        // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature
+        // is compiled here alone.
         let by_name = ["--test", "faults", "--test", "fuzz", "--test", "bombs", "--", "-D", "warnings"];
         let all = ["clippy", "--quiet", "--all-targets", "--features", "gs2e/s3"];
         cargo(&all).args(PACKAGES).args(by_name).run()

@@ -1,7 +1,8 @@
 //! The GPU: `gs2e doctor`, the renderer by the benchmark `gpu`, gsplat on the same views in the same run, and
 //! the paper's scene from recipe to release.
 //!
-//! It is one command, so that an hour on a machine with a GPU is enough. What is absent is named and left out.
+//! It is one command, so that an hour on a machine with a GPU is enough. What is absent is named and left
+//! out.
 
 use crate::check_bench::watch;
 use crate::command::{Outcome, cargo, program, root, say};

@@ -1,8 +1,8 @@
 //! Cost of one pass of the renderer for all outputs of a trajectory, next to that of a step for each output.
 //!
-//! A build from an empty store makes the outputs in one pass. `--recheck 1` then makes each step again, alone,
-//! and compares the bytes. Then the threshold of the sensor changes, and the events are made of kept frames, and
-//! of rendered ones.
+//! A build from an empty store makes the outputs in one pass. `--recheck 1` then makes each step again,
+//! alone, and compares the bytes. Then the threshold of the sensor changes, and the events are made of kept
+//! frames, and of rendered ones.
 
 use crate::check_bench::{Cost, watch};
 use crate::command::{Outcome, cargo, root, say};

@@ -8,7 +8,8 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A still life at the size of a DAVIS346, and a frame at each pose. The picture moves by half a pixel per frame at most.
+/// A still life at the size of a DAVIS346, and a frame at each pose. The picture moves by half a pixel per
+/// frame at most.
 const RECIPE: &str = "\
 version: 1
 scene: peers
@@ -90,8 +91,8 @@ fn make_frames(gs2e: &Path, folder: &Path) -> Outcome {
     watch(gs2e, &release, &[0]).map(|_| ())
 }
 
-/// The least CPU time of the whole command: it starts, reads the frames, and writes a file, which the peers need
-/// not do.
+/// The least CPU time of the whole command: it starts, reads the frames, and writes a file, which the peers
+/// need not do.
 fn own_cost(gs2e: &Path, sensor: &str, [frames, stamps, out]: [&String; 3], runs: usize) -> Outcome<f64> {
     let args = [
         "simulate", "-q", "-j", "1", "--frames", frames, "--stamps", stamps, "--sensor", sensor, "--out", out,

@@ -198,11 +198,12 @@ pub fn audit_against(dir: &Path, options: AuditOptions<'_>) -> io::Result<AuditR
     audit_all(dir, options, PartsFound::default())
 }
 
-/// Audits the release in `dir`. With parts, the files were hashed and opened in these, and only what is left is
-/// read.
+/// Audits the release in `dir`. With parts, the files were hashed and opened in these, and only what is left
+/// is read.
 ///
 /// # Errors
-/// As [`audit_release`]; the parts are not all parts of this tree; or an export cannot be written to the folder of temporary files.
+/// As [`audit_release`]; the parts are not all parts of this tree; or an export cannot be written to the
+/// folder of temporary files.
 pub fn audit_with(
     dir: &Path,
     options: AuditOptions<'_>,
@@ -366,8 +367,8 @@ fn published(
     read.into_iter().collect::<Option<Vec<_>>>().filter(|scenes| !scenes.is_empty())
 }
 
-/// Faults of the files at the top. They are composed again from `published`. Where that is not possible, or some
-/// bytes differ, they are judged by the statements that they share with other files.
+/// Faults of the files at the top. They are composed again from `published`. Where that is not possible, or
+/// some bytes differ, they are judged by the statements that they share with other files.
 fn top(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,

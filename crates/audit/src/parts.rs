@@ -2,8 +2,8 @@
 //! what they found.
 //!
 //! A part has the files of some scenes, with a folder that has a `scene.json` as a scene, and the first part
-//! also those of no scene. Every process lists the tree and finds the same parts, with about the same number of
-//! bytes. A part holds the hashes of its files, and the faults of their contents. The verdict compares the
+//! also those of no scene. Every process lists the tree and finds the same parts, with about the same number
+//! of bytes. A part holds the hashes of its files, and the faults of their contents. The verdict compares the
 //! hashes with all lists. A file that came or went since is noticed, but not one that was altered.
 
 use super::bytes::{self, Bytes};

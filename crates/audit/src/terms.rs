@@ -241,8 +241,8 @@ pub(super) fn text_faults(manifest: &ReleaseManifest, tree: &TrustedTree<'_>) ->
     faults
 }
 
-/// Checks that `REUSE.toml` says of the files what the scenes say, and that datasheet and card state the terms of
-/// the whole.
+/// Checks that `REUSE.toml` says of the files what the scenes say, and that datasheet and card state the
+/// terms of the whole.
 pub(super) fn repeated_terms(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,

@@ -1,8 +1,9 @@
 //! Loads ahead of their use.
 //!
-//! The events of a stream are in the order of time, so each meets another pixel, and its loads miss the caches.
-//! Between the loads of two events are branches that depend on them: the processor waits for one event after
-//! the other. Loaded ahead, without a branch in between, the values of many events arrive together.
+//! The events of a stream are in the order of time, so each meets another pixel, and its loads miss the
+//! caches. Between the loads of two events are branches that depend on them: the processor waits for one
+//! event after the other. Loaded ahead, without a branch in between, the values of many events arrive
+//! together.
 
 /// Events whose values are loaded at once: more than the loads that a core keeps in flight.
 pub(super) const AHEAD: usize = 32;

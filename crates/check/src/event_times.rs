@@ -274,8 +274,8 @@ mod tests {
         {
             let total: f64 = shares.iter().sum();
             let freedom = 1.0 / shares.iter().map(|share| share / total * (share / total)).sum::<f64>();
-            // The estimate is the sum of the parts' errors, of variances in proportion to their shares, and its
-            // standard error the root of the sum of their squares.
+            // The estimate is the sum of the parts' errors, of variances in proportion to their shares, and
+            // its standard error the root of the sum of their squares.
             let mut trial = || {
                 let errors: Vec<f64> =
                     shares.iter().map(|share| normal() * f64::sqrt(share / total)).collect();

@@ -1,12 +1,12 @@
 //! Agreement of the path with its speed law.
 //!
-//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a
-//! gate, which does not apply under `literal`, the paper's chords. The trajectory's report has this
-//! measure, because the poses alone do not determine the curve; a release does not make the
-//! statement. Measured as chords between neighbouring poses, the metric follows the law within 3 %:
-//! a warning. The sum of the chords is the length of the curve within 3 %: a gate. Both are measured
-//! from the poses. Linear and angular speed need not follow the law, and are reported. The law of a rig is that of its
-//! body, so nothing is asked of its cameras.
+//! The mixed metric, measured as arc length along the fitted curve, follows the law within 1e-6: a gate,
+//! which does not apply under `literal`, the paper's chords. The trajectory's report has this measure,
+//! because the poses alone do not determine the curve; a release does not make the statement. Measured as
+//! chords between neighbouring poses, the metric follows the law within 3 %: a warning. The sum of the chords
+//! is the length of the curve within 3 %: a gate. Both are measured from the poses. Linear and angular speed
+//! need not follow the law, and are reported. The law of a rig is that of its body, so nothing is asked of
+//! its cameras.
 
 use super::subject::{Judged, Judgement, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, Verdict, limits};

@@ -10,10 +10,10 @@
 //!
 //! Layouts are facts about the loaders of these methods. No code of theirs is in this program.
 //!
-//! It reads the files of a release with `gs2e-tree`, descriptions of scenes in the types of `gs2e-release`, and
-//! their recipes with `gs2e-recipe`. Poses, cameras, sensors, events and images are those of
-//! `gs2e-trajectory`, `gs2e-num`, `gs2e-scene`, `gs2e-sensor`, `gs2e-event` and `gs2e-image`. It writes models
-//! of COLMAP with `gs2e-source`, and files with `gs2e-files`. Only the program uses it.
+//! It reads the files of a release with `gs2e-tree`, descriptions of scenes in the types of `gs2e-release`,
+//! and their recipes with `gs2e-recipe`. Poses, cameras, sensors, events and images are those of
+//! `gs2e-trajectory`, `gs2e-num`, `gs2e-scene`, `gs2e-sensor`, `gs2e-event` and `gs2e-image`. It writes
+//! models of COLMAP with `gs2e-source`, and files with `gs2e-files`. Only the program uses it.
 //!
 //! # Examples
 //!
@@ -79,9 +79,9 @@ pub struct ExportFormat {
 type FormatWriter = fn(&ExportPlan<'_>, &mut ExportFolder<'_>) -> Result<Value, ExportError>;
 
 impl ExportFormat {
-    /// A layout of a camera without a lens, with times from 0. `unmet` are the requirements of the loader other
-    /// than such a camera, each where the plan does not meet it; `losses` are the properties of the release that
-    /// the layout does not hold, or holds approximately.
+    /// A layout of a camera without a lens, with times from 0. `unmet` are the requirements of the loader
+    /// other than such a camera, each where the plan does not meet it; `losses` are the properties of the
+    /// release that the layout does not hold, or holds approximately.
     const fn new(
         name: &'static str,
         consumer: &'static str,

@@ -111,7 +111,8 @@ pub(super) enum Entry {
     Spooled(GrowingArray),
 }
 
-/// Options of an entry of an archive. Its date is the first day of the format, so that equal data are equal bytes.
+/// Options of an entry of an archive. Its date is the first day of the format, so that equal data are equal
+/// bytes.
 pub(super) fn entry_options(method: CompressionMethod) -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(method)

@@ -206,8 +206,8 @@ impl ExportSubject {
         Ok(self.tree.flow(pose)?.into_pixels())
     }
 
-    /// The inertial measurements: times from the first pose, ns, with body rates and specific forces; empty if the
-    /// release has none.
+    /// The inertial measurements: times from the first pose, ns, with body rates and specific forces; empty
+    /// if the release has none.
     ///
     /// # Errors
     /// They cannot be read.

@@ -1,11 +1,12 @@
-//! Calibration of a rig, in the folder `calibration` of a trajectory of the body: `camchain.yaml` in Kalibr's form,
-//! `cam_to_cam.yaml` in DSEC's, and the maps of stereo pairs.
+//! Calibration of a rig, in the folder `calibration` of a trajectory of the body: `camchain.yaml` in Kalibr's
+//! form, `cam_to_cam.yaml` in DSEC's, and the maps of stereo pairs.
 //!
-//! Cameras are numbered in the order of the recipe, from 0, and each file names them. Lengths are in scene units.
-//! Pixels are OpenCV's, with the centre of the first pixel at (0, 0), so that principal points are half a pixel less
-//! than those of `scene.json`. Rectified cameras have no distortion. Kalibr's forms are those of its wiki ("YAML formats"), and
-//! DSEC's those of its description of `cam_to_cam.yaml`: `T_XY` maps points of camera Y to points of camera X, and
-//! `R_rectX` maps points of camera X to those of its rectified version.
+//! Cameras are numbered in the order of the recipe, from 0, and each file names them. Lengths are in scene
+//! units. Pixels are OpenCV's, with the centre of the first pixel at (0, 0), so that principal points are
+//! half a pixel less than those of `scene.json`. Rectified cameras have no distortion. Kalibr's forms are
+//! those of its wiki ("YAML formats"), and DSEC's those of its description of `cam_to_cam.yaml`: `T_XY` maps
+//! points of camera Y to points of camera X, and `R_rectX` maps points of camera X to those of its rectified
+//! version.
 
 use super::scene::{SceneRecord, TrajectoryPart};
 use gs2e_image::npy;
@@ -189,7 +190,8 @@ fn list(numbers: &[f64]) -> String {
     format!("[{}]", numbers.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", "))
 }
 
-/// A number that every reader of YAML takes for one: readers of version 1.1 want a point, and a sign in an exponent.
+/// A number that every reader of YAML takes for one: readers of version 1.1 want a point, and a sign in an
+/// exponent.
 fn number(value: f64) -> String {
     // Without the sign of zero.
     let text = format!("{:?}", value + 0.0);

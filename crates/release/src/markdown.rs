@@ -7,8 +7,8 @@ use minijinja::{AutoEscape, Environment, UndefinedBehavior, Value};
 /// The table of terms, which other templates include.
 const TERMS: &str = include_str!("templates/terms.md.jinja");
 
-/// Composes a text from a template. Texts among the values are escaped as by [`plain_text`], but for those that
-/// are [`markup`].
+/// Composes a text from a template. Texts among the values are escaped as by [`plain_text`], but for those
+/// that are [`markup`].
 ///
 /// # Panics
 /// The template is wrong, or a value is missing.

@@ -352,7 +352,8 @@ struct ChoiceCheck {
 }
 
 impl ChoiceCheck {
-    /// The bound from squared errors. If all pixels of `all` intervals were measured, there is no uncertainty.
+    /// The bound from squared errors. If all pixels of `all` intervals were measured, there is no
+    /// uncertainty.
     fn from_squares(squares: &[f64], all: bool, cost: PilotCost) -> Self {
         let n = squares.len() as f64;
         let mean = squares.iter().sum::<f64>() / n;

@@ -1,8 +1,8 @@
 //! Blurred frames: the exposure of each, and its sub-frames.
 //!
-//! An exposure is the mean, in linear light unless asked otherwise, of `frames` pictures at equal
-//! steps of time, those of the dense frames around a pose. If the image moves by more than a pixel per step, sub-frames are
-//! added: a mean of frames that are ten pixels apart is a row of ghosts, not blur.
+//! An exposure is the mean, in linear light unless asked otherwise, of `frames` pictures at equal steps of
+//! time, those of the dense frames around a pose. If the image moves by more than a pixel per step,
+//! sub-frames are added: a mean of frames that are ten pixels apart is a row of ghosts, not blur.
 
 mod exposer;
 

@@ -1,8 +1,8 @@
 //! Renderings that outlive their step, so that a sensor can be changed without a renderer.
 //!
-//! A [`KeptRenderer`] stands before a renderer. It keeps the images of the frames of a path, and shows them again
-//! when a later step asks for the same view. The values of an image and its counts depend on nothing else, so
-//! products have the same bytes. What fails here is rendered.
+//! A [`KeptRenderer`] stands before a renderer. It keeps the images of the frames of a path, and shows them
+//! again when a later step asks for the same view. The values of an image and its counts depend on nothing
+//! else, so products have the same bytes. What fails here is rendered.
 
 mod codec;
 mod file;
@@ -58,8 +58,8 @@ pub struct KeptSummary {
 }
 
 impl KeptFrames {
-    /// Opens the renderings in these files. New ones are written to `fresh`, at most `limit` bytes. A file that
-    /// cannot be read is left out.
+    /// Opens the renderings in these files. New ones are written to `fresh`, at most `limit` bytes. A file
+    /// that cannot be read is left out.
     #[must_use]
     pub fn open(paths: &[PathBuf], fresh: PathBuf, limit: u64) -> Self {
         let (mut files, mut places) = (Vec::new(), BTreeMap::<_, Vec<_>>::new());
@@ -175,8 +175,8 @@ impl std::fmt::Debug for KeptRenderer {
 const MEASURED: ChannelSet = ChannelSet { depth: true, alpha: true, doubtful: true, ..ChannelSet::NONE };
 
 impl KeptRenderer {
-    /// Keeps the images of this renderer, which leaves out `usual`: of views with luminance those in `keeps`, and
-    /// of others depth, opacity and doubt, if all three are rendered.
+    /// Keeps the images of this renderer, which leaves out `usual`: of views with luminance those in `keeps`,
+    /// and of others depth, opacity and doubt, if all three are rendered.
     #[must_use]
     pub fn new(
         inner: Box<dyn Renderer>,

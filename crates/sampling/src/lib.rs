@@ -60,7 +60,8 @@ pub struct ErrorTolerance {
     pub pilot: PilotMethod,
 }
 
-/// The frames of a pilot. A change of the choice is another method, so that keys of choices change, and no others.
+/// The frames of a pilot. A change of the choice is another method, so that keys of choices change, and no
+/// others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PilotMethod {

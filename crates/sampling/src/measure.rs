@@ -76,7 +76,8 @@ impl SampledInterval {
     }
 }
 
-/// `V` of the pixels of a sample and its slope, of a frame for one sensor. 32 bits give them to 3e-7, far below any threshold.
+/// `V` of the pixels of a sample and its slope, of a frame for one sensor. 32 bits give them to 3e-7, far
+/// below any threshold.
 struct SampledVoltage {
     seconds: f64,
     v: Vec<f32>,
@@ -115,8 +116,8 @@ pub(crate) struct MeasuredIntervals {
     pub pixels: usize,
 }
 
-/// Measures methods on intervals, at the pixels of their samples. Frames are rendered in the order of the intervals, and released
-/// after the last interval that needs them.
+/// Measures methods on intervals, at the pixels of their samples. Frames are rendered in the order of the
+/// intervals, and released after the last interval that needs them.
 ///
 /// # Errors
 /// A frame cannot be rendered.

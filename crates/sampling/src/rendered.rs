@@ -122,7 +122,8 @@ impl RenderedFrames {
         Self { samples, ..self }
     }
 
-    /// Sets the light of the scene, in which the frames are shown. A [`PoseReader`] sees the renderings without it.
+    /// Sets the light of the scene, in which the frames are shown. A [`PoseReader`] sees the renderings
+    /// without it.
     #[must_use]
     pub fn lit_by(self, lights: Option<SceneLights>) -> Self {
         Self { lights, ..self }

@@ -4,10 +4,10 @@
 //! t(r) = t_pose + readout (r / (H - 1) - 1/2),   r = 0 .. H - 1
 //! ```
 //!
-//! The middle row is at the time of the pose, and the readout is the time from the first row to the last. Before the
-//! first pose and after the last, the camera rests. Rows are rendered in bands: a band shows whole frames' rows from
-//! the pose at the time of its middle. A band is as high as the flow at the pose allows, so that the image moves by at
-//! most [`MISS_PX`] from the time of the band to that of a row.
+//! The middle row is at the time of the pose, and the readout is the time from the first row to the last.
+//! Before the first pose and after the last, the camera rests. Rows are rendered in bands: a band shows whole
+//! frames' rows from the pose at the time of its middle. A band is as high as the flow at the pose allows, so
+//! that the image moves by at most [`MISS_PX`] from the time of the band to that of a row.
 
 use super::exposure::{DenseView, ExposeError, ExposureCourse};
 use gs2e_image::Image;
@@ -20,7 +20,8 @@ use gs2e_scene::camera::view::CameraView;
 use gs2e_trajectory::sampled::SampledPath;
 use std::ops::Range;
 
-/// Largest motion of the image from the time of a band to that of one of its rows, px, by the fastest flow at the pose.
+/// Largest motion of the image from the time of a band to that of one of its rows, px, by the fastest flow at
+/// the pose.
 pub const MISS_PX: f64 = 0.05;
 
 /// Time of a row after that of the pose, s.
@@ -234,7 +235,8 @@ mod tests {
         }
     }
 
-    /// At 5 px/s and 10 ms from row to row, three rows make a band: the outer ones move by 0.05 px from its time.
+    /// At 5 px/s and 10 ms from row to row, three rows make a band: the outer ones move by 0.05 px from its
+    /// time.
     #[test]
     fn bands_are_as_high_as_the_flow_allows() {
         let (rows, roller) = rolled(5.0, 100_000, 5);

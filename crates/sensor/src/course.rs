@@ -76,8 +76,8 @@ impl BrightnessCourse {
 
     /// The time between two instants at which the brightness turns around, if there is one.
     pub(super) fn turn(&self) -> Option<f64> {
-        // A turn after the start has a logarithm above 0. The comparison, which is false for NaN too, spares the
-        // logarithm of almost all pixels.
+        // A turn after the start has a logarithm above 0. The comparison, which is false for NaN too, spares
+        // the logarithm of almost all pixels.
         let ratio = Some(self.pull / self.slope).filter(|ratio| *ratio > 1.0)?;
         let t = libm::log(ratio) / self.rate;
         (t > 0.0 && t < self.length).then_some(t)

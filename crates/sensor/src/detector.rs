@@ -57,8 +57,8 @@ impl DetectorPixel {
         Self { thresholds, reference, leaked: 0.0, dead: 0 }
     }
 
-    /// Returns true if a brightness that moves on a straight line makes no event. The pixel may then go on to the
-    /// later frame as it is, if it has no leak and no events of its own.
+    /// Returns true if a brightness that moves on a straight line makes no event. The pixel may then go on to
+    /// the later frame as it is, if it has no leak and no events of its own.
     #[inline(always)]
     pub(super) fn rests(&self, from: f64, to: f64) -> bool {
         let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);

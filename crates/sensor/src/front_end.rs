@@ -339,8 +339,8 @@ impl FrontEnd {
         hold(rest, self.weigh_eight(simd, &padded, weights));
     }
 
-    /// The brightness of eight pixels, before clamping. A function and not a closure, which may be compiled without the
-    /// instruction set in use.
+    /// The brightness of eight pixels, before clamping. A function and not a closure, which may be compiled
+    /// without the instruction set in use.
     #[inline(always)]
     fn weigh_eight<S: Simd>(&self, simd: S, colour: &[[f32; 3]; 8], weights: [f64; 3]) -> [f64; 8] {
         let mut sum = f64x8::splat(simd, 0.0);

@@ -32,11 +32,12 @@ pub(super) trait FrameLaw: Debug + Send + Sync {
     /// State of one pixel.
     type Pixel: Debug + Send + Sync;
 
-    /// Turns the luminance of pixels, 0..255, into the brightness that they compare. The pixels of a band come at
-    /// once, so that a logarithm can be computed for several of them.
+    /// Turns the luminance of pixels, 0..255, into the brightness that they compare. The pixels of a band
+    /// come at once, so that a logarithm can be computed for several of them.
     fn to_brightness(&self, luminance: &mut [f64]);
 
-    /// The draws whose first one each pixel uses in each frame as a normal deviate, if the law has such draws.
+    /// The draws whose first one each pixel uses in each frame as a normal deviate, if the law has such
+    /// draws.
     fn deviates(&self) -> Option<DrawSpace> {
         None
     }

@@ -157,7 +157,8 @@ impl Store {
         self.make_room();
     }
 
-    /// Removes files until the store is within its bound, as far as they are idle and the shared store has them.
+    /// Removes files until the store is within its bound, as far as they are idle and the shared store has
+    /// them.
     pub fn make_room(&self) {
         let (Some(cache), Some(shared)) = (&self.cache, &self.shared) else { return };
         let mut held = cache.held();

@@ -1,5 +1,5 @@
-//! Frames that steps keep for later ones, in `frames/<name>/`. They are no outputs: a step can be made without
-//! them, and their readers compare each entry with its hash.
+//! Frames that steps keep for later ones, in `frames/<name>/`. They are no outputs: a step can be made
+//! without them, and their readers compare each entry with its hash.
 
 use super::blob::is_fresh_name;
 use super::disk::{disk_error, is_absent};
@@ -31,15 +31,15 @@ impl Store {
         Ok(files.into_iter().map(|(_, path)| path).collect())
     }
 
-    /// A path that no file has, for a new file of frames. A file that is not kept is removed when the store is
-    /// opened next.
+    /// A path that no file has, for a new file of frames. A file that is not kept is removed when the store
+    /// is opened next.
     #[must_use]
     pub fn fresh_frames(&self) -> PathBuf {
         self.blobs.fresh(TMP)
     }
 
-    /// Keeps a finished file under a name. If the files of all names exceed `limit` bytes, those without a use
-    /// for longest are removed.
+    /// Keeps a finished file under a name. If the files of all names exceed `limit` bytes, those without a
+    /// use for longest are removed.
     ///
     /// # Errors
     /// A file cannot be moved or removed.

@@ -173,7 +173,8 @@ pub fn read_manifest<T: DeserializeOwned>(dir: &Path) -> Result<T, TreeError> {
     }
 }
 
-/// Reads the description of a scene of the release in `dir`, in the types of [`ReleasedScene`] or of the release.
+/// Reads the description of a scene of the release in `dir`, in the types of [`ReleasedScene`] or of the
+/// release.
 ///
 /// # Errors
 /// It cannot be read.

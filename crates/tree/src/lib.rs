@@ -3,12 +3,14 @@
 //! ```text
 //! folder ── Release ── ReleasedScene ── ReleasedTrajectory ── poses, pictures, events, inertial data
 //! ```
-//! A [`Release`] is a folder with a `manifest.json`. A [`ReleasedScene`] is what a `scene.json` states: camera,
-//! recipe and trajectories. A [`TrajectoryFiles`] gives the files of one trajectory as the types that they hold.
+//! A [`Release`] is a folder with a `manifest.json`. A [`ReleasedScene`] is what a `scene.json` states:
+//! camera, recipe and trajectories. A [`TrajectoryFiles`] gives the files of one trajectory as the types that
+//! they hold.
 //!
-//! Nothing outside of the folder is opened, and no link is followed, because a release may come from anyone. The
-//! files of a release that is not written yet are read in the same way: see [`ReleaseFiles`]. The reader takes the
-//! files as they are; whether they are sound and agree with each other, the audit of `gs2e-audit` judges.
+//! Nothing outside of the folder is opened, and no link is followed, because a release may come from anyone.
+//! The files of a release that is not written yet are read in the same way: see [`ReleaseFiles`]. The reader
+//! takes the files as they are; whether they are sound and agree with each other, the audit of `gs2e-audit`
+//! judges.
 //!
 //! Poses are those of `gs2e-trajectory`, cameras of `gs2e-scene`, events of `gs2e-event` and pictures of
 //! `gs2e-image`; `gs2e-files` opens the files. `gs2e-release` describes its scenes with these types, and

@@ -15,8 +15,8 @@ use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Name of the file of a stream of events in the folder of its trajectory. The stream of a single sensor has no
-/// name.
+/// Name of the file of a stream of events in the folder of its trajectory. The stream of a single sensor has
+/// no name.
 #[must_use]
 pub fn event_file(sensor: Option<&str>) -> String {
     sensor.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
@@ -110,8 +110,8 @@ impl<'a> TrajectoryFiles<'a> {
         name: &str,
         camera: Camera,
     ) -> Result<Self, TreeError> {
-        // Names of a release that others made may hold anything; each file is opened below the folder. The size is
-        // a claim of a file, and memory grows with it.
+        // Names of a release that others made may hold anything; each file is opened below the folder. The
+        // size is a claim of a file, and memory grows with it.
         let described = || files.shown(&format!("{scene}/scene.json"));
         camera.size.check_sensor().map_err(|e| TreeError::new(described(), e))?;
         Ok(Self { files, folder: format!("{scene}/{name}"), camera })
@@ -175,8 +175,8 @@ impl<'a> TrajectoryFiles<'a> {
         self.json("speed.json")
     }
 
-    /// The blurred pictures that `transforms.json` lists, ascending. There are none if the release has none of
-    /// their files.
+    /// The blurred pictures that `transforms.json` lists, ascending. There are none if the release has none
+    /// of their files.
     ///
     /// # Errors
     /// The file cannot be read, or a picture has no exposure around a pose of these stamps.

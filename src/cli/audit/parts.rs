@@ -1,5 +1,5 @@
-//! `gs2e audit --shard I/N --parts FOLDER` writes a part of an audit, and `gs2e audit --parts FOLDER` gives the
-//! verdict.
+//! `gs2e audit --shard I/N --parts FOLDER` writes a part of an audit, and `gs2e audit --parts FOLDER` gives
+//! the verdict.
 
 use crate::cli::{Console, VerbError, input, output};
 use gs2e_audit::{AuditPart, PartsError};

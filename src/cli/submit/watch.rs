@@ -17,8 +17,8 @@ pub(super) enum WatchEnd {
     Detached,
 }
 
-/// Shortest and longest time between two looks at the queue. A short job should not wait, and a long one should
-/// not load the controller.
+/// Shortest and longest time between two looks at the queue. A short job should not wait, and a long one
+/// should not load the controller.
 const PERIODS: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(15));
 /// Time between two looks at the wish of the user.
 const BLINK: Duration = Duration::from_millis(50);

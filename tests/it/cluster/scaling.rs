@@ -1,8 +1,8 @@
 //! 2,000 scenes on 1 to 64 nodes: the shares of the program, with costs that were measured.
 //!
 //! A node works on its share without waiting for others, so the time of a run is that of the largest share.
-//! It is at least the mean of all nodes, and at least the longest scene. `RUN_SLOW_TESTS=1` measures the costs
-//! again, and prints them in the form of the table.
+//! It is at least the mean of all nodes, and at least the longest scene. `RUN_SLOW_TESTS=1` measures the
+//! costs again, and prints them in the form of the table.
 
 use crate::support::absent::runs_slow_tests;
 use crate::support::workspace::Workspace;
@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::Path;
 
-/// Kinds of scenes: small and large pictures, short and long paths, one and several trajectories, few and many
-/// outputs.
+/// Kinds of scenes: small and large pictures, short and long paths, one and several trajectories, few and
+/// many outputs.
 const KINDS: [Kind; 8] = [
     Kind { size: [64, 48], factor: 2, paths: 1, outputs: &["events"] },
     Kind { size: [64, 48], factor: 6, paths: 2, outputs: &["events", "sharp"] },
@@ -25,7 +25,8 @@ const KINDS: [Kind; 8] = [
     Kind { size: [240, 135], factor: 3, paths: 1, outputs: &["events", "blur"] },
 ];
 
-/// Core-seconds of `gs2e build -j 1`, as the sum of `seconds` over the steps of `--json`: by kind, for six seeds.
+/// Core-seconds of `gs2e build -j 1`, as the sum of `seconds` over the steps of `--json`: by kind, for six
+/// seeds.
 #[expect(clippy::approx_constant, reason = "a time of 0.318 s is not 1/pi")]
 const MEASURED: [[f64; 6]; 8] = [
     [0.345, 0.189, 0.197, 0.303, 0.251, 0.218],

@@ -140,8 +140,8 @@ fn distorted_photos_arrive_undistorted() {
     assert_ne!(given, taken, "the lens does something");
 }
 
-/// Real photos, through a real lens. The program fails after it has kept its input, since nothing else is of interest:
-/// a comparison of photos of 6 megapixels would take minutes without optimisation.
+/// Real photos, through a real lens. The program fails after it has kept its input, since nothing else is of
+/// interest: a comparison of photos of 6 megapixels would take minutes without optimisation.
 #[test]
 fn a_real_capture_is_given_whole() {
     let Some(castle) = shared("data/captures/castle") else { return };

@@ -21,8 +21,8 @@ pub(super) struct Words {
     ablation: bool,
 }
 
-/// Last word of the comment on a key or a choice that only comparisons with other programs need. It is listed in
-/// `docs/ablations.md` instead of the reference.
+/// Last word of the comment on a key or a choice that only comparisons with other programs need. It is listed
+/// in `docs/ablations.md` instead of the reference.
 const ABLATION: &str = "Ablation.";
 
 impl Words {
@@ -105,7 +105,8 @@ impl<'c> Reference<'c> {
     fn below(&self, path: &str, declared: &'c Declared) -> Vec<(String, &'c Declared)> {
         let inner = |member: &Member| {
             let (name, list) = core(&member.ty);
-            // `sensors` holds the same as `sensor`, as do the cameras of a rig, and limits have a section of their own.
+            // `sensors` holds the same as `sensor`, as do the cameras of a rig, and limits have a section of
+            // their own.
             let repeated = path == "rig.cameras[]" && ["camera", "sensor"].contains(&member.name.as_str());
             if name == "Limits" || member.ty.contains("BTreeMap") || repeated {
                 return None;

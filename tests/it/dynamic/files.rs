@@ -1,5 +1,5 @@
-//! Files of scenes that change with time, which this test writes number by number, with values by the formulas of their
-//! formats.
+//! Files of scenes that change with time, which this test writes number by number, with values by the
+//! formulas of their formats.
 
 use super::single;
 use crate::support::workspace::Workspace;
@@ -91,7 +91,8 @@ fn splatv_file() -> Vec<u8> {
 
 const TIME: SceneTime = SceneTime { start: 0.0, speed: 1.0, span: SceneSpan::Duration(2.0) };
 
-/// Compares a scene with the formulas of the format, at some times. `opacity` is the largest error of opacities.
+/// Compares a scene with the formulas of the format, at some times. `opacity` is the largest error of
+/// opacities.
 fn check_tracks(scene: &Gaussians, opacity: f64) {
     let dynamics = scene.dynamics().unwrap();
     assert_eq!((scene.len(), dynamics.end_s().to_bits()), (3, 2_f64.to_bits()));

@@ -208,7 +208,8 @@ fn its_tensor_is_a_pickle_of_the_call_that_rebuilds_it() {
 #[test]
 fn numbers_in_its_code_need_lossy() {
     let base = ["--trajectory", "base"];
-    // The largest sRGB value less its light is at the light (1.055 / 2.4)^(12 / 7) = 0.2444: 0.2873, or 73 of 255.
+    // The largest sRGB value less its light is at the light (1.055 / 2.4)^(12 / 7) = 0.2444: 0.2873, or 73 of
+    // 255.
     let words = ["800x800", "31 blurred pictures", "0.3 and 0.2", "73 greys", "--lossy"];
     refusals::refused(plane::centred().release(), "e2nerf", &base, 2, &words);
 }

@@ -95,7 +95,8 @@ fn the_flow_of_a_release_is_that_of_its_depths_and_poses() {
     }
     println!("{count} components of the flow, up to {fastest:.0} px/s: within {worst:.2e} px/s");
     assert!(count > 500, "{count}");
-    // The path is a cubic between its nodes, so differences over 10 ms keep an error of the third order there.
+    // The path is a cubic between its nodes, so differences over 10 ms keep an error of the third order
+    // there.
     assert!(worst < 1e-3 * fastest, "{worst} of {fastest}");
 }
 

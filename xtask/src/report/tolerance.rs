@@ -160,8 +160,8 @@ impl MadeEvents {
     }
 }
 
-/// The events, and the frames with their choice, from the line of the step that made them. `None` if no step made
-/// events.
+/// The events, and the frames with their choice, from the line of the step that made them. `None` if no step
+/// made events.
 fn made(messages: &str) -> Option<(String, String)> {
     let of_line = |line: &str| {
         let (_, rest) = line.split_once("] ")?.1.split_once("/events ")?;

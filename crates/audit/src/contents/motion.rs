@@ -118,8 +118,8 @@ fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> V
     let same = |frame: &Value, pose: &Value| {
         frame["t_us"] == pose["t_us"] && is_near(&frame["transform_matrix"], &pose["transform_matrix"])
     };
-    // Poses without a picture may be left out, so the frames are some of the poses, in their order.
-    // `any` takes each pose once, so a frame out of order finds no pose. No frames at all would be in order too.
+    // Poses without a picture may be left out, so the frames are some of the poses, in their order. `any`
+    // takes each pose once, so a frame out of order finds no pose. No frames at all would be in order too.
     if frames.is_empty() || !frames.iter().all(|frame| poses.any(|pose| same(frame, pose))) {
         disagree("its frames are not the poses of poses.txt".to_owned());
     }
@@ -127,7 +127,8 @@ fn transforms_agree(folder: &TrajectoryFolder<'_>, trajectory: &Trajectory) -> V
     faults
 }
 
-/// The exposures that the stamps have room for, by the pose, with the number of frames that `scene.json` states.
+/// The exposures that the stamps have room for, by the pose, with the number of frames that `scene.json`
+/// states.
 fn stated_exposures(folder: &TrajectoryFolder<'_>, stamps: &[i64]) -> BTreeMap<usize, [i64; 2]> {
     let stated = folder.part.blur.as_ref().and_then(|blur| blur["frames"].as_u64());
     let Some(frames) = stated.and_then(|frames| u32::try_from(frames).ok()).filter(|frames| *frames > 0)

@@ -1,5 +1,5 @@
-//! Sharp and blurred frames, depth, flow, masks and inertial data. Those that the recipe asks for are named. Every
-//! picture decodes to the size of the camera and holds values that its kind can have.
+//! Sharp and blurred frames, depth, flow, masks and inertial data. Those that the recipe asks for are named.
+//! Every picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use gs2e_build::artifact::OBJECT_PLACES;

@@ -7,8 +7,8 @@ use gs2e_check::records::inertial::{InertialBytes, judge_inertial};
 use gs2e_tree::TreeError;
 
 impl ReleasedTrajectory<'_> {
-    /// Compares the inertial data with the poses. `None` if the recipe asks for none, or a file is absent, which the
-    /// audit of the tree reports.
+    /// Compares the inertial data with the poses. `None` if the recipe asks for none, or a file is absent,
+    /// which the audit of the tree reports.
     pub(super) fn inertial(&self, motion: &TrajectoryProduct) -> Result<Option<Finding>, TreeError> {
         let Some(model) = &self.recipe.imu else { return Ok(None) };
         let name = |file: &str| format!("imu/{file}");

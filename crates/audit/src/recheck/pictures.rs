@@ -13,8 +13,8 @@ use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::sync::Mutex;
 
-/// Paths of the pictures whose files are what this program writes for them. Each was decoded for the passes, and
-/// need not be decoded again for its form.
+/// Paths of the pictures whose files are what this program writes for them. Each was decoded for the passes,
+/// and need not be decoded again for its form.
 pub(super) type ComposedPictures = Mutex<BTreeSet<String>>;
 
 /// A trajectory's files, and what they say about its pictures.
@@ -27,8 +27,8 @@ pub(super) struct ReleasedPictures<'a> {
 }
 
 impl ReleasedPictures<'_> {
-    /// Returns true if the rows of a sharp frame have times of their own. Such frames are not compared with poses,
-    /// events and exposures.
+    /// Returns true if the rows of a sharp frame have times of their own. Such frames are not compared with
+    /// poses, events and exposures.
     pub(super) fn is_rolling(&self) -> bool {
         self.recipe.readout_us.is_some()
     }
@@ -75,8 +75,8 @@ impl ReleasedPictures<'_> {
         self.files.refusal(&PictureKind::Sharp.name(pose), because)
     }
 
-    /// Brightness of a frame without the changes of the light, for comparisons with frames at other times. `None`
-    /// where the light was too low.
+    /// Brightness of a frame without the changes of the light, for comparisons with frames at other times.
+    /// `None` where the light was too low.
     pub(super) fn unlit(&self, pose: usize, frame: &GreyImage) -> Option<Image<f32>> {
         let Some(lights) = &self.recipe.lights else { return Some(frame.luminance.clone()) };
         let undone = lights.undone_at_us(self.stamp(pose))?;

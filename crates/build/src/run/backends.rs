@@ -98,8 +98,8 @@ impl RendererChoice {
         auto.gpu.borrow().as_ref()?.as_ref().err().cloned()
     }
 
-    /// Assigns the scenes that the GPU failed in a run to the CPU, or to the GPUs that are left. Returns true if there
-    /// are any.
+    /// Assigns the scenes that the GPU failed in a run to the CPU, or to the GPUs that are left. Returns true
+    /// if there are any.
     pub fn give_up(&self, plan: &Plan, summary: &RunSummary) -> bool {
         let RendererKind::Auto(auto) = &self.by else { return false };
         // A second run would ignore the interrupt of the first.

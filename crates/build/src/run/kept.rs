@@ -23,8 +23,8 @@ pub(super) struct KeptStep {
 }
 
 impl KeptStep {
-    /// The frames of a step; `None` if none of it can be kept. A step that is made again for comparison does all
-    /// of its work again.
+    /// The frames of a step; `None` if none of it can be kept. A step that is made again for comparison does
+    /// all of its work again.
     pub(super) fn open(
         step: &dyn AnyStep,
         stale: &StaleStep,
@@ -59,7 +59,8 @@ impl KeptStep {
 
 impl Drop for KeptStep {
     fn drop(&mut self) {
-        // The frames of a step that failed. If they cannot be removed, the store does it when it is opened next.
+        // The frames of a step that failed. If they cannot be removed, the store does it when it is opened
+        // next.
         let _ = files::remove(&self.fresh, Removal::File);
     }
 }

@@ -14,7 +14,8 @@ use gs2e_scene::camera::{Camera, CameraChoice};
 use gs2e_trajectory::mount::CameraMount;
 use serde::Serialize;
 
-/// Parameters: the first camera, its rendering, the second camera, both places on the body, and the spacing of images.
+/// Parameters: the first camera, its rendering, the second camera, both places on the body, and the spacing
+/// of images.
 #[derive(Debug, Serialize)]
 pub struct DisparityStage {
     /// Camera and rendering.

@@ -23,7 +23,8 @@ pub struct ImuStage {
     pub seed: Seed,
 }
 
-/// Jump of the rates at the knots, divided by the mean rate, above which accelerations depend on the frame rate.
+/// Jump of the rates at the knots, divided by the mean rate, above which accelerations depend on the frame
+/// rate.
 const SMOOTH: f64 = 1e-3;
 
 /// Bytes of a sample and its state in their files, by the digits of their numbers; fewer if biases are zero.

@@ -52,7 +52,8 @@ impl PoseProduct for SharpStage {
     }
 
     fn is_shareable(&self) -> bool {
-        // The bands of a rolling shutter are views of its own, on which the counts of other steps must not depend.
+        // The bands of a rolling shutter are views of its own, on which the counts of other steps must not
+        // depend.
         self.readout_us.is_none()
     }
 }

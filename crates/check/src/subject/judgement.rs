@@ -83,7 +83,8 @@ impl Judgement {
     }
 }
 
-/// The statements of a check as its findings. A check that could not measure anything has one, without a name.
+/// The statements of a check as its findings. A check that could not measure anything has one, without a
+/// name.
 pub(crate) fn findings_of(name: &str, check: &str, made: Result<Statements, String>) -> Vec<Finding> {
     let statements = made.unwrap_or_else(|because| vec![("", Err(because))]);
     let finding =

@@ -11,8 +11,8 @@
 //! | `flow/forward_timestamps.txt`, `test_forward_flow_timestamps.csv` | start and end of each flow, us |
 //!
 //! A flow is a displacement: red and green are `128 u + 2^15` and `128 v + 2^15` to the right and down, and
-//! blue is 1 where it is valid, and all three are 0 elsewhere. It follows from the depth of the first frame and
-//! both poses, so a point that is hidden in the second frame has a flow too.
+//! blue is 1 where it is valid, and all three are 0 elsewhere. It follows from the depth of the first frame
+//! and both poses, so a point that is hidden in the second frame has a flow too.
 //!
 //! The two scalars are in this file alone: in the files of a release they would change the bytes of every
 //! stream, and the attributes `width` and `height` of the root state the same.

@@ -9,8 +9,8 @@
 //! | `train/r_0.png`, `r_2.png`, … | blurred pictures |
 //! | `test/r_0.png`, `r_1.png`, … | sharp pictures |
 //!
-//! E2GS also reads `sparse/0/points3D.bin`, and its test views are two entries per view with lists of 18 poses. The
-//! size, the number of views and the bounds are not in its code.
+//! E2GS also reads `sparse/0/points3D.bin`, and its test views are two entries per view with lists of 18
+//! poses. The size, the number of views and the bounds are not in its code.
 //!
 //! The poses are the entries 1, 5, 9, 13 and 17 of a list, from the opening of the shutter to its closing.
 //! Traps: every second entry is read; an entry 0 is skipped; the size, the number of views, near, far and the

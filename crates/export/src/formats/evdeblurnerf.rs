@@ -10,8 +10,8 @@
 //! | `events.h5` | `x`, `y` uint16; `t` int64 us; `p` uint8, 1 for ON |
 //! | `config.txt` | options of the program |
 //!
-//! Traps of its loader: a picture counts as sharp if its exposure starts when it ends; a blurred picture needs
-//! a start above 0; held-out pictures have to be sharp.
+//! Traps of its loader: a picture counts as sharp if its exposure starts when it ends; a blurred picture
+//! needs a start above 0; held-out pictures have to be sharp.
 //!
 //! `llff` has the pictures and `poses_bounds.npy`, with sharp frames if the release has no blurred ones.
 

@@ -12,8 +12,8 @@
 //!
 //! Traps of its readers: pixel centres of `CameraInfo` are at integers, so half a pixel is subtracted from
 //! the principal point. The clock of EVT 3.0 overflows every 16.8 s, and a reader counts what it sees: a
-//! packet is written every [`SILENCE_US`] at least, and across each overflow. Tools refuse or hide a stamp of 0: times begin at the
-//! epoch, 1 s by default.
+//! packet is written every [`SILENCE_US`] at least, and across each overflow. Tools refuse or hide a stamp of
+//! 0: times begin at the epoch, 1 s by default.
 
 mod bag;
 mod cdr;

@@ -171,8 +171,8 @@ impl RowGroup {
 
     fn write(&self, file: &mut SerializedFileWriter<File>) -> Result<(), ParquetError> {
         let mut group = file.next_row_group()?;
-        // Levels of a list: an empty one has one entry of definition level 0; the first element of another has
-        // repetition level 0, and the rest 1.
+        // Levels of a list: an empty one has one entry of definition level 0; the first element of another
+        // has repetition level 0, and the rest 1.
         let (mut defined, mut repeated) = (Vec::new(), Vec::new());
         for length in &self.lengths {
             defined.push(i16::from(*length > 0));

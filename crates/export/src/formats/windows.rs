@@ -57,8 +57,8 @@ impl EventWindow {
         self.frames.map(|pose| plan.subject.poses.stamps_us[pose])
     }
 
-    /// Everything but events and pictures. Poses are camera to world by rows, OpenCV axes, and the pixel (0, 0)
-    /// has its centre at (0.5, 0.5). A lens has the coefficients of OpenCV, in OpenCV's order.
+    /// Everything but events and pictures. Poses are camera to world by rows, OpenCV axes, and the pixel (0,
+    /// 0) has its centre at (0.5, 0.5). A lens has the coefficients of OpenCV, in OpenCV's order.
     pub(super) fn description(&self, plan: &ExportPlan<'_>) -> Result<Value, ExportError> {
         let [start, end] = self.span_us(plan);
         let camera = &plan.subject.camera;

@@ -1,4 +1,5 @@
-//! Inertial data as a picture: three body rates above, three specific forces below, over the whole trajectory.
+//! Inertial data as a picture: three body rates above, three specific forces below, over the whole
+//! trajectory.
 
 use super::embed::EmbeddedPicture;
 use super::section::ReportTrajectory;
@@ -46,8 +47,8 @@ pub(crate) fn inertial_picture(
     Some(ShownPicture { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
 }
 
-/// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the panel is
-/// scaled.
+/// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the
+/// panel is scaled.
 fn draw_panel(image: &mut Image<[u8; 3]>, panel: usize, curves: &[Vec<f64>]) -> f64 {
     let (width, middle) = (SIZE.width as usize, panel * PANEL + PANEL / 2);
     let pixels = image.pixels_mut();

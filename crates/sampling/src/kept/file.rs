@@ -1,5 +1,5 @@
-//! Files of kept renderings: one entry per view, each with a hash, so that a file can be read at any entry and
-//! a damaged one is not believed.
+//! Files of kept renderings: one entry per view, each with a hash, so that a file can be read at any entry
+//! and a damaged one is not believed.
 //!
 //! ```text
 //! file  = MAGIC entry*

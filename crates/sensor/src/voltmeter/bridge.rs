@@ -74,8 +74,8 @@ impl<S: Simd> WideBarriers<S> {
     }
 }
 
-/// [`within_reach`] for eight pixels. A function and not a closure: a closure that the compiler leaves as a call is
-/// compiled without the instruction set in use, and each operation in it becomes a call.
+/// [`within_reach`] for eight pixels. A function and not a closure: a closure that the compiler leaves as a
+/// call is compiled without the instruction set in use, and each operation in it becomes a call.
 #[inline(always)]
 fn is_within_reach<S: Simd>([a, g]: [f64x8<S>; 2], v: f64x8<S>) -> mask64x8<S> {
     // Without a division or an exponential: the probability is above `e^-40` where this holds.

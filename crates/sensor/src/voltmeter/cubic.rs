@@ -22,7 +22,8 @@ fn log_cubic<S: Simd>(ends: &FrameEnds<S>) -> [f64x8<S>; 3] {
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
 }
 
-/// Each vector times a number. A loop: a closure given to `map` may be compiled without the instruction set in use.
+/// Each vector times a number. A loop: a closure given to `map` may be compiled without the instruction set
+/// in use.
 #[inline(always)]
 fn scaled<S: Simd, const N: usize>(mut vectors: [f64x8<S>; N], factor: f64) -> [f64x8<S>; N] {
     for vector in &mut vectors {

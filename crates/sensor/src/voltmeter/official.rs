@@ -1,6 +1,5 @@
 //! The published sampler (Lin et al., ECCV 2022; Lynn0306/DVS-Voltmeter,
 //! `src/simulator_utils.py`), for comparisons.
-//! comparisons.
 //!
 //! Between two frames, drift and noise take their values at the middle. The polarity of a pixel's
 //! next event is drawn first, with the probability of leaving through either barrier. The time to

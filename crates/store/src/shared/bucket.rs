@@ -1,11 +1,11 @@
 //! A shared store in a bucket of S3, or of a service with its interface.
 //!
-//! An object appears whole once its upload ends. Records are created by conditional puts (`If-None-Match: *`), so
-//! the first writer wins. Blobs have the names of their bytes, so it does not matter who wrote them.
+//! An object appears whole once its upload ends. Records are created by conditional puts (`If-None-Match:
+//! *`), so the first writer wins. Blobs have the names of their bytes, so it does not matter who wrote them.
 //!
-//! Failed requests are sent again, for two minutes at most, with growing pauses: the service may be throttling, and
-//! connections break. A large file is read in ranges and written in parts, so a broken connection costs one of
-//! them.
+//! Failed requests are sent again, for two minutes at most, with growing pauses: the service may be
+//! throttling, and connections break. A large file is read in ranges and written in parts, so a broken
+//! connection costs one of them.
 
 mod credentials;
 
@@ -161,8 +161,8 @@ impl SharedBucket {
         }
     }
 
-    /// Creates a small object. Returns `false` if there is one of that name, which may be this one: the answer
-    /// to an earlier attempt may have been lost.
+    /// Creates a small object. Returns `false` if there is one of that name, which may be this one: the
+    /// answer to an earlier attempt may have been lost.
     fn create(&self, bytes: &[u8], name: &str) -> Result<bool, StoreError> {
         let at = self.at(name);
         let payload = PutPayload::from(bytes.to_vec());
@@ -211,7 +211,8 @@ impl SharedBucket {
             return Ok(());
         }
         if sent.is_err() {
-            // Parts of an upload that does not end cost money. If this fails too, a rule of the bucket removes them.
+            // Parts of an upload that does not end cost money. If this fails too, a rule of the bucket
+            // removes them.
             let _ = self.runtime.block_on(upload.abort());
         }
         sent
@@ -281,8 +282,8 @@ impl SharedMedium for SharedBucket {
     }
 }
 
-/// The settings of the environment, and of the profile where the environment has none. Without keys in either,
-/// those of the machine's or container's role are asked for.
+/// The settings of the environment, and of the profile where the environment has none. Without keys in
+/// either, those of the machine's or container's role are asked for.
 fn builder(environment: &BucketEnvironment) -> Result<AmazonS3Builder, StoreError> {
     let profile = SharedProfile::read(environment)?;
     let mut builder = AmazonS3Builder::new()

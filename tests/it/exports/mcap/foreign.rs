@@ -1,6 +1,6 @@
-//! Recordings read by the field's own programs, all from PyPI: `mcap` with `mcap-ros2-support`, and `rosbags`.
-//! `evt3` decodes the packets.
-//! `read_recording.py` compares the events one by one, and reports what both libraries found.
+//! Recordings read by the field's own programs, all from PyPI: `mcap` with `mcap-ros2-support`, and
+//! `rosbags`. `evt3` decodes the packets. `read_recording.py` compares the events one by one, and reports
+//! what both libraries found.
 //!
 //! If Python lacks one of them, a message goes to stderr; with `REQUIRE_ROS_READERS=1` that is a failure.
 

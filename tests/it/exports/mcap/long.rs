@@ -148,7 +148,8 @@ fn packets_are_short_and_pauses_are_bridged() {
         let end = i64::from(part(8)) << 12 | i64::from(part(6));
         assert!((end - clock).rem_euclid(1 << 24) < 10_000, "{t_us}");
     }
-    // Pauses of 7 s, 8.7 s, 16 s, 20 s and 25 s: one for each 4 s, which count from the overflow on in the last two.
+    // Pauses of 7 s, 8.7 s, 16 s, 20 s and 25 s: one for each 4 s, which count from the overflow on in the
+    // last two.
     assert_eq!((silent, across), (1 + 2 + 4 + 4 + 6, 2));
 }
 

@@ -37,7 +37,8 @@ pub(super) struct FrameDrifts {
 /// An event, and the drift of its pixel as the frames show it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
-    /// Number of the pixel, and of the part in which it lies, both counted from the start of its row of parts.
+    /// Number of the pixel, and of the part in which it lies, both counted from the start of its row of
+    /// parts.
     pub(super) pixel: usize,
     pub(super) part: usize,
     pub(super) t_us: f64,

@@ -25,8 +25,8 @@ const DELAY: RealRange = RealRange::new(0.0, 1e6);
 /// Range of the event rates, Hz.
 const RATE: RealRange = RealRange::new(0.0, 1e9);
 
-/// The settings that the sections of all sensors have. `in_lux` is true if the sensor depends on the light of white
-/// by more than its latency.
+/// The settings that the sections of all sensors have. `in_lux` is true if the sensor depends on the light of
+/// white by more than its latency.
 macro_rules! settings {
     ($resolver:ident, $raw:ident, $usual:expr, in_lux: $in_lux:expr) => {{
         let latency = $resolver.latency(&$raw.latency);
