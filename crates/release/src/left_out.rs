@@ -60,6 +60,7 @@ pub fn of_step(
 }
 
 /// An amount of work, of a whole where that is known.
+#[derive(Clone, Copy)]
 struct WorkAmount {
     how_much: u64,
     of: Option<u64>,
