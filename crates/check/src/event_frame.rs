@@ -19,7 +19,7 @@
 //! `A + B`, and 3 to 5 % of the pixels of a sound stream lie beyond 1.5. Second, `c` does not
 //! estimate the threshold: in a scene that only grows brighter, all residuals have one sign, and
 //! sound streams give 1.1 to 1.7. Its limits are therefore widened by the possible effect of
-//! residuals, [`fit::SlopeSums::allowance`]. The threshold is read from the edge of the residuals,
+//! residuals, `fit::SlopeSums::allowance`. The threshold is read from the edge of the residuals,
 //! which is sharp to 2 %.
 //!
 //! A residual is possible if `|dv - s| <= max(A, B)`, plus 2 %, six standard deviations of the

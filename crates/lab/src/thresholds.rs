@@ -9,7 +9,7 @@
 //! - **smooth** if the second stream has an event of the same pixel and polarity within a frame
 //!   interval, each used once;
 //! - otherwise **near a jump** if, since the pixel's previous event, the difference of the two
-//!   renderings changed between two neighbouring frames by more than [`JUMP`] of the threshold in
+//!   renderings changed between two neighbouring frames by more than `JUMP` of the threshold in
 //!   `k1 ln(L + k2)`;
 //! - otherwise **other**: late or early after a jump, or under a difference that grew slowly.
 

@@ -303,7 +303,7 @@ impl StudyResult {
     }
 
     /// The reference setting: the first rule set with even steps, linear if it was requested, at
-    /// [`BASE_RATE`] or else at the finest rate.
+    /// `BASE_RATE` or else at the finest rate.
     #[must_use]
     pub fn base(&self) -> Option<&SettingRow> {
         let rules = &self.rules.first()?.rules;

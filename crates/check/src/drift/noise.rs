@@ -74,7 +74,7 @@ impl DriftLaw {
 
     /// Chance that shots, or the events of a hot pixel, make the events of a pixel differ from its
     /// brightness change in `dt_us` microseconds; above 1 if there are several shots. All events of a hot
-    /// pixel count as one, because they spoil one pixel. The noise floor is [`DriftLaw::floor_rates`].
+    /// pixel count as one, because they spoil one pixel. The noise floor is `DriftLaw::floor_rates`.
     #[must_use]
     pub fn disturbances(&self, luminance: f64, dt_us: f64) -> f64 {
         self.shots(luminance, dt_us) + (1e-6 * self.hot.mean_hz() * dt_us).min(self.hot.share)
