@@ -3,7 +3,7 @@
 //! A number in a file that leads to an allocation is a claim. It is compared with a limit before
 //! anything is allocated for it. `docs/files.md` lists the limits. An input that is refused takes
 //! at most 64 MB and four times its own size: one time for the input itself, [`MAX_PER_BYTE`] times
-//! for the values made from it, and [`MAX_FREE`], apart from the program's own memory.
+//! for the values made from it, and `MAX_FREE`, apart from the program's own memory.
 
 use std::collections::TryReserveError;
 use std::io::{self, BufRead, Read as _};

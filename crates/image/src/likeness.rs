@@ -49,7 +49,7 @@ pub fn mean_square(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
 }
 
 /// The peak signal-to-noise ratio of a mean square, dB: `10 log10(1 / mean square)`, at most
-/// [`MAX_DB`].
+/// `MAX_DB`.
 #[must_use]
 pub fn psnr_db(mean_square: f64) -> f64 {
     // A mean square of 0 gives infinity, which the minimum ends.

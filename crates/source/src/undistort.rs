@@ -15,7 +15,7 @@ use std::borrow::Cow;
 
 /// Returns the pinhole image of `camera`, resampled from a `photo` taken through `lens`.
 ///
-/// Returns the photo itself if the lens moves no point by more than [`NEGLIGIBLE_PX`].
+/// Returns the photo itself if the lens moves no point by more than `NEGLIGIBLE_PX`.
 ///
 /// # Panics
 /// The photo does not have the camera's size.

@@ -20,7 +20,7 @@ use std::io::{self, Write};
 pub enum TrackColours {
     /// The colour, as in published files.
     Plain,
-    /// The coefficient of a constant, as in the files of [`write_tracks`].
+    /// The coefficient of a constant, as in the files of `write_tracks`.
     Harmonics,
 }
 
