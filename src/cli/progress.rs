@@ -75,7 +75,7 @@ struct StepEnd<'a> {
     work: Option<StepWork>,
 }
 
-/// What a step took to be made.
+/// The time, the cores and the memory that a step took, and the machine that made it.
 struct StepWork {
     seconds: f64,
     cores: usize,

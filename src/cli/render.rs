@@ -88,7 +88,7 @@ const ORDERS: [Word<LayerOrder>; 2] = [
     ("blended", "Blended: each layer covers the other in part", LayerOrder::Blended),
 ];
 
-/// What is rendered, and how.
+/// The rendered scene, and the settings of the renderer.
 struct SceneShot {
     scene: Arc<Gaussians>,
     style: RenderStyle,

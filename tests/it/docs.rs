@@ -117,7 +117,7 @@ fn type_and_member(span: &str) -> Option<(&str, Option<&str>)> {
     camel.then_some((name, member))
 }
 
-/// Whether a file declares or implements the type and names the member, where one is given.
+/// Returns true if the file declares or implements the type and names the member, where one is given.
 fn is_in(text: &str, name: &str, member: Option<&str>) -> bool {
     let words = |line: &str| -> Vec<String> {
         line.split(|c: char| !c.is_alphanumeric() && c != '_').map(str::to_owned).collect()

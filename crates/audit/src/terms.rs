@@ -270,7 +270,7 @@ pub(super) fn repeated_terms(
     faults
 }
 
-/// The text of a file; empty if it is none.
+/// The text of a file, or an empty one if the file is no text.
 fn text_of(tree: &TrustedTree<'_>, path: &str) -> String {
     let text = tree.read(path, files::MAX_DOCUMENT).ok().and_then(|bytes| String::from_utf8(bytes).ok());
     text.unwrap_or_default()

@@ -67,7 +67,7 @@ pub struct SourceFile {
     pub path: PathBuf,
 }
 
-/// What a plan asks of a stage, whatever its inputs and its product.
+/// The properties of a stage that a plan needs, for all types of inputs and products.
 pub trait StageFacts {
     /// The numerical class, for stages whose bytes depend on the machine that computes them.
     fn class(&self) -> Option<String> {

@@ -78,7 +78,7 @@ pub struct TrajectorySubject<'a> {
 }
 
 impl<'a> TrajectorySubject<'a> {
-    /// A trajectory of which nothing else is known.
+    /// A trajectory without any other product.
     #[must_use]
     pub fn new(name: &'a str, rate: Hertz, trajectory: &'a Trajectory, limits: &'a Limits) -> Self {
         Self {

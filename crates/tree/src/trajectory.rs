@@ -22,7 +22,7 @@ pub fn event_file(sensor: Option<&str>) -> String {
     sensor.map_or_else(|| "events.h5".to_owned(), |name| format!("events/{name}.h5"))
 }
 
-/// A kind of pictures, of which a trajectory has one at some of its poses.
+/// A kind of pictures. A trajectory has one at some of its poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PictureKind {
     /// What the camera sees at the pose, PNG in sRGB.

@@ -51,7 +51,7 @@ pub(super) fn open_cache(
     Ok(store)
 }
 
-/// What other processes are told about this one while they wait.
+/// The description of this process for those that wait for it.
 pub(in crate::cli) fn lock_claim(common: &CommonArgs) -> LockClaim {
     LockClaim { command: common.command.clone(), since: clock::utc_now(), ..LockClaim::default() }
 }

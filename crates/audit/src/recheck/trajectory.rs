@@ -64,7 +64,7 @@ struct MeasuredTrajectory<'a> {
     streams: Vec<CountedStream<'a>>,
 }
 
-/// What the events of a stream are counted against.
+/// The frames and the flow that the events of a stream are counted against.
 struct StreamGround<'a> {
     rate: Hertz,
     /// Stamp of the last pose, us.

@@ -26,7 +26,7 @@ pub trait AnyStep: std::fmt::Debug + Send + Sync {
     /// Role and step of each input.
     fn inputs(&self) -> Vec<(&'static str, StepId)>;
 
-    /// What the stage says of itself.
+    /// The facts of the stage.
     fn facts(&self) -> &dyn StageFacts;
 
     /// The content of the key: the stage, its revision and class, its parameters, and the digests
