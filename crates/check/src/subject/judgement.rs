@@ -61,7 +61,7 @@ impl Judgement {
         Self::new(limit.at_least(measured), measured, limit.value, unit, because)
     }
 
-    /// The verdict on a number of faults, of which none is allowed.
+    /// The verdict on a number of faults, where a single one fails.
     pub(crate) fn none_of(faults: f64, unit: &'static str, because: String) -> Self {
         Self::at_most(faults, LimitSide::gate(0.0), unit, because)
     }
