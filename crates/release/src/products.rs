@@ -9,8 +9,7 @@ mod plain;
 pub use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
-use super::published::StoredPlaces;
-use super::report::{ReportTrajectory, ShownPicture};
+use super::report::{PictureRequest, ShownPicture};
 use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_recipe::OutputKind;
 use gs2e_sampling::exposure;
@@ -39,9 +38,8 @@ pub struct ReleaseProduct {
     pub(super) picture: Option<PictureMaker>,
 }
 
-/// Makes the picture of a product for the report, of at most this width.
-pub(super) type PictureMaker =
-    fn(&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>, u32) -> Option<ShownPicture>;
+/// Makes the picture of a product for the report.
+pub(super) type PictureMaker = fn(PictureRequest<'_>) -> Option<ShownPicture>;
 
 /// Form of a product's files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -24,8 +24,7 @@ mod trajectory;
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
 pub(super) use masks::mask_picture;
-pub(super) use section::ReportTrajectory;
-pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
+pub(super) use seen::{PictureRequest, ShownPicture, blurred_picture, sharp_picture};
 
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;

@@ -8,7 +8,7 @@ use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
 use super::path_views::{self, VIEW};
 use super::section::{ReportTrajectory, write_image};
-use super::seen::{self, ShownPicture, ShownStream};
+use super::seen::{self, PictureRequest, ShownPicture, ShownStream};
 use crate::products;
 use crate::published::PublishedTrajectory;
 use crate::scene::{QuantityExtent, TrajectoryStatistics};
@@ -96,7 +96,7 @@ fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
     }
     for product in products::products() {
         if let Some(picture_of) = product.picture {
-            write_shown(html, picture_of(product, track, places, width));
+            write_shown(html, picture_of(PictureRequest { product, track, places, width }));
         }
     }
 }

@@ -2,12 +2,7 @@
 //! trajectory.
 
 use super::embed::EmbeddedPicture;
-use super::section::ReportTrajectory;
-use super::seen::ShownPicture;
-use crate::products::ReleaseProduct;
-use crate::published::StoredPlaces;
-use gs2e_files as files;
-use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use super::seen::{PictureRequest, ShownPicture};
 use gs2e_image::{Image, Size, png};
 use gs2e_trajectory::imu::files::{SAMPLES, SAMPLES_HEAD, read_lines};
 use gs2e_trajectory::picture::short_number;
@@ -24,14 +19,8 @@ const ZERO: [u8; 3] = [200; 3];
 const AXES: [[u8; 3]; 3] = [[200, 40, 40], [30, 140, 30], [40, 60, 200]];
 
 /// The inertial data of a trajectory.
-pub(crate) fn inertial_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let path = track.path_of(&format!("{}/{SAMPLES}", product.name()));
-    let bytes = files::read_with(&places(&path)?, LinkRule::Refuse, MAX_DOCUMENT).ok()?;
+pub(crate) fn inertial_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    let bytes = of.read(&of.track.path_of(&format!("{}/{SAMPLES}", of.product.name())))?;
     let lines = read_lines(&bytes, SAMPLES_HEAD).ok()?;
     let columns: Vec<Vec<f64>> =
         (0..6).map(|axis| lines.iter().map(|(_, values)| values[axis]).collect()).collect();
@@ -44,7 +33,7 @@ pub(crate) fn inertial_picture(
     );
     let mut file = Vec::new();
     png::write_image(&image, &mut file).ok()?;
-    Some(ShownPicture { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
+    Some(ShownPicture { picture: EmbeddedPicture::of_png(&file, of.width)?, words, wheel: false })
 }
 
 /// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the

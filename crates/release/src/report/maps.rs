@@ -5,11 +5,7 @@
 //! Pixels without a value are grey in both. Values beyond the ends of a scale have the colour of the
 //! end, so that a few extreme pixels do not hide the rest.
 
-use super::embed::EmbeddedPicture;
-use super::section::ReportTrajectory;
-use super::seen::{ShownPicture, moment_us, sensor_size};
-use crate::products::ReleaseProduct;
-use crate::published::StoredPlaces;
+use super::seen::{PictureRequest, ShownPicture};
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use gs2e_image::{Image, npy};
@@ -24,85 +20,48 @@ const BEYOND_DEPTH: f64 = 0.05;
 const BEYOND_FLOW: f64 = 0.01;
 
 /// The depth nearest to the middle of the trajectory.
-pub(crate) fn depth_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    scale_picture(["depth", "units"], product, track, places, width)
+pub(crate) fn depth_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    scale_picture(of, ["depth", "units"])
 }
 
 /// The disparity nearest to the middle of the trajectory.
-pub(crate) fn disparity_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    scale_picture(["disparity", "px"], product, track, places, width)
+pub(crate) fn disparity_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    scale_picture(of, ["disparity", "px"])
 }
 
 /// A map of one value per pixel, in the colours of a scale.
-fn scale_picture(
-    [what, unit]: [&str; 2],
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let (number, values) = read_map::<1>(track, places, product)?;
+fn scale_picture(of: PictureRequest<'_>, [what, unit]: [&str; 2]) -> Option<ShownPicture> {
+    let (number, values) = read_map::<1>(of)?;
     let (image, [low, high]) = colour_depths(&values)?;
     let words = format!(
         "{what} at {}, from {} (dark) to {} {unit} (yellow)",
-        moment_words(&track, number),
+        of.moment_words(number),
         short_number(low),
         short_number(high)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+    of.show_pixels(&image, words)
 }
 
 /// The optical flow nearest to the middle of the trajectory.
-pub(crate) fn flow_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let (number, flows) = read_map::<2>(track, places, product)?;
+pub(crate) fn flow_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    let (number, flows) = read_map::<2>(of)?;
     let (image, full) = colour_flows(&flows)?;
     let words = format!(
         "optical flow at {}: full colour is {} px/s, white is none; red moves right, green down, cyan left, violet up",
-        moment_words(&track, number),
+        of.moment_words(number),
         short_number(full)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: true })
-}
-
-/// The time of a pose, in words.
-pub(super) fn moment_words(track: &ReportTrajectory<'_>, number: usize) -> String {
-    let us = track.published.motion.trajectory.stamps_us.get(number).copied().unwrap_or(0);
-    format!("{:.1} ms", us as f64 * 1e-3)
+    Some(ShownPicture { wheel: true, ..of.show_pixels(&image, words)? })
 }
 
 /// The array of a product whose pose is nearest to the shown moment, with the number of this pose.
 /// Pixels have `N` numbers.
-fn read_map<const N: usize>(
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    product: &ReleaseProduct,
-) -> Option<(usize, Image<[f32; N]>)> {
-    let stamps = &track.published.motion.trajectory.stamps_us;
-    let moment = moment_us(&track);
-    let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let arrays = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
-    let (_, number, path) = arrays.min()?;
-    let size = sensor_size(&track);
-    // The size comes from a file.
-    size.check_sensor().ok()?;
+fn read_map<const N: usize>(of: PictureRequest<'_>) -> Option<(usize, Image<[f32; N]>)> {
+    let (number, path) = of.nearest_file()?;
+    let size = of.checked_size()?;
     let whole = [size.height.into(), size.width.into(), N as u64];
     let shape = if N == 1 { &whole[..2] } else { &whole };
-    let mut file = BufReader::new(files::open_with(&places(path)?, LinkRule::Refuse).ok()?);
+    let mut file = BufReader::new(files::open_with(&(of.places)(path)?, LinkRule::Refuse).ok()?);
     let values = npy::read_values(shape, &mut file).ok()?;
     let (pixels, _) = values.as_chunks::<N>();
     Some((number, Image::from_vec(size, pixels.to_vec())))

@@ -1,14 +1,7 @@
 //! Masks of moving objects as a picture: a colour for each object.
 
-use super::embed::EmbeddedPicture;
-use super::maps::moment_words;
-use super::section::ReportTrajectory;
-use super::seen::{ShownPicture, moment_us, sensor_size};
-use crate::products::ReleaseProduct;
-use crate::published::StoredPlaces;
+use super::seen::{PictureRequest, ShownPicture};
 use gs2e_build::artifact::OBJECT_PLACES;
-use gs2e_files as files;
-use gs2e_files::LinkRule;
 use gs2e_image::{Image, png};
 use gs2e_scene::motion::read_places;
 use std::collections::BTreeMap;
@@ -27,23 +20,11 @@ const COLOURS: [([u8; 3], &str); 6] = [
 const STILL: [u8; 3] = [40; 3];
 
 /// The mask nearest to the middle of the trajectory.
-pub(crate) fn mask_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let stamps = &track.published.motion.trajectory.stamps_us;
-    let moment = moment_us(&track);
-    let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let masks = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
-    let (_, number, path) = masks.min()?;
-    let size = sensor_size(&track);
-    // The size comes from a file.
-    size.check_sensor().ok()?;
-    let read = |path: &str| files::read_with(&places(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
-    let mask = png::read_sized(Cursor::new(read(path)?), size).ok()?;
-    let objects = read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
+pub(crate) fn mask_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    let (number, path) = of.nearest_file()?;
+    let size = of.checked_size()?;
+    let mask = png::read_sized(Cursor::new(of.read(path)?), size).ok()?;
+    let objects = of.read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
     let names: BTreeMap<u8, String> =
         read_places(&objects).ok()?.into_iter().map(|line| (line.number, line.name)).collect();
     let colour = |[number, ..]: &[u8; 3]| {
@@ -52,7 +33,6 @@ pub(crate) fn mask_picture(
     };
     let image = Image::from_vec(size, mask.pixels().iter().map(colour).collect());
     let shown = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
-    let words =
-        format!("objects at {}: {}", moment_words(&track, number), shown.collect::<Vec<_>>().join(", "));
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+    let words = format!("objects at {}: {}", of.moment_words(number), shown.collect::<Vec<_>>().join(", "));
+    of.show_pixels(&image, words)
 }

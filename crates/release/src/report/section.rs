@@ -2,7 +2,7 @@
 
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
-use super::seen::tree_picture;
+use super::seen::{PictureRequest, sharp_picture, tree_picture};
 use super::{ReportPage, trajectory};
 use crate::products::ReleaseProduct;
 use crate::published::{PublishedScene, PublishedTrajectory};
@@ -203,8 +203,8 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let sharp =
-        |track| super::seen::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
+    let (product, places, width) = (&products::SHARP, page.places, page.detail.thumbnail);
+    let sharp = |track| sharp_picture(PictureRequest { product, track, places, width });
     match entry.tracks().find_map(sharp) {
         Some(shown) => {
             write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))

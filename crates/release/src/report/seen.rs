@@ -14,10 +14,61 @@ use crate::{products, published};
 use gs2e_event::picture::WindowCounts as Balance;
 use gs2e_event::{EventSink as _, EventSource as _, h5};
 use gs2e_files as files;
-use gs2e_image::Size;
+use gs2e_image::{Image, Size};
 use gs2e_tree::event_file;
 use std::ops::Range;
 use std::path::PathBuf;
+
+/// A picture of a product that the report asks for.
+#[derive(Clone, Copy)]
+pub(crate) struct PictureRequest<'a> {
+    pub(super) product: &'a ReleaseProduct,
+    pub(super) track: ReportTrajectory<'a>,
+    pub(super) places: StoredPlaces<'a>,
+    /// Maximum width, px.
+    pub(super) width: u32,
+}
+
+impl<'a> PictureRequest<'a> {
+    /// The file of the product whose pose is nearest to the shown moment, with the number of this pose.
+    pub(super) fn nearest_file(&self) -> Option<(usize, &'a str)> {
+        let stamps = &self.track.published.motion.trajectory.stamps_us;
+        let moment = moment_us(&self.track);
+        let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
+        let files = self.track.numbered(self.product);
+        let timed = files.filter_map(|(number, path)| Some((away(number)?, number, path)));
+        let (_, number, path) = timed.min()?;
+        Some((number, path))
+    }
+
+    /// The time of a pose, in words.
+    pub(super) fn moment_words(&self, number: usize) -> String {
+        let us = self.track.published.motion.trajectory.stamps_us.get(number).copied().unwrap_or(0);
+        format!("{:.1} ms", us as f64 * 1e-3)
+    }
+
+    /// Size of its picture, if that is a size of a sensor: it comes from a file.
+    pub(super) fn checked_size(&self) -> Option<Size> {
+        let size = sensor_size(&self.track);
+        size.check_sensor().ok()?;
+        Some(size)
+    }
+
+    /// A file of the tree.
+    pub(super) fn read(&self, path: &str) -> Option<Vec<u8>> {
+        read_file(path, self.places)
+    }
+
+    /// The picture from a PNG file of the tree.
+    fn show_file(&self, path: &str, words: String) -> Option<ShownPicture> {
+        Some(ShownPicture { picture: tree_picture(path, self.places, self.width)?, words, wheel: false })
+    }
+
+    /// The picture from pixels.
+    pub(super) fn show_pixels(&self, image: &Image<[u8; 3]>, words: String) -> Option<ShownPicture> {
+        Some(ShownPicture { picture: EmbeddedPicture::from_image(image, self.width)?, words, wheel: false })
+    }
+}
 
 /// A picture and what it shows.
 #[derive(Debug)]
@@ -36,7 +87,7 @@ fn middle_frame<'a>(track: &ReportTrajectory<'a>) -> Option<(usize, &'a str)> {
 }
 
 /// Time of that frame, or of the middle pose where there are no frames, us.
-pub(super) fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
+fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let number = middle_frame(track).map_or(stamps.len() / 2, |(number, _)| number);
     stamps.get(number).copied().unwrap_or(0)
@@ -44,41 +95,29 @@ pub(super) fn moment_us(track: &ReportTrajectory<'_>) -> i64 {
 
 /// A PNG file of the tree.
 pub(super) fn tree_picture(path: &str, places: StoredPlaces<'_>, width: u32) -> Option<EmbeddedPicture> {
-    let bytes = files::read_with(&places(path)?, files::LinkRule::Refuse, files::MAX_DOCUMENT).ok()?;
-    EmbeddedPicture::of_png(&bytes, width)
+    EmbeddedPicture::of_png(&read_file(path, places)?, width)
+}
+
+fn read_file(path: &str, places: StoredPlaces<'_>) -> Option<Vec<u8>> {
+    files::read_with(&places(path)?, files::LinkRule::Refuse, files::MAX_DOCUMENT).ok()
 }
 
 /// The sharp frame nearest to the middle.
-pub(crate) fn sharp_picture(
-    _: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let (number, path) = middle_frame(&track)?;
-    let words = format!("sharp frame at pose {number}, {:.1} ms", moment_us(&track) as f64 * 1e-3);
-    Some(ShownPicture { picture: tree_picture(path, places, width)?, words, wheel: false })
+pub(crate) fn sharp_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    let (number, path) = middle_frame(&of.track)?;
+    of.show_file(path, format!("sharp frame at pose {number}, {}", of.moment_words(number)))
 }
 
 /// The blurred frame whose exposure is nearest to that frame in time.
-pub(crate) fn blurred_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<ShownPicture> {
-    let exposures = published::exposures(track.part, &track.published.motion);
-    let moment = moment_us(&track);
+pub(crate) fn blurred_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+    let exposures = published::exposures(of.track.part, &of.track.published.motion);
+    let moment = moment_us(&of.track);
     // Twice the distance from the exposure's centre, which is a whole number.
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
-    let (_, path) = track.numbered(product).find(|(number, _)| number == pose)?;
+    let (_, path) = of.track.numbered(of.product).find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
-    Some(ShownPicture {
-        picture: tree_picture(path, places, width)?,
-        words: format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"),
-        wheel: false,
-    })
+    of.show_file(path, format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"))
 }
 
 /// A stream of events of a trajectory.
