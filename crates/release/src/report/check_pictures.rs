@@ -48,7 +48,7 @@ impl<'a> CheckPicture<'a> {
 fn shown_pictures<'a>(track: &ReportTrajectory<'a>, detail: DetailLevel) -> Vec<CheckPicture<'a>> {
     let paths = track.entry.below(&format!("{}/checks/", track.part.name));
     let mut pictures: Vec<CheckPicture<'_>> = paths.filter_map(CheckPicture::from_path).collect();
-    pictures.retain(|picture| detail.passed_pictures || picture.verdict(track).is_some_and(is_fault));
+    pictures.retain(|picture| detail.passes || picture.verdict(track).is_some_and(is_fault));
     pictures.sort_by_key(|picture| picture.verdict(track).map_or(usize::MAX, verdict_rank));
     pictures.truncate(detail.check_pictures);
     pictures.sort_by_key(|picture| (picture.check, picture.sensor));

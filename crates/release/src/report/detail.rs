@@ -13,18 +13,14 @@ pub(super) struct DetailLevel {
     pub(super) thumbnail: u32,
     /// Width of the pictures of trajectories, px.
     pub(super) picture: u32,
-    /// True if every trajectory has pictures; otherwise only the first of each scene has.
-    pub(super) every: bool,
-    /// True if a trajectory's own frames, depth and flow are shown, and not only the frame in the
-    /// table of scenes.
-    pub(super) frames: bool,
-    /// True if plots have axes.
-    pub(super) labels: bool,
+    /// True if every trajectory has pictures, with its own frames, depth and flow, and plots have axes.
+    /// Otherwise the page is brief: only the first trajectory of each scene has a picture of events, and
+    /// lists are short.
+    pub(super) full: bool,
     /// Maximum number of pictures of checks of a trajectory.
     pub(super) check_pictures: usize,
-    /// True if pictures of checks that passed are among them.
-    pub(super) passed_pictures: bool,
-    /// True if statements that passed are listed, and not only counted.
+    /// True if statements that passed are listed, and not only counted, and pictures of checks that passed
+    /// are shown.
     pub(super) passes: bool,
     /// Maximum number of points of a curve.
     pub(super) points: usize,
@@ -32,81 +28,56 @@ pub(super) struct DetailLevel {
     pub(super) cameras: usize,
 }
 
-const LEVELS: [DetailLevel; 4] = [
-    DetailLevel {
-        most: 8,
-        thumbnail: 160,
-        picture: 640,
-        every: true,
-        frames: true,
-        labels: true,
-        check_pictures: 24,
-        passed_pictures: true,
-        passes: true,
-        points: 120,
-        cameras: 9,
-    },
-    DetailLevel {
-        most: 60,
-        thumbnail: 160,
-        picture: 320,
-        every: true,
-        frames: true,
-        labels: true,
-        check_pictures: 24,
-        passed_pictures: true,
-        passes: true,
-        points: 120,
-        cameras: 9,
-    },
-    DetailLevel {
-        most: 600,
-        thumbnail: 128,
-        picture: 192,
-        every: true,
-        frames: true,
-        labels: true,
-        check_pictures: 3,
-        passed_pictures: false,
-        passes: false,
-        points: 96,
-        cameras: 5,
-    },
-    DetailLevel {
-        most: usize::MAX,
-        thumbnail: 112,
-        picture: 112,
-        every: false,
-        frames: false,
-        labels: false,
-        check_pictures: 1,
-        passed_pictures: false,
-        passes: false,
-        points: 40,
-        cameras: 2,
-    },
-];
+const LARGE: DetailLevel = DetailLevel {
+    most: 8,
+    thumbnail: 160,
+    picture: 640,
+    full: true,
+    check_pictures: 24,
+    passes: true,
+    points: 120,
+    cameras: 9,
+};
+const WHOLE: DetailLevel = DetailLevel { most: 60, picture: 320, ..LARGE };
+const PART: DetailLevel = DetailLevel {
+    most: 600,
+    thumbnail: 128,
+    picture: 192,
+    check_pictures: 3,
+    passes: false,
+    points: 96,
+    cameras: 5,
+    ..LARGE
+};
+const BRIEF: DetailLevel = DetailLevel {
+    most: usize::MAX,
+    thumbnail: 112,
+    picture: 112,
+    full: false,
+    check_pictures: 1,
+    passes: false,
+    points: 40,
+    cameras: 2,
+};
 
 impl DetailLevel {
     /// The level for a release of this many trajectories.
     pub(super) fn for_trajectories(trajectories: usize) -> Self {
-        let [large, whole, part, brief] = LEVELS;
-        [large, whole, part].into_iter().find(|level| trajectories <= level.most).unwrap_or(brief)
+        [LARGE, WHOLE, PART].into_iter().find(|level| trajectories <= level.most).unwrap_or(BRIEF)
     }
 
     /// The contents that the page leaves out, in words; `None` if it has everything.
     pub(super) fn left_out(self, trajectories: usize) -> Option<String> {
-        let [large, whole, part, _] = LEVELS;
-        if [large, whole].contains(&self) {
+        if [LARGE, WHOLE].contains(&self) {
             return None;
         }
-        let pictures = if self.every {
+        let pictures = if self.full {
             "pictures are small, and of checks only those that did not pass are shown (at most three per trajectory)"
         } else {
             "pictures are small and few (one sharp frame per scene, events of its first trajectory, one check that did \
              not pass per trajectory), plots are coarse and have no axes"
         };
-        let most = if self == part { whole.most } else { part.most };
+        let most = if self == PART { WHOLE.most } else { PART.most };
         Some(format!(
             "With {trajectories} trajectories, more than {most}, the page is kept light: {pictures}, and statements that \
              passed are counted, not listed. All of them are in checks.json of each trajectory."

@@ -52,7 +52,7 @@ pub(super) fn write_gallery(html: &mut HtmlFragment, page: &ReportPage<'_>, trac
 fn has_pictures(page: &ReportPage<'_>, track: ReportTrajectory<'_>) -> bool {
     let trajectories = &track.entry.scene.file.trajectories;
     let is_first = trajectories.first().is_some_and(|first| first.name == track.part.name);
-    !track.entry.is_withheld() && (page.detail.every || is_first)
+    !track.entry.is_withheld() && (page.detail.full || is_first)
 }
 
 /// Writes a row of figures; nothing if it is empty.
@@ -91,7 +91,7 @@ fn write_shown(html: &mut HtmlFragment, shown: Option<ShownPicture>) {
 /// Writes what the camera sees at one moment: a picture of each product that has one.
 fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     let (places, width) = (page.places, page.detail.picture);
-    if !page.detail.frames {
+    if !page.detail.full {
         return;
     }
     for product in products::products() {
@@ -109,7 +109,7 @@ fn write_events(
     streams: &[ShownStream<'_>],
 ) {
     let Some(window) = seen::shared_window(&track, streams) else { return };
-    let most = if page.detail.every { MAX_STREAMS } else { 1 };
+    let most = if page.detail.full { MAX_STREAMS } else { 1 };
     for stream in streams.iter().take(most) {
         write_shown(html, seen::events_picture(track, stream, &window, page.detail.picture));
     }
@@ -129,7 +129,7 @@ fn write_rates(
         highest: rates.iter().map(ReportCurve::highest).fold(0.0, f64::max),
         unit: "events/px/s",
         duration_ms: duration_ms(track),
-        labelled: page.detail.labels,
+        labelled: page.detail.full,
     };
     for (stream, rate) in streams.iter().zip(&rates) {
         let of = stream.name.map_or(String::new(), |name| format!("{name}: "));
@@ -162,7 +162,7 @@ fn write_speeds(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
         highest: drawn.iter().map(|(_, curve)| curve.highest()).fold(0.0, f64::max),
         unit: "times the mean speed",
         duration_ms: duration_ms(track),
-        labelled: page.detail.labels,
+        labelled: page.detail.full,
     };
     let words = format!("camera speed: {}", speed_words(&track.part.statistics));
     write_figure(html, "", &words, |html| curve::draw_curves(html, axes, &drawn));

@@ -191,7 +191,7 @@ fn table_row(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<
         number(html, &number_span(entry.counted().filter_map(on_share)));
         html.within("td", &[("class", "verdicts")], |html| {
             // A bar has several elements, which are too many in thousands of rows.
-            if page.detail.every {
+            if page.detail.full {
                 count.bar(html);
             }
             html.text(&count.words());
@@ -288,7 +288,7 @@ fn write_facts(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntr
         ));
     }
     // A list would take two elements for each fact.
-    if !page.detail.every {
+    if !page.detail.full {
         let sentences =
             facts.into_iter().map(|(name, words)| format!("{name}: {words}.")).collect::<Vec<_>>();
         return html.leaf("p", &[], &sentences.join(" "));
@@ -335,7 +335,7 @@ fn write_training(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneE
     let of = entry.scene.file.reconstruction.as_ref();
     let Some(training) = of.and_then(|of| of.training.as_ref()) else { return };
     let words = training_words(training);
-    if !page.detail.every || training.held_out.is_empty() {
+    if !page.detail.full || training.held_out.is_empty() {
         return html.leaf("p", &[("class", "caption")], &words);
     }
     html.within("details", &[("class", "fold")], |html| {
@@ -361,8 +361,7 @@ const HELD_OUT_WIDTH: u32 = 484;
 /// Writes the pictures of the views that were held out.
 fn write_held_out(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let path = format!("{}/{}", entry.id(), layout::HELD_OUT);
-    let Some(picture) = tree_picture(&path, page.places, HELD_OUT_WIDTH).filter(|_| page.detail.frames)
-    else {
+    let Some(picture) = tree_picture(&path, page.places, HELD_OUT_WIDTH).filter(|_| page.detail.full) else {
         return;
     };
     html.within("figure", &[("class", "wide")], |html| {
@@ -430,7 +429,7 @@ pub(super) fn write_findings(
     let count = VerdictCount::from_findings(findings);
     let shown = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
     let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
-    if page.detail.every && !shown.is_empty() {
+    if page.detail.full && !shown.is_empty() {
         // Folded, so that the next pictures are near. The faults are also in the list of all scenes.
         return html.within("details", &[("class", "fold")], |html| {
             html.within("summary", &[], |html| {

@@ -83,7 +83,7 @@ fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTraj
     let paths: Vec<&str> = below.filter(|path| !of_camera(path)).collect();
     // Paths are sorted, so the frames of one folder are neighbours.
     let same = |a: &&str, b: &&str| of_many(a).is_some() && of_many(a) == of_many(b);
-    let groups = paths.chunk_by(same).filter(|group| page.detail.every || is_most_wanted(group[0]));
+    let groups = paths.chunk_by(same).filter(|group| page.detail.full || is_most_wanted(group[0]));
     html.within("p", &[("class", "files")], |html| {
         html.text("Files: ");
         for (number, group) in groups.enumerate() {
@@ -93,7 +93,7 @@ fn write_files(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTraj
                 html.text(&format!(" and {} more", group.len() - 1));
             }
         }
-        html.text(if page.detail.every { "" } else { ", and others with them" });
+        html.text(if page.detail.full { "" } else { ", and others with them" });
     });
 }
 
