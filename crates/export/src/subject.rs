@@ -1,7 +1,6 @@
 //! What an export reads: one trajectory of a release, with one sensor.
 
 use super::ExportError;
-use glam::DVec3;
 use gs2e_event::{Event, StreamHeader};
 use gs2e_image::Image;
 use gs2e_image::light::MeanScale;
@@ -163,30 +162,6 @@ impl ExportSubject {
         Ok(self.tree.colours(PictureKind::Sharp, pose)?)
     }
 
-    /// The file of the blurred picture of a pose, PNG in sRGB.
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub fn blurred_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
-        Ok(self.tree.picture(PictureKind::Blur, pose)?)
-    }
-
-    /// The blurred picture of a pose, sRGB.
-    ///
-    /// # Errors
-    /// It cannot be read, or has another size than the camera.
-    pub fn blurred_picture(&self, pose: usize) -> Result<Image<[u8; 3]>, ExportError> {
-        Ok(self.tree.colours(PictureKind::Blur, pose)?)
-    }
-
-    /// The file of the depth picture of a pose, NumPy float32 (H, W).
-    ///
-    /// # Errors
-    /// It cannot be read.
-    pub fn depth_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
-        Ok(self.tree.picture(PictureKind::Depth, pose)?)
-    }
-
     /// Depth along the optical axis at a pose, in units of the poses; NaN where nothing is seen.
     ///
     /// # Errors
@@ -204,15 +179,6 @@ impl ExportSubject {
     /// It cannot be read, or has another size than the camera.
     pub fn flow_picture(&self, pose: usize) -> Result<Vec<[f32; 2]>, ExportError> {
         Ok(self.tree.flow(pose)?.into_pixels())
-    }
-
-    /// The inertial measurements: times from the first pose, ns, with body rates and specific forces; empty
-    /// if the release has none.
-    ///
-    /// # Errors
-    /// They cannot be read.
-    pub fn inertial(&self) -> Result<Vec<(i64, [DVec3; 2])>, ExportError> {
-        Ok(self.tree.inertial()?)
     }
 
     /// Statements of the file of events.

@@ -31,6 +31,7 @@ use crate::{
 use glam::DVec3;
 use gs2e_image::{Size, srgb};
 use gs2e_sensor::WHITE;
+use gs2e_tree::PictureKind;
 use serde_json::{Value, json};
 
 /// The layout of E2NeRF.
@@ -274,7 +275,8 @@ fn write_train(
         for number in [2 * view, 2 * view + 1] {
             entries.push(json!({ "file_path": format!("./train/r_{number}"), "transform_matrix": listed }));
         }
-        out.write_file(&format!("train/r_{}.png", 2 * view), &plan.subject.blurred_file(exposure.pose)?)?;
+        let file = plan.subject.tree.picture(PictureKind::Blur, exposure.pose)?;
+        out.write_file(&format!("train/r_{}.png", 2 * view), &file)?;
         out.report()?;
     }
     write_transforms(plan, "transform_train.json", &entries, out)

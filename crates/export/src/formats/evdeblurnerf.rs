@@ -28,6 +28,7 @@ use crate::{
 use glam::DVec3;
 use gs2e_num::se3::Se3;
 use gs2e_scene::camera::Camera;
+use gs2e_tree::PictureKind;
 use serde_json::{Value, json};
 
 /// The layout of EvDeblurNeRF.
@@ -199,13 +200,9 @@ fn write_pictures(
     out: &mut ExportFolder<'_>,
 ) -> Result<(), ExportError> {
     for (index, picture) in pictures.iter().enumerate() {
-        let subject = plan.subject;
-        let file = if picture.is_blurred() {
-            subject.blurred_file(picture.pose)
-        } else {
-            subject.sharp_file(picture.pose)
-        };
-        out.write_file(&format!("images_1/{index:04}.png"), &file?)?;
+        let kind = if picture.is_blurred() { PictureKind::Blur } else { PictureKind::Sharp };
+        let file = plan.subject.tree.picture(kind, picture.pose)?;
+        out.write_file(&format!("images_1/{index:04}.png"), &file)?;
         out.report()?;
     }
     Ok(())

@@ -77,7 +77,7 @@ fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
 
 fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
     let name = format!("{}.mcap", file_name(plan));
-    let inertial = plan.subject.inertial()?;
+    let inertial = plan.subject.tree.inertial()?;
     let mut timeline = Timeline::new(plan, &inertial);
     let mut recording = Recording::create(out.file(&name)?, plan, inertial, &timeline)?;
     let mut packets = EventPackets::new();

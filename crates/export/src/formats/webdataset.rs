@@ -12,6 +12,7 @@
 
 use super::windows::{self, EventWindow};
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy};
+use gs2e_tree::PictureKind;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -76,7 +77,7 @@ fn members(
         (named("sharp.png"), plan.subject.sharp_file(window.frames[1])?),
     ];
     if depth {
-        members.push((named("depth.npy"), plan.subject.depth_file(window.frames[1])?));
+        members.push((named("depth.npy"), plan.subject.tree.picture(PictureKind::Depth, window.frames[1])?));
     }
     Ok(members)
 }

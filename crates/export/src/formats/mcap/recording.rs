@@ -7,6 +7,7 @@ use super::schemas::{ENCODING, MessageType};
 use super::timeline::{DueKind, DueMessage, Timeline};
 use crate::{ExportError, ExportPlan};
 use glam::DVec3;
+use gs2e_tree::PictureKind;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io;
@@ -115,7 +116,8 @@ impl<'a> Recording<'a> {
             }
             DueKind::Blurred => {
                 self.camera_info(t_ns)?;
-                self.send(BLURRED, t_ns, &messages::colour(t_ns, &subject.blurred_picture(pose)?))
+                let picture = subject.tree.colours(PictureKind::Blur, pose)?;
+                self.send(BLURRED, t_ns, &messages::colour(t_ns, &picture))
             }
             DueKind::Depth => self.send(DEPTH, t_ns, &messages::depth(t_ns, &subject.depth_picture(pose)?)),
         }
