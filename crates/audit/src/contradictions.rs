@@ -2,8 +2,8 @@
 //! are not read.
 
 use super::{
-    AuditFault, FaultCode, TrustedTree, bytes, claims, contents, names, published, steps, top, walk,
-    without_echoes,
+    AuditFault, FaultCode, TrustedTree, bytes, claims, contents, names, published, sorted_faults, steps, top,
+    walk,
 };
 use gs2e_release::layout;
 use gs2e_release::manifest::{FileOwners, ReleaseManifest};
@@ -48,10 +48,7 @@ pub(crate) fn find_contradictions(
         faults.extend(top(tree, manifest, &scenes, published.as_deref(), &faults));
     }
     faults.retain(|fault| is_contradiction(fault.code));
-    let mut faults: Vec<AuditFault> = faults.into_iter().map(|fault| fault.placed(owners)).collect();
-    faults.sort();
-    faults.dedup();
-    Ok(without_echoes(faults))
+    Ok(sorted_faults(faults.into_iter().map(|fault| fault.placed(owners)).collect()))
 }
 
 /// Returns true for faults that two files show together, or one by its format. Terms and stray

@@ -244,9 +244,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
             faults.push(AuditFault::of_file(FaultCode::Missing, gs2e_release::manifest::NAME, message));
         }
     }
-    let mut faults = without_echoes(faults);
-    faults.sort();
-    faults.dedup();
+    let faults = sorted_faults(faults);
     let read = bytes.values().flatten();
     let listed = options.takedown.map(|_| "scenes against the takedown list");
     let covers = COVERS.into_iter().chain(exports).chain(listed).collect();
@@ -398,8 +396,8 @@ fn top(
     faults
 }
 
-/// Removes [`FaultCode::NotComposed`] from files that have a more specific fault.
-fn without_echoes(faults: Vec<AuditFault>) -> Vec<AuditFault> {
+/// Sorts faults, each once, without [`FaultCode::NotComposed`] of files that have a more specific fault.
+fn sorted_faults(mut faults: Vec<AuditFault>) -> Vec<AuditFault> {
     let reported: BTreeSet<String> = faults
         .iter()
         .filter(|fault| fault.code != FaultCode::NotComposed)
@@ -409,5 +407,8 @@ fn without_echoes(faults: Vec<AuditFault>) -> Vec<AuditFault> {
         fault.code == FaultCode::NotComposed
             && fault.file.as_ref().is_some_and(|file| reported.contains(file))
     };
-    faults.into_iter().filter(|fault| !is_echo(fault)).collect()
+    faults.retain(|fault| !is_echo(fault));
+    faults.sort();
+    faults.dedup();
+    faults
 }
