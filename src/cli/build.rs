@@ -26,11 +26,11 @@ use gs2e_build::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipe
 use gs2e_build::run::backends::RendererChoice;
 use gs2e_build::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use gs2e_build::stage::StepId;
-use gs2e_files::{escape, is_there};
+use gs2e_files::{PathError, escape, is_there};
 use gs2e_num::units::Hertz;
 use gs2e_recipe as recipe;
 use gs2e_sensor::SensorChoice;
-use gs2e_store::link_tree::{LinkError, LinkTree};
+use gs2e_store::link_tree::LinkTree;
 use gs2e_store::record::StoredOutput;
 use gs2e_store::space::DiskSpace;
 use gs2e_store::{Digest, Store};
@@ -260,7 +260,7 @@ fn link_outputs(
         let tree = LinkTree::new(store, to)?;
         steps.iter().try_for_each(|s| tree.link_step(&format!("{}/{}", s.scene, s.step), s.outputs))
     };
-    link().map_err(|e: LinkError| {
+    link().map_err(|e: PathError| {
         VerbError::failed("not-linked", format!("failed to link: {e}"))
             .help("choose an empty folder, or one that an earlier `gs2e build --to` filled")
     })?;

@@ -127,8 +127,8 @@ impl ExportArgs {
             ExportError::Exists { .. } => VerbError::usage("output-unwritable", said),
             ExportError::Data(_) => VerbError::failed("not-written", said),
             ExportError::Interrupted => VerbError::interrupted(said),
-            ExportError::Write { source, .. } => {
-                let code = if is_full(&source) { "disk-full" } else { "output-unwritable" };
+            ExportError::Write(error) => {
+                let code = if is_full(&error) { "disk-full" } else { "output-unwritable" };
                 VerbError::failed(code, said)
             }
             ExportError::Unmet { unmet, .. } => {

@@ -49,9 +49,7 @@ pub(super) fn require_file(what: &str, path: &Path) -> Result<(), VerbError> {
 /// The error for a source that is absent, has no known layout, or cannot be read.
 pub(super) fn no_source(what: &str, error: &SourceError, path: &Path) -> VerbError {
     match error {
-        SourceError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
-            missing_file(what, path)
-        }
+        SourceError::Io(error) if error.source.kind() == io::ErrorKind::NotFound => missing_file(what, path),
         SourceError::Absent { dir, because } => {
             let text = format!("cannot determine the layout of the {what}");
             VerbError::usage("input-missing", text).path(dir).because(because)

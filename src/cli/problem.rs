@@ -240,7 +240,7 @@ pub(super) fn stage_failed(code: &'static str, scene: &str, step: &str, error: &
     };
     match error {
         StageError::Work { doing, cause } => failed(doing).because(cause),
-        StageError::Io { path, source } => failed(&format!("use {}", path.display())).because(source),
+        StageError::Io(error) => failed(&format!("use {}", error.path.display())).because(&error.source),
         other => failed(other),
     }
 }

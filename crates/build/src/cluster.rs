@@ -21,6 +21,7 @@ mod shell;
 pub mod slurm;
 pub mod submission;
 
+use gs2e_files::PathError;
 use gs2e_files::programs::EndKind;
 use std::path::PathBuf;
 
@@ -54,13 +55,8 @@ pub enum ClusterError {
         wanted: &'static str,
     },
     /// A file of a plan cannot be read or written.
-    #[error("failed to use {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error("failed to use {0}")]
+    Io(#[source] PathError),
     /// A file of a plan has another form.
     #[error("{} is not a plan of this gs2e: {because}", path.display())]
     Plan {

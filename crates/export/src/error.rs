@@ -1,6 +1,7 @@
 //! Reasons why there is no export.
 
 use super::ledger::{ExportLoss, UnmetNeed};
+use gs2e_files::PathError;
 use gs2e_tree::TreeError;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -45,13 +46,8 @@ pub enum ExportError {
     #[error("interrupted: nothing was written")]
     Interrupted,
     /// A file cannot be written.
-    #[error("failed to write {}: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The error of the system.
-        source: io::Error,
-    },
+    #[error("failed to write {0}")]
+    Write(#[source] PathError),
 }
 
 impl From<TreeError> for ExportError {
@@ -63,7 +59,6 @@ impl From<TreeError> for ExportError {
 impl ExportError {
     /// A file that cannot be written.
     pub(super) fn unwritten(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Write { path, source }
+        move |source| Self::Write(PathError::new(path, source))
     }
 }

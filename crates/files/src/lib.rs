@@ -29,15 +29,17 @@ pub mod budget;
 pub mod escape;
 pub mod html;
 pub mod natural;
+mod path_error;
 pub mod programs;
 mod removal;
 pub mod rename;
 pub mod stat;
 mod walk;
 
+pub use path_error::PathError;
 pub use removal::{Removal, remove, remove_below};
 pub use rename::write_by_rename;
-pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES, WalkError};
+pub use walk::{FolderWalk, MAX_DEPTH, MAX_ENTRIES};
 
 use std::ffi::OsStr;
 use std::fs::{self, File};

@@ -5,6 +5,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
+use super::PathError;
 use walkdir::{DirEntry, WalkDir};
 
 /// Deepest entry of a walk, counted from its root.
@@ -12,16 +13,6 @@ pub const MAX_DEPTH: usize = 32;
 
 /// Maximum entries of a walk: a path like `/` ends in an error, not in a scan of the machine.
 pub const MAX_ENTRIES: usize = 1 << 20;
-
-/// An entry of a walk that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {because}", path.display())]
-pub struct WalkError {
-    /// The entry.
-    pub path: PathBuf,
-    /// The reason, without the path.
-    pub because: io::Error,
-}
 
 /// A walk through a folder, in the order of file names.
 #[derive(Debug, Clone, Copy)]
@@ -59,7 +50,7 @@ impl<'a> FolderWalk<'a> {
     pub fn entries(
         self,
         keep: impl FnMut(&DirEntry) -> bool,
-    ) -> impl Iterator<Item = Result<DirEntry, WalkError>> {
+    ) -> impl Iterator<Item = Result<DirEntry, PathError>> {
         let bounds = WalkBounds::of(self.root);
         // File systems list entries in any order. Sorting makes everything that follows
         // reproducible.
@@ -78,25 +69,24 @@ impl<'a> FolderWalk<'a> {
             left -= 1;
             if left == 0 {
                 let because = io::Error::other(format!("more than {MAX_ENTRIES} entries"));
-                return Some(Err(WalkError { path: root.clone(), because }));
+                return Some(Err(PathError::new(&root, because)));
             }
             let Err(because) = bounds.hold(&entry) else { return Some(Ok(entry)) };
             // Only folders are refused, so this skips the content of the entry and not its
             // siblings.
             walk.skip_current_dir();
-            Some(Err(WalkError { path: entry.into_path(), because }))
+            Some(Err(PathError::new(entry.into_path(), because)))
         })
     }
 }
 
-fn unwalkable(error: &walkdir::Error, root: &Path) -> WalkError {
-    let path = error.path().unwrap_or(root).to_owned();
+fn unwalkable(error: &walkdir::Error, root: &Path) -> PathError {
     let because = match error.io_error() {
         Some(error) => io::Error::new(error.kind(), error.to_string()),
         // Without an I/O error, the walk has found a loop.
         None => io::Error::other("a link leads back to its own folder"),
     };
-    WalkError { path, because }
+    PathError::new(error.path().unwrap_or(root), because)
 }
 
 /// The bounds that the root of a walk sets.
@@ -153,7 +143,7 @@ mod tests {
         walk.entries(|_| true)
             .map(|entry| match entry {
                 Ok(entry) => shown(entry.path()),
-                Err(error) => format!("{}: {}", shown(&error.path), error.because),
+                Err(error) => format!("{}: {}", shown(&error.path), error.source),
             })
             .skip(1)
             .collect()

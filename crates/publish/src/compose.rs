@@ -142,7 +142,7 @@ pub(super) fn empty_splits(scenes: &[PublishedScene], info: &ReleaseInfo) -> Vec
 fn describe_release(scene: &BuiltScene<'_>) -> Result<SceneRecord, ReleaseError> {
     // Only the file of the Gaussians is read for it.
     let path = || scene.gaussians.as_ref().map(|gaussians| gaussians.path.clone()).unwrap_or_default();
-    scene::compose_scene(scene).map_err(|source| ReleaseError::Io { path: path(), source })
+    scene::compose_scene(scene).map_err(|error| super::failed(&path())(error))
 }
 
 /// The files of a scene but for the verdicts on its trajectories, which the files decide.

@@ -48,6 +48,7 @@ use gs2e_audit::recheck;
 use gs2e_build::plan::Plan;
 use gs2e_build::run::RunSummary;
 use gs2e_check::Finding;
+use gs2e_files::PathError;
 use gs2e_recipe as recipe;
 use gs2e_recipe::{RecipeFaults, ReleaseInfo, SourceTerms, TakedownList};
 use gs2e_release::{GatherError, HeldBackScene, SplitLeak, built, include};
@@ -159,13 +160,8 @@ pub enum ReleaseError {
     #[error("interrupted: nothing was released")]
     Interrupted,
     /// A file cannot be written or read.
-    #[error("failed to write {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error("failed to write {0}")]
+    Io(#[source] PathError),
     /// The content of a stored file does not match its name.
     #[error("{path}: stored bytes do not match their digest; run the same command again to rebuild them")]
     Altered {
@@ -184,8 +180,7 @@ pub enum ReleaseError {
 }
 
 fn failed(path: &Path) -> impl FnOnce(std::io::Error) -> ReleaseError {
-    let path = path.to_owned();
-    move |source| ReleaseError::Io { path, source }
+    move |source| ReleaseError::Io(PathError::new(path, source))
 }
 
 /// Input of a release.

@@ -73,7 +73,6 @@ impl StandingTree {
     /// # Errors
     /// The folder cannot be listed, or `cancel` is set.
     pub(super) fn read(folder: &Path, cancel: &AtomicBool) -> Result<Self, ReleaseError> {
-        let failed = |source: io::Error| ReleaseError::Io { path: folder.to_owned(), source };
         let mut tree =
             Self { folder: folder.to_owned(), b3: None, sound: BTreeMap::new(), oddities: Vec::new() };
         let lists = match ReleaseLists::read(folder) {
@@ -84,7 +83,7 @@ impl StandingTree {
                 return Ok(tree);
             }
         };
-        let (found, mut oddities) = list(folder, &lists).map_err(failed)?;
+        let (found, mut oddities) = list(folder, &lists).map_err(super::failed(folder))?;
         let missing = lists.sums.keys().filter(|path| !found.contains(path.as_str()));
         oddities.extend(missing.map(|path| format!("{path} is missing")));
         let judge = |path: String| {

@@ -7,11 +7,11 @@
 use super::checksum;
 use ct_codecs::{Base64, Decoder as _};
 use gs2e_files as files;
-use gs2e_files::{LinkRule, MAX_DOCUMENT};
+use gs2e_files::{LinkRule, MAX_DOCUMENT, PathError};
 use minisign::{PublicKey, PublicKeyBox, SecretKey, SecretKeyBox, SignatureBox};
 use std::fs;
 use std::io::{self, Cursor, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Name of the file of the signature.
 pub const NAME: &str = "SHA256SUMS.minisig";
@@ -29,13 +29,8 @@ const MAX_BYTES: u64 = 64 << 10;
 #[derive(Debug, thiserror::Error)]
 pub enum SignatureError {
     /// A file cannot be read or written.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] PathError),
     /// A key is not in the form of minisign, or its password is wrong.
     #[error("{name} is not a usable {what} of minisign: {because}")]
     Key {
@@ -52,7 +47,7 @@ pub enum SignatureError {
 }
 
 fn io_error(path: &Path) -> impl FnOnce(io::Error) -> SignatureError {
-    move |source| SignatureError::Io { path: path.to_owned(), source }
+    move |source| PathError::new(path, source).into()
 }
 
 /// Identifier of a key, as minisign prints it: 16 hexadecimal digits.

@@ -1,6 +1,6 @@
 //! The reasons why a source cannot be read, with the place.
 
-use gs2e_files::WalkError;
+use gs2e_files::PathError;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -8,13 +8,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error)]
 pub enum SourceError {
     /// An operation on a file or folder failed.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] PathError),
     /// The source does not exist.
     #[error("{}: {because}", dir.display())]
     Absent {
@@ -33,12 +28,6 @@ pub enum SourceError {
         /// The found and the wanted content.
         because: String,
     },
-}
-
-impl From<WalkError> for SourceError {
-    fn from(WalkError { path, because }: WalkError) -> Self {
-        Self::Io { path, source: because }
-    }
 }
 
 /// A place in a file of a source.
@@ -69,6 +58,6 @@ impl fmt::Display for SourcePlace {
 
 impl SourceError {
     pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        move |source| Self::Io { path: path.to_owned(), source }
+        move |source| PathError::new(path, source).into()
     }
 }

@@ -6,25 +6,15 @@
 use super::Store;
 use super::record::StoredOutput;
 use gs2e_files as files;
-use gs2e_files::Removal;
+use gs2e_files::{PathError, Removal};
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-/// The reason why a step cannot be linked.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {source}", path.display())]
-pub struct LinkError {
-    /// The link or the folder.
-    pub path: PathBuf,
-    /// The cause.
-    pub source: io::Error,
-}
-
-fn link_error(path: &Path) -> impl FnOnce(io::Error) -> LinkError {
-    move |source| LinkError { path: path.to_owned(), source }
+fn link_error(path: &Path) -> impl FnOnce(io::Error) -> PathError {
+    move |source| PathError::new(path, source)
 }
 
 /// A folder of links into one store.
@@ -41,7 +31,7 @@ impl<'a> LinkTree<'a> {
     ///
     /// # Errors
     /// The store's path cannot be resolved.
-    pub fn new(store: &'a Store, folder: &Path) -> Result<Self, LinkError> {
+    pub fn new(store: &'a Store, folder: &Path) -> Result<Self, PathError> {
         let root = store.root();
         let target = fs::canonicalize(root).map_err(link_error(root))?;
         Ok(Self { store, folder: folder.to_owned(), target })
@@ -52,7 +42,7 @@ impl<'a> LinkTree<'a> {
     ///
     /// # Errors
     /// A name is taken by something else than a link into the store, or a link cannot be made.
-    pub fn link_step(&self, name: &str, outputs: &[StoredOutput]) -> Result<(), LinkError> {
+    pub fn link_step(&self, name: &str, outputs: &[StoredOutput]) -> Result<(), PathError> {
         let folder = self.create_folder(Path::new(name))?;
         let wanted: BTreeSet<PathBuf> = outputs.iter().map(|output| folder.join(&output.name)).collect();
         for entry in fs::read_dir(&folder).map_err(link_error(&folder))? {
@@ -73,7 +63,7 @@ impl<'a> LinkTree<'a> {
 
     /// Creates a folder below that of the tree. A link on the way would lead to a folder of others, and is
     /// refused.
-    fn create_folder(&self, below: &Path) -> Result<PathBuf, LinkError> {
+    fn create_folder(&self, below: &Path) -> Result<PathBuf, PathError> {
         let folder = self.folder.join(below);
         let above = folder.ancestors().take_while(|path| *path != self.folder);
         if let Some(link) = above.filter(|path| path.is_symlink()).last() {
@@ -94,7 +84,7 @@ impl<'a> LinkTree<'a> {
         fs::read_link(path).is_ok_and(|target| target.starts_with(&self.target))
     }
 
-    fn link(&self, path: &Path, blob: &Path) -> Result<(), LinkError> {
+    fn link(&self, path: &Path, blob: &Path) -> Result<(), PathError> {
         if fs::read_link(path).is_ok_and(|target| target == blob) {
             return Ok(());
         }

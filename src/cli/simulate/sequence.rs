@@ -169,7 +169,7 @@ fn require_two(input: &Path, stamps_us: &[i64]) -> Result<(), VerbError> {
 /// The error for a video that cannot be read.
 fn unreadable_video(error: &VideoError, path: &Path) -> VerbError {
     match error {
-        VideoError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+        VideoError::Io(error) if error.source.kind() == io::ErrorKind::NotFound => {
             input::missing_file("video", path)
         }
         VideoError::NoProgram(_) => VerbError::usage("program-missing", error.to_string())
@@ -250,7 +250,7 @@ fn decide_scale(path: &Path, notices: &mut Vec<String>) -> Result<FullScale, Ver
 /// The error for an array file that is absent, or cannot be read as the wanted array.
 fn unreadable_array(what: &str, error: &NpyError, path: &Path) -> VerbError {
     match error {
-        NpyError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+        NpyError::Io(error) if error.source.kind() == io::ErrorKind::NotFound => {
             input::missing_file(what, path)
         }
         error => input::unreadable_file(what, error),

@@ -6,8 +6,8 @@
 
 use super::ClusterError;
 use gs2e_files as files;
-use gs2e_files::MAX_DOCUMENT;
 use gs2e_files::below::FolderBelow;
+use gs2e_files::{MAX_DOCUMENT, PathError};
 use gs2e_recipe::RecipeFile;
 use gs2e_store::{Digest, PLANS};
 use serde::{Deserialize, Serialize};
@@ -281,8 +281,7 @@ fn parse<T: serde::de::DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T,
 }
 
 pub(super) fn io_error(path: &Path) -> impl FnOnce(io::Error) -> ClusterError {
-    let path = path.to_owned();
-    move |source| ClusterError::Io { path, source }
+    move |source| ClusterError::Io(PathError::new(path, source))
 }
 
 #[cfg(test)]

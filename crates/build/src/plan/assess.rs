@@ -165,7 +165,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     };
     let unreadable = |path: &PathBuf, e: std::io::Error| match e.kind() {
         std::io::ErrorKind::NotFound => failed(StageError::Missing { path: path.clone() }),
-        _ => failed(StageError::Io { path: path.clone(), source: e }),
+        _ => failed(StageError::io_error(path)(e)),
     };
     let mut sources = SourceFiles::default();
     // Observed before they are listed: an entry that is added later changes their stat fields.

@@ -1,6 +1,7 @@
 //! Failures of stages.
 
 use crate::artifact::ArtifactError;
+use gs2e_files::PathError;
 use gs2e_files::programs::ProgramFailure;
 use gs2e_sampling::exposure::ExposeError;
 use gs2e_source::foreign::ForeignError;
@@ -44,13 +45,8 @@ pub enum StageError {
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A file cannot be read or written.
-    #[error("use {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: std::io::Error,
-    },
+    #[error("use {0}")]
+    Io(#[from] PathError),
 }
 
 impl From<ForeignError> for StageError {
@@ -58,7 +54,7 @@ impl From<ForeignError> for StageError {
         match error {
             ForeignError::Stopped => Self::Cancelled,
             ForeignError::Failed(failed) => Self::Program(failed),
-            ForeignError::Io { path, cause } => Self::Io { path, source: cause },
+            ForeignError::Io(error) => Self::Io(error),
             error @ ForeignError::Own { .. } => Self::work_failed("compare it with other programs")(error),
         }
     }
@@ -87,7 +83,7 @@ impl From<TrainError> for StageError {
         match error {
             TrainError::Stopped | TrainError::Layout(LayoutError::Stopped) => Self::Cancelled,
             TrainError::Failed(failed) => Self::Program(failed),
-            TrainError::Io { path, cause } => Self::Io { path, source: cause },
+            TrainError::Io(error) => Self::Io(error),
             TrainError::Layout(error) => Self::work_failed("write the capture for the program")(error),
         }
     }
@@ -123,7 +119,6 @@ impl StageError {
 
     /// A failure to use a file.
     pub fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_owned();
-        move |source| Self::Io { path, source }
+        move |source| Self::Io(PathError::new(path, source))
     }
 }

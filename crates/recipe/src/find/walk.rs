@@ -75,7 +75,7 @@ fn walk_folder(root: &Path, found: &mut FoundRecipes, faults: &mut Vec<RecipeFau
             Err(error) if error.path != root && is_hidden(&error.path) => {}
             Err(error) => {
                 is_empty = false;
-                let message = format!("cannot be searched for recipes: {}", system_words(&error.because));
+                let message = format!("cannot be searched for recipes: {}", system_words(&error.source));
                 let help = "name folders in other places on the command line too";
                 faults.push(RecipeFault::of_file(&error.path, &message, Some(help)));
             }

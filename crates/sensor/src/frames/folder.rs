@@ -30,11 +30,11 @@
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
 use gs2e_files as files;
-use gs2e_files::natural;
+use gs2e_files::{PathError, natural};
 use gs2e_image::{GreyImage, Image, Size, jpeg, png};
 use gs2e_num::units::Timestamp;
 use std::fs;
-use std::io::{self, BufReader};
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 /// Maximum number of frames of a sequence of image files. Each takes some hundred bytes for its
@@ -48,13 +48,8 @@ pub const INFO: &str = "info.txt";
 #[derive(Debug, thiserror::Error)]
 pub enum FolderError {
     /// A file or folder cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Its path.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] PathError),
     /// A line of `info.txt` is wrong.
     #[error("{}:{line}: {because}", path.display())]
     Line {
@@ -100,8 +95,7 @@ impl FolderListing {
 }
 
 fn of_info(folder: &Path, path: &Path) -> Result<FolderListing, FolderError> {
-    let text = files::read_text(path, files::MAX_DOCUMENT)
-        .map_err(|source| FolderError::Io { path: path.to_owned(), source })?;
+    let text = files::read_text(path, files::MAX_DOCUMENT).map_err(|source| PathError::new(path, source))?;
     let (mut images, mut stamps_us, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
     let refusal = |line, because| FolderError::Line { path: path.to_owned(), line, because };
     for (number, line) in (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty()) {
@@ -158,7 +152,7 @@ fn of_names(folder: &Path) -> Result<FolderListing, FolderError> {
 /// # Errors
 /// The folder cannot be read, or has more files than a sequence may have.
 pub fn list_named(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, FolderError> {
-    let unreadable = |source| FolderError::Io { path: folder.to_owned(), source };
+    let unreadable = |source| PathError::new(folder, source);
     let mut names = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();

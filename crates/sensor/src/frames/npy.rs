@@ -23,7 +23,7 @@ use super::array::FullScale;
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence, require_finite};
 use gs2e_files as files;
-use gs2e_files::budget;
+use gs2e_files::{PathError, budget};
 use gs2e_image::{Image, MAX_SENSOR_PIXELS, Size, npy};
 use gs2e_num::units::Timestamp;
 use npyz::{NpyHeader, Order};
@@ -41,13 +41,8 @@ pub const LOOKED_AT: usize = 2;
 #[derive(Debug, thiserror::Error)]
 pub enum NpyError {
     /// The file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] PathError),
     /// The file has another type or shape.
     #[error("{}: {because}", path.display())]
     Content {
@@ -73,7 +68,7 @@ struct OpenArray {
 
 impl OpenArray {
     fn open(path: &Path) -> Result<Self, NpyError> {
-        let unreadable = |source| NpyError::Io { path: path.to_owned(), source };
+        let unreadable = |source| PathError::new(path, source);
         let refusal = |because| NpyError::Content { path: path.to_owned(), because };
         let file = files::open(path).map_err(unreadable)?;
         let len = file.metadata().map_err(unreadable)?.len();
@@ -211,7 +206,7 @@ pub fn brightest_sample(path: &Path) -> Result<f32, NpyError> {
     let mut stack = FrameStack::open(path)?;
     let mut most = f32::NEG_INFINITY;
     for _ in 0..LOOKED_AT.min(stack.frames) {
-        let frame = stack.next(1.0).map_err(|source| NpyError::Io { path: path.to_owned(), source })?;
+        let frame = stack.next(1.0).map_err(|source| PathError::new(path, source))?;
         most = frame.pixels().iter().copied().fold(most, f32::max);
     }
     Ok(most)
@@ -238,7 +233,7 @@ pub fn read_stamps(path: &Path) -> Result<Vec<i64>, NpyError> {
         }
         Ok(stamps)
     };
-    read().map_err(|source| NpyError::Io { path: path.to_owned(), source })
+    Ok(read().map_err(|source| PathError::new(path, source))?)
 }
 
 /// The frames of a stack at their stamps.

@@ -22,6 +22,7 @@
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
 use gs2e_files as files;
+use gs2e_files::PathError;
 use gs2e_files::programs::{EndKind, PipedProgram, ProgramCall, ProgramFinder};
 use gs2e_image::png::GreyWeights;
 use gs2e_image::{Image, Size};
@@ -42,13 +43,8 @@ const HAS_FPS_MODE: u32 = 6;
 #[derive(Debug, thiserror::Error)]
 pub enum VideoError {
     /// The file cannot be opened.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] PathError),
     /// A program of FFmpeg is not installed.
     #[error("there is no program `{0}` in the absolute folders of PATH, and it decodes videos")]
     NoProgram(&'static str),
@@ -91,7 +87,7 @@ impl VideoSource<'_> {
         before: &[&str],
         after: &[&str],
     ) -> Result<PipedProgram, VideoError> {
-        let unreadable = |source| VideoError::Io { path: self.path.to_owned(), source };
+        let unreadable = |source| PathError::new(self.path, source);
         // With the protocol in front, no name is taken for an option or an address.
         let mut input = OsString::from("file:");
         input.push(self.path.canonicalize().map_err(unreadable)?);
@@ -195,7 +191,7 @@ impl VideoFrames {
     /// # Errors
     /// The file is absent or no video, FFmpeg is absent, or the stamps do not increase.
     pub fn open(path: &Path, programs: &ProgramFinder) -> Result<Self, VideoError> {
-        files::open(path).map_err(|source| VideoError::Io { path: path.to_owned(), source })?;
+        files::open(path).map_err(|source| PathError::new(path, source))?;
         let source = VideoSource { path, programs };
         let stamps_us = source.stamps()?;
         let stamps = relative_stamps(&stamps_us)

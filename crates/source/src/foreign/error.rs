@@ -1,5 +1,6 @@
 //! Errors of running a program.
 
+use gs2e_files::PathError;
 use gs2e_files::programs::ProgramFailure;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,13 +15,8 @@ pub enum ForeignError {
     #[error(transparent)]
     Failed(#[from] Box<ProgramFailure>),
     /// An input file cannot be used.
-    #[error("use {}: {cause}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
+    #[error("use {0}")]
+    Io(PathError),
     /// A built product cannot be read by this program.
     #[error("read {}: {cause}", path.display())]
     Own {
@@ -34,8 +30,7 @@ pub enum ForeignError {
 impl ForeignError {
     /// Converts the error of a file operation.
     pub(super) fn io_error(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        let path = path.to_owned();
-        move |cause| Self::Io { path, cause }
+        move |source| Self::Io(PathError::new(path, source))
     }
 
     /// Converts the error of reading a product of this program.

@@ -227,7 +227,7 @@ fn failed_decoding(
     let nowhere = ["-f", "null", "-"].map(OsString::from);
     match decode(video, chosen, &nowhere, workspace) {
         Err(error) => error.into(),
-        Ok(()) => ForeignError::Io { path: video.to_owned(), cause: error }.into(),
+        Ok(()) => ForeignError::io_error(video)(error).into(),
     }
 }
 

@@ -4,12 +4,11 @@ use super::argument::ArgumentTemplate;
 use super::layout::{LayoutError, lay_out};
 use super::trained::{self, GaussianCount};
 use crate::Capture;
-use gs2e_files::programs;
 use gs2e_files::programs::{EndKind, ProgramCall, ProgramEnd, ProgramFailure, ProgramFinder, quoted};
+use gs2e_files::{PathError, programs};
 use gs2e_scene::Gaussians;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
 /// A program and its settings. The serialised fields enter the key of a training; paths do not.
@@ -111,13 +110,8 @@ pub enum TrainError {
     #[error(transparent)]
     Layout(#[from] LayoutError),
     /// A folder or the log cannot be written.
-    #[error("use {}: {cause}", path.display())]
-    Io {
-        /// The folder or the log.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
+    #[error("use {0}")]
+    Io(#[from] PathError),
 }
 
 impl TrainerCommand {
@@ -163,7 +157,7 @@ impl TrainerCommand {
     ) -> Result<TrainedScene, TrainError> {
         let io = |path: &Path| {
             let path = path.to_owned();
-            move |cause| TrainError::Io { path, cause }
+            move |source| PathError::new(path, source)
         };
         // Both commands of a training append to the log, so an old log is emptied first.
         std::fs::write(workspace.log, "").map_err(io(workspace.log))?;

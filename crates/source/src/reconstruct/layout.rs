@@ -11,6 +11,7 @@ use crate::lens::NEGLIGIBLE_PX;
 use crate::undistort::undistort_photo;
 use crate::{Capture, CapturedView, SourceError};
 use gs2e_files as files;
+use gs2e_files::PathError;
 use gs2e_image::{GreyImage, Image, Size, jpeg, png, to_byte};
 use rayon::prelude::*;
 use std::fs::{self, File};
@@ -25,13 +26,8 @@ pub const LAYOUT: u32 = 1;
 #[derive(Debug, thiserror::Error)]
 pub enum LayoutError {
     /// An operation on a file or folder failed.
-    #[error("use {}: {cause}", path.display())]
-    Io {
-        /// File or folder.
-        path: PathBuf,
-        /// Cause.
-        cause: io::Error,
-    },
+    #[error("use {0}")]
+    Io(PathError),
     /// A photo cannot be read.
     #[error("read the photo {}: {because}", path.display())]
     Photo {
@@ -61,7 +57,7 @@ pub enum LayoutError {
 }
 
 fn layout_error(path: &Path) -> impl FnOnce(io::Error) -> LayoutError {
-    move |cause| LayoutError::Io { path: path.to_owned(), cause }
+    move |source| LayoutError::Io(PathError::new(path, source))
 }
 
 /// Summary of a prepared capture.
