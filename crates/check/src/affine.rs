@@ -41,3 +41,21 @@ impl ValidationPass for AffinePass {
         Ok(vec![("", Ok(Judgement::at_most(measured, limit, "1", because)))])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+
+    #[test]
+    fn deep_gaussians_warn_and_fail_where_the_recipe_says_so() {
+        let mut world = PlantedWorld::default_world();
+        world.doubtful_share = Some(0.02);
+        assert_eq!(world.finding("affine").verdict, Verdict::Warn);
+        world.limits.affine = Some(Limits { max: Some(0.01) });
+        assert_eq!(world.finding("affine").verdict, Verdict::Fail);
+        world.doubtful_share = None;
+        assert_eq!(world.finding("affine").verdict, Verdict::NotRun);
+    }
+}

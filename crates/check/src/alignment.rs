@@ -152,3 +152,25 @@ fn judge_orientation(places: &PlaceSums, in_place: f64) -> Judged {
     );
     Ok(Judgement::at_most(r - in_place, limit, "1", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::PlantedWorld;
+    use gs2e_event::Event;
+
+    #[test]
+    fn misplaced_events_are_found_by_their_place() {
+        let t = |wanted: &str, plant: fn(&mut Event)| {
+            let mut world = PlantedWorld::default_world();
+            world.events.iter_mut().for_each(plant);
+            world.events.retain(|e| e.x < 96 && e.y < 72);
+            world.events.sort_by_cached_key(Event::file_order);
+            assert!(world.faults().contains(&wanted.to_owned()), "{wanted}: {:#?}", world.findings());
+        };
+        t("alignment#shift", |e| e.x += 1);
+        t("alignment#shift", |e| e.y += 1);
+        t("alignment#orientation", |e| e.x = 95 - e.x);
+        t("alignment#orientation", |e| e.y = 71 - e.y);
+        t("alignment#orientation", |e| (e.x, e.y) = (e.y, e.x));
+    }
+}

@@ -72,3 +72,27 @@ fn judge_phase(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judgemen
     );
     Judgement::at_most(measured, limit, "1", because)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::PlantedWorld;
+    use gs2e_event::Event;
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn frame_times_are_found() {
+        let snap = |w: &mut PlantedWorld| {
+            let stamps = w.trajectory.stamps_us.clone();
+            for event in &mut w.events {
+                let later = stamps.partition_point(|stamp| *stamp < event.t.floor_micros());
+                event.t = Timestamp::from_micros(stamps[later]);
+            }
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let mut world = PlantedWorld::default_world();
+        snap(&mut world);
+        let faults = world.faults();
+        assert!(faults.contains(&"batching#times".to_owned()), "{faults:?}");
+        assert!(faults.contains(&"batching#phase".to_owned()), "{faults:?}");
+    }
+}

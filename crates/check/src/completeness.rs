@@ -87,3 +87,20 @@ fn judge_least(
     );
     Ok(Judgement::at_least(sums.share(), limit, "1", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::PlantedWorld;
+    use gs2e_event::Event;
+
+    #[test]
+    fn missing_events_are_found_by_time_and_place() {
+        let t = |wanted: &str, keep: fn(&Event) -> bool| {
+            let mut world = PlantedWorld::default_world();
+            world.events.retain(keep);
+            assert!(world.faults().contains(&wanted.to_owned()), "{wanted}: {:#?}", world.findings());
+        };
+        t("completeness#time", |e| !(19_000..31_000).contains(&e.t.floor_micros()));
+        t("completeness#place", |e| e.x >= 24);
+    }
+}

@@ -36,3 +36,31 @@ fn judge_violations(pixels: u64, worst: f64) -> Judgement {
     );
     Judgement::none_of(pixels as f64, "pixels", because)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::{PlantedWorld, check};
+
+    #[test]
+    fn a_dropped_chunk_is_found() {
+        let drop = |w: &mut PlantedWorld| {
+            let tenth = w.events.len() / 10;
+            w.events.drain(3 * tenth..4 * tenth);
+        };
+        let mut world = PlantedWorld::default_world();
+        drop(&mut world);
+        let faults = world.faults();
+        for wanted in ["event_frame#residual", "drift_identity#events"] {
+            assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+        }
+    }
+
+    #[test]
+    fn an_account_of_broken_pixels_is_a_fault() {
+        let breaks = |w: &mut PlantedWorld| {
+            w.account.drift_violations = 1;
+            w.account.drift_worst = 1.5;
+        };
+        check(breaks, &["drift_identity#pixels"]);
+    }
+}

@@ -95,4 +95,21 @@ mod tests {
         let again = hot[..hot.len() / 10].to_vec();
         assert_eq!(share(8000, [hot, again].concat()).verdict, Verdict::Fail);
     }
+
+    #[test]
+    fn a_repeated_chunk_is_found() {
+        let repeat = |w: &mut PlantedWorld| {
+            let tenth = w.events[..w.events.len() / 10].to_vec();
+            w.events.extend(tenth);
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let mut world = PlantedWorld::default_world();
+        repeat(&mut world);
+        let faults = world.faults();
+        for wanted in
+            ["duplicates#share", "duplicates#account", "event_frame#residual", "drift_identity#events"]
+        {
+            assert!(faults.contains(&wanted.to_owned()), "{faults:?}");
+        }
+    }
 }

@@ -120,3 +120,32 @@ fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     debug_assert_ne!(verdict, Verdict::Fail, "this statement only warns");
     Ok(Judgement::new(verdict, measured, limit, "ev/px^2", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+
+    #[test]
+    fn a_recipes_rate_is_a_gate() {
+        let mut world = PlantedWorld::default_world();
+        let rate = world.finding("event_rate#rate").measured.unwrap();
+        world.limits.event_rate = Some(Limits { min: None, max: Some(rate * 0.99) });
+        assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
+        world.limits.event_rate = Some(Limits { min: None, max: Some(rate * 1.01) });
+        assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Pass);
+    }
+
+    #[test]
+    fn a_stream_without_events_is_told_and_fails_a_limit() {
+        let mut world = PlantedWorld::default_world();
+        world.events.clear();
+        let found = world.finding("event_rate#rate");
+        assert_eq!((found.verdict, found.measured), (Verdict::Warn, Some(0.0)));
+        assert!(found.because.starts_with("no events"), "{}", found.because);
+        assert_eq!(world.finding("event_rate#flow").verdict, Verdict::NotRun);
+        world.limits.event_rate = Some(Limits { min: Some(1e-3), max: None });
+        assert_eq!(world.finding("event_rate#rate").verdict, Verdict::Fail);
+    }
+}

@@ -198,3 +198,28 @@ impl<'a> PathLengths<'a> {
         self.lengths[after - 1] + share * (self.lengths[after] - self.lengths[after - 1])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+    use gs2e_event::Event;
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn a_flash_of_all_pixels_is_found_at_its_time() {
+        let mut world = PlantedWorld::default_world();
+        assert_eq!(world.finding("flash#events").verdict, Verdict::Pass);
+        let at =
+            |k: u16| Event { x: k % 96, y: k / 96, t: Timestamp::from_micros(30_500), ..world.events[0] };
+        let flash: Vec<Event> = (0..96 * 72).map(at).collect();
+        world.events.extend(flash);
+        world.events.sort_by_cached_key(Event::file_order);
+        let found = world.finding("flash#events");
+        assert_eq!(found.verdict, Verdict::Fail, "{found:#?}");
+        assert!(found.because.starts_with("from 30.0 to 31.0 ms, near pose 72, "), "{found:#?}");
+        world.limits.flash = Some(Limits { max: Some(1e4) });
+        assert_eq!(world.finding("flash#events").verdict, Verdict::Pass);
+    }
+}

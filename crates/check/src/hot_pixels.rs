@@ -102,3 +102,41 @@ fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     let measured = silent as f64 / changed as f64;
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+    use crate::Verdict;
+    use crate::planted::{PlantedWorld, check};
+    use gs2e_event::{Event, Polarity};
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn hot_and_dead_pixels_are_found() {
+        let mut world = PlantedWorld::default_world();
+        let hot = |i: i64| Event {
+            t: Timestamp::from_micros(60 * i),
+            x: 40,
+            y: 30,
+            polarity: Polarity::On,
+            label: gs2e_event::EventLabel::Signal,
+        };
+        world.events.extend((0..1000).map(hot));
+        world.events.sort_by_cached_key(Event::file_order);
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Warn);
+        world.sensor.settings.hot_pixels = gs2e_sensor::noise::HotPixelNoise {
+            share: 1e-3,
+            rate: 1e4,
+            ..gs2e_sensor::noise::HotPixelNoise::default()
+        };
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Pass, "the recipe says so");
+        world.limits.hot_pixels = Some(Limits { hot: Some(0.0), dead: None });
+        assert_eq!(world.finding("hot_pixels#hot").verdict, Verdict::Fail);
+        let of_first = |n: u16| move |e: &Event| e.y == 30 && (27..27 + n).contains(&e.x);
+        check(|w| w.events.retain(|e| !of_first(3)(e)), &["drift_identity#events"]);
+        check(|w| w.events.retain(|e| !of_first(4)(e)), &["hot_pixels#dead", "drift_identity#events"]);
+        // Pixels that fire later have missed a change, and are not dead.
+        let late = |e: &Event| e.t.floor_micros() > 30_000;
+        check(|w| w.events.retain(|e| !of_first(4)(e) || late(e)), &["drift_identity#events"]);
+    }
+}

@@ -133,3 +133,33 @@ fn judge_share(windows: &[&WarpSharpness]) -> Judgement {
     let because = format!("{sharper} of {} windows gain contrast by motion compensation", windows.len());
     Judgement::at_least(measured, limit, "1", because)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+
+    #[test]
+    fn events_that_do_not_move_with_the_scene_are_found() {
+        let turned = |flow: fn([f32; 2]) -> [f32; 2], verdict: Verdict| {
+            let mut world = PlantedWorld::default_world();
+            for at in &mut world.flows {
+                at.px_s.pixels_mut().iter_mut().for_each(|v| *v = flow(*v));
+            }
+            let found = world.finding("motion#median");
+            assert_eq!(found.verdict, verdict, "{found:?}");
+        };
+        // As with poses from world to camera, or with OpenGL camera axes.
+        turned(|[u, v]| [-u, v], Verdict::Fail);
+        turned(|[u, v]| [u, v], Verdict::Pass);
+        let mut world = PlantedWorld::default_world();
+        world.flow.as_mut().unwrap().median = 3.0;
+        assert_eq!(world.finding("motion").verdict, Verdict::NotRun);
+        // A single window has no median.
+        let mut world = PlantedWorld::default_world();
+        let limit = |world: &PlantedWorld| world.finding("motion#median").limit.unwrap();
+        assert!(limit(&world) > 1.1);
+        world.flows.truncate(1);
+        assert!((limit(&world) - 1.0).abs() < 1e-9);
+    }
+}

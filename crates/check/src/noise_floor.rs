@@ -101,3 +101,41 @@ fn judge_rhythm(still: &StillPixelCounts) -> Judged {
     );
     Ok(Judgement::at_most(still.rhythm, limit, "sd", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Limits;
+    use crate::Verdict;
+    use crate::planted::{PlantedWorld, SplitMixDraws, WorldSettings};
+    use gs2e_event::{Event, Polarity};
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
+        let mut world = PlantedWorld::new(WorldSettings { pace: 0.0, ..WorldSettings::default() });
+        world.flow = None;
+        assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+        let mut draws = SplitMixDraws(2);
+        let mut noise = |world: &mut PlantedWorld, t_us: &dyn Fn(usize) -> i64| {
+            world.events = (0..2000)
+                .map(|_| Event {
+                    t: Timestamp::from_micros(t_us(draws.below(62_000))),
+                    x: draws.at(96),
+                    y: draws.at(72),
+                    polarity: Polarity::On,
+                    label: gs2e_event::EventLabel::Signal,
+                })
+                .collect();
+            world.events.sort_by_cached_key(Event::file_order);
+        };
+        // The leak of 1e-7 per us makes 43 events.
+        noise(&mut world, &|t| t as i64);
+        let [rate, rhythm] =
+            ["rate", "rhythm"].map(|part| world.finding(&format!("noise_floor#{part}")).verdict);
+        assert_eq!([rate, rhythm], [Verdict::Warn, Verdict::Pass]);
+        noise(&mut world, &|t| if t % 4 == 0 { t as i64 / 8000 * 8000 } else { t as i64 });
+        assert_eq!(world.finding("noise_floor#rhythm").verdict, Verdict::Warn);
+        world.limits.noise_floor = Some(Limits { factor: Some(100.0) });
+        assert_eq!(world.finding("noise_floor#rate").verdict, Verdict::Pass);
+    }
+}

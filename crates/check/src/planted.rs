@@ -212,6 +212,13 @@ impl PlantedWorld {
     }
 }
 
+/// Plants a fault in a sound world. The passes must find exactly `wanted`.
+pub(super) fn check(plant: impl FnOnce(&mut PlantedWorld), wanted: &[&str]) {
+    let mut world = PlantedWorld::default_world();
+    plant(&mut world);
+    assert_eq!(world.faults(), wanted, "{:#?}", world.findings());
+}
+
 /// Random numbers (splitmix64) for streams without structure.
 pub(super) struct SplitMixDraws(pub(super) u64);
 

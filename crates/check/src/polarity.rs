@@ -138,3 +138,91 @@ fn predicted_share(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Opti
     // The clamp is for few events, whose voltages at start and end weigh as much as the drift.
     Some(((b + expected / *events as f64) / (a + b)).clamp(0.0, 1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Verdict;
+    use crate::planted::{PlantedWorld, SIZE, SplitMixDraws, WorldSettings, check, event_at};
+    use gs2e_event::{Event, Polarity};
+    use gs2e_sensor::noise::HotPixelNoise;
+
+    #[test]
+    fn flipped_polarity_is_found() {
+        let flip = |w: &mut PlantedWorld| {
+            for event in &mut w.events {
+                event.polarity = if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+            }
+            w.events.sort_by_cached_key(Event::file_order);
+        };
+        let wanted = [
+            "polarity#contrary",
+            "event_frame#gain",
+            "event_frame#gain-on",
+            "event_frame#gain-off",
+            "event_frame#threshold-on",
+            "event_frame#threshold-off",
+            "event_frame#residual",
+            "event_frame#sign",
+            "alignment#correlation",
+            "completeness#time",
+            "completeness#place",
+            "drift_identity#events",
+        ];
+        check(flip, &wanted);
+    }
+
+    /// Hot pixels fire ON events whatever the brightness does, and their number is drawn.
+    #[test]
+    fn hot_pixels_do_not_contradict_a_steady_change() {
+        let hot = HotPixelNoise { share: 0.004, rate: 20_000.0, spread: 0.0 };
+        for seed in 0..12 {
+            let mut world = PlantedWorld::default_world();
+            world.sensor.settings.hot_pixels = hot;
+            let mut draws = SplitMixDraws(seed);
+            let end_us = world.trajectory.stamps_us.last().unwrap().unsigned_abs();
+            for pixel in (0..SIZE.pixels()).filter(|_| draws.share() < hot.share).collect::<Vec<_>>() {
+                // 20 events a millisecond on average.
+                for _ in 0..20 * end_us / 1000 {
+                    let t_us = draws.below(end_us) as i64;
+                    world.events.push(event_at(pixel, 1000 * t_us, Polarity::On));
+                }
+            }
+            world.events.sort_by_cached_key(Event::file_order);
+            let found = world.finding("polarity#contrary");
+            println!("{seed}: {:?} {:?} {}", found.measured, found.limit, found.because);
+            assert_eq!(found.verdict, Verdict::Pass, "{seed}: {found:?}");
+        }
+    }
+
+    /// A share of few events scatters.
+    #[test]
+    fn a_few_contrary_events_are_no_share() {
+        let contrary = |share: f64| {
+            let mut world =
+                PlantedWorld::new(WorldSettings { thresholds: [1.7; 2], ..WorldSettings::default() });
+            let mut draws = SplitMixDraws(7);
+            for event in &mut world.events {
+                if draws.share() < share {
+                    event.polarity =
+                        if event.polarity == Polarity::On { Polarity::Off } else { Polarity::On };
+                }
+            }
+            world.events.sort_by_cached_key(Event::file_order);
+            world.finding("polarity#contrary").verdict
+        };
+        assert_eq!([0.0, 0.065, 0.2].map(contrary), [Verdict::Pass, Verdict::Pass, Verdict::Fail]);
+    }
+
+    #[test]
+    fn a_brightening_scene_is_predicted_to_be_on() {
+        let setting = WorldSettings { pace: 0.0, dawn: 3.0, ..WorldSettings::default() };
+        let world = PlantedWorld::new(setting);
+        let finding = world.finding("polarity");
+        assert_eq!((finding.verdict, finding.measured), (Verdict::Pass, Some(1.0)), "{finding:?}");
+        let mut flipped = world;
+        for event in &mut flipped.events {
+            event.polarity = Polarity::Off;
+        }
+        assert_eq!(flipped.finding("polarity").verdict, Verdict::Warn);
+    }
+}

@@ -195,3 +195,45 @@ fn median_of_neighbours(steps: &[f64], j: usize) -> f64 {
     let around = j.saturating_sub(REACH)..(j + REACH + 1).min(steps.len());
     mean_median(around.filter(|i| *i != j).map(|i| steps[i]).collect()).unwrap_or(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::{PlantedWorld, check};
+    use glam::DVec3;
+
+    #[test]
+    fn a_pose_jump_is_found() {
+        let shift = |w: &mut PlantedWorld| w.trajectory.world_from_camera[70].translation += DVec3::X * 0.05;
+        check(
+            shift,
+            &[
+                "pose_continuity#translation",
+                "pose_continuity#noise-translation",
+                "speed#chord",
+                "speed#length",
+            ],
+        );
+        let turn = |w: &mut PlantedWorld| {
+            let pose = &mut w.trajectory.world_from_camera[70];
+            pose.rotation *= glam::DQuat::from_rotation_x(0.02);
+        };
+        check(
+            turn,
+            &["pose_continuity#rotation", "pose_continuity#noise-rotation", "speed#chord", "speed#length"],
+        );
+    }
+
+    #[test]
+    fn a_path_that_changes_its_speed_is_no_jump() {
+        // From pose 70 on, every step is fifty times as long.
+        let hurry = |w: &mut PlantedWorld| {
+            for (j, pose) in w.trajectory.world_from_camera.iter_mut().enumerate() {
+                let steps = j.min(70) + 50 * j.saturating_sub(70);
+                pose.translation = DVec3::X * 1e-3 * steps as f64;
+                pose.rotation = glam::DQuat::IDENTITY;
+            }
+        };
+        // The poses contradict the speeds that the report asks for, but none of them is a jump.
+        check(hurry, &["speed#chord", "speed#length"]);
+    }
+}

@@ -32,3 +32,32 @@ impl ValidationPass for DeadTime {
         Ok(vec![("", Ok(Judgement::none_of(tally.too_soon as f64, "events", because)))])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+
+    #[test]
+    fn events_in_the_dead_time_are_found() {
+        use gs2e_sensor::SensorChoice;
+        use gs2e_sensor::esim::EsimModel;
+        let mut world = PlantedWorld::default_world();
+        let mut last = std::collections::BTreeMap::new();
+        let mut gap_us = i64::MAX;
+        for event in &world.events {
+            let t_us = event.t.floor_micros();
+            if let Some(before) = last.insert((event.x, event.y), t_us) {
+                gap_us = gap_us.min(t_us - before);
+            }
+        }
+        let mut verdict = |period_us: i64| {
+            let mut sensor = EsimModel::default();
+            sensor.settings.refractory.period_us = period_us as f64;
+            world.stated = Some(SensorChoice::Esim(sensor));
+            world.finding("refractory").verdict
+        };
+        assert_eq!([verdict(gap_us), verdict(gap_us + 1)], [Verdict::Pass, Verdict::Fail]);
+        assert_eq!(verdict(0), Verdict::NotRun);
+    }
+}

@@ -113,3 +113,37 @@ fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> J
     let limit = LimitSide::limit_or(asked, LimitSide::warning(SHIFT_STEPS * 1e6 / subject.rate.to_f64()));
     Ok(Judgement::at_most(measured, limit, "us", because))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Limits, ResampledIntervals};
+    use crate::Verdict;
+    use crate::planted::PlantedWorld;
+
+    #[test]
+    fn a_fast_picture_warns_and_fails_where_the_recipe_says_so() {
+        let mut world = PlantedWorld::default_world();
+        world.flow.as_mut().unwrap().p95 = 1.2;
+        assert_eq!(world.finding("sampling").verdict, Verdict::Warn);
+        // The error of a tolerance was measured, so the distance is not judged.
+        world.tolerance = Some(0.1);
+        assert_eq!(world.finding("sampling").verdict, Verdict::Pass);
+        world.limits.sampling = Some(Limits { max: Some(1.0), ..Default::default() });
+        assert_eq!(world.finding("sampling").verdict, Verdict::Fail);
+    }
+
+    #[test]
+    fn frames_too_far_apart_are_found_by_doing() {
+        let part = |part: &str, plant: fn(&mut ResampledIntervals)| {
+            let mut world = PlantedWorld::default_world();
+            plant(world.resampled.as_mut().unwrap());
+            world.finding(&format!("sampling#{part}")).verdict
+        };
+        assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
+        assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
+        assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
+        let asked = |r: &mut ResampledIntervals| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
+        assert_eq!(part("shift", asked), Verdict::Pass);
+        assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
+    }
+}

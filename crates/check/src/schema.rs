@@ -19,3 +19,14 @@ impl ValidationPass for SchemaPass {
         Ok(vec![("place", wrong(tally.off_sensor, place)), ("order", wrong(tally.disordered, order))])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::check;
+
+    #[test]
+    fn disorder_and_strange_pixels_are_found() {
+        check(|w| w.events.swap(10, 5000), &["schema#order"]);
+        check(|w| w.events[7].x = 96, &["schema#place"]);
+    }
+}

@@ -100,3 +100,18 @@ fn judge_follow(part: &str, follow: FollowError, limit: LimitSide, more: &str) -
     );
     Judgement::at_most(measured, limit, "1", because)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::{PlantedWorld, check};
+
+    #[test]
+    fn a_law_that_is_not_followed_is_found() {
+        check(|w| w.report.mixed_ratio.as_mut().unwrap().max = 1.00001, &["speed#arc"]);
+        let still = |w: &mut PlantedWorld| {
+            let first = w.trajectory.world_from_camera[0];
+            w.trajectory.world_from_camera.fill(first);
+        };
+        check(still, &["speed#length"]);
+    }
+}

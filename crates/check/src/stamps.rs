@@ -55,3 +55,27 @@ fn expected_stamps(subject: &TrajectorySubject<'_>) -> Vec<i64> {
 fn judge_count(count: u64, unit: &'static str, because: String) -> Judgement {
     Judgement::none_of(count as f64, unit, because).detecting(1.0, unit)
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::planted::{PlantedWorld, check};
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn shifted_time_is_found() {
+        let shift = |w: &mut PlantedWorld| {
+            for event in &mut w.events {
+                event.t = Timestamp(event.t.0 + 1_000_000);
+            }
+        };
+        let mut world = PlantedWorld::default_world();
+        shift(&mut world);
+        let faults = world.faults();
+        assert!(faults.contains(&"stamps#events".to_owned()), "{faults:?}");
+    }
+
+    #[test]
+    fn a_wrong_stamp_is_found() {
+        check(|w| w.trajectory.stamps_us[20] += 1, &["stamps#poses"]);
+    }
+}

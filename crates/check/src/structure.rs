@@ -42,3 +42,21 @@ impl ValidationPass for StructurePass {
         Ok(vec![("", Ok(Judgement::at_least(measured, limit, "1", because)))])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Verdict;
+    use crate::planted::{PlantedWorld, SplitMixDraws};
+    use gs2e_event::Event;
+
+    #[test]
+    fn events_without_structure_are_found() {
+        let mut world = PlantedWorld::default_world();
+        let mut draws = SplitMixDraws(1);
+        for event in &mut world.events {
+            (event.x, event.y) = (draws.at(96), draws.at(72));
+        }
+        world.events.sort_by_cached_key(Event::file_order);
+        assert_eq!(world.finding("structure").verdict, Verdict::Warn);
+    }
+}

@@ -72,3 +72,40 @@ fn judge_offset(subject: &TrajectorySubject<'_>) -> Judged {
     let detects = limit.value + lag.abs() + 1.645 * deviation;
     Ok(Judgement::new(verdict, lag, limit.value, "us", because).detecting(detects, "us"))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::Verdict;
+    use crate::planted::{PlantedWorld, WorldSettings};
+    use gs2e_num::units::Timestamp;
+
+    #[test]
+    fn an_offset_of_a_frame_is_found() {
+        for (late_us, verdict) in
+            [(417, Verdict::Fail), (-417, Verdict::Fail), (150, Verdict::Pass), (-150, Verdict::Pass)]
+        {
+            let mut world = PlantedWorld::default_world();
+            let end = *world.trajectory.stamps_us.last().unwrap();
+            world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
+            world.events.retain(|e| (0..=end).contains(&e.t.floor_micros()));
+            let found = world.finding("time_offset");
+            assert_eq!(found.verdict, verdict, "{late_us}: {found:?}");
+            assert!((found.measured.unwrap() - late_us as f64).abs() < 60.0, "{late_us}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn an_offset_of_half_a_frame_passes_where_few_pixels_measure_it() {
+        // High thresholds leave 580 pixels, whose estimate errs by up to 36 us.
+        for (late_us, verdict) in
+            [(417, Verdict::Fail), (-417, Verdict::Fail), (208, Verdict::Pass), (-208, Verdict::Pass)]
+        {
+            let mut world =
+                PlantedWorld::new(WorldSettings { thresholds: [1.75; 2], ..WorldSettings::default() });
+            world.events.iter_mut().for_each(|e| e.t = Timestamp(e.t.0 + 1000 * late_us));
+            let found = world.finding("time_offset");
+            assert_eq!(found.verdict, verdict, "{late_us}: {found:?}");
+            assert!((found.measured.unwrap() - late_us as f64).abs() < 60.0, "{late_us}: {found:?}");
+        }
+    }
+}

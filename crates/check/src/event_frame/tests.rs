@@ -128,3 +128,39 @@ fn pixels_that_a_tolerance_may_miss_are_not_among_those_of_the_wrong_sign() {
     world.events.sort_by_cached_key(Event::file_order);
     assert_eq!(world.finding("event_frame#sign").verdict, Verdict::Fail);
 }
+
+#[test]
+fn thresholds_off_by_a_tenth_are_found() {
+    let t = |on: f64, off: f64, wanted: &str| {
+        let mut world = PlantedWorld::default_world();
+        world.sensor.threshold_on = on;
+        world.sensor.threshold_off = off;
+        assert!(world.faults().contains(&wanted.to_owned()), "{on} {off}: {:#?}", world.findings());
+    };
+    t(0.9, 1.0, "event_frame#threshold-on");
+    t(1.1, 1.0, "event_frame#threshold-on");
+    t(1.0, 0.9, "event_frame#threshold-off");
+    t(1.0, 1.1, "event_frame#threshold-off");
+}
+
+#[test]
+fn the_shown_threshold_is_that_of_the_sensor() {
+    for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
+        let world = PlantedWorld::new(WorldSettings { thresholds: [on, off], ..WorldSettings::default() });
+        for (part, wanted) in [("on", on), ("off", off)] {
+            let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
+            assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
+        }
+    }
+}
+
+#[test]
+fn voltages_may_start_anywhere() {
+    let initial = gs2e_sensor::voltmeter::InitialVoltage::Stationary;
+    let mut world = PlantedWorld::new(WorldSettings { initial, dawn: 0.5, ..WorldSettings::default() });
+    world.flow = None;
+    assert_eq!(world.faults(), [""; 0], "{:#?}", world.findings());
+    assert_eq!(world.finding("event_frame#threshold-on").verdict, Verdict::NotRun);
+    world.events.retain(|e| e.polarity == Polarity::On);
+    assert_eq!(world.finding("event_frame#residual").verdict, Verdict::Fail);
+}
