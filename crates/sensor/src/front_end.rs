@@ -34,19 +34,22 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::{SensorModel, WHITE, is_default};
-use crate::frames::{DenseFrame, FrameError, FrameSequence};
+mod frames;
+mod weights;
+
+pub use frames::{FrontEndFrames, distinct_front_ends};
+pub use weights::{ColourWeights, LuminanceWeights, told_sum};
+
+use super::{WHITE, is_default};
+use crate::frames::DenseFrame;
 use fearless_simd::{Level, Simd, SimdBase as _, dispatch, f64x8};
-use gs2e_image::{Image, Size, srgb};
+use gs2e_image::{Image, srgb};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Number of pixels per task.
 const CHUNK: usize = 4096;
-/// Largest accepted difference between the sum of the weights and 1: the rounding of decimals with
-/// seven digits.
-const SUM: f64 = 1e-6;
 
 /// Map from colour to brightness.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -81,24 +84,6 @@ impl Default for FrontEnd {
         }
     }
 }
-
-/// Weights of red, green and blue.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LuminanceWeights {
-    /// 0.299, 0.587, 0.114 of ITU-R BT.601: the published simulators read their frames with them.
-    #[default]
-    Rec601,
-    /// 0.2126, 0.7152, 0.0722 of ITU-R BT.709: the luminance of sRGB light.
-    Rec709,
-    /// Weights given as numbers.
-    Weights(ColourWeights),
-}
-
-/// Three finite numbers of at least 0 with a sum of 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "[f64; 3]", into = "[f64; 3]")]
-pub struct ColourWeights([f64; 3]);
 
 /// Decoding of a channel before it is weighted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -141,55 +126,6 @@ pub enum FrontEndError {
         /// Upper bound.
         max: f64,
     },
-}
-
-impl LuminanceWeights {
-    /// Weights from numbers; the named ones if the numbers are theirs.
-    ///
-    /// # Errors
-    /// A weight is not finite or below 0, or they do not sum to 1 within 1e-6.
-    pub fn from_weights(weights: [f64; 3]) -> Result<Self, FrontEndError> {
-        let bits = |weights: [f64; 3]| weights.map(f64::to_bits);
-        let mut named = [Self::Rec601, Self::Rec709].into_iter();
-        // Compared as bits, so that only the exact numbers of a named set get its name.
-        let named = named.find(|named| bits(named.weights()) == bits(weights));
-        named.map_or_else(|| ColourWeights::try_from(weights).map(Self::Weights), Ok)
-    }
-
-    /// Weights of red, green and blue.
-    #[must_use]
-    pub fn weights(self) -> [f64; 3] {
-        match self {
-            Self::Rec601 => [0.299, 0.587, 0.114],
-            Self::Rec709 => [0.2126, 0.7152, 0.0722],
-            Self::Weights(ColourWeights(weights)) => weights,
-        }
-    }
-}
-
-/// The sum of weights with nine digits, for messages.
-pub fn told_sum(weights: &[f64; 3]) -> f64 {
-    libm::round(weights.iter().sum::<f64>() * 1e9) / 1e9
-}
-
-impl TryFrom<[f64; 3]> for ColourWeights {
-    type Error = FrontEndError;
-
-    fn try_from(weights: [f64; 3]) -> Result<Self, FrontEndError> {
-        let sound = weights.iter().all(|w| w.is_finite() && *w >= 0.0);
-        let sum: f64 = weights.iter().sum();
-        if sound && (sum - 1.0).abs() <= SUM {
-            Ok(Self(weights))
-        } else {
-            Err(FrontEndError::Weights(weights))
-        }
-    }
-}
-
-impl From<ColourWeights> for [f64; 3] {
-    fn from(ColourWeights(weights): ColourWeights) -> Self {
-        weights
-    }
 }
 
 impl ChannelDecode {
@@ -386,55 +322,10 @@ fn to_single(v: f64) -> f32 {
     v as f32
 }
 
-/// The distinct front ends of these sensors, in the order of their first use.
-pub fn distinct_front_ends<'a>(sensors: impl IntoIterator<Item = &'a dyn SensorModel>) -> Vec<FrontEnd> {
-    let mut found: Vec<FrontEnd> = Vec::new();
-    for front_end in sensors.into_iter().map(SensorModel::front_end) {
-        if !found.contains(&front_end) {
-            found.push(front_end);
-        }
-    }
-    found
-}
-
-/// Frames as seen through a front end.
-#[derive(Debug)]
-pub struct FrontEndFrames<'a> {
-    frames: &'a mut dyn FrameSequence,
-    front_end: FrontEnd,
-}
-
-impl<'a> FrontEndFrames<'a> {
-    /// Wraps frames from which none was taken yet.
-    pub fn new(frames: &'a mut dyn FrameSequence, front_end: FrontEnd) -> Self {
-        if front_end.needs_colour() {
-            frames.want_colour();
-        }
-        Self { frames, front_end }
-    }
-}
-
-impl FrameSequence for FrontEndFrames<'_> {
-    fn size(&self) -> Size {
-        self.frames.size()
-    }
-
-    fn len(&self) -> usize {
-        self.frames.len()
-    }
-
-    fn next(&mut self) -> Result<Option<DenseFrame>, FrameError> {
-        let Some(frame) = self.frames.next()? else { return Ok(None) };
-        if self.front_end.is_plain() {
-            return Ok(Some(frame));
-        }
-        Ok(Some(self.front_end.see(&frame, self.frames.colour())))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gs2e_image::Size;
     use gs2e_num::units::Timestamp;
 
     const SIZE: Size = Size { width: 5, height: 4 };
