@@ -61,41 +61,6 @@ struct BackwardPipelines {
     chain: ComputePipeline,
 }
 
-impl DifferentiableRenderer for GpuGradientRenderer {
-    fn scene(&self) -> &Gaussians {
-        self.scene()
-    }
-
-    fn into_scene(self: Box<Self>) -> Gaussians {
-        (*self).into_scene()
-    }
-
-    fn set_degree(&mut self, degree: u8) {
-        self.set_degree(degree);
-    }
-
-    fn change(&mut self, numbers: &[u32], change: &mut dyn FnMut(&mut Gaussians)) {
-        self.change(numbers, change);
-    }
-
-    fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError> {
-        self.rebuild(change)
-    }
-
-    fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
-        self.render(view)
-    }
-
-    fn gradients(
-        &mut self,
-        by_pixel: &[[f32; 3]],
-        score: &[f32],
-        out: &mut ViewGradients,
-    ) -> Result<(), RenderError> {
-        self.gradients(by_pixel, score, out)
-    }
-}
-
 impl GpuGradientRenderer {
     /// Uploads a scene to a device.
     ///
@@ -126,120 +91,10 @@ impl GpuGradientRenderer {
         })
     }
 
-    /// The scene.
-    #[must_use]
-    pub fn scene(&self) -> &Gaussians {
-        &self.scene
-    }
-
-    /// Returns the scene and drops the rest.
-    #[must_use]
-    pub fn into_scene(self) -> Gaussians {
-        self.scene
-    }
-
-    /// Sets the highest degree of harmonics that is evaluated. Higher ones count as zero.
-    pub fn set_degree(&mut self, degree: u8) {
-        let degree = degree.min(self.scene.sh_degree);
-        // The device has the harmonics of the set degree only, so another one is a new upload.
-        if degree != self.sh_degree {
-            (self.sh_degree, self.seen) = (degree, None);
-            self.upload(0..self.scene.len());
-        }
-    }
-
     /// The highest degree of harmonics that is evaluated.
     #[must_use]
     pub fn degree(&self) -> u8 {
         self.sh_degree
-    }
-
-    /// Changes parameters of the Gaussians with these indices, ascending. The number of Gaussians
-    /// stays.
-    ///
-    /// # Panics
-    /// The change adds or removes Gaussians.
-    pub fn change<T>(&mut self, numbers: &[u32], change: impl FnOnce(&mut Gaussians) -> T) -> T {
-        let count = self.scene.len();
-        let changed = change(&mut self.scene);
-        assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
-        changed_spans(numbers).into_iter().for_each(|span| self.upload(span));
-        self.seen = None;
-        changed
-    }
-
-    /// Changes the scene in any way, except its degree of harmonics.
-    ///
-    /// # Errors
-    /// The device has no memory for the scene.
-    ///
-    /// # Panics
-    /// The degree of harmonics changes: the shaders are compiled for one.
-    pub fn rebuild<T>(&mut self, change: impl FnOnce(&mut Gaussians) -> T) -> Result<T, RenderError> {
-        let degree = self.scene.sh_degree;
-        let changed = change(&mut self.scene);
-        assert_eq!(self.scene.sh_degree, degree, "the degree of harmonics stays");
-        let renderer = &mut self.renderer;
-        // Bindings refer to the old scene. They go first, so that the old and the new one do not exist
-        // at once.
-        (self.seen, self.buffers) = (None, None);
-        renderer.parts = Vec::new();
-        renderer.parts = scene::upload_scene(&self.scene, self.sh_degree, true, &renderer.device)?;
-        (renderer.gaussians, renderer.origin) = (self.scene.len(), self.scene.origin);
-        let (parts, room) = (&renderer.parts, renderer.buffers.room);
-        renderer.buffers = super::FrameBuffers::new(&renderer.device, &renderer.layouts, parts, room)?;
-        Ok(changed)
-    }
-
-    /// Renders a view and keeps the trace for [`Self::gradients`].
-    ///
-    /// # Errors
-    /// The view cannot be rendered, or the device failed.
-    ///
-    /// # Panics
-    /// Never: colour is rendered where colour is asked for.
-    pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
-        self.seen = None;
-        let pending = self.renderer.begin(view, COLOUR)?;
-        let work = self.renderer.finish(pending, &mut self.images)?;
-        self.seen = Some(*view);
-        Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
-    }
-
-    /// The gradients of a loss on the last rendered view. `by_pixel` is the gradient by the colour
-    /// of each pixel, row by row, and `score` a value per pixel that is shared out among its layers.
-    ///
-    /// # Errors
-    /// The device has no memory for the sums, or it failed.
-    ///
-    /// # Panics
-    /// No view was rendered since the last change of the scene or of the degree, or there is not one
-    /// value per pixel.
-    pub fn gradients(
-        &mut self,
-        by_pixel: &[[f32; 3]],
-        score: &[f32],
-        out: &mut ViewGradients,
-    ) -> Result<(), RenderError> {
-        let view = self.seen.expect("a view was rendered");
-        let size = view.camera.size;
-        assert_eq!((by_pixel.len(), score.len()), (size.pixels(), size.pixels()), "one value per pixel");
-        out.numbers.clear();
-        out.gradients.clear();
-        let regions = self.renderer.traced.clone().unwrap_or_default();
-        for &TracedRegion { region, splats } in &regions {
-            // The buffers hold the trace of one region.
-            if regions.len() > 1 {
-                self.trace_again(&view, region)?;
-            }
-            if splats > 0 {
-                self.make_room()?;
-                self.give_pixels(by_pixel, score, region, size);
-                self.backward(region, splats, out)?;
-            }
-        }
-        self.renderer.traced = Some(regions);
-        Ok(())
     }
 
     /// Renders one region of a view again.
@@ -305,6 +160,84 @@ impl GpuGradientRenderer {
     fn upload(&self, range: Range<usize>) {
         let GpuRenderer { parts, device, .. } = &self.renderer;
         parts.iter().for_each(|part| part.write(&self.scene, self.sh_degree, range.clone(), device));
+    }
+}
+
+impl DifferentiableRenderer for GpuGradientRenderer {
+    fn scene(&self) -> &Gaussians {
+        &self.scene
+    }
+
+    fn into_scene(self: Box<Self>) -> Gaussians {
+        self.scene
+    }
+
+    fn set_degree(&mut self, degree: u8) {
+        let degree = degree.min(self.scene.sh_degree);
+        // The device has the harmonics of the set degree only, so another one is a new upload.
+        if degree != self.sh_degree {
+            (self.sh_degree, self.seen) = (degree, None);
+            self.upload(0..self.scene.len());
+        }
+    }
+
+    fn change(&mut self, numbers: &[u32], change: &mut dyn FnMut(&mut Gaussians)) {
+        let count = self.scene.len();
+        change(&mut self.scene);
+        assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
+        changed_spans(numbers).into_iter().for_each(|span| self.upload(span));
+        self.seen = None;
+    }
+
+    fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError> {
+        let degree = self.scene.sh_degree;
+        change(&mut self.scene);
+        assert_eq!(self.scene.sh_degree, degree, "the degree of harmonics stays");
+        let renderer = &mut self.renderer;
+        // Bindings refer to the old scene. They go first, so that the old and the new one do not exist
+        // at once.
+        (self.seen, self.buffers) = (None, None);
+        renderer.parts = Vec::new();
+        renderer.parts = scene::upload_scene(&self.scene, self.sh_degree, true, &renderer.device)?;
+        (renderer.gaussians, renderer.origin) = (self.scene.len(), self.scene.origin);
+        let (parts, room) = (&renderer.parts, renderer.buffers.room);
+        renderer.buffers = super::FrameBuffers::new(&renderer.device, &renderer.layouts, parts, room)?;
+        Ok(())
+    }
+
+    fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        self.seen = None;
+        let pending = self.renderer.begin(view, COLOUR)?;
+        let work = self.renderer.finish(pending, &mut self.images)?;
+        self.seen = Some(*view);
+        Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
+    }
+
+    fn gradients(
+        &mut self,
+        by_pixel: &[[f32; 3]],
+        score: &[f32],
+        out: &mut ViewGradients,
+    ) -> Result<(), RenderError> {
+        let view = self.seen.expect("a view was rendered");
+        let size = view.camera.size;
+        assert_eq!((by_pixel.len(), score.len()), (size.pixels(), size.pixels()), "one value per pixel");
+        out.numbers.clear();
+        out.gradients.clear();
+        let regions = self.renderer.traced.clone().unwrap_or_default();
+        for &TracedRegion { region, splats } in &regions {
+            // The buffers hold the trace of one region.
+            if regions.len() > 1 {
+                self.trace_again(&view, region)?;
+            }
+            if splats > 0 {
+                self.make_room()?;
+                self.give_pixels(by_pixel, score, region, size);
+                self.backward(region, splats, out)?;
+            }
+        }
+        self.renderer.traced = Some(regions);
+        Ok(())
     }
 }
 

@@ -56,6 +56,9 @@ pub trait DifferentiableRenderer: std::fmt::Debug {
     ///
     /// # Errors
     /// There is no memory for the scene.
+    ///
+    /// # Panics
+    /// The degree of harmonics changes, on a back end with shaders for one degree.
     fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError>;
 
     /// Renders a view and keeps the trace for [`Self::gradients`].

@@ -15,6 +15,7 @@ use gs2e_gpu::{GpuDevice, GpuGradientRenderer};
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
 use gs2e_render::cpu::backward::{GaussianGradient, GradientRenderer, ViewGradients};
+use gs2e_render::differentiable::DifferentiableRenderer as _;
 use gs2e_render::{LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork};
 use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::Camera;
@@ -156,7 +157,7 @@ fn compare_styles(scenes: u64) {
         let mut tipped = 0;
         for index in 0..scenes {
             let (scene, view) = planted(index, degree);
-            gpu.rebuild(|old| old.clone_from(&scene)).unwrap();
+            gpu.rebuild(&mut |old| old.clone_from(&scene)).unwrap();
             let ((found, work), (wanted, cpu)) = (by_gpu(&mut gpu, &view), by_cpu(&scene, &view, style));
             if (work.blended, work.stopped) != (cpu.blended, cpu.stopped) {
                 tipped += 1;
@@ -195,7 +196,7 @@ fn check(device: &GpuDevice, scenes: &[(&str, &Gaussians, CameraView)]) {
         let style = style(rules, antialiased);
         let mut gpu = GpuGradientRenderer::new(device.clone(), blob_scene(&[]), style).unwrap();
         for (name, scene, view) in scenes {
-            gpu.rebuild(|old| old.clone_from(scene)).unwrap();
+            gpu.rebuild(&mut |old| old.clone_from(scene)).unwrap();
             let (found, wanted) = (by_gpu(&mut gpu, view).0, by_cpu(scene, view, style).0);
             assert!(!wanted.numbers.is_empty(), "{name}: nothing is drawn");
             assert_close(&format!("{name} {rules:?}"), &found, &wanted);
@@ -335,7 +336,7 @@ fn gradients_have_the_same_bits_in_every_run() {
         assert!(same(&by_gpu(&mut new(&scene), &view).0, &first), "{index}: another renderer");
         // A change in place gives the bits of a new renderer.
         let last = scene.len() - 1;
-        let change = |scene: &mut Gaussians| {
+        let mut change = |scene: &mut Gaussians| {
             scene.opacity_logits[0] -= 0.5;
             scene.log_scales[last][0] += 0.25;
             scene.rotations[last][1] += 0.5;
@@ -343,7 +344,7 @@ fn gradients_have_the_same_bits_in_every_run() {
         };
         let mut changed = scene.clone();
         change(&mut changed);
-        renderer.change(&[0, u32::try_from(last).unwrap()], change);
+        renderer.change(&[0, u32::try_from(last).unwrap()], &mut change);
         assert!(same(&by_gpu(&mut renderer, &view).0, &by_gpu(&mut new(&changed), &view).0));
     }
 }
