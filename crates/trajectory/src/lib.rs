@@ -15,7 +15,7 @@
 //! and the memory limits of readers from `gs2e-files`. `gs2e-recipe` parses the paths and `gs2e-build`
 //! makes them. `gs2e-render` measures the motion of the picture, and `gs2e-sampling` chooses frames.
 //! The poses are read by `gs2e-source`, `gs2e-check`, `gs2e-dataset`, `gs2e-release`, `gs2e-audit`,
-//! `gs2e-export` and `gs2e-lab`.
+//! `gs2e-export` and `gs2e-lab`; `gs2e-tree` reads those of a release.
 //!
 //! # Examples
 //!
