@@ -31,14 +31,10 @@ pub(super) fn arc_capture(life: &StillLife) -> Capture {
     let views = turns.into_iter().enumerate().map(|(k, turns)| CapturedView {
         name: format!("{:0digits$}.jpg", k + 1),
         world_from_camera: arc_pose(turns, &mut draws),
-        camera: Camera {
-            size: SIZE,
-            fx: FOCAL,
-            fy: FOCAL,
-            cx: f64::from(SIZE.width) / 2.0,
-            cy: f64::from(SIZE.height) / 2.0,
-            lens: None,
-        },
+        camera: Camera::pinhole(
+            SIZE,
+            [FOCAL, FOCAL, f64::from(SIZE.width) / 2.0, f64::from(SIZE.height) / 2.0],
+        ),
         lens: LensModel::Pinhole,
         sha256: None,
     });

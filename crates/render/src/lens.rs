@@ -407,14 +407,7 @@ mod tests {
         t("opencv:-0.9,0,0,0", CAMERA, "shows no ray");
         t("opencv:0,0,0,0", Camera { fx: 5.0, fy: 5.0, ..CAMERA }, "wanted at most 76");
         t("fisheye:0,0,0,0", Camera { fx: 22.0, fy: 22.0, ..CAMERA }, "degrees");
-        let edge = Camera {
-            size: Size { width: 9000, height: 9000 },
-            fx: 9000.0,
-            fy: 9000.0,
-            cx: 4500.0,
-            cy: 4500.0,
-            lens: None,
-        };
+        let edge = Camera::pinhole(Size { width: 9000, height: 9000 }, [9000.0, 9000.0, 4500.0, 4500.0]);
         t("opencv:0,0,0,0", edge, "wanted at most");
     }
 

@@ -50,7 +50,7 @@ pub struct Camera {
 impl Camera {
     /// A camera without a lens.
     #[must_use]
-    pub fn pinhole(size: Size, [fx, fy, cx, cy]: [f64; 4]) -> Self {
+    pub const fn pinhole(size: Size, [fx, fy, cx, cy]: [f64; 4]) -> Self {
         Self { size, fx, fy, cx, cy, lens: None }
     }
 
@@ -259,28 +259,14 @@ mod tests {
 
     #[test]
     fn resizing_keeps_the_horizontal_field_of_view() {
-        let full = Camera {
-            size: Size { width: 1920, height: 1080 },
-            fx: 1500.0,
-            fy: 1500.0,
-            cx: 960.0,
-            cy: 540.0,
-            lens: None,
-        };
+        let full = Camera::pinhole(Size { width: 1920, height: 1080 }, [1500.0, 1500.0, 960.0, 540.0]);
         let small = full.resized(Size { width: 640, height: 480 });
         assert_eq!((small.fx, small.cx, small.cy), (500.0, 320.0, 240.0));
     }
 
     #[test]
     fn a_camera_is_chosen_and_what_it_leaves_open_is_the_sources() {
-        let own = Camera {
-            size: Size { width: 64, height: 48 },
-            fx: 60.0,
-            fy: 61.0,
-            cx: 32.0,
-            cy: 24.0,
-            lens: None,
-        };
+        let own = Camera::pinhole(Size { width: 64, height: 48 }, [60.0, 61.0, 32.0, 24.0]);
         let size = CameraChoice {
             width: 32,
             height: 24,

@@ -230,14 +230,7 @@ mod tests {
     #[test]
     fn the_orbit_fits_the_ball_into_the_image() {
         // 90 degrees wide, and less high: tan of the half angle is 0.75.
-        let camera = Camera {
-            size: Size { width: 400, height: 300 },
-            fx: 200.0,
-            fy: 200.0,
-            cx: 200.0,
-            cy: 150.0,
-            lens: None,
-        };
+        let camera = Camera::pinhole(Size { width: 400, height: 300 }, [200.0, 200.0, 200.0, 150.0]);
         for points in [floor(1.0, |p| p), floor(1.0, |[x, y, z]| [x, -z, y]), line()] {
             let found = survey(&points);
             let SceneOrbit { centre, from, up } = found.orbit(&camera);

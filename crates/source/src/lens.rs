@@ -75,14 +75,7 @@ mod tests {
     use super::*;
     use gs2e_image::Size;
 
-    const CAMERA: Camera = Camera {
-        size: Size { width: 640, height: 480 },
-        fx: 500.0,
-        fy: 500.0,
-        cx: 320.0,
-        cy: 240.0,
-        lens: None,
-    };
+    const CAMERA: Camera = Camera::pinhole(Size { width: 640, height: 480 }, [500.0, 500.0, 320.0, 240.0]);
 
     #[test]
     fn distortion_is_opencvs() {

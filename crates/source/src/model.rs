@@ -228,14 +228,7 @@ mod tests {
         let [first, second] = &capture.views[..] else { panic!("{capture:?}") };
         assert_eq!([first.name.as_str(), second.name.as_str()], ["img 9", "img 10"]);
         assert_eq!(second.world_from_camera.translation, DVec3::new(1.0, 2.0, 3.0));
-        let wanted = Camera {
-            size: Size { width: 1600, height: 899 },
-            fx: 1000.25,
-            fy: 1001.5,
-            cx: 800.0,
-            cy: 449.5,
-            lens: None,
-        };
+        let wanted = Camera::pinhole(Size { width: 1600, height: 899 }, [1000.25, 1001.5, 800.0, 449.5]);
         assert_eq!((second.camera, &second.lens), (wanted, &LensModel::Pinhole));
         // The camera's own axes in the world: the columns of the matrix, which is stored in rows.
         for (view, axes) in

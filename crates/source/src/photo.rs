@@ -133,14 +133,7 @@ pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String>
             stated.size
         ));
     }
-    Ok(Camera {
-        size: photo,
-        fx: stated.fx * kx,
-        fy: stated.fy * ky,
-        cx: stated.cx * kx,
-        cy: stated.cy * ky,
-        lens: None,
-    })
+    Ok(Camera::pinhole(photo, [stated.fx * kx, stated.fy * ky, stated.cx * kx, stated.cy * ky]))
 }
 
 /// Converts an empty path to the current folder, as the system expects.

@@ -185,14 +185,7 @@ mod tests {
 
     #[test]
     fn a_smaller_camera_sees_the_same_rays() {
-        let camera = Camera {
-            size: Size { width: 1080, height: 1919 },
-            fx: 1000.0,
-            fy: 1010.0,
-            cx: 530.0,
-            cy: 960.0,
-            lens: None,
-        };
+        let camera = Camera::pinhole(Size { width: 1080, height: 1919 }, [1000.0, 1010.0, 530.0, 960.0]);
         let small = rescaled(&camera, Size { width: 270, height: 480 });
         // The right and lower edges stay the edges.
         for (full, small, edges) in [
