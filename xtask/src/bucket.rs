@@ -7,6 +7,7 @@ mod proxy;
 
 use crate::command::{Outcome, program, say};
 use crate::folder::Folder;
+use crate::options::Options;
 use crate::shards::{PROCESSES, ShardPlace};
 use proxy::{FaultyProxy, ProxyMode};
 use std::ffi::OsStr;
@@ -24,8 +25,7 @@ const MOST_TWICE: f64 = 0.02;
 
 /// Runs it: as `network`, and `--python FILE` (`python3`).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let python = args.iter().position(|arg| arg == "--python").and_then(|at| args.get(at + 1));
-    let python = python.map_or("python3", String::as_str);
+    let python = Options(args).value("--python").unwrap_or("python3");
     if !program(OsStr::new(python), &["-c", "import moto.server"]).succeeds() {
         return Err(format!("{python} has no moto, and nothing ran: {python} -m pip install 'moto[server]'"));
     }

@@ -1,10 +1,11 @@
 //! Cost of the checks on files: the time of `check --tree` next to that of the releases, and the memory
 //! and speed for streams of 10^6 to 10^8 events.
 
-use crate::command::{Outcome, cargo, root, say};
+use crate::command::{Outcome, root, say};
+use crate::options::Options;
 use std::fs;
 use std::io::{BufWriter, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -28,18 +29,9 @@ pub(crate) struct Cost {
 
 /// Measures: `--program FILE` (built in release mode), `--most N` (10^8 events), `--runs N` (3).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let number = |name: &str, default: u64| {
-        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
-    };
-    let (most, runs) = (number("--most", 100_000_000)?, number("--runs", 3)?.max(1));
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let (most, runs) = (options.number("--most", 100_000_000)?, options.number("--runs", 3)?.max(1));
+    let gs2e = options.program(&[])?;
     let folder = root().join("target/check-bench");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     if root().join(REAL_SCENE).is_dir() {

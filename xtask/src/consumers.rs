@@ -1,8 +1,9 @@
 //! Exports read by the programs that they are for: the loader of a clone that a person names, unchanged, on
 //! an export of the demo's release.
 
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, say};
 use crate::folder::Folder;
+use crate::options::Options;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -58,24 +59,16 @@ const CONSUMERS: [Consumer; 7] = [
 /// Reads an export with a clone: `--with PATH`, `--as FORMAT` where the clone reads several, `--release DIR`
 /// of a release that is there, `--program FILE` (built in release mode), `--python FILE`.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let clone = value("--with").ok_or("wanted --with PATH: the clone of a program that reads exports")?;
-    // Commands run in the repository's root.
-    let absolute = |path: &String| std::path::absolute(path).map_err(|e| format!("{path}: {e}"));
-    let clone = absolute(clone)?;
+    let options = Options(args);
+    let clone = options.path("--with")?;
+    let clone = clone.ok_or("wanted --with PATH: the clone of a program that reads exports")?;
     // Before anything is built.
-    let consumers = chosen(&clone, value("--as").map(String::as_str))?;
-    let python = value("--python").map_or("python3", String::as_str);
-    let gs2e = match value("--program") {
-        Some(path) => absolute(path)?,
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let consumers = chosen(&clone, options.value("--as"))?;
+    let python = options.value("--python").unwrap_or("python3");
+    let gs2e = options.program(&[])?;
     let folder = Folder::new("consumers")?;
-    let release = match value("--release") {
-        Some(path) => absolute(path)?,
+    let release = match options.path("--release")? {
+        Some(path) => path,
         None => demo_release(&gs2e, folder.path())?,
     };
     for consumer in consumers {
@@ -138,6 +131,7 @@ fn chosen(clone: &Path, asked: Option<&str>) -> Outcome<Vec<&'static Consumer>> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::command::root;
 
     /// The error of a choice.
     fn fault(clone: &Path, asked: Option<&str>) -> String {

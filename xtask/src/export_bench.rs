@@ -2,9 +2,10 @@
 //! copy of the files that it wrote.
 
 use crate::check_bench::{watch, write_stream};
-use crate::command::{Outcome, cargo, root, say};
+use crate::command::{Outcome, root, say};
+use crate::options::Options;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 /// A scene with all that the layouts read. Its stream is replaced by a longer one.
@@ -44,16 +45,9 @@ const FORMATS: [&str; 17] = [
 
 /// Measures: `--program FILE` (built in release mode), `--events N` (10^8), `--only FORMAT,…`.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let events = value("--events")
-        .map_or(Ok(100_000_000), |text| text.parse().map_err(|_| "--events takes a number".to_owned()))?;
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let events = options.number("--events", 100_000_000)?;
+    let gs2e = options.program(&[])?;
     let folder = root().join("target/export-bench");
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -61,7 +55,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     make_release(&gs2e, &folder, events)?;
     say(&format!("| `--to` | {events} events | peak | written | plain copy of it |\n|---|---|---|---|---|"));
-    let only = value("--only");
+    let only = options.value("--only");
     let is_asked = |format: &&&str| only.is_none_or(|only| only.split(',').any(|name| name == **format));
     for format in FORMATS.iter().filter(is_asked) {
         measure(&gs2e, &folder, format, events)?;

@@ -6,6 +6,7 @@
 
 use crate::check_bench::watch;
 use crate::command::{Outcome, cargo, program, root, say};
+use crate::options::Options;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -29,9 +30,7 @@ struct GpuBench<'a> {
 /// `--size WxH`, `--frames N`, `--scenes N`, `--python FILE` with torch and gsplat, `--profile NAME` of cargo
 /// (`release`), `--program FILE`.
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| {
-        args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1)).map(String::as_str)
-    };
+    let value = |name: &str| Options(args).value(name);
     let is_quick = args.iter().any(|arg| arg == "--quick");
     let choice = ["--gpu", "--gpu-without"].into_iter().filter_map(|name| Some([name, value(name)?]));
     let bench = GpuBench {

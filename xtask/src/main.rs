@@ -20,6 +20,7 @@ mod folder;
 mod fuzz;
 mod gpu_bench;
 mod network;
+mod options;
 mod page;
 mod pass_bench;
 mod peers_bench;

@@ -5,9 +5,10 @@
 //! frames, and of rendered ones.
 
 use crate::check_bench::{Cost, watch};
-use crate::command::{Outcome, cargo, root, say};
+use crate::command::{Outcome, root, say};
+use crate::options::Options;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const REAL_SCENE: &str = "../shared/data/scenes";
 
@@ -26,18 +27,10 @@ source: { procedural: { kind: still-life, gaussians: 20000, views: 30, arc: 20, 
 
 /// Measures: `--program FILE` (built in release mode), `--runs N` (3), `-j N` (1).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let runs: u32 = value("--runs")
-        .map_or(Ok(3), |text| text.parse().map_err(|_| "--runs takes a number".to_owned()))?
-        .max(1);
-    let jobs = value("-j").map_or("1", String::as_str);
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let runs = options.number("--runs", 3u32)?.max(1);
+    let jobs = options.value("-j").unwrap_or("1");
+    let gs2e = options.program(&[])?;
     let folder = root().join("target/pass-bench");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     say(&format!("cores: {jobs}; the least CPU time of {runs} runs"));

@@ -3,10 +3,11 @@
 //! Nothing is downloaded: a peer runs if it is installed, or if its folder is given. The others are named.
 
 use crate::check_bench::watch;
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, root, say};
+use crate::options::Options;
 use std::ffi::OsString;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A still life at the size of a DAVIS346, and a frame at each pose. The picture moves by half a pixel per
 /// frame at most.
@@ -31,24 +32,15 @@ const SENSORS: [(&str, &str); 3] =
 /// Measures: `--program FILE` (built in release mode), `--python FILE` (python3), `--dvs-voltmeter DIR`,
 /// `--v2e DIR`, `--frames N` (100), `--runs N` (3).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let count = |name: &str, default: usize| {
-        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
-    };
-    let (frames, runs) = (count("--frames", 100)?.max(2), count("--runs", 3)?.max(1));
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let (frames, runs) = (options.number("--frames", 100)?.max(2), options.number("--runs", 3)?.max(1));
+    let gs2e = options.program(&[])?;
     let folder = root().join("target/peers-bench");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     make_frames(&gs2e, &folder)?;
     let script = folder.join("run.py");
     fs::write(&script, SCRIPT).map_err(|e| format!("{}: {e}", script.display()))?;
-    let python: OsString = value("--python").map_or("python3", String::as_str).into();
+    let python: OsString = options.value("--python").unwrap_or("python3").into();
     let call = |args: &[&str]| {
         let script = script.to_string_lossy();
         program(&python, &[&[&*script], args].concat())
@@ -66,11 +58,11 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         let events = String::from_utf8_lossy(&events.stdout).trim().parse::<f64>().unwrap_or(0.0);
         row(&format!("`gs2e simulate --sensor {sensor}`"), (own, events, frames), own);
         let home = match peer.split(' ').next() {
-            Some("v2e") => value("--v2e"),
-            _ => value("--dvs-voltmeter"),
+            Some("v2e") => options.value("--v2e"),
+            _ => options.value("--dvs-voltmeter"),
         };
-        let home = home.map_or("", String::as_str);
-        let found = call(&["simulate", peer, home, &stack, &stamps, &runs.to_string()]).capture()?;
+        let found =
+            call(&["simulate", peer, home.unwrap_or(""), &stack, &stamps, &runs.to_string()]).capture()?;
         let found = String::from_utf8_lossy(&found.stdout).trim().to_owned();
         match found.split_once(' ').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?))) {
             Some((seconds, events)) => row(peer, (seconds, events, frames), own),

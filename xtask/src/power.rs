@@ -5,8 +5,9 @@
 //! made from the same scenes. `examples/power.rs` plants the other faults and prints the table.
 
 use crate::command::{Outcome, cargo, program, root};
+use crate::options::Options;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Thresholds and the sensors with them; `ON` and `OFF` stand for the thresholds.
 const SENSORS: [(&str, [f64; 2]); 5] = [
@@ -74,16 +75,9 @@ fn recipe(i: usize, (sensors, factor): (&[(&str, [f64; 2])], f64), outputs: &str
 /// Measures the power: `--releases N` (20), `--program FILE` (built in release mode), `--stated` (faults of
 /// the stated sizes alone), `--noisy` (sensors with unequal pixels and noise).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let releases = value("--releases").map_or(Ok(20), |text| text.parse());
-    let releases: usize = releases.map_err(|_| "--releases takes a number".to_owned())?;
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let releases: usize = options.number("--releases", 20)?;
+    let gs2e = options.program(&[])?;
     let stated = args.iter().find(|arg| *arg == "--stated");
     let sizes: &[f64] = if stated.is_some() { &[] } else { &THRESHOLDS };
     let noisy = args.iter().any(|arg| arg == "--noisy");

@@ -1,6 +1,7 @@
 //! Eight processes that build the same recipes with one shared store, and their releases.
 
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, say};
+use crate::options::Options;
 use std::ffi::OsStr;
 use std::fmt::Display;
 use std::fs;
@@ -35,16 +36,9 @@ pub(crate) struct ShardPlace {
 impl ShardPlace {
     /// Writes the recipes: `--scenes N` (80), `--program FILE` (built in release mode).
     pub(crate) fn new(folder: &Path, args: &[String]) -> Outcome<Self> {
-        let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-        let scenes = value("--scenes").map_or(Ok(80), |text| text.parse());
-        let scenes: usize = scenes.map_err(|_| "--scenes takes a number")?;
-        let gs2e = match value("--program") {
-            Some(path) => std::path::absolute(path).map_err(|e| format!("{path}: {e}"))?,
-            None => {
-                cargo(&["build", "--release", "--quiet", "--features", "s3"]).run()?;
-                root().join("target/release/gs2e")
-            }
-        };
+        let options = Options(args);
+        let scenes = options.number("--scenes", 80)?;
+        let gs2e = options.program(&["--features", "s3"])?;
         let place = Self { folder: folder.to_owned(), gs2e, env: Vec::new() };
         place.write_recipes(scenes)?;
         Ok(place)

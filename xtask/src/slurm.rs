@@ -4,8 +4,9 @@
 //! The cluster is private to this task: a controller and four `slurmd` on this host, with their ports,
 //! keys and files in a temporary folder. Debian: `apt install slurm-wlm munge`.
 
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, say};
 use crate::folder::Folder;
+use crate::options::Options;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -23,22 +24,13 @@ const PATIENCE: Duration = Duration::from_secs(1800);
 
 /// Runs it: `--scenes N` (200), `--tasks N` (8), `--program FILE` (built in release mode).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let number = |name: &str, default: usize| {
-        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
-    };
-    let (scenes, tasks) = (number("--scenes", 200)?, number("--tasks", 8)?);
+    let options = Options(args);
+    let (scenes, tasks) = (options.number("--scenes", 200)?, options.number("--tasks", 8)?);
     let absent = PROGRAMS.iter().find(|name| !program(OsStr::new("which"), &[**name]).succeeds());
     if let Some(absent) = absent {
         return Err(format!("{absent} is not installed, and nothing ran: apt install slurm-wlm munge"));
     }
-    let gs2e = match value("--program") {
-        Some(path) => std::path::absolute(path).map_err(|e| format!("{path}: {e}"))?,
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let gs2e = options.program(&[])?;
     let folder = Folder::new("slurm")?;
     let cluster = Cluster::start(folder.path())?;
     let place = Place { folder: folder.path().to_owned(), gs2e, tasks };

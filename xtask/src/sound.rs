@@ -7,10 +7,11 @@
 //! statement how often it passed, and the extremes of its measured value, so that a limit can be compared
 //! with what sound trees show.
 
-use crate::command::{Outcome, cargo, program, root, say};
+use crate::command::{Outcome, program, root, say};
+use crate::options::Options;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Sensors. Each of them makes events in these scenes.
 const SENSORS: [(&str, &str); 25] = [
@@ -159,18 +160,9 @@ struct Statement {
 /// Makes and checks releases: `--scenes N` (60), `--first N` (0), `--program FILE` (built in release
 /// mode).
 pub(crate) fn run(args: &[String]) -> Outcome {
-    let value = |name: &str| args.iter().position(|arg| arg == name).and_then(|at| args.get(at + 1));
-    let number = |name: &str, default: usize| {
-        value(name).map_or(Ok(default), |text| text.parse().map_err(|_| format!("{name} takes a number")))
-    };
-    let (scenes, first) = (number("--scenes", 60)?, number("--first", 0)?);
-    let gs2e = match value("--program") {
-        Some(path) => PathBuf::from(path),
-        None => {
-            cargo(&["build", "--release", "--quiet"]).run()?;
-            root().join("target/release/gs2e")
-        }
-    };
+    let options = Options(args);
+    let (scenes, first) = (options.number("--scenes", 60)?, options.number("--first", 0)?);
+    let gs2e = options.program(&[])?;
     let folder = root().join("target/sound");
     let (mut table, mut warnings, mut failures, mut disagreements) = (BTreeMap::new(), 0, 0, 0);
     for i in first..first + scenes {
