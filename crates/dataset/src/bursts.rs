@@ -3,6 +3,7 @@
 //! A short sequence is kept as a whole, in [`RUNS`] runs that share their border frames. Memory is
 //! bounded for any number of frames.
 
+use super::places::{PixelPlaces, quadrant};
 use super::samples::KNOWN;
 use gs2e_image::{Image, Size};
 use gs2e_sensor::WHITE;
@@ -50,11 +51,6 @@ impl FrameBursts {
             pixels: lattice.iter().step_by(step).copied().collect(),
             logs: vec![Vec::new(); stamps_us.len()],
         }
-    }
-
-    /// Columns of the frames.
-    pub(super) fn width(&self) -> usize {
-        self.size.width as usize
     }
 
     /// Number of all frames.
@@ -154,20 +150,14 @@ impl FrameBursts {
         (!within.is_empty()).then(|| [mean(&within), mean(&all)])
     }
 
-    /// The place of each pixel in [`Self::pixels`], by the index of the pixel.
-    pub(super) fn places(&self) -> Vec<Option<usize>> {
-        let mut places = vec![None; self.size.pixels()];
-        for (place, pixel) in self.pixels.iter().enumerate() {
-            places[*pixel] = Some(place);
-        }
-        places
+    /// The places in [`Self::pixels`].
+    pub(super) fn places(&self) -> PixelPlaces {
+        PixelPlaces::new(self.size, &self.pixels)
     }
 
     /// The quadrant of a pixel, 0 to 3.
     pub(super) fn quadrant(&self, place: usize) -> usize {
-        let (width, height) = (self.size.width as usize, self.size.height as usize);
-        let (x, y) = (self.pixels[place] % width, self.pixels[place] / width);
-        usize::from(2 * x >= width) + 2 * usize::from(2 * y >= height)
+        quadrant(self.size, self.pixels[place])
     }
 }
 

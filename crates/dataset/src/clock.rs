@@ -196,14 +196,8 @@ fn collect_pairs(
     let mut last: Vec<Option<(f64, bool)>> = vec![None; bursts.pixels.len()];
     let mut counts = [0; RUNS];
     let mut pairs = Vec::new();
-    let width = bursts.width();
     for_each_event(events, |event, t_us| {
-        let x = usize::from(event.x);
-        let Some(place) =
-            (x < width).then(|| places.get(usize::from(event.y) * width + x).copied().flatten()).flatten()
-        else {
-            return;
-        };
+        let Some(place) = places.of(event) else { return };
         let now = (t_us as f64, event.polarity == Polarity::On);
         let Some(before) = last[place].replace(now) else { return };
         let run = bursts.run_at(0.5 * (before.0 + now.0) - rough_us);

@@ -47,6 +47,7 @@ mod gaps;
 pub mod layout;
 mod noise;
 pub mod npy_events;
+mod places;
 pub mod response;
 pub mod samples;
 pub mod stream;

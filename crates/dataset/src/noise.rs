@@ -79,11 +79,9 @@ impl StreamNoise {
                 }
             }
         }
-        let (places, width) = (bursts.places(), bursts.width());
+        let places = bursts.places();
         for_each_event(events, |event, t_us| {
-            let x = usize::from(event.x);
-            let index = usize::from(event.y) * width + x;
-            let Some(place) = places.get(index).copied().flatten().filter(|_| x < width) else { return };
+            let Some(place) = places.of(event) else { return };
             let t = t_us as f64 - clock.offset_at(t_us as f64);
             let state = bursts.interval_at(t).and_then(|interval| states[interval].get(place));
             let Some(state) = state else { return };

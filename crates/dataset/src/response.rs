@@ -270,12 +270,8 @@ fn count_between(
     let mut counts = vec![vec![[0; 2]; frames.pixels.len()]; pairs.len()];
     let ends: Vec<[f64; 2]> =
         pairs.iter().map(|pair| pair.map(|frame| frames.stamps_us[frame] as f64 + offset_us)).collect();
-    let width = frames.size.width as usize;
     for_each_event(events, |event, t_us| {
-        let (x, y) = (usize::from(event.x), usize::from(event.y));
-        let Some(place) = (x < width).then(|| places.get(y * width + x).copied().flatten()).flatten() else {
-            return;
-        };
+        let Some(place) = places.of(event) else { return };
         for (counts, [from, to]) in counts.iter_mut().zip(&ends) {
             // An event in the microsecond of a frame belongs to the span that ends there.
             if (t_us as f64) > *from && (t_us as f64) <= *to {

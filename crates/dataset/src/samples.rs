@@ -1,6 +1,7 @@
 //! Frames of a dataset at some pixels: the frames that the estimates need, and no others.
 
 use super::bursts::FrameBursts;
+use super::places::{PixelPlaces, quadrant};
 use gs2e_image::{Image, Size, srgb};
 use gs2e_sensor::WHITE;
 use std::collections::BTreeMap;
@@ -158,21 +159,14 @@ impl DatasetFrames {
         self.kept.get(&frame).and_then(|greys| greys.get(place)).copied().unwrap_or(f32::NAN)
     }
 
-    /// The place of each pixel in [`Self::pixels`], by the index of the pixel.
-    pub(super) fn places(&self) -> Vec<Option<usize>> {
-        let mut places = vec![None; self.size.pixels()];
-        for (place, pixel) in self.pixels.iter().enumerate() {
-            places[*pixel] = Some(place);
-        }
-        places
+    /// The places in [`Self::pixels`].
+    pub(super) fn places(&self) -> PixelPlaces {
+        PixelPlaces::new(self.size, &self.pixels)
     }
 
-    /// The quadrant of a pixel, 0 to 3: errors are estimated from quadrants.
+    /// The quadrant of a pixel, 0 to 3.
     pub(super) fn quadrant(&self, place: usize) -> usize {
-        let (width, height) = (self.size.width as usize, self.size.height as usize);
-        let pixel = self.pixels[place];
-        let (x, y) = (pixel % width, pixel / width);
-        usize::from(2 * x >= width) + 2 * usize::from(2 * y >= height)
+        quadrant(self.size, self.pixels[place])
     }
 
     /// Median interval of two frames, us.

@@ -77,6 +77,18 @@ impl HtmlFragment {
         self.within("div", &[("class", "scroll")], |html| html.within("table", &[("class", class)], inside));
     }
 
+    /// A row of large figures, each with its words.
+    pub fn figures<'f>(&mut self, figures: impl IntoIterator<Item = (String, &'f str)>) {
+        self.within("ul", &[("class", "figures-row")], |html| {
+            for (figure, what) in figures {
+                html.within("li", &[], |html| {
+                    html.leaf("strong", &[], &figure);
+                    html.text(&format!(" {what}"));
+                });
+            }
+        });
+    }
+
     /// The style sheet, which is part of this program and holds nothing that would need an escape.
     pub(crate) fn style(&mut self, sheet: &'static str) {
         assert!(!sheet.contains(['<', '&']), "a style sheet cannot be escaped");

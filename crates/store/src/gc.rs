@@ -88,8 +88,14 @@ impl Store {
             .into_iter()
             .partition(|blob| !named.contains(&blob.name) && is_old(&blob.stat));
         let mut trash = self.old_trash(sweep.until_ns)?;
-        trash.extend(self.old_logs(marked, sweep.until_ns)?);
-        trash.extend(self.old_states(marked, sweep.until_ns)?);
+        // Logs of external programs, and states of interrupted steps.
+        trash.extend(self.old_of_keys(LOGS, |name| name.strip_suffix(LOG), marked, sweep.until_ns)?);
+        trash.extend(self.old_of_keys(
+            RESUME,
+            |name| Some(name.split_once('/')?.0),
+            marked,
+            sweep.until_ns,
+        )?);
         let bytes = |files: &[SweepFile]| files.iter().map(|file| file.stat.size).sum();
         let swept = SweepSummary {
             records: gone.len(),
@@ -152,26 +158,17 @@ impl Store {
         Ok(old)
     }
 
-    /// Old logs of external programs for keys that are not marked.
-    fn old_logs(&self, marked: &BTreeSet<Key>, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
+    /// Old files of a folder for keys that are not marked. `key_of` finds the key in the name of a file.
+    fn old_of_keys(
+        &self,
+        folder: &str,
+        key_of: fn(&str) -> Option<&str>,
+        marked: &BTreeSet<Key>,
+        until_ns: i64,
+    ) -> Result<Vec<(PathBuf, u64)>, StoreError> {
         let mut old = Vec::new();
-        for (name, path) in self.files_of(LOGS)? {
-            let key = name.strip_suffix(LOG).and_then(|name| name.parse().ok()).map(Key);
-            if key.is_some_and(|key| !marked.contains(&key))
-                && let Ok(stat) = self.disk.stat(&path)
-                && stat.mtime_ns <= until_ns
-            {
-                old.push((path, stat.size));
-            }
-        }
-        Ok(old)
-    }
-
-    /// Old states of interrupted steps with keys that are not marked.
-    fn old_states(&self, marked: &BTreeSet<Key>, until_ns: i64) -> Result<Vec<(PathBuf, u64)>, StoreError> {
-        let mut old = Vec::new();
-        for (name, path) in self.files_of(RESUME)? {
-            let key = name.split_once('/').and_then(|(key, _)| key.parse().ok()).map(Key);
+        for (name, path) in self.files_of(folder)? {
+            let key = key_of(&name).and_then(|key| key.parse().ok()).map(Key);
             if key.is_some_and(|key| !marked.contains(&key))
                 && let Ok(stat) = self.disk.stat(&path)
                 && stat.mtime_ns <= until_ns

@@ -89,14 +89,7 @@ impl StatusPage<'_> {
                 figures.push((duration(self.core_seconds / self.cores as f64), "left on the cores at work"));
             }
         }
-        html.within("ul", &[("class", "figures-row")], |html| {
-            for (figure, what) in &figures {
-                html.within("li", &[], |html| {
-                    html.leaf("strong", &[], figure);
-                    html.text(&format!(" {what}"));
-                });
-            }
-        });
+        html.figures(figures);
     }
 
     /// The share of each state, as a bar with its legend.

@@ -80,14 +80,7 @@ fn write_figures(html: &mut HtmlFragment, report: &DatasetReport) {
         (measured("noise_floor", "share"), "share of noise"),
     ];
     figures.extend(estimates.into_iter().filter_map(|(value, what)| Some((short_number(value?), what))));
-    html.within("ul", &[("class", "figures-row")], |html| {
-        for (figure, what) in &figures {
-            html.within("li", &[], |html| {
-                html.leaf("strong", &[], figure);
-                html.text(&format!(" {what}"));
-            });
-        }
-    });
+    html.figures(figures);
 }
 
 fn write_pictures(html: &mut HtmlFragment, pictures: &[CaptionedPicture]) {

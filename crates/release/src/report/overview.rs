@@ -80,16 +80,7 @@ fn write_figures(html: &mut HtmlFragment, page: &ReportPage<'_>) {
         (number_span(streams().filter_map(|counted| counted.rate_ev_px_s)), "events/px/s"),
         (number_span(streams().filter_map(on_share)), "share of ON events"),
     ];
-    html.within("ul", &[("class", "figures-row")], |html| {
-        for (figure, what) in
-            figures.into_iter().filter(|(figure, what)| *what != products::BLUR.noun || figure != "0")
-        {
-            html.within("li", &[], |html| {
-                html.leaf("strong", &[], &figure);
-                html.text(&format!(" {what}"));
-            });
-        }
-    });
+    html.figures(figures.into_iter().filter(|(figure, what)| *what != products::BLUR.noun || figure != "0"));
     let count = VerdictCount::from_findings(page.findings());
     html.within("div", &[("class", "verdict-line")], |html| {
         count.bar(html);
