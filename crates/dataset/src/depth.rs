@@ -17,7 +17,7 @@ pub const EXTENSIONS: [&str; 3] = ["png", "npy", "npz"];
 /// # Errors
 /// The file cannot be read, has another form or size, or is a PNG without a stated scale. The text is
 /// the reason.
-pub fn read_depth(path: &Path, size: Size, per_unit: Option<f64>) -> Result<Image<f32>, String> {
+pub(crate) fn read_depth(path: &Path, size: Size, per_unit: Option<f64>) -> Result<Image<f32>, String> {
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let mut image = match extension.as_str() {
         "png" => of_png(path, size, per_unit)?,

@@ -23,7 +23,7 @@ use super::{Event, EventFileError, EventSource};
 
 /// Maximum number of events in one microsecond, 2^22. They wait in memory for one another, 8 bytes
 /// each.
-pub const MAX_SIMULTANEOUS: usize = 1 << 22;
+const MAX_SIMULTANEOUS: usize = 1 << 22;
 
 /// Maximum number of waiting events that are passed on at once.
 const CHUNK: usize = 65_536;

@@ -14,7 +14,7 @@ pub struct UnmetNeed {
 impl UnmetNeed {
     /// A need with its remedy.
     #[must_use]
-    pub fn new(what: impl Into<String>, remedy: impl Into<String>) -> Self {
+    pub(super) fn new(what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self { what: what.into(), remedy: remedy.into() }
     }
 }
@@ -48,19 +48,19 @@ pub enum LossKind {
 impl ExportLoss {
     /// A property without a place in the layout.
     #[must_use]
-    pub fn lost(field: &'static str, what: impl Into<String>) -> Self {
+    pub(super) fn lost(field: &'static str, what: impl Into<String>) -> Self {
         Self { field, kind: LossKind::Lost, figure: None, what: what.into() }
     }
 
     /// A value that follows from other data.
     #[must_use]
-    pub fn derived(field: &'static str, what: impl Into<String>) -> Self {
+    pub(super) fn derived(field: &'static str, what: impl Into<String>) -> Self {
         Self { field, kind: LossKind::Derived, figure: None, what: what.into() }
     }
 
     /// An assumption that differs from the release by `figure`.
     #[must_use]
-    pub fn approximate(field: &'static str, figure: f64, what: impl Into<String>) -> Self {
+    pub(super) fn approximate(field: &'static str, figure: f64, what: impl Into<String>) -> Self {
         Self { field, kind: LossKind::Approximate, figure: Some(figure), what: what.into() }
     }
 }

@@ -50,7 +50,7 @@ pub use formats::{FORMATS, format_named};
 use gs2e_tree::Exposure;
 pub use included::IncludedExporter;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
-pub use plan::{DEFAULT_EPOCH_US, ExportPlan, TestViews};
+pub use plan::{ExportPlan, TestViews};
 pub use subject::{ExportSubject, SubjectChoice};
 
 use serde_json::{Value, json};

@@ -7,7 +7,7 @@ use gs2e_sensor::SensorChoice;
 use serde_json::{Value, json};
 
 /// One second: tools of ROS refuse or hide times of 0.
-pub const DEFAULT_EPOCH_US: i64 = 1_000_000;
+const DEFAULT_EPOCH_US: i64 = 1_000_000;
 
 /// The held-out views.
 #[derive(Debug)]
@@ -65,7 +65,7 @@ impl<'a> ExportPlan<'a> {
 
     /// Losses of every layout: none has a place for a rolling shutter, or for light that changes.
     #[must_use]
-    pub fn losses(&self) -> Vec<ExportLoss> {
+    pub(super) fn losses(&self) -> Vec<ExportLoss> {
         let readout_us = f64::from(self.subject.readout_us);
         let rolls = (readout_us > 0.0 && !self.frames.is_empty()).then(|| {
             let what = "the rows of sharp frames have times of their own, up to this many us from that of their pose";
@@ -78,7 +78,7 @@ impl<'a> ExportPlan<'a> {
 
     /// The exposures within the interval. Their times count from its start, us.
     #[must_use]
-    pub fn exposures(&self) -> Vec<Exposure> {
+    pub(super) fn exposures(&self) -> Vec<Exposure> {
         let [first, last] = self.window_us();
         let within = |exposure: &&Exposure| first <= exposure.open_us[0] && exposure.open_us[1] <= last;
         let moved = |exposure: &Exposure| Exposure {
@@ -90,39 +90,39 @@ impl<'a> ExportPlan<'a> {
 
     /// First and last stamp, in the times of the release, us.
     #[must_use]
-    pub fn window_us(&self) -> [i64; 2] {
+    pub(super) fn window_us(&self) -> [i64; 2] {
         let stamps = &self.subject.poses.stamps_us;
         [stamps[self.poses.start], stamps[self.poses.end - 1]]
     }
 
     /// Length of the interval, us.
     #[must_use]
-    pub fn length_us(&self) -> i64 {
+    pub(super) fn length_us(&self) -> i64 {
         let [start, end] = self.window_us();
         end - start
     }
 
     /// Stamp of a pose, us from the start of the interval.
     #[must_use]
-    pub fn stamp_us(&self, pose: usize) -> i64 {
+    pub(super) fn stamp_us(&self, pose: usize) -> i64 {
         self.subject.poses.stamps_us[pose] - self.window_us()[0]
     }
 
     /// Stamps from the start of the interval in microseconds, with poses, world from camera.
-    pub fn poses(&self) -> impl Iterator<Item = (i64, Se3)> + Clone + '_ {
+    pub(super) fn poses(&self) -> impl Iterator<Item = (i64, Se3)> + Clone + '_ {
         let poses = &self.subject.poses.world_from_camera;
         self.poses.clone().map(move |pose| (self.stamp_us(pose), poses[pose]))
     }
 
     /// Number of poses.
     #[must_use]
-    pub fn pose_count(&self) -> usize {
+    pub(super) fn pose_count(&self) -> usize {
         self.poses.len()
     }
 
     /// The held-out frames: their subject and their poses in it.
     #[must_use]
-    pub fn test_frames(&self) -> (&ExportSubject, Vec<usize>) {
+    pub(super) fn test_frames(&self) -> (&ExportSubject, Vec<usize>) {
         match self.test {
             TestViews::Every(every) => {
                 (self.subject, self.frames.iter().copied().step_by((*every).max(1)).collect())
@@ -133,7 +133,7 @@ impl<'a> ExportPlan<'a> {
 
     /// The frames for training.
     #[must_use]
-    pub fn train_frames(&self) -> Vec<usize> {
+    pub(super) fn train_frames(&self) -> Vec<usize> {
         let held_out = match self.test {
             TestViews::Every(_) => self.test_frames().1,
             TestViews::From(_) => Vec::new(),
@@ -145,7 +145,7 @@ impl<'a> ExportPlan<'a> {
     ///
     /// # Errors
     /// The trajectory has no events.
-    pub fn sensor(&self) -> Result<&SensorChoice, ExportError> {
+    pub(super) fn sensor(&self) -> Result<&SensorChoice, ExportError> {
         let none = || ExportError::Selection(format!("{} has no events", self.subject.trajectory));
         self.subject.sensor.as_ref().ok_or_else(none)
     }
@@ -154,7 +154,7 @@ impl<'a> ExportPlan<'a> {
     ///
     /// # Errors
     /// As [`ExportSubject::for_each_event`].
-    pub fn for_each_event(
+    pub(super) fn for_each_event(
         &self,
         mut see: impl FnMut(&Event, i64) -> Result<(), ExportError>,
     ) -> Result<(), ExportError> {
@@ -164,7 +164,7 @@ impl<'a> ExportPlan<'a> {
 
     /// The selection, for `export.json`.
     #[must_use]
-    pub fn selection(&self) -> Value {
+    pub(super) fn selection(&self) -> Value {
         let test = match self.test {
             TestViews::Every(every) => json!({ "every": every }),
             TestViews::From(other) => json!({ "from": other.trajectory }),

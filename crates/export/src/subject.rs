@@ -150,7 +150,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn sharp_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
+    pub(super) fn sharp_file(&self, pose: usize) -> Result<Vec<u8>, ExportError> {
         Ok(self.tree.picture(PictureKind::Sharp, pose)?)
     }
 
@@ -158,7 +158,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// It cannot be read, or has another size than the camera.
-    pub fn sharp_picture(&self, pose: usize) -> Result<Image<[u8; 3]>, ExportError> {
+    pub(super) fn sharp_picture(&self, pose: usize) -> Result<Image<[u8; 3]>, ExportError> {
         Ok(self.tree.colours(PictureKind::Sharp, pose)?)
     }
 
@@ -166,7 +166,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// It cannot be read, or has another size than the camera.
-    pub fn depth_picture(&self, pose: usize) -> Result<Image<f32>, ExportError> {
+    pub(super) fn depth_picture(&self, pose: usize) -> Result<Image<f32>, ExportError> {
         let mut depth = self.tree.values(PictureKind::Depth, pose)?;
         let unseen = depth.pixels_mut().iter_mut().filter(|depth| !(**depth > 0.0 && depth.is_finite()));
         unseen.for_each(|depth| *depth = f32::NAN);
@@ -177,7 +177,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// It cannot be read, or has another size than the camera.
-    pub fn flow_picture(&self, pose: usize) -> Result<Vec<[f32; 2]>, ExportError> {
+    pub(super) fn flow_picture(&self, pose: usize) -> Result<Vec<[f32; 2]>, ExportError> {
         Ok(self.tree.flow(pose)?.into_pixels())
     }
 
@@ -185,7 +185,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// It cannot be read.
-    pub fn event_header(&self) -> Result<StreamHeader, ExportError> {
+    pub(super) fn event_header(&self) -> Result<StreamHeader, ExportError> {
         let events = self.tree.events(self.sensor_name.as_deref())?;
         let unstated = StreamHeader { size: self.camera.size, law: None, labelled: events.labelled() };
         Ok(events.header().unwrap_or(unstated))
@@ -196,7 +196,7 @@ impl ExportSubject {
     ///
     /// # Errors
     /// The events cannot be read, are not sorted, or lie outside the sensor; or `see` fails.
-    pub fn for_each_event(
+    pub(super) fn for_each_event(
         &self,
         window_us: [i64; 2],
         see: impl FnMut(&Event, i64) -> Result<(), ExportError>,

@@ -178,14 +178,6 @@ pub fn read_text(path: &Path, limit: u64) -> io::Result<String> {
     text(read(path, limit)?)
 }
 
-/// Reads a regular UTF-8 file of at most `limit` bytes.
-///
-/// # Errors
-/// The same as [`read_text`], and `InvalidInput` for a link if `links` refuses it.
-pub fn read_text_with(path: &Path, links: LinkRule, limit: u64) -> io::Result<String> {
-    text(read_with(path, links, limit)?)
-}
-
 fn text(bytes: Vec<u8>) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();

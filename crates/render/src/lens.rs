@@ -61,10 +61,10 @@ const TAPS: usize = 4;
 
 /// The wide camera of a view, and the places of its pixels.
 #[derive(Debug)]
-pub struct LensMap {
+struct LensMap {
     camera: Camera,
     /// The pinhole camera that is rendered.
-    pub wide: Camera,
+    wide: Camera,
     rays: Vec<DVec2>,
 }
 

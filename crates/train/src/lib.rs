@@ -42,7 +42,7 @@ mod draws;
 mod error;
 pub mod fidelity;
 mod judge;
-pub mod loss;
+mod loss;
 mod memory;
 mod nearest;
 pub mod photos;

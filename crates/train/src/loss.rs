@@ -45,22 +45,22 @@ const LANES: usize = 16;
 
 /// A photo at the size of training.
 #[derive(Debug, Clone)]
-pub struct TrainingPhoto {
+pub(crate) struct TrainingPhoto {
     /// Encoded colours.
-    pub colours: Image<[u8; 3]>,
+    pub(crate) colours: Image<[u8; 3]>,
     /// Pixels that count; `None` if all do.
-    pub counted: Option<Image<bool>>,
+    pub(crate) counted: Option<Image<bool>>,
 }
 
 /// The loss of the last image, and the buffers of its gradient.
 #[derive(Debug, Default)]
-pub struct ImageLoss {
+pub(crate) struct ImageLoss {
     /// `P`, `Q` and `R` of every pixel and channel, row by row.
     slopes: [Vec<f32>; 3],
     /// `dL/da` of every pixel.
-    pub gradient: Vec<[f32; 3]>,
+    pub(crate) gradient: Vec<[f32; 3]>,
     /// Mean over the channels of `|a - b|` at every pixel.
-    pub residual: Vec<f32>,
+    pub(crate) residual: Vec<f32>,
 }
 
 impl ImageLoss {
@@ -68,7 +68,7 @@ impl ImageLoss {
     ///
     /// # Panics
     /// The two differ in size.
-    pub fn compare(&mut self, shown: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
+    pub(crate) fn compare(&mut self, shown: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
         assert_eq!(shown.size(), photo.colours.size(), "a rendering has the size of its photo");
         let size = shown.size();
         let row = size.width as usize * CHANNELS;

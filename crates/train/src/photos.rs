@@ -21,26 +21,26 @@ const LEAST_SIDE: u32 = 40;
 
 /// A view with its photo.
 #[derive(Debug)]
-pub struct TrainingView {
+pub(crate) struct TrainingView {
     /// Name of the view.
-    pub name: String,
+    pub(crate) name: String,
     /// Index in the capture.
-    pub index: usize,
+    pub(crate) index: usize,
     /// Camera to world.
-    pub world_from_camera: Se3,
+    pub(crate) world_from_camera: Se3,
     /// The photo, full size first. Small photos have fewer sizes.
     levels: Vec<(Camera, TrainingPhoto)>,
 }
 
 /// The views of a capture, split into those to train on and those held out.
 #[derive(Debug)]
-pub struct TrainingViews {
+pub(crate) struct TrainingViews {
     /// Views to train on.
-    pub shown: Vec<TrainingView>,
+    pub(crate) shown: Vec<TrainingView>,
     /// Views held out.
-    pub held_out: Vec<TrainingView>,
+    pub(crate) held_out: Vec<TrainingView>,
     /// Number of views without a photo.
-    pub without_photo: usize,
+    pub(crate) without_photo: usize,
 }
 
 /// Smallest number of views to train on.
@@ -53,7 +53,7 @@ impl TrainingViews {
     ///
     /// # Errors
     /// A photo cannot be read or has another size than its camera, or too few views are left.
-    pub fn read(
+    pub(crate) fn read(
         capture: &Capture,
         files: &[(String, PathBuf)],
         width: u32,

@@ -105,7 +105,7 @@ impl<R: BufRead> Reader<R> {
 
     /// Returns true if the unit of the times is known: the user or the file states it.
     #[must_use]
-    pub fn states_unit(&self) -> bool {
+    pub(crate) fn states_unit(&self) -> bool {
         self.states_unit
     }
 

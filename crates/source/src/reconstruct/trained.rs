@@ -25,7 +25,7 @@ pub struct GaussianCount {
 impl GaussianCount {
     /// Returns true if there is no limit.
     #[must_use]
-    pub fn is_any(&self) -> bool {
+    pub(super) fn is_any(&self) -> bool {
         *self == Self::default()
     }
 
