@@ -169,6 +169,7 @@ pub(super) struct BusState {
 impl BusState {
     pub(super) fn new(bus: ReadoutBus, array: PixelArray) -> Self {
         Self {
+            // Millions per second are events per microsecond, of 1000 ns.
             period_ns: 1e3 / bus.rate_mev_s,
             queue: bus.queue.unwrap_or(u64::MAX),
             array,
@@ -193,12 +194,14 @@ impl BusState {
     }
 
     fn arrive(&mut self, event: Event) {
+        // Before the event is judged: by its time, its pixel may be free again and the queue shorter.
         self.serve_until(event.t.0);
         self.counts.made += 1;
         let pixel = self.array.pixel(&event);
         if self.requesting[pixel] {
             self.counts.lost_in_pixel += 1;
         } else if self.waiting.is_empty() && self.slot_ns() <= event.t.0 {
+            // The bus was idle, so slots are counted from this event on.
             (self.start_ns, self.served) = (event.t.0, 0);
             self.leave(event, event.t.0);
         } else if self.waiting.len() as u64 >= self.queue {
