@@ -186,6 +186,7 @@ pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaus
             (Some(own), ObjectSource::Scene { scale, .. }) => {
                 all.extend_from(own, 0..own.len());
                 grow(&mut all, first, *scale);
+                // `grow` scales positions about the file's origin, so the origin itself is scaled here.
                 own.origin * *scale - scene.origin
             }
             _ => {

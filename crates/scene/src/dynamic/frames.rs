@@ -104,6 +104,7 @@ impl SplatFrames {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the frames")]
     fn weights(&self, SceneMoment { u, rate }: SceneMoment) -> FrameWeights {
         let last = self.frames.len() - 1;
+        // At the last frame, `s` is 1 in the last interval: no other interval begins there.
         let k = (u.max(0.0) as usize).min(last - 1);
         let s = u - k as f64;
         if last == 1 {
