@@ -108,6 +108,7 @@ impl TrainingSchedule {
         let late = ((share - FALL_FROM) / (1.0 - FALL_FROM)).max(0.0);
         let factor = first * libm::pow(FALL, late);
         LearningRates {
+            // Positions fall over the whole training, so the late fall of the other rates is not theirs.
             position: (1.28e-3 * first * self.extent * libm::pow(POSITION_FALL, share)) as f32,
             log_scale: (0.03 * factor) as f32,
             rotation: (0.006 * factor) as f32,
