@@ -128,6 +128,7 @@ impl LensMap {
             reason = "within the limits above"
         )]
         let size = Size { width: width as u32, height: height as u32 };
+        // The principal point puts the leftmost and the uppermost ray `MARGIN` px inside the edges.
         Ok(Camera::pinhole(size, [focal.x, focal.y, MARGIN - least.x, MARGIN - least.y]))
     }
 
