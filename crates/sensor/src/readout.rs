@@ -173,6 +173,7 @@ impl BusState {
             period_ns: 1e3 / bus.rate_mev_s,
             queue: bus.queue.unwrap_or(u64::MAX),
             array,
+            // Before every event, so that the first one finds the bus free.
             start_ns: i64::MIN,
             served: 0,
             waiting: WaitingEvents::new(bus.arbiter),
@@ -247,6 +248,7 @@ impl BusState {
         if self.read.len() < CHUNK {
             return Ok(());
         }
+        // More events of the last microsecond may follow, and a file is sorted within each microsecond.
         let open = self.read.last().map_or(0, |event| event.t.floor_micros());
         let complete = self.read.partition_point(|event| event.t.floor_micros() < open);
         self.pass_first(complete, sink)
