@@ -91,6 +91,7 @@ impl TrainingSchedule {
 
     fn work_of(&self, iteration: u32) -> f64 {
         let level = i32::try_from(self.level(iteration)).unwrap_or(0);
+        // Each level halves both sides of a photo.
         PIXELS_A_GAUSSIAN * self.planned_count(iteration) + self.pixels / 4.0_f64.powi(level)
     }
 
