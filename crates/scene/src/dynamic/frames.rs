@@ -53,6 +53,7 @@ impl SplatFrames {
             frame.move_origin(origin);
         }
         align_rotations(&mut frames);
+        // Harmonics that never change need no interpolation between frames.
         let has_harmonics = frames.iter().any(|frame| frame.sh != frames[0].sh);
         Ok(Self { frames, has_harmonics })
     }
@@ -161,6 +162,7 @@ fn align_rotations(frames: &mut [Gaussians]) {
             let wide = rotation.map(f64::from);
             let norm = wide.iter().map(|v| v * v).sum::<f64>().sqrt();
             let unit = if norm > 0.0 { wide.map(|v| v / norm) } else { [1.0, 0.0, 0.0, 0.0] };
+            // A quaternion and its negative are one rotation, but a cubic between them passes near 0.
             let along = before.as_ref().map_or(1.0, |before| {
                 before[i].iter().zip(unit).map(|(a, b)| f64::from(*a) * b).sum::<f64>()
             });
