@@ -57,6 +57,8 @@ pub fn scene_progress(plan: &Plan, store: &Store, offer: bool) -> Result<PlanPro
                 }
                 let record = store.shared_record(&key)?;
                 record.iter().for_each(|record| costs.add(record));
+                // Those of the shared store: tasks take their inputs from there, so the keys of later steps
+                // follow from them.
                 outputs = record.map(|record| record.outputs);
             }
         }

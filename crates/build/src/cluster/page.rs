@@ -158,6 +158,8 @@ impl StatusPage<'_> {
             kinds.entry(failure_kind(&failure.because)).or_default().push(scene);
         }
         let mut kinds: Vec<_> = kinds.into_iter().collect();
+        // The sort is stable, so kinds of equal size keep the order of their words, and the page does not
+        // jump.
         kinds.sort_by_key(|(_, scenes)| usize::MAX - scenes.len());
         html.within("section", &[], |html| {
             html.leaf("h2", &[], "Failures");

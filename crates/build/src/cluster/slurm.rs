@@ -95,6 +95,7 @@ impl Slurm {
             program: program.into(),
             arguments: arguments.to_vec(),
             environment: BTreeMap::new(),
+            // Where no stranger can put files that a program would read.
             folder: PathBuf::from("/"),
         };
         let (said, ended) = self.programs.output_of(&call, MAX_ANSWER, MAX_SECONDS);
@@ -114,6 +115,7 @@ impl Slurm {
 
 /// A line of `squeue`; `None` for other lines, such as warnings, and for tasks that have ended.
 fn live_task(line: &str) -> Option<LiveTask> {
+    // The reason is the last of six fields, so a separator in its words does no harm.
     let mut fields = line.trim().splitn(6, '|');
     let mut next = || fields.next();
     let (job, task, state, node, name) = (next()?, next()?, next()?, next()?, next()?);

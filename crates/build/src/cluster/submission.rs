@@ -273,6 +273,7 @@ fn parse<T: serde::de::DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T,
         format: u32,
     }
     let refused = |because: String| ClusterError::Plan { path: path.to_owned(), because };
+    // The format alone first: a plan of another version may lack fields, and that message would mislead.
     let Format { format } = serde_json::from_slice(bytes).map_err(|e| refused(e.to_string()))?;
     if format != FORMAT {
         return Err(refused(format!("it has format {format}, wanted {FORMAT}")));

@@ -75,6 +75,7 @@ impl PlanForecast {
         }
         if sum.trajectories > 0.0 {
             sum.scale(count as f64 / looked_at as f64);
+            // After the scaling, because a release has these files once for all scenes.
             sum.files += TOP[0];
             sum.bytes += TOP[1] + sum.files * BYTES_A_FILE;
         }

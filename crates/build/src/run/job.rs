@@ -115,6 +115,7 @@ impl<'a> StepJob<'a> {
                 results[at] = Some(result);
             }
         }
+        // Half-made files go first: each step below gets a new folder, and may need their space.
         drop(places);
         let alone = |(result, (step, stale)): (Option<_>, &(StepId, StaleStep))| {
             result.unwrap_or_else(|| self.run(*step, stale))
@@ -272,6 +273,7 @@ impl<'a> StepJob<'a> {
             None => self.store.publish(workspace, record)?,
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
+        // Only after the record: a process that is killed before can still continue from this state.
         self.store.forget_resume(&stale.key)?;
         let was_there = self.store.share(&stale.key)?;
         // A step that is made again for comparison is there by intention.
