@@ -147,6 +147,7 @@ impl SubmitArgs {
     ) -> Result<BTreeSet<String>, VerbError> {
         let mut names = BTreeSet::new();
         for array in self.arrays(found, common)? {
+            // The files come first, because a task may start before `sbatch` has answered.
             array.submission.write(&array.tasks, &array.script)?;
             // Not the copy in the shared store: others can write there.
             let job = slurm.submit(private_script(&array.script)?.path())?;
