@@ -254,6 +254,7 @@ fn first_difference(one: &Path, other: &Path) -> io::Result<Option<u64>> {
     let [mut one, mut other]: [BufReader<File>; 2] = [open(one)?, open(other)?];
     let (mut a, mut b, mut at) = (vec![0; 1 << 16], vec![0; 1 << 16], 0_u64);
     loop {
+        // A read may return fewer bytes than asked for, and both files must be cut at the same places.
         let (n, m) = (read_full(&mut one, &mut a)?, read_full(&mut other, &mut b)?);
         let shorter = n.min(m);
         if a[..shorter] != b[..shorter] || n != m {
