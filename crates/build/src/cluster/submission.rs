@@ -225,6 +225,7 @@ pub fn read_shard(path: &Path, digest: &Digest) -> Result<Vec<RecipeFile>, Clust
     let plan_path = path.with_file_name(PLAN);
     let plan = read_unaltered(&plan_path, digest)?;
     let plan: SubmissionPlan = parse(&plan_path, &plan)?;
+    // `shard_number` returns numbers from 1 on, so this does not underflow.
     let of_task = plan.shards.get(number - 1).ok_or_else(|| wanted("its plan has no such task"))?;
     let shard: ShardFile = parse(path, &read_unaltered(path, of_task)?)?;
     let file = |recipe: ShardRecipe| RecipeFile {
