@@ -116,6 +116,8 @@ impl BatchScript<'_> {
         ];
         lines.extend(self.options.slurm.iter().cloned());
         lines.extend([
+            // `B:` signals the script alone, whose trap passes the signal on. Otherwise the program would get
+            // it twice.
             ("signal", format!("B:TERM@{SECONDS_TO_END}")),
             // Slurm follows links when it opens this file, so no other user may be able to replace it.
             ("output", "/dev/null".to_owned()),

@@ -120,6 +120,8 @@ fn live_task(line: &str) -> Option<LiveTask> {
     let mut next = || fields.next();
     let (job, task, state, node, name) = (next()?, next()?, next()?, next()?, next()?);
     let id = TaskId { job: job.parse().ok()?, task: task.parse().ok()? };
+    // From the state codes in the manual of squeue: a task in any state but these and the next ones has
+    // ended.
     let waits = ["PENDING", "REQUEUED", "REQUEUE_HOLD", "SPECIAL_EXIT", "RESV_DEL_HOLD", "REQUEUE_FED"];
     let runs = [
         "RUNNING",

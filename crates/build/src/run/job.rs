@@ -90,6 +90,8 @@ impl<'a> StepJob<'a> {
         match self.prepare(step, stale)? {
             PreparedStep::Adopted(adopted) => Ok(*adopted),
             PreparedStep::Workspace(workspace) => {
+                // The free space is read while the folder still exists. Dropping it would free the space that
+                // was lacking.
                 self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
             }
         }
@@ -340,6 +342,8 @@ impl<'a> StepJob<'a> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).spawn_handler(start).build();
         let pool = pool.map_err(StageError::work_failed("start threads"))?;
         let worked = pool.install(work);
+        // The threads end only after the pool is dropped, so joining them before this line would wait
+        // forever.
         drop(pool);
         threads
             .into_iter()
