@@ -37,6 +37,7 @@ pub(crate) fn mask_picture(
     let moment = moment_us(&track);
     let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
     let masks = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
+    // Of two poses at one distance the lower number comes first, so equal releases have equal pages.
     let (_, number, path) = masks.min()?;
     let size = sensor_size(&track);
     // The size comes from a file.

@@ -196,6 +196,7 @@ fn busy_window(streams: &[ShownStream<'_>], middle: usize, wanted: u64) -> Optio
     let wanted = wanted.saturating_mul(streams.len() as u64);
     let held = |range: &Range<usize>| streams.iter().map(|stream| stream.count(range)).sum::<u64>();
     let mut range = middle.min(last)..middle.min(last) + 1;
+    // A window of the whole recording cannot grow, so the last condition ends the loop for short recordings.
     while held(&range) < wanted && range.len() < MAX_WINDOW_MS && range != (0..last + 1) {
         range = range.start.saturating_sub(1)..(range.end + 1).min(last + 1);
     }
