@@ -77,6 +77,7 @@ impl<'py> FrameIterator<'py> {
         if found.seen.is_empty() {
             return Err(PyValueError::new_err(format!("{what} has no frame")));
         }
+        // The frames that were looked at are given out again from `seen`, and counted then.
         found.next = 0;
         if found.dtype == "float32" {
             found.scale = found.decide(full_scale)?.grey();

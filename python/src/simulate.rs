@@ -241,7 +241,10 @@ impl<'py> SimulationRun<'py> {
             .map_err(|e| PyValueError::new_err(e.to_string()))?;
         std::thread::scope(|scope| {
             let worker = scope.spawn(move || pool.install(|| work(&setup, &mut received)));
+            // The sender goes with the call: the worker waits for frames until it is dropped, also after an
+            // error.
             let fed = self.feed(py, sender);
+            // The sensor may still work for long, and other threads of Python run meanwhile.
             let ended = py.detach(|| worker.join());
             let ended = ended.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             // What went wrong on this side comes first: the worker only saw that the frames ended.

@@ -374,6 +374,7 @@ impl BuildRequest<'_> {
         let expected = expected_bytes(plan, &past_costs(plan, store)?).into_iter().zip(assessed);
         let stale = expected.filter(|(_, assessed)| assessed.action != StepAction::Keep);
         let bytes: f64 = stale.filter_map(|(bytes, _)| bytes).sum();
+        // A warning and no refusal: the sizes are estimates, and `gc` in another shell may free space.
         if bytes > space.free as f64 {
             let [needed, free] = [bytes, space.free as f64].map(|bytes| bytes * 1e-9);
             let mount = escape::path(&space.mount);
@@ -408,6 +409,7 @@ impl BuildRequest<'_> {
         if common.keep_going && !failed.is_empty() {
             failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }
+        // After the lines above: failed steps are shown even if the store can no longer be written.
         let summary = summary?;
         let tag = option_tag(self.chosen, self.care.shared_store.as_deref());
         match run::settle_run(plan, &summary, store, &tag) {

@@ -32,6 +32,7 @@ impl CancelArgs {
             let index = usize::try_from(task.id.task).unwrap_or(0).wrapping_sub(1);
             let scenes = plan.plan.tasks.get(index).map(Vec::as_slice).unwrap_or_default();
             let count = scenes.iter().filter(|scene| named.contains(&scene.recipe)).count();
+            // `scancel` ends whole tasks, so a task that also builds scenes without a name here must go on.
             if count == scenes.len() {
                 ended.push(task.id);
             } else if count > 0 {

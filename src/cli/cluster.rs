@@ -94,6 +94,7 @@ impl ClusterTargets {
     ) -> Result<ClusterScenes, VerbError> {
         let chosen = cluster_renderers(common)?;
         let store = self.open(common, access, console)?;
+        // Only an offer may run programs, for their versions. A look takes the versions that the store knows.
         let surveyed = match access {
             ClusterAccess::Look => plan_all(&self.targets.recipes, &chosen.knowing(&store))?,
             ClusterAccess::Offer => plan_all(&self.targets.recipes, &chosen.asking(&store))?,

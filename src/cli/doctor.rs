@@ -162,6 +162,7 @@ fn processor(common: &CommonArgs, page: &mut DoctorPage) {
 
 /// The store, and the file system on which it is or would be.
 fn store(path: &Path, page: &mut DoctorPage) {
+    // For reading: it creates no store, and does not wait for the lock of a build that is running.
     let opened = Store::open(path, StoreOptions::from(StoreAccess::Read), &mut |_| {});
     let text = match &opened {
         Err(because) => because.to_string(),
@@ -170,6 +171,8 @@ fn store(path: &Path, page: &mut DoctorPage) {
     };
     page.row("store", text.clone());
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    // A folder that does not exist has no file system. Its nearest existing parent is where it would be
+    // created.
     let there = absolute.ancestors().find(|folder| is_there(folder)).unwrap_or(Path::new("/"));
     let disk = DiskSpace::holding_path(there);
     let words = match &disk {

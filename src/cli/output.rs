@@ -116,6 +116,7 @@ pub(super) fn write_outputs(outputs: &[OutputFile<'_>]) -> Result<(), VerbError>
             printed => printed.map_err(|e| unwritable_file(path, e))?,
         }
     }
+    // Only now is a file replaced. After an error above, the parts are dropped, and remove themselves.
     parts.into_iter().try_for_each(|part| {
         let path = part.path().to_owned();
         part.finish().map_err(|e| unwritable_file(&path, e))

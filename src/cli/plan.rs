@@ -128,6 +128,7 @@ fn plan_rows<'a>(
     });
     let mut has_frames = Vec::new();
     for (name, a) in kept_names(plan, assessed, store).into_iter().zip(assessed) {
+        // A step that is up to date does not use its frames, so the store is not asked for them.
         let name = name.filter(|_| a.action != StepAction::Keep);
         let frames = name.map(|name| store.frames_of(&name)).transpose()?;
         has_frames.push(frames.is_some_and(|files| !files.is_empty()));
@@ -212,6 +213,7 @@ impl EstimateTotal {
                 sum.unknown += 1;
                 continue;
             };
+            // A step that shares its pass costs its part of the rendering only. Alone, it pays for all of it.
             sum.core_seconds += if shares { past.core_seconds } else { past.alone_core_seconds };
             sum.memory = sum.memory.max(past.memory);
         }

@@ -22,6 +22,7 @@ pub enum ExitKind {
     Usage = 2,
     /// A check or an audit found a fault.
     Fault = 3,
+    // 128 and the number of SIGINT, which is 2: shells report a program that an interrupt ended in this way.
     /// The run was interrupted, and finished steps are kept.
     Interrupted = 130,
 }

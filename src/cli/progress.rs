@@ -277,6 +277,7 @@ impl<'a> Progress<'a> {
 
 impl RunObserver for Progress<'_> {
     fn tell(&self, event: &RunEvent<'_>) {
+        // One lock for each event, so that lines of steps on other threads do not come in between.
         let shown = &mut *self.shown.lock().expect("no observer panics");
         match *event {
             RunEvent::Started { step, reason, cores, together } => {

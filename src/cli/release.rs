@@ -141,6 +141,8 @@ impl ReleaseArgs {
         let link = if self.copy { LinkMode::Copy } else { self.link };
         let written = judged.write(target, link, cancel);
         progress.finish();
+        // Before the error is returned: the exports and verdicts that were made spare the next try their
+        // time.
         store.flush()?;
         findings.extend(written.iter().flat_map(|written| written.agreement.iter().cloned()));
         tell_count(&findings, console);

@@ -221,6 +221,7 @@ impl SimulateArgs {
         let mut channel = [SensorChannel::new(pixels, sink).behind(model.front_end())];
         let accounts = simulate_all(&mut *sequence.frames, &mut channel, &mut tap);
         bar.finish_and_clear();
+        // Before a failure is returned: too much motion between two frames may be its reason.
         let warnings = warnings::motion_warnings(&motion, self.input_path(), sequence);
         warnings.iter().for_each(|line| console.say(line));
         Ok(accounts?.pop().expect("an account a sensor"))

@@ -90,6 +90,8 @@ impl SubmitArgs {
         let slurm = Slurm::new(common.programs());
         let has_slurm = slurm.require();
         if self.dry_run {
+            // A dry run also serves on a machine without Slurm. Scenes at work then look open or failed, and
+            // are in the scripts.
             let access = ClusterAccess::Look;
             let found = self.targets.look(common, access, has_slurm.is_ok().then_some(&slurm), console)?;
             self.arrays(&found, common)?.iter().for_each(|array| console.print_lines(&array.script));
@@ -147,6 +149,7 @@ impl SubmitArgs {
     ) -> Result<BTreeSet<String>, VerbError> {
         let mut names = BTreeSet::new();
         for array in self.arrays(found, common)? {
+            // The files come first, because a task may start before `sbatch` has answered.
             array.submission.write(&array.tasks, &array.script)?;
             // Not the copy in the shared store: others can write there.
             let job = slurm.submit(private_script(&array.script)?.path())?;
@@ -182,6 +185,7 @@ impl SubmitArgs {
         let given = [("account", account), ("partition", partition), ("time", time), ("gres", gres)];
         let given = given.into_iter().filter_map(|(name, value)| Some((name, value.clone()?)));
         let slurm: Vec<_> = given.collect();
+        // A line break in a value would begin a new line of the script, which could be another command.
         if let Some((name, value)) = slurm.iter().find(|(_, value)| value.chars().any(is_hidden)) {
             let wanted = "has a control or invisible character, wanted one line of text";
             return Err(VerbError::usage("usage", format!("--{name} `{value}` {wanted}")));

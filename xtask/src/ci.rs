@@ -9,7 +9,7 @@ use std::time::Instant;
 type Step = (&'static str, fn() -> Outcome);
 
 /// Less than 25 minutes on two cores, from a clean checkout.
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 8] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature
@@ -19,9 +19,7 @@ const STEPS: [Step; 10] = [
         cargo(&all).args(PACKAGES).args(by_name).run()
     }),
     ("tests", suite::run_all),
-    ("faults", faults::short),
-    ("fuzzing", fuzz::short),
-    ("bombs", || bombs::run(&[])),
+    ("faults, fuzzing and bombs", trials),
     ("Python", python::in_ci),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--no-deps"]).args(PACKAGES).env("RUSTDOCFLAGS", "-D warnings").run()
@@ -45,6 +43,20 @@ const LONG: [Step; 7] = [
     ("a read-only root", || container::run(&[])),
     ("builds beside ninja", builds_beside_ninja),
 ];
+
+/// Trials of the whole program, at the same time: each waits for processes that it kills or starves.
+fn trials() -> Outcome {
+    // Compiled first, because cargo compiles for one command at a time.
+    let binaries = ["faults", "fuzz", "bombs"].into_iter().flat_map(|name| ["--test", name]);
+    cargo(&["test", "--quiet", "--no-run"]).args(PACKAGES).args(binaries).run()?;
+    let trials: [fn() -> Outcome; 3] = [faults::short, fuzz::short, || bombs::run(&[])];
+    std::thread::scope(|scope| {
+        let running = trials.map(|trial| scope.spawn(trial));
+        // All are waited for, so that one failure does not hide another.
+        let ended = running.map(|thread| thread.join().expect("a trial does not panic"));
+        ended.into_iter().collect()
+    })
+}
 
 /// Checks the licences and origins of all dependencies, if cargo-deny is there.
 fn licences() -> Outcome {

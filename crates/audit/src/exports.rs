@@ -80,6 +80,8 @@ pub(super) fn covered(
     manifest: &ReleaseManifest,
     exporter: Option<&dyn ReleaseExporter>,
 ) -> Option<&'static str> {
+    // Another version may write other bytes for the same scene, so bytes are compared within one version
+    // only.
     let is_again = exporter.is_some() && manifest.tool == gs2e_release::TOOL;
     (!manifest.include.is_empty()).then_some(if is_again {
         "exports: made again from the scenes, byte for byte"
@@ -173,16 +175,21 @@ struct MadeExport<'a> {
 impl MadeExport<'_> {
     fn compare(&self, order: ExportOrder<'_>, exporter: &dyn ReleaseExporter) -> io::Result<Vec<AuditFault>> {
         let format = &order.include.format;
+        // The exporter panics on a format that it lacks, and a manifest is input that anyone may have
+        // written.
         if !EXPORT_FORMATS.contains(&format.as_str()) {
             let message =
                 format!("the manifest includes the format `{format}`, which this program does not have");
             return Ok(vec![self.fault(FaultCode::NotComposed, DESCRIPTION, message)]);
         }
         let scratch = tempfile::Builder::new().prefix("gs2e-audit-").tempdir().map_err(unwritten)?;
+        // Within the folder, since an export must not exist yet, and its temporary columns lie next to it and
+        // are measured.
         let made = scratch.path().join("export");
         let room = FolderRoom::new(scratch.path(), self.size());
         match exporter.write_again(order, &made, &|| room.is_over()) {
             Ok(()) => self.differences(&made),
+            // The disk of the auditor is at fault here, so the release must not be blamed.
             Err(refusal) if refusal.kind == IncludeFailure::Unwritten => Err(unwritten(refusal)),
             Err(refusal) => {
                 Ok(vec![self.fault(FaultCode::NotComposed, DESCRIPTION, unmade_because(&refusal))])
@@ -254,6 +261,7 @@ fn first_difference(one: &Path, other: &Path) -> io::Result<Option<u64>> {
     let [mut one, mut other]: [BufReader<File>; 2] = [open(one)?, open(other)?];
     let (mut a, mut b, mut at) = (vec![0; 1 << 16], vec![0; 1 << 16], 0_u64);
     loop {
+        // A read may return fewer bytes than asked for, and both files must be cut at the same places.
         let (n, m) = (read_full(&mut one, &mut a)?, read_full(&mut other, &mut b)?);
         let shorter = n.min(m);
         if a[..shorter] != b[..shorter] || n != m {

@@ -177,6 +177,7 @@ fn own_files(dir: &Path, listed: &BTreeSet<String>, number: u32, of: u32) -> BTr
         own.extend(files.into_iter().filter(|_| number == 1).cloned());
     }
     let mut units: Vec<(&str, (u64, Vec<&String>))> = units.into_iter().collect();
+    // Ties go by the id, because every process of an audit must come to the same parts.
     units.sort_by_key(|(scene, (size, _))| (Reverse(*size), *scene));
     for (_, (size, files)) in units {
         let least = (0..shares.len()).min_by_key(|&part| shares[part]).unwrap_or(0);

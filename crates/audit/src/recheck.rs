@@ -90,6 +90,8 @@ pub fn recheck_tree(dir: &Path, scenes: &[String]) -> Result<TreeFindings, Reche
             found.measured.extend(measured);
         }
     }
+    // Last, because the passes above name the pictures whose bytes are known, and those are not decoded
+    // again.
     let agreement = agreement::compare_files(dir, &manifest, &is_wanted, &names_in(composed));
     let agreement = agreement.map_err(|e| TreeError::new(dir, e))?;
     found.measured.extend(agreement.iter().cloned());

@@ -78,7 +78,8 @@ impl DriftLaw {
         };
         match sensor.readout() {
             Some(bus) => {
-                // The longest wait: a full queue, or an event of each pixel of a usual sensor.
+                // The longest wait: a full queue, or an event of each pixel of a usual sensor. Millions of
+                // events per second are events per microsecond.
                 let waiting = bus.queue.map_or(USUAL_PIXELS, |queue| queue as f64) + 1.0;
                 Self { loose: Some(READ_LATE), delay_us: law.delay_us.max(waiting / bus.rate_mev_s), ..law }
             }

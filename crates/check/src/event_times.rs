@@ -169,6 +169,7 @@ impl FaultPower {
     /// the 95 % quantiles of the limit and of the noise is above that of their sum.
     fn smallest_fault(&self) -> Option<f64> {
         let Self { allowed, found, response: ErrorBar { value: g, deviation: s }, freedom } = *self;
+        // A value beyond its limit fails already, so it counts for no more than the limit.
         let least = allowed + found.value.abs().min(allowed + SURE * found.deviation);
         let sure = (SURE + POWER) * excess_of_errors(freedom);
         let square = g * g - sure * s * sure * s;

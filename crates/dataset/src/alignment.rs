@@ -178,6 +178,7 @@ impl Alignment {
             let of_places = cells.of_places(frames, orientation);
             counts.iter().map(|spans_at| correlate(&changes, spans_at, &of_places)).collect()
         };
+        // Frames of another shape than the sensor can only fit with x and y swapped.
         let as_is = if sensor == frames.size { curve_of(UNCHANGED) } else { vec![0.0; shifts.len()] };
         let best = highest(&as_is, 1.0);
         let mut changed: Option<(&'static str, f64)> = None;
@@ -260,11 +261,14 @@ fn count_at_shifts(
             }
         }
     }
+    // In order of time, one pass over the events serves every shift and span.
     instants.sort_by(|a, b| a.0.total_cmp(&b.0));
     let none = vec![0; cells.count];
     let mut counts = vec![vec![none.clone(); spans.len()]; shifts_us.len()];
     let (mut now, mut next) = (none, 0);
     let mut note = |next: &mut usize, until: f64, now: &[i32]| {
+        // Strictly before: an event at the time of a frame belongs to the span that ends there, as in
+        // `response`.
         while let Some((_, shift, span, end)) = instants.get(*next).filter(|instant| instant.0 < until) {
             // The count at the end of a span minus that at its begin.
             let sign = if *end == 0 { -1 } else { 1 };

@@ -51,6 +51,7 @@ fn of_transforms(text: &str) -> Result<CameraNumbers, String> {
     let [fx, fy, cx, cy] = NAMES.map(named);
     // One focal length stands for both.
     let (fx, fy) = (fx?, number("fl_y").or_else(|| number("fl_x")).map_or(fy, Ok)?);
+    // Such a file has the centre of the first pixel at 0, and cameras here have it at a half.
     let shift = if number("pixel_center") == Some(0.0) { 0.5 } else { 0.0 };
     Ok(CameraNumbers {
         intrinsics: [fx, fy, cx? + shift, cy? + shift],

@@ -199,6 +199,7 @@ fn collect_pairs(
     for_each_event(events, |event, t_us| {
         let Some(place) = places.of(event) else { return };
         let now = (t_us as f64, event.polarity == Polarity::On);
+        // Pairs overlap: an event is the later one of one pair, and the earlier one of the next.
         let Some(before) = last[place].replace(now) else { return };
         let run = bursts.run_at(0.5 * (before.0 + now.0) - rough_us);
         let [start, end] = bursts.span_us(run);

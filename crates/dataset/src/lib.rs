@@ -173,6 +173,7 @@ pub fn check_dataset(dataset: &EventDataset<'_>) -> Result<DatasetReport, EventF
     let span_us = [first.floor_micros(), last.floor_micros()];
     let StreamPass { rate, facts, pauses, mut findings } = read_stream(dataset, span_us)?;
     findings.extend(facts.findings(dataset));
+    // Pauses and offsets are differences of times, which say nothing about a stream out of order.
     let sorted = survey.backward == 0;
     findings.push(judge_order(dataset, &survey));
     if sorted {

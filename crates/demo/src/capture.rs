@@ -58,6 +58,7 @@ fn arc_pose(turns: f64, draws: &mut SceneDraws) -> Se3 {
     let (sin, cos) = turn_sine(turns);
     let (up, out) = turn_sine(RISE + 0.004 * turn_sine(4.0 * turns).0);
     let shake = |draws: &mut SceneDraws| DVec3::new(draws.bell(SHAKE), draws.bell(SHAKE), draws.bell(SHAKE));
+    // The draws of place, aim and roll come in this order: another order would be another capture.
     let centre = TARGET + DISTANCE * table_point(out * sin, up, -out * cos) + shake(draws);
     let aim = TARGET + shake(draws);
     let forward = (aim - centre).normalize();

@@ -51,6 +51,7 @@ pub(super) fn add_fountain(
 fn add_drop(unit_s: f64, draws: &mut SceneDraws, collector: &mut GaussianCollector) -> SplatTrack {
     // Drops that pass their apex before the beginning or after the end are seen there too.
     let apex_s = draws.uniform(-0.6, unit_s + 0.6);
+    // Every number of a drop is drawn in a fixed order; a new one would change all drops after it.
     let rise_s = draws.uniform(0.35, 0.6);
     let velocity = DVec3::new(draws.bell(0.3), 0.0, draws.bell(0.15));
     // From the nozzle to the apex in the time of the rise.

@@ -120,6 +120,7 @@ pub fn still_life(life: &StillLife) -> Gaussians {
         part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
     }
     let tracks = life.fountain.map(|fountain| {
+        // Tracks go by position: the surfels are in the collector already, and the drops follow them.
         let still = std::iter::repeat_n(SplatTrack::STILL, life.gaussians as usize);
         still.chain(fountain::add_fountain(&fountain, life.seed, &mut collector)).collect()
     });
@@ -149,6 +150,8 @@ fn arrange_table(seed: u64) -> TableArrangement {
     fruit::add_fruit(seed.wrapping_add(200), &mut arrangement);
     bouquet::add_bouquet(seed.wrapping_add(300), &mut arrangement);
     books::add_books(seed.wrapping_add(400), &mut arrangement);
+    // A part draws from the stream of its place in this list, so the order of the groups belongs to the
+    // scene.
     arrangement.parts.push(dust_part());
     arrangement
 }

@@ -56,6 +56,7 @@ impl<'a> SortedEvents<'a> {
         // Before anything is taken: sorting would hide times that go back.
         self.check()?;
         self.taken = self.wait()?;
+        // Times do not go back, so an event of a later microsecond completes the waiting one.
         self.complete = self.ended || self.taken < self.chunk.len();
         if self.complete {
             self.waiting.sort();
@@ -85,11 +86,13 @@ impl<'a> SortedEvents<'a> {
     fn give_rest(&mut self, out: &mut Vec<Event>) {
         let rest = &self.chunk[self.taken..];
         let last = rest.last().map(micros);
+        // Times do not go back, so the last microsecond is at the end and can be searched by bisection.
         let (settled, waiting) = rest.split_at(rest.partition_point(|event| Some(micros(event)) < last));
         let first = out.len();
         out.extend_from_slice(settled);
         // One pass is enough where the chunk is sorted already.
         if !out[first..].is_sorted_by_key(Event::file_order) {
+            // Stable, so that equal events keep the order of the source.
             out[first..].sort_by_key(Event::file_order);
         }
         // These come from a single chunk, so their number is not checked here.

@@ -186,6 +186,8 @@ fn promised_subject(
     let poses = |output: &str| if has(output) { (0..PROMISED_POSES).collect() } else { Vec::new() };
     let stamp = |pose: usize| i64::try_from(pose).unwrap_or_default() * PROMISED_STEP_US;
     let exposure = |pose: usize| Exposure { pose, open_us: [stamp(pose - 1), stamp(pose + 1)] };
+    // An exposure needs a pose on each side, so the first and the last have none. Every third keeps them
+    // apart.
     let exposed = (1..PROMISED_POSES - 1).step_by(3).filter(|_| has("blur")).map(exposure);
     let still = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
     let camera = choose_camera(recipe.camera_along(trajectory), Some(&usual)).unwrap_or(usual);

@@ -138,6 +138,7 @@ pub fn write_export(
     if !lossy && losses.iter().any(|loss| loss.kind == LossKind::Approximate) {
         return Err(ExportError::Lossy { format: format.name, losses });
     }
+    // Only now: a refused export leaves no folder behind.
     let mut out = ExportFolder::create(to, progress)?;
     let facts = (format.write)(plan, &mut out)?;
     let description = json!({

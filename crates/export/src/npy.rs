@@ -124,6 +124,7 @@ pub(super) fn entry_options(method: CompressionMethod) -> SimpleFileOptions {
 pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<(), ExportError> {
     let failed = |e: io::Error| ExportError::unwritten(path)(e);
     let mut archive = ZipWriter::new(BufWriter::new(File::create_new(path).map_err(failed)?));
+    // Zip64, because the length of an entry is not known when its header is written, and may exceed 4 GiB.
     let options = entry_options(CompressionMethod::Stored).large_file(true);
     for (name, entry) in entries {
         archive.start_file(format!("{name}.npy"), options).map_err(|e| failed(e.into()))?;
@@ -131,6 +132,7 @@ pub(super) fn write_archive(path: &Path, entries: Vec<(&str, Entry)>) -> Result<
             Entry::Whole(bytes) => archive.write_all(&bytes).map_err(failed)?,
             Entry::Spooled(array) => {
                 let spool = array.finish()?;
+                // Each spool is removed as soon as it is copied, so that only one array is on the disk twice.
                 let copy = files::open(&spool).and_then(|mut file| io::copy(&mut file, &mut archive));
                 copy.and_then(|_| files::remove(&spool, Removal::File)).map_err(failed)?;
             }

@@ -31,6 +31,7 @@ impl TensorWriter {
             archive.write_all(&pickle(shape))?;
             archive.start_file("archive/version", options)?;
             archive.write_all(b"3\n")?;
+            // Last, because its numbers follow one by one, and an archive has one open entry.
             archive.start_file("archive/data/0", options)?;
             Ok::<_, io::Error>(archive)
         };

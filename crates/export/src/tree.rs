@@ -74,6 +74,7 @@ impl<'a> ExportFolder<'a> {
             .rand_bytes(LETTERS)
             .permissions(Permissions::from_mode(0o700))
             .tempdir_in(parent);
+        // `tempfile` would remove it without the order of `remove_hidden`, so this type takes that over.
         let hidden = made.map_err(ExportError::unwritten(parent))?.keep();
         let folder = hidden.join(TREE);
         let lock = begin(&hidden, &folder).map_err(|e| {
@@ -175,6 +176,7 @@ impl<'a> ExportFolder<'a> {
 impl Drop for ExportFolder<'_> {
     fn drop(&mut self) {
         // The first error is the one to report. The next export to this place removes what stays.
+        // The lock is a field, which is dropped after this, so no other export takes the folder for a remain.
         let _ = remove_hidden(&self.hidden);
     }
 }
@@ -182,6 +184,7 @@ impl Drop for ExportFolder<'_> {
 /// Writes what the hidden folder is, makes `tree`, and takes the lock, which ends with the process.
 fn begin(hidden: &Path, tree: &Path) -> io::Result<File> {
     let lock = open_folder(hidden)?;
+    // Before anything is in the folder: one without a lock counts as the remains of a killed process.
     lock.try_lock()?;
     File::create_new(hidden.join(ABOUT))?.write_all(MAGIC.as_bytes())?;
     fs::create_dir(tree)?;

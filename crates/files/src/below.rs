@@ -52,6 +52,7 @@ impl FolderBelow {
     /// As [`Self::enter`].
     pub fn enter_or_create(&self, name: &str) -> io::Result<Self> {
         match rustix::fs::mkdirat(&self.0, name, Mode::from_raw_mode(0o777)) {
+            // `EXIST` may be a link or a file that others put there; `enter` refuses both.
             Ok(()) | Err(Errno::EXIST) => self.enter(name),
             Err(e) => Err(e.into()),
         }
@@ -108,6 +109,7 @@ impl FolderBelow {
     }
 
     fn create_part(&self) -> io::Result<(String, File)> {
+        // `EXCL` fails for any name that is taken, so no file and no link of others is written through.
         let create = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         for number in 0..ATTEMPTS {
             let name = format!(".gs2e-{}-{number}.part", std::process::id());

@@ -33,6 +33,7 @@ fn take_digits<'a>(rest: &mut &'a [u8]) -> &'a [u8] {
 fn compare_numbers(a: &[u8], b: &[u8]) -> Ordering {
     let significant = |digits: &[u8]| digits.iter().position(|&d| d != b'0').unwrap_or(digits.len());
     let (a, b) = (&a[significant(a)..], &b[significant(b)..]);
+    // Without leading zeros, the longer number is the larger one. No number overflows this way.
     a.len().cmp(&b.len()).then_with(|| a.cmp(b))
 }
 

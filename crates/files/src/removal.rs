@@ -53,9 +53,11 @@ pub(super) fn remove_file_at(folder: impl AsFd, name: &str) -> io::Result<()> {
 }
 
 fn remove_tree(folder: BorrowedFd<'_>, name: &OsStr) -> io::Result<()> {
+    // The type of the entry itself: a link to a folder is removed as a link.
     if type_at(folder, Path::new(name))? != FileType::Directory {
         return Ok(unlinkat(folder, name, AtFlags::empty())?);
     }
+    // `NOFOLLOW` refuses a link that took the folder's place after its type was read.
     let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let inner = rustix::fs::openat(folder, name, flags, Mode::empty())?;
     for entry in Dir::read_from(&inner)? {

@@ -57,6 +57,7 @@ pub struct PartialFile {
 impl PartialFile {
     /// Prepares a part without content.
     pub(crate) fn new(path: &Path) -> io::Result<Self> {
+        // A rename over a link would replace the link, and leave its target with the old bytes.
         let path = link_target(path);
         super::replaceable(&path)?;
         // In the same folder, because a rename does not cross file systems. The number separates

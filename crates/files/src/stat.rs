@@ -79,6 +79,7 @@ impl StatSighting {
     /// Returns true if a file with the fields `now` still has its observed bytes.
     #[must_use]
     pub fn holds_for(&self, now: &FileStat) -> bool {
+        // Equal fields are not enough: a file that was young when seen may have other bytes by now.
         self.stat == *now && self.is_firm()
     }
 }

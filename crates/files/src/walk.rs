@@ -59,6 +59,7 @@ impl<'a> FolderWalk<'a> {
         let mut left = MAX_ENTRIES;
         let root = self.root.to_owned();
         std::iter::from_fn(move || {
+            // After the error below, the walk has ended: a caller that skips errors must not go on for ever.
             if left == 0 {
                 return None;
             }

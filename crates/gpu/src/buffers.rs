@@ -149,6 +149,7 @@ impl FrameBuffers {
             let cleared = BufferUsages::STORAGE | BufferUsages::COPY_DST;
             let frame = buffer(frame::BYTES, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
             let totals = buffer(4 * TOTALS as u64, cleared | BufferUsages::COPY_SRC);
+            // The size of an indirect dispatch is three words.
             let groups = buffer(12 * DISPATCHES, cleared | BufferUsages::INDIRECT);
             let lists = buffer(8 * u64::from(room.tiles), cleared);
             let images = buffer(4 * room.floats, BufferUsages::STORAGE | BufferUsages::COPY_SRC);

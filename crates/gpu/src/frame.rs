@@ -24,6 +24,7 @@ pub(super) fn frame_bytes(
     let camera = view.camera;
     let camera_from_world = view.world_from_camera.rotation_matrix().transpose();
     let rows = [0, 1, 2].map(|k| split_vector(camera_from_world.row(k)));
+    // Subtracted in 64 bits: in 32 bits the difference of two far places would be rounded.
     let [high, low] = split_vector(origin - view.world_from_camera.translation);
     let pair = |[x, y]: [f64; 2]| {
         let [high, low] = split_vector(DVec3::new(x, y, 0.0));

@@ -206,6 +206,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
     }
 
     fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
+        // First: a rendering that fails leaves no whole trace.
         self.seen = None;
         let pending = self.renderer.begin(view, COLOUR)?;
         let work = self.renderer.finish(pending, &mut self.images)?;
@@ -310,6 +311,7 @@ fn join_gradients(a: ViewGradients, b: ViewGradients) -> ViewGradients {
         return b;
     }
     let mut sum = ViewGradients::default();
+    // Splats are in the order of the scene on the device, so both lists ascend and one pass merges them.
     let mut left = a.numbers.into_iter().zip(a.gradients).peekable();
     let mut right = b.numbers.into_iter().zip(b.gradients).peekable();
     loop {

@@ -49,6 +49,7 @@ impl Ring {
         let buffer = match at {
             Some(at) => self.idle.swap_remove(at),
             None => {
+                // All of them are too small for the present frames, and would only take memory.
                 self.idle.clear();
                 let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
                 device.allocate("images to be read", size, |gpu| {
@@ -147,6 +148,7 @@ impl Totals {
             degenerate: count(Total::Degenerate),
             outside: count(Total::Outside),
             tile_pairs: count(Total::Pairs),
+            // Atomic counters have 32 bits, so the second one counts the overflows of the first.
             blended: count(Total::Blended) | count(Total::BlendedCarry) << 32,
             stopped: count(Total::Stopped),
             affine_doubtful: count(Total::Doubtful),

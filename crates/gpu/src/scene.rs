@@ -111,6 +111,7 @@ impl ScenePart {
         write_rows(device, &self.axes, first, activated.iter().map(axes_of));
         let kept = sh::function_count(degree);
         let coefficients = scene.sh[range.start * n..range.end * n].iter().enumerate();
+        // The harmonics of a Gaussian are sorted by degree, so those above `degree` come last.
         let coefficients = coefficients.map(|(k, value)| if k % n < kept { *value } else { [0.0; 3] });
         write_rows(device, &self.harmonics, first * n as u64, coefficients);
         if let Some(rotations) = &self.rotations {

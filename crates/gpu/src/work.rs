@@ -130,6 +130,7 @@ impl RegionCounts {
         let scan = scan(groups);
         StageWork {
             dispatches: 3 * self.parts,
+            // Each part has a scan of its own, which takes at least one round.
             scan_rounds: scan.scan_rounds.max(self.parts),
             bytes: measured + placed + scan.bytes,
             operations: self.gaussians * LOCATE

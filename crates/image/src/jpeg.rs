@@ -125,6 +125,7 @@ fn decode_as(
     space: ColorSpace,
     wanted: Option<Size>,
 ) -> Result<(Size, Option<ColorSpace>, Vec<u8>), JpegError> {
+    // Strict, because the decoder otherwise makes a picture of damaged data and reports no error.
     let options = DecoderOptions::new_safe()
         .set_strict_mode(true)
         .set_max_width(MAX_EDGE)

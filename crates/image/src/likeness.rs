@@ -121,6 +121,8 @@ fn column_moments(
 fn along_row(column: &[f64], window: &[f64; EDGE]) -> Vec<f64> {
     let mut sums = vec![0.0; column.len()];
     for (k, weight) in window.iter().enumerate() {
+        // The shift of weight `k` is `k - REACH` pixels, of three channels each; one of both differences is
+        // 0.
         let [before, after] = [3 * REACH.saturating_sub(k), 3 * k.saturating_sub(REACH)];
         let from = column.get(after..).into_iter().flatten();
         let to = sums.get_mut(before..).into_iter().flatten();

@@ -307,6 +307,7 @@ impl GreyWeights {
 
 /// [`GreyWeights::weigh`] by a table: the same sums, without conversions and products.
 fn weigh_bytes([red, green, blue]: &[[f64; 256]; 3], [r, g, b]: [u8; 3]) -> f32 {
+    // In the order of `weigh`, so that both give the same bits.
     to_single(red[usize::from(r)] + green[usize::from(g)] + blue[usize::from(b)])
 }
 
@@ -350,6 +351,7 @@ fn read_stored(mut input: impl BufRead + Seek, wanted: Option<Size>) -> Result<S
     }
     let mut bytes = budget::try_filled(0, claimed)?;
     reader.next_frame(&mut bytes)?;
+    // Up to the last chunk: a file that is cut behind its pixels is damaged too.
     reader.finish()?;
     Ok(StoredImage { size, colour, depth, bytes })
 }

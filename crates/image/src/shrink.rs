@@ -62,6 +62,7 @@ impl PixelCover {
 
 fn covered_range(at: u32, to: u32, from: u32) -> PixelCover {
     let [at, to, from] = [at, to, from].map(u64::from);
+    // In units of `1 / to`, an old pixel is `to` wide and a new one `from`: all ends are whole numbers.
     let (begin, end) = (at * from, (at + 1) * from);
     let index = |n: u64| u32::try_from(n).expect("it lies in the image");
     let range = index(begin / to)..index(end.div_ceil(to));

@@ -132,6 +132,7 @@ pub fn compare_sensors(
         channels.push(SensorChannel::new(pixels, sink).behind(model.front_end()));
     }
     let accounts = simulate_all(frames, &mut channels, tap)?;
+    // The channels borrow the profiles, which are read next.
     drop(channels);
     let seconds = empty.seconds();
     let compared = sensors.iter().zip(accounts).zip(profiles).map(|((studied, account), profile)| {

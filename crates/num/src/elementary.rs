@@ -143,6 +143,7 @@ pub fn exp_eight<S: Simd>(x: f64x8<S>) -> f64x8<S> {
     let z = r * r;
     let [c1, c2, c3, c4, c5] = EXP;
     let c = r - z * (z * (z * (z * (z * c5 + c4) + c3) + c2) + c1);
+    // In the order of `e_exp.c`, so that the bits are those of `libm`: small terms first, the 1 last.
     let y = (r * c / (all(2.0) - c) - low + high) + 1.0;
     // The low bits of `shifted` are `k`, which is added to the exponent. `MAX_EXPONENT` keeps the sum
     // within the exponents of normal numbers.

@@ -107,6 +107,7 @@ impl Hertz {
     }
 
     fn stamp(self, index: u64, a_second: u128) -> i64 {
+        // In 128 bits: 2e9 times an index and a denominator of 18 digits exceeds 64.
         let (p, q) = (u128::from(self.0.numerator), u128::from(self.0.denominator));
         // Rounded half up in integers: `floor((2 n + d) / (2 d))` for the fraction `n / d`.
         let stamp = (2 * a_second * u128::from(index) * q + p) / (2 * p);

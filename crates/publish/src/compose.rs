@@ -63,6 +63,7 @@ pub(super) fn judge_scenes<'a>(
             let found = findings.remove(&trajectory.name).unwrap_or_default();
             trajectory.findings = join_findings(std::mem::take(&mut trajectory.findings), found);
             let name = format!("{}/{}/{}", file.id, trajectory.name, layout::CHECKS);
+            // After the judgement, because this file has the verdicts and must not be one of their grounds.
             files.add(name, FileContent::json(&trajectory.findings));
         }
         Ok(JudgedScene { scene, file, files, composed, verdicts })

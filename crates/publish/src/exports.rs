@@ -85,6 +85,7 @@ impl ReleaseExports<'_> {
         let made_of =
             MadeOf { stage: STAGE, revision, parameters: describe_value(&parameters), files: inputs };
         made_of.outputs(self.store, |folder| {
+            // An export is written to a folder that must not exist yet, and the workspace exists.
             Ok(self.exporter.write(scene, trajectory, include, &folder.join(MADE))?)
         })
     }

@@ -47,5 +47,6 @@ pub(super) fn judge_files(
 }
 
 fn stopped(error: RecheckError, cancel: &AtomicBool) -> ReleaseError {
+    // A pass that is stopped returns some error of its reader, so only the flag tells the reason.
     if cancel.load(Ordering::Relaxed) { ReleaseError::Interrupted } else { ReleaseError::Recheck(error) }
 }

@@ -218,6 +218,8 @@ impl<'a> JudgedRelease<'a> {
         let BuiltPlan { plan, summary, store, context, .. } = built;
         let gather = |index| built::gather_scene(plan, index, summary, store, &context.terms);
         let gathered = (0..plan.scenes().len()).map(gather);
+        // Before the files are judged, which takes much longer: a scene that is not built ends a release that
+        // is not partial.
         let (scenes, unbuilt) = sorted::part_unbuilt(gathered, context.partial)?;
         Ok(Self { built, scenes: judge_scenes(scenes, context, store, cancel)?, unbuilt })
     }
@@ -252,6 +254,7 @@ impl<'a> JudgedRelease<'a> {
             compose_tree(sound, &held_back, exports, context)?;
         let options = audit::AuditOptions {
             takedown: Some(&context.takedown),
+            // This program has just made the exports, or has taken them from the store by their keys.
             exporter: None,
             composed: Some(&pictures),
         };

@@ -104,6 +104,7 @@ impl StandingTree {
                 Err(oddity) => oddities.push(oddity),
             }
         }
+        // The files were judged in parallel, so without the sort the message would change from run to run.
         oddities.sort();
         tree.oddities = oddities;
         tree.b3 = Some(lists.b3_text);

@@ -235,6 +235,7 @@ fn resolve_folder(path: &Path) -> io::Result<PathBuf> {
 
 /// The name of the lock of a target: `.NAME.gs2e-lock`, next to it.
 fn lock_name(target: &Path) -> OsString {
+    // Not inside the target: the folder there moves away at the swap, and a lock would move with it.
     let mut name = OsString::from(".");
     name.push(target.file_name().unwrap_or_default());
     name.push(".gs2e-lock");

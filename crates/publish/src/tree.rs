@@ -168,6 +168,7 @@ fn materialise_blob(blob: &Path, path: &Path, link: LinkMode) -> io::Result<()> 
     if link != LinkMode::Copy && rustix::fs::ioctl_ficlone(&to, &from).is_ok() {
         return Ok(());
     }
+    // A clone that fails writes nothing, so the copy begins at the first byte of both files.
     io::copy(&mut from, &mut to).map(drop)
 }
 

@@ -72,6 +72,8 @@ impl WorkFolder {
         let folders = files.keys().filter_map(|path| Path::new(path).parent());
         for folder in folders.collect::<BTreeSet<_>>() {
             let folder = work.tree().join(folder);
+            // With the usual mode: only the work folder is closed to others, and that does not become the
+            // release.
             fs::create_dir_all(&folder).map_err(failed(&folder))?;
         }
         Ok(work)

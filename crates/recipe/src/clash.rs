@@ -38,6 +38,7 @@ fn containing_trajectory<'a>(
     scenes: &BTreeMap<String, Vec<&'a ReadRecipe>>,
 ) -> Option<(&'a ReadRecipe, &'a str)> {
     let id = scene.recipe.scene.to_lowercase();
+    // Only where the path breaks: the scene `lab2` does not lie in the scene `lab`.
     id.match_indices('/').find_map(|(at, _)| {
         let next = id[at + 1..].split('/').next()?;
         scenes.get(&id[..at])?.iter().find_map(|other| {

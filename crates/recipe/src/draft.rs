@@ -126,6 +126,7 @@ sharp: {{ fps: 30 }}                       # pictures per second
 /// Returns the same with the settings of the paper (3.5.1, 3.5.2, appendices A and C).
 #[must_use]
 pub fn paper_defaults_text(pace: CameraPace) -> String {
+    // The preset must contain this text: without it, nothing is replaced and no error is shown.
     let settings = preset::PAPER.replacen("factor: 5", &format!("factor: {}", pace.factor()), 1);
     format!(
         "# Values that all recipes in this folder and below share. A recipe's own values win.\nseed: 20250521\n{settings}"

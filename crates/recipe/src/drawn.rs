@@ -88,6 +88,8 @@ impl SensorDraws {
             Ok(law) => {
                 let (sensor, steps) = (sensor.to_owned(), steps.to_vec());
                 numbers.push(DrawnNumber { camera, sensor, steps, place: node.place, law });
+                // The number keeps the place of its law, by which later steps and messages find the law
+                // again.
                 *node = law::number_node(law.quantile(0.5), node.place);
             }
             Err(problem) => {
@@ -118,6 +120,8 @@ impl SensorDraws {
             resolve_sensors(&tree, resolver, &found, BetweenFrames::Linear, None);
             for problem in found.into_inner() {
                 let at = |number: &&DrawnNumber| Some(number.place) == problem.order();
+                // A problem at another place does not come from a law, and the recipe's own resolution
+                // reports it.
                 let Some(number) = self.numbers.iter().find(at) else { continue };
                 let mut known = resolver.problems.borrow_mut();
                 if known.iter().all(|other| other.order() != Some(number.place)) {

@@ -70,6 +70,8 @@ impl DefaultsLibrary {
         })?;
         let seen = vec![(path.clone(), own.seen)];
         let mut parts = RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
+        // Asked before the merge: a preset that the defaults name is one of them, and does not remove their
+        // keys.
         let has_preset = preset::names_paper(&parts.tree);
         if let Some(path) = defaults {
             // Each recipe has the faults of its defaults; repeated faults are dropped when they are

@@ -41,6 +41,7 @@ fn merge_at(path: &str, over: TreeNode, under: &TreeNode, choices: &BTreeSet<*co
         return TreeNode { place, kind: NodeKind::Map(entries) };
     };
     // A merge of two different choices would be neither of them.
+    // By address, since an equal value elsewhere may be read as a plain mapping.
     if choices.contains(&std::ptr::from_ref(under)) && !same_key(&entries, defaults) {
         return TreeNode { place, kind: NodeKind::Map(entries) };
     }

@@ -56,6 +56,7 @@ pub(super) struct Resolver<'a> {
 impl Resolver<'_> {
     /// Resolves a recipe without its meta data; `None` after reporting a fault.
     pub(super) fn recipe(&self, raw: &schema::RecipeSchema) -> Option<Recipe> {
+        // Only a missing version is left: any other one ended the reading before.
         self.required(&raw.version, "version", self.root, "write version: 1");
         self.later(&raw.release, "this gs2e releases only the products");
         let between = self.between(&raw.sampling);
@@ -100,6 +101,7 @@ impl Resolver<'_> {
             licence: self.licence(&raw.licence, source.as_ref()),
         })?;
         let recipe = rig::with_cameras(recipe);
+        // After the cameras of a rig have their trajectories, because blurred frames belong to those.
         self.refuse_long_exposures(&raw.blur, &recipe)?;
         Some(recipe)
     }

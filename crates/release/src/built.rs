@@ -208,6 +208,7 @@ pub fn gather_scene<'a>(
     }
     let shelf = BuiltProducts { scene: &recipe.scene, store, steps };
     let capture = shelf.open("capture")?;
+    // Only the summary stays in memory, because a release gathers all of its scenes before it judges them.
     let gaussians = shelf.open_optional("reconstruct")?.map(|gaussians| shelf.summarize(&gaussians));
     let gaussians = gaussians.transpose()?;
     let photographed = photo_findings(&shelf)?;

@@ -169,9 +169,11 @@ fn dsec(cameras: &[(&RigCamera, Camera)], pairs: &[([usize; 2], Rectification)])
     }
     for (k, rotation, _) in rectified() {
         let columns = rotation.to_cols_array_2d();
+        // The matrix is kept by columns, and the file has rows.
         let row = |i: usize| [columns[0][i], columns[1][i], columns[2][i]];
         let _ = writeln!(text, "  R_rect{k}:\n{}", rows(&[row(0), row(1), row(2)], 2));
     }
+    // A key with nothing after it would be null in YAML; an empty mapping stays a mapping.
     text.push_str(if pairs.is_empty() { "disparity_to_depth: {}\n" } else { "disparity_to_depth:\n" });
     for ([first, second], of) in pairs {
         let _ = writeln!(text, "  cams_{first}{second}:\n{}", rows(&of.disparity_to_depth(), 2));

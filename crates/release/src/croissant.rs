@@ -127,6 +127,7 @@ fn responsible_texts(scenes: &[&SceneRecord]) -> [Value; RESPONSIBLE.len()] {
     let provenance = Provenance::of(scenes.iter().copied());
     let personal = personal_words(scenes.iter().all(made_up));
     [
+        // In the order of `RESPONSIBLE`, because the texts are joined with the names by place.
         provenance.collection().into(),
         provenance.limits().into(),
         provenance.biases().into(),
@@ -148,6 +149,7 @@ pub(super) fn personal_words(made_up: bool) -> &'static str {
 
 /// The sources of the scenes: each upstream dataset, or else each kind of source, once.
 fn source_entries(scenes: &[&SceneRecord]) -> Vec<Value> {
+    // Scenes of one source give one entry, and the order does not depend on that of the scenes.
     let named: BTreeSet<(&str, Option<&str>, Option<&str>)> = scenes
         .iter()
         .map(|scene| &scene.source)

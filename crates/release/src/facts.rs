@@ -85,6 +85,8 @@ impl ReleaseFacts<'_> {
         let datasets = self.parts().filter_map(|part| part.asset).map(|asset| asset.name);
         let mut names: BTreeSet<&str> = datasets.collect();
         if self.trained_elsewhere() {
+            // A scene file does not name its trainer, so the official program, which has terms of its own, is
+            // listed.
             names.insert("3D Gaussian Splatting");
         }
         names.extend(self.provenance().models().map(|(name, _)| name));

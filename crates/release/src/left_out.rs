@@ -54,6 +54,7 @@ pub fn of_step(
 ) -> Result<Vec<OmissionRow>, ArtifactError> {
     match stage {
         EventsStage::NAME => Ok(of_events(&files.json("simulation.json")?, class.unwrap_or_default())),
+        // `work.json` does not have the degree of the scene, so the whole of the harmonics stays unknown.
         other if is_rendering(other) => Ok(of_work(stage, &files.json("work.json")?, None)),
         _ => Ok(Vec::new()),
     }
@@ -119,6 +120,7 @@ fn of_events(simulation: &SimulationRecord, class: &str) -> Vec<OmissionRow> {
             ));
         }
         let (kept, capped) = (stream.account.events, stream.account.capped);
+        // The account counts the written events apart from those beyond the cap, so the whole is their sum.
         let what = of("events beyond the cap");
         rows.extend(omission_row(
             step,

@@ -137,6 +137,7 @@ pub(super) fn products() -> impl Iterator<Item = &'static ReleaseProduct> {
 pub fn is_metadata(path: &str) -> bool {
     let last = |path: &'static str| path.rsplit('/').next().unwrap_or(path);
     let rows = SCENE.iter().chain(&PATH).chain(&CALIBRATION).chain(&CHECKS);
+    // By the last name alone: the names of rows begin with placeholders for scene and trajectory.
     let metadata = rows.filter(|row| row.class == LicenceClass::Metadata);
     let mut names = metadata.flat_map(|row| row.name.split(", ")).map(last);
     names.any(|name| path.rsplit('/').next() == Some(name))

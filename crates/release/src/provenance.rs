@@ -36,6 +36,8 @@ impl Provenance {
             of.captured |= kind.is_none_or(|kind| kind.captured().is_some());
             of.photos |= !scene.images.is_empty();
             let states = |place: &str| scene.recipe.pointer(place).is_some();
+            // A new way to move things in a recipe belongs into this list, or the texts call its scenes
+            // static.
             of.moving |= ["/objects", "/reconstruct/given/time", "/source/procedural/fountain"]
                 .into_iter()
                 .any(states);

@@ -138,6 +138,7 @@ pub fn terms(recipe: &Recipe, redistribution: Option<&str>) -> ComposedTerms {
 /// # Errors
 /// It is not a valid recipe.
 pub fn recipe(scene: &SceneRecord) -> Result<Recipe, RecipeFaults> {
+    // JSON is YAML, so the reader of recipes takes it with all of its checks. The path is for messages only.
     read_recipe_text(scene.recipe.to_string(), Path::new("recipe"))
 }
 

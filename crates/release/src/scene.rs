@@ -332,6 +332,7 @@ impl QuantityExtent {
     pub(super) fn from_values(values: &[f64]) -> Option<Self> {
         let (min, max) =
             values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
+        // Without values this is NaN and the range is infinite. The next line drops both.
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         (!values.is_empty()).then_some(Self { min, mean, max })
     }

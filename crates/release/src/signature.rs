@@ -52,6 +52,7 @@ fn io_error(path: &Path) -> impl FnOnce(io::Error) -> SignatureError {
 
 /// Identifier of a key, as minisign prints it: 16 hexadecimal digits.
 fn key_id(number: &[u8]) -> String {
+    // The format has the bytes in little-endian order, and minisign prints the number as one integer.
     number.iter().rev().map(|byte| format!("{byte:02X}")).collect()
 }
 
@@ -121,6 +122,7 @@ impl SigningKey {
     pub fn sign_release(&self, dir: &Path) -> Result<bool, SignatureError> {
         let sums = read_sums(dir)?;
         match ReleaseSignature::read(dir)? {
+            // A new signature would have other bytes although nothing changed, so a sound one stays.
             Some(Ok(found)) if found.is_by(&self.public, &sums) => return Ok(false),
             Some(Err(because)) => {
                 return Err(SignatureError::Sign(format!("{NAME} exists and is not a signature: {because}")));
@@ -141,6 +143,7 @@ fn replace_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let parent = path.parent().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());
     let mut file = tempfile::NamedTempFile::new_in(parent.unwrap_or(Path::new(".")))?;
     file.write_all(bytes)?;
+    // Before the rename: after a loss of power, the name must not lead to an empty file.
     file.as_file().sync_all()?;
     // A release can be read by everyone, unlike a temporary file.
     let like = fs::metadata(path.with_file_name(checksum::NAME))?.permissions();
@@ -191,6 +194,7 @@ impl PublisherKey {
             None => return Err("the release has no signature".to_owned()),
             Some(found) => found?,
         };
+        // `is_by` says only yes or no, so a wrong key is found here, where it can be named.
         let (own, other) = (self.id(), found.key_id());
         if own != other {
             return Err(format!("the signature is by the key {other}, wanted {own}"));
@@ -252,6 +256,7 @@ impl ReleaseSignature {
     }
 
     fn is_by(&self, key: &PublicKey, sums: &[u8]) -> bool {
+        // Quiet, no output, and no signature of the legacy form, which does not sign a hash of the data.
         minisign::verify(key, &self.parsed, Cursor::new(sums), true, false, false).is_ok()
     }
 }

@@ -128,6 +128,7 @@ impl LensMap {
             reason = "within the limits above"
         )]
         let size = Size { width: width as u32, height: height as u32 };
+        // The principal point puts the leftmost and the uppermost ray `MARGIN` px inside the edges.
         Ok(Camera::pinhole(size, [focal.x, focal.y, MARGIN - least.x, MARGIN - least.y]))
     }
 
@@ -149,6 +150,7 @@ impl LensMap {
             let place = self.place(i) - 0.5;
             let corner = place.floor();
             let (across, down) = (cubic_weights(place.x - corner.x), cubic_weights(place.y - corner.y));
+            // The cubic takes one pixel before the place and two behind. `MARGIN` keeps all of them inside.
             let first = [corner.x, corner.y].map(index).map(|at| at - 1);
             let mut sums = [0.0; N];
             for (row, weight) in down.iter().enumerate() {
@@ -221,7 +223,8 @@ pub fn rendered_size(camera: &Camera) -> Size {
 fn magnification(slopes: DMat2) -> f64 {
     let [a, b] =
         [slopes.x_axis.length_squared() + slopes.y_axis.length_squared(), slopes.determinant().abs()];
-    // The larger singular value of a 2x2 matrix.
+    // The larger singular value: the squares of both sum to `a`, and both multiply to `b`. Where they are
+    // equal, the difference may round below 0.
     ((a + (a * a - 4.0 * b * b).max(0.0).sqrt()) / 2.0).sqrt()
 }
 

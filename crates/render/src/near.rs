@@ -135,6 +135,7 @@ impl NearPath<'_> {
             let own = depth(pose);
             let is_at_plane =
                 || [pose.saturating_sub(1), (pose + 1).min(last)].iter().any(|at| depth(*at) <= plane);
+            // The footprint costs most by far, so it comes last.
             own > 0.0
                 && own <= PASSING * plane
                 && (own <= plane || is_at_plane())

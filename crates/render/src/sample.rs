@@ -108,6 +108,7 @@ impl TileSample {
         let tiles = |[first, end]: [u16; 2]| [usize::from(first) / TILE, usize::from(end).div_ceil(TILE)];
         let ([left, right], [top, bottom]) = (tiles(columns), tiles(rows));
         let sum = |x: usize, y: usize| self.sums[y * (self.columns + 1) + x];
+        // Sums on both sides, because a difference of unsigned numbers could pass below 0 on the way.
         sum(right, bottom) + sum(left, top) > sum(left, bottom) + sum(right, top)
     }
 

@@ -33,6 +33,7 @@ pub fn interpolated_value(
             [end_slope(outer[0], from, rise / h, h), end_slope(outer[1], to, rise / h, h)]
         }
     };
+    // The Hermite cubic runs over `s` in [0, 1], so a slope per second becomes one per interval.
     let [a, b] = slopes.map(|m| m * h);
     from.v + s * (a + s * (3.0 * rise - 2.0 * a - b + s * (a + b - 2.0 * rise)))
 }

@@ -212,6 +212,7 @@ impl ChoiceQuestion<'_> {
         }
         // The longest steps come first and have the largest errors, so the far ones are a prefix.
         let near = points.iter().take_while(|(_, e)| *e > FAR * self.tolerance.rms).count();
+        // The law has three constants, so the last three points stay even where they are far.
         let law = ErrorLaw::fit_points(&points[near.min(points.len().saturating_sub(MIN_POINTS))..])?;
         let (finest_px, _) = *points.last()?;
         let step_px = law.step(MARGIN * self.tolerance.rms, [finest_px, points[0].0]);

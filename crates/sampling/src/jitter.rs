@@ -36,6 +36,8 @@ impl IntervalNoise {
         let interval_us = seconds * 1e6 * active_pixels as f64 / events as f64;
         let threshold = f64::midpoint(sensor.threshold_on, sensor.threshold_off);
         let rms_th = sigma * interval_us.sqrt() / threshold;
+        // Between two events the signal moves by one threshold, and so by `rms_th` in that share of the
+        // interval.
         Some(Self { interval_us, rms_th, us: rms_th * interval_us })
     }
 }

@@ -77,6 +77,7 @@ impl ErrorLaw {
     #[must_use]
     pub fn order(&self, step: f64) -> f64 {
         let jumps = self.share_of_jumps(step);
+        // The squared error of jumps is proportional to the step, so the error has order 1/2.
         jumps * 0.5 + (1.0 - jumps) * self.p
     }
 
@@ -130,6 +131,7 @@ fn at_order(points: &[(f64, f64)], p: f64) -> [f64; 2] {
     let [xx, xy, yy, x, y] = sums;
     let determinant = xx * yy - xy * xy;
     let (square, jumps) = ((x * yy - y * xy) / determinant, (y * xx - x * xy) / determinant);
+    // Collinear terms make the determinant 0 and the constants NaN, which fails both comparisons.
     match (square >= 0.0, jumps >= 0.0) {
         (true, true) => [square, jumps],
         // If one is negative, or both cannot be distinguished, one constant alone.

@@ -78,6 +78,7 @@ pub fn file_form(path: &Path) -> io::Result<SceneFileForm> {
         return of("folder of a SOG", None);
     }
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("splat")) {
+        // Such a file has no first bytes of its own, so its name alone tells.
         return of(".splat", Some(32));
     }
     let mut head = Vec::new();

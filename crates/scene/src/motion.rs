@@ -260,6 +260,7 @@ impl MovingPart {
     /// relative to.
     fn moved_origin(&self, seconds: f64) -> PartMotion {
         let PartMotion { pose, velocity, angular } = self.at(seconds);
+        // Positions are stored relative to an origin. The file's own zero is this far from it.
         let origin = pose.rotation * self.record.shift;
         let pose = Se3 { translation: pose.translation - origin, ..pose };
         PartMotion { pose, velocity: velocity - angular.cross(origin), angular }
@@ -273,9 +274,11 @@ impl MovingPart {
             PartCurve::Splines { seconds: keys, shifts, turns } => {
                 let last = keys.len() - 1;
                 let t = seconds.clamp(keys[0], keys[last]);
+                // Among the inner keyframes only, because no segment begins at the last one.
                 let segment = keys[1..last].partition_point(|start| *start <= t);
                 let at = CurvePlace { segment, x: t - keys[segment] };
                 let (curve, turn) = (shifts.segment(segment), turns.rotation(at));
+                // The spline gives the rate in the axes of the turning body.
                 (curve.value(at.x), turn, curve.slope(at.x), turn * turns.rate(at))
             }
             PartCurve::Steady { velocity, spin } => {

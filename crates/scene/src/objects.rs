@@ -186,6 +186,7 @@ pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaus
             (Some(own), ObjectSource::Scene { scale, .. }) => {
                 all.extend_from(own, 0..own.len());
                 grow(&mut all, first, *scale);
+                // `grow` scales positions about the file's origin, so the origin itself is scaled here.
                 own.origin * *scale - scene.origin
             }
             _ => {
@@ -194,6 +195,7 @@ pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaus
             }
         };
         let count = (all.len() - first) as f64;
+        // `position` adds the origin of the scene, and `shift` takes it off for an object with its own file.
         let mean = (first..all.len()).map(|i| all.position(i) / count).sum::<DVec3>() + shift;
         let pivot = object.stated_pivot().unwrap_or(rotation * mean + translation);
         let (name, path) = (object.name.clone(), object.path.clone());

@@ -18,5 +18,6 @@ pub(super) fn rotation_angle(a: [f32; 4], b: [f32; 4]) -> f64 {
     let (a, b) = (unit_quaternion(a), unit_quaternion(b));
     // By the chord, which keeps its digits for small angles, where an arc cosine loses them.
     let chord = |sign: f64| a.iter().zip(b).map(|(a, b)| (a - sign * b).powi(2)).sum::<f64>().sqrt();
+    // A chord of `2 sin(a/2)` belongs to quaternions at the angle `a`, and rotations differ by twice that.
     4.0 * libm::asin((chord(1.0).min(chord(-1.0)) / 2.0).min(1.0))
 }

@@ -189,6 +189,7 @@ impl SogImages {
         [0, 1, 2].map(|k| {
             let share = f64::from(u16::from_le_bytes([low[k], high[k]])) / 65535.0;
             let folded = means.mins[k] * (1.0 - share) + means.maxs[k] * share;
+            // The inverse of `sign(x) ln(1 + |x|)`. `expm1` keeps the digits of positions near 0.
             libm::expm1(folded.abs()).copysign(folded) as f32
         })
     }
@@ -204,6 +205,7 @@ impl SogImages {
         };
         let mut components = [0.0; 4];
         for (k, byte) in (0..4).filter(|&k| k != largest).zip([a, b, c]) {
+            // A component that is not the largest lies within `sqrt(1/2)` of 0.
             components[k] = (f64::from(byte) / 255.0 * 2.0 - 1.0) * FRAC_1_SQRT_2;
         }
         let squares: f64 = components.iter().map(|c| c * c).sum();

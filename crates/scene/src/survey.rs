@@ -113,6 +113,7 @@ impl SceneSurvey {
         let ahead = if up.z.abs() < 0.9 { DVec3::NEG_Z } else { DVec3::NEG_Y };
         let level = ahead.reject_from_normalized(up).normalize();
         let (sin, cos) = libm::sincos(ELEVATION.to_radians());
+        // The sine and not the tangent: the rays at the image's edge touch the ball in front of its centre.
         let from = self.centre + (level * cos + up * sin) * (radius / libm::sin(half));
         SceneOrbit { centre: self.centre, from, up }
     }

@@ -45,6 +45,7 @@ impl PixelArray {
     /// The place of a pixel on the sensor.
     pub(super) fn site(&self, pixel: usize) -> PixelSite {
         let ([x, y], [left, top]) = (self.at(pixel), self.origin);
+        // `check_extent` keeps these sums within 16 bits.
         PixelSite { seed: self.seed, x: x + left, y: y + top }
     }
 
@@ -103,6 +104,8 @@ impl SensorPixels for FilteredPixels {
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {
         let mut account = self.pixels.finish(&mut FilterSink { filters: &mut self.filters, sink })?;
+        // In the order of the chain: what a filter passes on at its end must still go through those behind
+        // it.
         let mut filters = &mut self.filters[..];
         while let Some((filter, behind)) = filters.split_first_mut() {
             account = filter.finish(account, &mut FilterSink { filters: &mut *behind, sink: &mut *sink })?;

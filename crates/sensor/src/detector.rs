@@ -62,6 +62,7 @@ impl DetectorPixel {
     #[inline(always)]
     pub(super) fn rests(&self, from: f64, to: f64) -> bool {
         let (high, low) = (self.reference + self.thresholds[0], self.reference - self.thresholds[1]);
+        // `from` is compared too: after a dead time, or with new thresholds, it may lie past a level already.
         self.dead == 0 && from < high && from > low && to < high && to > low
     }
 
@@ -84,6 +85,7 @@ impl DetectorPixel {
             // Crossings up to the own event come first: it may move the reference and starts a dead
             // time.
             self.watch(course, [now, until], refractory, writer)?;
+            // Not `>=`: an interval contains its end, so an own event at the later frame is made here.
             if due[which] > length {
                 break;
             }

@@ -307,6 +307,7 @@ impl FrontEnd {
         let rate = frame.rate.as_ref()?;
         let seen = |(rate, grey): (&f32, &f32)| {
             let (grey, free) = (f64::from(*grey), self.free(f64::from(*grey)));
+            // The factors 255 and 1/255 of the map cancel in its derivative.
             let slope =
                 // A clamped brightness does not move, so its rate is 0.
                 if self.range.holds(free) { 0.0 } else { self.exposure * self.decode.slope(grey / WHITE) };

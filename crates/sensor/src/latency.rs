@@ -244,6 +244,7 @@ impl LateEvents {
     /// Delays the events of the collected microsecond, those of each pixel in order of time.
     fn delay_microsecond(&mut self) {
         let mut arriving = std::mem::take(&mut self.arriving);
+        // Stable, so that events of one nanosecond keep the order of files.
         arriving.sort_by_key(|event| event.t);
         arriving.drain(..).for_each(|event| self.delay(event));
         self.arriving = arriving;

@@ -162,6 +162,7 @@ impl FloorSpan<'_> {
             #[expect(clippy::cast_possible_truncation, reason = "a grey between two of 32 bits")]
             let grey = (from + (to - from) * (t / self.length)) as f32;
             let [on, off] = table.at(grey);
+            // A product and no share of ON, which would be 0/0 at a grey without a floor.
             let polarity = if mark * (on + off) < on { Polarity::On } else { Polarity::Off };
             // An event at the earlier frame's own time belongs to the interval before it.
             #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]

@@ -346,6 +346,7 @@ impl<L: FrameLaw> SensorPixels for PairPixels<L> {
         let before = self.before.take();
         self.negative_luminance += input::admit_frame(before.as_ref().map(|b| b.t), frame, self.array.size)?;
         let luminance = frame.luminance.pixels();
+        // The list of the earlier frame is filled again, so that a frame allocates none.
         let mut stored = match before {
             None => {
                 self.begin(luminance);

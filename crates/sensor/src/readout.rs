@@ -169,9 +169,11 @@ pub(super) struct BusState {
 impl BusState {
     pub(super) fn new(bus: ReadoutBus, array: PixelArray) -> Self {
         Self {
+            // Millions per second are events per microsecond, of 1000 ns.
             period_ns: 1e3 / bus.rate_mev_s,
             queue: bus.queue.unwrap_or(u64::MAX),
             array,
+            // Before every event, so that the first one finds the bus free.
             start_ns: i64::MIN,
             served: 0,
             waiting: WaitingEvents::new(bus.arbiter),
@@ -193,12 +195,14 @@ impl BusState {
     }
 
     fn arrive(&mut self, event: Event) {
+        // Before the event is judged: by its time, its pixel may be free again and the queue shorter.
         self.serve_until(event.t.0);
         self.counts.made += 1;
         let pixel = self.array.pixel(&event);
         if self.requesting[pixel] {
             self.counts.lost_in_pixel += 1;
         } else if self.waiting.is_empty() && self.slot_ns() <= event.t.0 {
+            // The bus was idle, so slots are counted from this event on.
             (self.start_ns, self.served) = (event.t.0, 0);
             self.leave(event, event.t.0);
         } else if self.waiting.len() as u64 >= self.queue {
@@ -244,6 +248,7 @@ impl BusState {
         if self.read.len() < CHUNK {
             return Ok(());
         }
+        // More events of the last microsecond may follow, and a file is sorted within each microsecond.
         let open = self.read.last().map_or(0, |event| event.t.floor_micros());
         let complete = self.read.partition_point(|event| event.t.floor_micros() < open);
         self.pass_first(complete, sink)

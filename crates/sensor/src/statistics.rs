@@ -70,6 +70,7 @@ impl RenewalProcess {
         if drift == 0.0 {
             return f64::INFINITY;
         }
+        // Wald's identity: the mean voltage at an exit is the drift times the mean time of the exit.
         (self.on_share() * (up + down) - down) / drift
     }
 
@@ -104,6 +105,7 @@ impl RenewalProcess {
     pub fn residual(self, u: f64) -> f64 {
         let Self { drift, variance, up, down } = self;
         if variance == 0.0 {
+            // Drift alone moves evenly from 0 to its barrier, so all voltages on the way are equally likely.
             return if drift > 0.0 {
                 u * up
             } else if drift < 0.0 {

@@ -307,6 +307,7 @@ impl FrameLaw for V2eModel {
 
     fn cross(&self, pixel: &mut V2ePixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
         let PixelPair { site, length, luminance, brightness: input, .. } = *pair;
+        // Without filter and leak the output is the input, so a pixel at rest needs no course.
         let is_quiet = self.cutoff == 0.0 && self.leak.rate == 0.0;
         if is_quiet
             && pixel.shot.is_silent()

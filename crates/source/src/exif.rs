@@ -15,6 +15,7 @@ const ENTRIES: usize = 1000;
 #[must_use]
 pub(super) fn camera_marks(head: &[u8]) -> Option<Vec<u8>> {
     let tiff = TiffBlock::of_jpeg(head)?;
+    // The head of TIFF ends with the offset of the first directory, after the byte order and the number 42.
     let first = tiff.u32(4)?;
     let mut marks = tiff.values(first, &CAMERA);
     if let Some(directory) = tiff.entry(first, DIRECTORY).and_then(|at| tiff.u32(at + 8)) {
@@ -32,6 +33,7 @@ struct TiffBlock<'a> {
 impl<'a> TiffBlock<'a> {
     /// Finds the block in the segment APP1 of a JPEG.
     fn of_jpeg(head: &'a [u8]) -> Option<Self> {
+        // Behind the marker of the start of the picture, which has no length.
         let mut at = 2;
         // Every segment before the picture begins with a marker and its length.
         while let [0xff, marker, high, low] = *head.get(at..at + 4)?.first_chunk::<4>()? {
@@ -43,6 +45,8 @@ impl<'a> TiffBlock<'a> {
                 let big_endian = bytes.starts_with(b"MM");
                 return (big_endian || bytes.starts_with(b"II")).then_some(Self { bytes, big_endian });
             }
+            // A length counts its own two bytes. A smaller one of a damaged file must not lead into the
+            // length itself.
             at += 2 + length.max(2);
         }
         None
@@ -62,6 +66,8 @@ impl<'a> TiffBlock<'a> {
     /// Offset of the entry with this tag in the directory at `directory`.
     fn entry(&self, directory: usize, tag: u16) -> Option<usize> {
         let count = usize::from(self.u16(directory)?).min(ENTRIES);
+        // A directory is its number of entries in 16 bits, then 12 bytes for each: tag, type, count and
+        // value.
         let entries = (0..count).map(|k| directory.saturating_add(2 + 12 * k));
         entries.into_iter().find(|at| self.u16(*at) == Some(tag))
     }
@@ -75,6 +81,7 @@ impl<'a> TiffBlock<'a> {
 
     /// The bytes of the value of an entry.
     fn value(&self, entry: usize) -> Option<&'a [u8]> {
+        // The types of TIFF 6.0, section 2. Unknown ones count as bytes.
         let width = match self.u16(entry + 2)? {
             3 | 8 => 2,
             4 | 9 | 11 => 4,

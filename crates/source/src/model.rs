@@ -157,6 +157,7 @@ fn list_iterations(scenes: &Path) -> Result<Vec<(u64, PathBuf)>, SourceError> {
             found.push((number, path));
         }
     }
+    // By number: by name, iteration 30000 would come before iteration 7000.
     found.sort();
     Ok(found)
 }
@@ -171,6 +172,7 @@ fn read_camera(camera: &JsonNode<'_>) -> Result<(CapturedView, Option<SourceWarn
     screen_camera(&pinhole, &LensModel::Pinhole).map_err(|e| camera.fault(e))?;
     let translation = DVec3::from_array(camera.get("position")?.numbers()?);
     let rows = camera.get("rotation")?;
+    // The file has rows, `from_cols_array_2d` takes columns.
     let screened = se3::rotation_from_matrix(&DMat3::from_cols_array_2d(&rows.matrix()?).transpose())
         .map_err(|e| rows.fault(e.to_string()))?;
     let deviation = screened.deviation;

@@ -125,6 +125,7 @@ const MAX_ASPECT_ERROR: f64 = 0.005;
 /// # Errors
 /// The aspect ratios of the two differ.
 pub(super) fn fit_camera(stated: &Camera, photo: Size) -> Result<Camera, String> {
+    // The factors may differ a little, because the sides of a scaled photo are whole numbers.
     let kx = f64::from(photo.width) / f64::from(stated.size.width);
     let ky = f64::from(photo.height) / f64::from(stated.size.height);
     if (kx / ky - 1.0).abs() > MAX_ASPECT_ERROR {

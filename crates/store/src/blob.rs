@@ -58,6 +58,7 @@ impl BlobFolders {
 
     /// A path in a folder of the store that is not in use.
     pub(super) fn fresh(&self, folder: &str) -> PathBuf {
+        // Relaxed is enough: the number must be unique, and orders nothing else.
         self.root.join(folder).join(fresh_name(self.next.fetch_add(1, Ordering::Relaxed)))
     }
 
@@ -124,8 +125,10 @@ impl BlobFolders {
         }
         let is_altered = found != Some(file.output.digest);
         if is_altered {
+            // A rename replaces altered bytes in one step, so a reader never finds the name missing.
             self.disk.rename(&file.path, &to)?;
         }
+        // A file with the same bytes as the blob stays in the workspace, and is removed with it.
         Ok(is_altered)
     }
 }

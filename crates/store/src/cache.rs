@@ -73,6 +73,7 @@ impl HeldFiles {
             self.remove(&key);
         }
         for StoredOutput { digest, size, .. } in outputs {
+            // Records may share a file, and it takes its space on the disk once.
             let file = self.files.entry(*digest).or_insert_with(|| {
                 self.bytes += size;
                 HeldFile { size: *size, holders: 0 }
@@ -162,6 +163,7 @@ impl Store {
     pub fn make_room(&self) {
         let (Some(cache), Some(shared)) = (&self.cache, &self.shared) else { return };
         let mut held = cache.held();
+        // One lock for the whole loop: a step that calls `hold` meanwhile waits, and does not lose its files.
         while held.bytes > cache.limit
             && let Some((_, key)) = held.idle.pop_first()
         {
@@ -177,6 +179,7 @@ impl Store {
         // A record that stays has no turn, so it is not asked for again.
         held.records.get_mut(key).into_iter().for_each(|record| record.turn = None);
         let own = held.records.get(key).map(|record| &record.outputs);
+        // Files that the shared store lacks, or has with other bytes, could not be copied back.
         if shared.outputs(key)?.map(|outputs| large(&outputs)).as_ref() != own {
             return Ok(());
         }

@@ -61,6 +61,7 @@ impl DescribedValue {
             Self::Bool(v) => write_tagged(out, 1, &[u8::from(*v)]),
             Self::Signed(v) => write_tagged(out, 2, &v.to_le_bytes()),
             Self::Unsigned(v) => write_tagged(out, 3, &v.to_le_bytes()),
+            // Equal numbers have equal bits here, because the describer lets neither -0 nor NaN through.
             Self::Real(v) => write_tagged(out, 4, &v.to_bits().to_le_bytes()),
             Self::Text(v) => write_tagged(out, 5, v.as_bytes()),
             Self::Bytes(v) => write_tagged(out, 6, v),
@@ -78,6 +79,7 @@ impl DescribedValue {
                 value.encode(out);
             }),
             Self::Digest(v) => write_tagged(out, 10, v.as_bytes()),
+            // These bytes are a whole encoding, and have a tag and a length of their own.
             Self::Encoded(bytes) => out.extend_from_slice(bytes),
         }
     }

@@ -41,6 +41,7 @@ fn retry_interrupted<T>(mut operation: impl FnMut() -> io::Result<T>) -> io::Res
             done => return done,
         }
     }
+    // The last attempt reports its error, even if that is one more interruption.
     operation()
 }
 
@@ -139,6 +140,7 @@ impl StoreDisk {
             retry_interrupted(|| self.fs.write(temporary, bytes))?;
             self.sync_now(temporary)?;
             retry_interrupted(|| self.fs.rename(temporary, path))?;
+            // The name lies in the folder: until that is synced, a power cut could undo the rename.
             self.sync_folder_of(path)
         };
         write().map_err(|e| {
@@ -187,6 +189,7 @@ impl StoreDisk {
     /// Publishes a finished file under its final name; the first writer wins. Returns `false` if
     /// the name was taken.
     pub(super) fn link_new(&self, from: &Path, to: &Path) -> Result<bool, StoreError> {
+        // Before the link: once the name is there, a reader and a power cut must both find all bytes.
         self.sync_now(from).map_err(disk_error("syncing", from))?;
         // A link fails if the name is taken; a rename would replace the file.
         match retry_interrupted(|| self.fs.link(from, to)) {
@@ -201,6 +204,7 @@ impl StoreDisk {
     }
 
     fn sync_now(&self, path: &Path) -> io::Result<()> {
+        // Otherwise `Store::flush` syncs the whole batch before the database names any file of it.
         if self.sync_each { retry_interrupted(|| self.fs.sync(path)) } else { Ok(()) }
     }
 

@@ -146,6 +146,7 @@ impl Fs for SystemFs {
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
+        // A handle for reading is enough for `fsync`, and a folder has no other.
         File::open(path)?.sync_all()
     }
 

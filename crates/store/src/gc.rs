@@ -150,6 +150,7 @@ impl Store {
         for (name, path) in self.files_of(TRASH)?.into_iter().filter(|(name, _)| is_trash_name(name)) {
             // The ctime is the time of the move; the content may have any age.
             if let Ok(stat) = self.disk.stat(&path)
+                // A collection judged its own files before it moved them, so they need no second wait.
                 && (name.starts_with(OWN) || stat.ctime_ns <= until_ns)
             {
                 old.push((path, stat.size));

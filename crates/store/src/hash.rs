@@ -48,6 +48,7 @@ impl Digest {
                 done => return done,
             }
         }
+        // The parallel reads name their offsets and move no cursor, so this one begins at byte 0.
         to_the_end(file)
     }
 }
@@ -67,6 +68,7 @@ impl Digest {
             return Ok(None);
         }
         let (mut hasher, mut piece) = (Hasher::new(), vec![0; PIECE]);
+        // A file that grows meanwhile is copied up to its known size, so it cannot fill the disk.
         let (mut file, mut copy) = (file.take(size), File::create_new(to)?);
         loop {
             match file.read(&mut piece) {

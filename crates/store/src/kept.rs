@@ -47,6 +47,7 @@ impl Store {
         let folder = self.root.join(FRAMES).join(name.to_string());
         self.disk.create_dir(&folder)?;
         let file = fresh.file_name().unwrap_or_default();
+        // Without a sync: a reader compares each entry with its hash, so a torn file costs time only.
         self.disk.rename(fresh, &folder.join(file))?;
         self.trim_frames(limit)
     }
@@ -68,6 +69,7 @@ impl Store {
 
     fn trim_frames(&self, limit: u64) -> Result<(), StoreError> {
         let mut files = self.all_frames()?;
+        // `use_frames` touches the files of a name, so the mtime is the time of their last use.
         files.sort_by_key(|(_, stat)| stat.mtime_ns);
         let mut bytes: u64 = files.iter().map(|(_, stat)| stat.size).sum();
         for (path, stat) in files {

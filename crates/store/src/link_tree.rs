@@ -66,6 +66,7 @@ impl<'a> LinkTree<'a> {
     fn create_folder(&self, below: &Path) -> Result<PathBuf, PathError> {
         let folder = self.folder.join(below);
         let above = folder.ancestors().take_while(|path| *path != self.folder);
+        // Ancestors go from the inside out, so the last one is the outermost link: all others lie behind it.
         if let Some(link) = above.filter(|path| path.is_symlink()).last() {
             let what = "it is a link, and outputs are linked into folders only";
             return Err(link_error(link)(io::Error::new(ErrorKind::AlreadyExists, what)));

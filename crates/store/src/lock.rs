@@ -58,6 +58,7 @@ impl StoreLock {
         let mut file = open_own(&path).map_err(disk::disk_error("opening", &path))?;
         let request = LockRequest { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
         request.lock(&mut file, waiting)?;
+        // Only under the lock: before it is taken, another holder may be in the middle of its text.
         refuse_foreign(&mut file).map_err(disk::disk_error("locking", &path))?;
         write_holder(&mut file, &LockHolder::this_process(claim).to_text())
             .map_err(disk::disk_error("writing", &path))?;
@@ -154,6 +155,7 @@ impl LockRequest<'_> {
 /// Opens or creates a lock's own file. `O_NONBLOCK` keeps a FIFO of that name from blocking the
 /// call.
 fn open_own(path: &Path) -> io::Result<File> {
+    // The lock belongs to the open file: a child that inherited it would hold the lock after this process.
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let mode = Mode::from_raw_mode(0o644);
     Ok(File::from(rustix::fs::open(path, flags, mode)?))
@@ -233,6 +235,7 @@ impl LockHolder {
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         // Only Linux has it.
         let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
+        // `parse` reads one field per line, so a line break in a command must not begin a field.
         let line = |text: &str| text.trim().replace(char::is_control, " ");
         Self {
             host: line(&host),

@@ -164,6 +164,7 @@ fn first_entry(root: &Path) -> std::io::Result<Option<String>> {
         let entry = entry?;
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_other = name != LOST_AND_FOUND && !is_part(&entry.path());
+        // The smallest name, because a folder lists its entries in any order and messages must not change.
         if is_other && first.as_ref().is_none_or(|first| name < *first) {
             first = Some(name);
         }
@@ -211,6 +212,7 @@ impl StoreDisk {
             careful.write(part.path(), kind.text().as_bytes())?;
             // A link never replaces a file: of two processes that claim the folder, one makes the marker.
             if !careful.link_new(part.path(), &marker)? {
+                // The other process may have claimed the folder as the other kind of store.
                 examine(root, kind)?;
             }
         }

@@ -46,6 +46,7 @@ impl Store {
         if let Some(before) = &before
             && before.outputs.iter().all(|o| matches!(self.examine(o), Ok(BlobState::Sound)))
         {
+            // Intact bytes stay: keys of later steps contain their digest.
             return Err(self.nondeterministic(workspace, before.clone(), record, false));
         }
         // While the files of both are in place.

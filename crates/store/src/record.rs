@@ -142,6 +142,7 @@ impl StepRecord {
             disk.create_dir(folder)?;
         }
         let bytes = self.to_bytes();
+        // In the store itself, because a rename does not cross file systems.
         let temporary = root.join(TMP).join(fresh_name(format_args!("{}.json", self.key)));
         disk.write_atomically(&path, &temporary, &bytes)
     }

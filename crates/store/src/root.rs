@@ -38,6 +38,7 @@ impl Store {
     pub fn roots(&self) -> Result<Vec<ReleaseRoot>, StoreError> {
         let mut roots = Vec::new();
         for (_, path) in self.files_of(FOLDER)? {
+            // A reader holds no lock, so another process may remove a root between the listing and this line.
             let Some(bytes) = self.disk.read_optional(&path)? else { continue };
             let root = serde_json::from_slice(&bytes).map_err(|e| disk_error("reading", &path)(e.into()))?;
             roots.push(root);

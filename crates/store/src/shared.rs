@@ -93,6 +93,7 @@ impl SharedStore {
     /// Publishes a record and its outputs, whose files are at `path_of`.
     fn offer(&self, record: &StepRecord, path_of: &dyn Fn(&Digest) -> PathBuf) -> Result<Offer, StoreError> {
         let name = StepRecord::record_name(&record.key);
+        // Before the record is read, as in `Store::adopt`.
         self.medium.mark_used(&name)?;
         if let Some(first) = self.record(&record.key)? {
             let is_damaged = |output: &&StoredOutput| self.damaged().contains(&output.digest);
@@ -128,6 +129,7 @@ impl SharedStore {
         let digest = &output.digest;
         let name = blob_name(digest);
         let is_sound = || Ok(!self.damaged().contains(digest) && self.medium.is_sound(output)?);
+        // The second look is after the attempt: another machine may have put the same bytes there meanwhile.
         if !is_sound()? && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound()? {
             self.medium.replace(SharedBytes::File(own), &name)?;
         }
@@ -168,6 +170,7 @@ impl Store {
             if shared.medium.take(output, &to)? {
                 files.push(self.blobs.known(output, to)?);
             } else {
+                // The loop goes on, so that `Store::share` learns of every damaged file at once.
                 wrong.push(output.digest);
             }
         }

@@ -56,6 +56,7 @@ impl DiskSpace {
 fn mount_of(path: &Path, mounts: &str) -> Option<(PathBuf, String)> {
     let read = |line: &str| {
         let (mount, rest) = line.split_once(" - ")?;
+        // The fifth field. A variable number of optional fields follows up to the separator ` - `.
         let point = PathBuf::from(mount.split(' ').nth(4)?.replace("\\040", " "));
         path.starts_with(&point).then(|| (point, rest.split(' ').next().unwrap_or_default().to_owned()))
     };

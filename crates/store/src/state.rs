@@ -146,6 +146,7 @@ impl StateDb {
         if damaged > 0 {
             self.notices.push(format!("{damaged} records are damaged and count as absent"));
         }
+        // As pending rows: the next flush syncs the files of these records before it writes them.
         for record in records {
             self.put(StateTable::Record, &record.key.to_string(), record.brief().row());
         }
@@ -232,6 +233,7 @@ impl StateDb {
 
     /// As [`StateDb::put`], unless the row already has this value.
     pub(super) fn put_new(&mut self, table: StateTable, name: &str, body: Vec<u8>) {
+        // An unchanged row must not be pending, or a build that makes nothing would sync the whole disk.
         if self.get(table, name).as_ref() != Some(&body) {
             self.put(table, name, body);
         }

@@ -128,6 +128,7 @@ impl SceneTrainer<'_> {
         let head = reader.head()?;
         self.check_head(&head, reader.left)?;
         let (arrays, left) = (reader.file.stream_position().map_err(words)?, reader.left);
+        // The arrays are read twice, so that a file with a wrong value changes nothing.
         reader.check_arrays(&head, self.renderer.scene().sh_len())?;
         reader.file.seek(io::SeekFrom::Start(arrays)).map_err(words)?;
         reader.left = left;
@@ -272,6 +273,7 @@ impl CheckpointReader {
         if !is_ours {
             return Err("it is not a checkpoint of this version".to_owned());
         }
+        // The digest covers the mark as well.
         file.rewind().map_err(words)?;
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader((&mut file).take(bytes - DIGEST)).map_err(words)?;

@@ -274,6 +274,7 @@ fn window_slopes(means: &[Vec<f32>; 5], [p, q, r]: [&mut [f32]; 3]) -> f64 {
         let a2 = 2.0 * (ab[i] - m * k) + c2;
         // One division serves all: both factors are at least their steadiers.
         let b1 = m * m + k * k + c1;
+        // Rounding leaves the variances off by some 1e-7 for values up to 1, so `b2` stays above 0.
         let b2 = (aa[i] - m * m) + (bb[i] - k * k) + c2;
         // A division costs as much as the ten multiplications that replace it.
         let inverse = 1.0 / (b1 * b2);

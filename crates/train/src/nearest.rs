@@ -7,11 +7,12 @@ const LEAF: usize = 8;
 /// Number of neighbours.
 const NEIGHBOURS: usize = 3;
 
-/// A balanced tree: the middle of each range of `order` splits it along the axis of its depth.
+/// A balanced tree: the middle of each range of `order` splits it along the longest edge of the box around
+/// it, so that needles of points are cut.
 struct PointTree<'a> {
     points: &'a [[f32; 3]],
     order: Vec<u32>,
-    /// The longest edge of the box around each range is halved, so that needles of points are cut.
+    /// The axis of each split, at the place of its middle in `order`.
     axes: Vec<u8>,
 }
 
@@ -75,6 +76,7 @@ impl<'a> PointTree<'a> {
         let (low, high) = (range.start..middle, middle + 1..range.end);
         let (near, far) = if beyond < 0.0 { (low, high) } else { (high, low) };
         self.search(of, near, nearest);
+        // Points beyond the split are at least this far away, so most far halves are never entered.
         if beyond * beyond < nearest[NEIGHBOURS - 1] {
             self.search(of, far, nearest);
         }

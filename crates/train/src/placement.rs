@@ -63,6 +63,7 @@ fn is_dead(scene: &Gaussians, i: usize) -> bool {
 
 /// Draws up to `wanted` Gaussians that are not dead, the best first.
 fn draw_parents(scene: &Gaussians, scores: &[f32], wanted: usize, draws: &TrainingDraws) -> Vec<usize> {
+    // A key is below 0, and a large score brings it near 0: the largest keys win.
     let key = |i: usize| libm::log(draws.of_gaussian(i)) / f64::from(scores[i]);
     // A Gaussian without a score was not drawn or blends where the image is right.
     let candidates = (0..scene.len()).filter(|&i| scores[i] > 0.0 && !is_dead(scene, i));
@@ -101,6 +102,7 @@ fn split(scene: &mut Gaussians, parent: usize, place: usize) {
     // Stored quaternions need not be of unit length. The bound keeps a zero quaternion from NaN.
     let norm = (w * w + x * x + y * y + z * z).sqrt().max(1e-12);
     let turn = DQuat::from_xyzw(x / norm, y / norm, z / norm, w / norm);
+    // The variance along the axis is that of the shrunk halves, `k^2`, plus that of their places, `1 - k^2`.
     let axis = turn * DVec3::AXES[longest] * (scales[longest] * (1.0 - k * k).sqrt());
     let o = 1.0 - libm::pow(1.0 - opacity(scene.opacity_logits[parent]), k);
     // Beyond 20 an opacity is 1 in 32 bits, and its gradient 0: it could never fall again.

@@ -14,8 +14,7 @@ use gs2e_scene::Gaussians;
 use rayon::prelude::*;
 
 /// Largest standard deviation, in distances to the nearest camera. At the camera, the opacity of the Gaussian
-/// is below
-/// `exp(-4^2 / 2)` or 3e-4, less than any rules draw.
+/// is at most `exp(-4^2 / 2)`, 3e-4, which is less than any renderer draws.
 const MAX_SPREAD: f64 = 0.25;
 
 /// Shrinks the Gaussians that reach a camera.

@@ -91,6 +91,7 @@ impl TrainingSchedule {
 
     fn work_of(&self, iteration: u32) -> f64 {
         let level = i32::try_from(self.level(iteration)).unwrap_or(0);
+        // Each level halves both sides of a photo.
         PIXELS_A_GAUSSIAN * self.planned_count(iteration) + self.pixels / 4.0_f64.powi(level)
     }
 
@@ -108,6 +109,7 @@ impl TrainingSchedule {
         let late = ((share - FALL_FROM) / (1.0 - FALL_FROM)).max(0.0);
         let factor = first * libm::pow(FALL, late);
         LearningRates {
+            // Positions fall over the whole training, so the late fall of the other rates is not theirs.
             position: (1.28e-3 * first * self.extent * libm::pow(POSITION_FALL, share)) as f32,
             log_scale: (0.03 * factor) as f32,
             rotation: (0.006 * factor) as f32,

@@ -176,6 +176,7 @@ fn scattered_points(
     draws: &TrainingDraws,
 ) -> Vec<(DVec3, [u8; 3])> {
     let least = (views.len() / COMMON).clamp(2, views.len());
+    // After the indices of the sweeps, so that no draw is used twice.
     let first = wanted as u64 * SWEEPS;
     let mut points = Vec::with_capacity(wanted);
     for index in first..first + wanted as u64 * TRIES {
@@ -212,6 +213,7 @@ fn axes_meet(views: &[TrainingView], spread: &CameraSpread) -> DVec3 {
         let part =
             glam::DMat3::IDENTITY - glam::DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
         across += part;
+        // Relative to the cameras' mean: far from the world's origin, the solution would lose digits.
         sum += part * (pose.translation - spread.mean);
     }
     let first = views[0].world_from_camera;

@@ -118,6 +118,8 @@ impl PlaneSweep {
             .fold(f32::INFINITY, f32::min);
         let is_distinct = beyond > DISTINCT.0 * least + DISTINCT.1;
         let mut refined = (least, inverse_at(best as f64));
+        // From one step before the best to one after it. The best itself is part `PARTS`, and its cost is
+        // known.
         for part in (1..2 * PARTS).filter(|part| *part != PARTS) {
             let inverse = inverse_at(best as f64 - 1.0 + part as f64 / PARTS as f64);
             if let Some((cost, _)) = cost_at(&rays, &square, inverse).filter(|(cost, _)| *cost < refined.0) {

@@ -105,6 +105,7 @@ impl FlowLength {
             }
         }
         let steps = vec![1.0; segments as usize];
+        // The spline is one of vectors, so each logarithm lies on the x-axis.
         let spline = CubicSpline::not_a_knot(&steps, &logarithms);
         Ok(Self { arc: ArcLength::measure_curve(&steps, FlowSpline(spline)), unit })
     }

@@ -144,6 +144,7 @@ impl Iterator for ImuSampler<'_> {
     fn next(&mut self) -> Option<ImuSample> {
         let Self { model, path, gravity, errors, .. } = self;
         let t_ns = model.rate.stamp_ns(self.next);
+        // The motion is that of the written stamp, so the rounding of the stamp is no error of the data.
         let seconds = t_ns as f64 * 1e-9;
         if seconds > path.seconds() {
             return None;
@@ -213,6 +214,7 @@ impl AxisErrors {
             value += noise * self.rate.sqrt() * self.draws(WHITE);
         }
         if walk > 0.0 {
+            // After the value, which shows the bias of this sample and not of the next.
             self.bias += walk / self.rate.sqrt() * self.draws(WALK);
         }
         self.index += 1;

@@ -36,6 +36,7 @@ pub(super) fn smooth_views<'a>(
 /// First and last index of the window around `i` of `n` views.
 fn window_around(i: usize, n: usize, params: &RefinePath) -> (usize, usize) {
     let after = n - 1 - i;
+    // It may be `usize::MAX`, so it is cut off below before it is added or subtracted.
     let half = usize::try_from(params.window).unwrap_or(usize::MAX);
     match params.ends {
         EndRule::Truncated => (i - half.min(i), i + half.min(after)),

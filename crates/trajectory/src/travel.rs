@@ -234,6 +234,7 @@ impl PoseCourse {
             }
             return (poses, arcs);
         }
+        // A walk is fast only forwards, and the shares never fall.
         let mut walk = arc.walk();
         for share in &schedule.shares {
             let at = walk.to(share * arc.total());

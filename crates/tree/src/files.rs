@@ -44,6 +44,7 @@ impl ReleaseFiles for ReleaseFolder {
     }
 
     fn place(&self, path: &str) -> io::Result<PathBuf> {
+        // Opened to refuse links on the way and anything but a file; the caller opens it once more.
         files::open_below(&self.0, Path::new(path)).map(|_| self.0.join(path))
     }
 

@@ -74,6 +74,7 @@ fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
     let path = std::path::absolute(store).ok()?;
     // The store may not exist yet; its nearest existing ancestor is on the same file system.
     let there = path.ancestors().find(|path| path.is_dir())?;
+    // A database in WAL mode needs shared memory on one host, which a remote disk does not give.
     DiskSpace::holding_path(there).ok().filter(DiskSpace::is_remote)?;
     let name = Digest::of_bytes(path.as_os_str().as_encoded_bytes()).short();
     Some(environment.cache_folder()?.join("gs2e").join(name))

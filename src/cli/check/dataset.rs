@@ -76,6 +76,7 @@ impl DatasetArgs {
             input::require_file("events", &paths.events)?;
         }
         output::screen_outputs(self.report.as_deref(), [paths.events.as_path()], console.json)?;
+        // Before the events: an event file that does not state a size takes that of the frames.
         let frames = self.read_frames(&paths)?;
         let hint = self.size.or(frames.as_ref().map(|frames| frames.size));
         let poses = paths.poses.as_deref().map(read_poses).transpose()?;
@@ -88,6 +89,7 @@ impl DatasetArgs {
         let size = opened.size;
         let name =
             place.file_name().map_or_else(|| ".".to_owned(), |name| name.to_string_lossy().into_owned());
+        // A function and not a source: the checks and the pictures each read the whole stream from its start.
         let open = || events.open().map(|opened| opened.source);
         let views = self.measure_views(&paths, frames.as_ref(), poses.as_ref())?;
         let dataset = EventDataset {
@@ -141,6 +143,7 @@ impl DatasetArgs {
         let (Some(depth), Some(camera), Some(frames), Some(poses)) =
             (&paths.depth, &paths.camera, frames, poses)
         else {
+            // Depth that only the layout names is no request, so it may be left out without an error.
             return if self.depth.is_some() { Err(incomplete_views()) } else { Ok(None) };
         };
         let camera = camera::parse_camera(&read_text(camera)?, frames.size)
@@ -169,6 +172,7 @@ impl DatasetArgs {
             (None, None) => return Err(no_stamps(place)),
         };
         let found = listing.images.len();
+        // A wrong number of stamps is refused and not cut, because nothing says which frame lacks its stamp.
         if found != stamps_us.len() {
             let (place, stamps) = (place.display(), stamps_us.len());
             let what = format!("{place} has {found} images, and there are {stamps} stamps");
@@ -207,6 +211,8 @@ fn pair_views(depth: &Path, images: &[PathBuf], stamps_us: &[i64]) -> Result<Vec
     let of_stem = |image: &PathBuf| by_stem.get(image.file_stem()?).map(|path| (*path).clone());
     let named: Vec<Option<PathBuf>> = images.iter().map(of_stem).collect();
     let found = named.iter().flatten().count();
+    // Names count only if all of them fit. A mix of names and places could give a frame the depth of another
+    // one.
     let of_frames = if found == depths.len() && found > 0 {
         named
     } else if depths.len() == stamps_us.len() {
@@ -314,6 +320,7 @@ fn pictures(
     report: &DatasetReport,
 ) -> Result<Vec<CaptionedPicture>, EventFileError> {
     let Some((first, last)) = report.survey.span else { return Ok(Vec::new()) };
+    // The span is in nanoseconds and the centre in microseconds: 2000 is the half and the unit together.
     let centre = first.floor_micros() + (last.0 - first.0) / 2000;
     let near = dataset.frames.and_then(|frames| frames.shown.as_ref());
     let middle = near.map_or(centre, |(stamp, _)| *stamp);

@@ -128,6 +128,7 @@ impl ChannelImage {
                 let grey = image.pixels().iter().copied().map(to_byte).collect();
                 png::write_image(&Image::from_vec(image.size(), grey), out)
             }
+            // `for_path` refuses this pair before anything is rendered; the types alone do not exclude it.
             (Self::Vectors(_), PictureFormat::Png) => {
                 Err(io::Error::new(io::ErrorKind::Unsupported, "a .png cannot store vectors"))
             }

@@ -73,6 +73,8 @@ impl RealArgs {
         })?;
         let profile = self.recording(&sequence)?;
         let (first_us, last_us) = sequence.span_us();
+        // Simulated streams begin at 0, so they are shifted to the clock of the recording before they are
+        // compared.
         let empty = StreamProfile::new(sequence.frames.size(), first_us..=last_us, first_us);
         let recording = ProfiledRecording { profile, empty };
         let mut tap = |_: &_| go_unless(&cancel);

@@ -83,6 +83,7 @@ impl SubmitArgs {
 
     /// The options of this command that its tasks need too.
     fn build_words(&self, common: &CommonArgs, gpu: bool) -> Vec<String> {
+        // Never `auto`: the class of a step would then depend on the node on which its task happens to run.
         let backend = match common.backend {
             BackendArg::Reference => "reference",
             BackendArg::Gpu => "gpu",

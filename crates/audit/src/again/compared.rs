@@ -41,6 +41,8 @@ impl Write for ComparedFile {
         let equal = self.held.iter().zip(wanted).take_while(|(a, b)| a == b).count();
         self.line += wanted[..equal].iter().filter(|byte| **byte == b'\n').count();
         if equal < wanted.len() {
+            // The line may have begun in an earlier buffer, which is gone. The message then shows its end
+            // only.
             let rest =
                 &wanted[wanted[..equal].iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1)..];
             let end = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());

@@ -292,6 +292,7 @@ fn is_place(values: &[f64], part: &MovingPart, seconds: f64) -> bool {
     let is_near = |a: DVec3, b: DVec3, scale: f64| (a - b).length() <= FITTED * scale;
     is_near(place, pose.translation, reach)
         && is_near(moving, velocity, 1.0 + velocity.length() + angular.length() * reach)
+        // Both follow from the path alone, whatever the pivot, so they are equal to the last bit.
         && turning == angular
         && rotation == pose.rotation
 }

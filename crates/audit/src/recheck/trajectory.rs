@@ -269,6 +269,8 @@ fn exposed(
     let shutter = pictures.recipe.shutter;
     let half = shutter.frames as usize / 2;
     let mut mean = ExposureMean::new(pictures.files.camera.size.pixels(), shutter.mean);
+    // `exposure_centres` leaves half an exposure on each side of a pose, so this neither underflows nor ends
+    // early.
     for frame in pose - half..=pose + half {
         let Some(sharp) = pictures.colours(PictureKind::Sharp, frame)? else { return Ok(None) };
         mean.add(&sharp);

@@ -46,6 +46,8 @@ pub fn scene_progress(plan: &Plan, store: &Store, offer: bool) -> Result<PlanPro
     let mut costs = StageCosts::default();
     let mut done: Vec<Option<Vec<StoredOutput>>> = Vec::with_capacity(plan.steps().len());
     for step in plan.steps() {
+        // Without a key nothing can be looked up, so such a step counts as missing, and so do all that follow
+        // it.
         let is_ready = step.step.facts().unasked().is_none()
             && step.step.inputs().iter().all(|(_, id)| done[id.0].is_some());
         let mut outputs = None;
@@ -57,6 +59,8 @@ pub fn scene_progress(plan: &Plan, store: &Store, offer: bool) -> Result<PlanPro
                 }
                 let record = store.shared_record(&key)?;
                 record.iter().for_each(|record| costs.add(record));
+                // Those of the shared store: tasks take their inputs from there, so the keys of later steps
+                // follow from them.
                 outputs = record.map(|record| record.outputs);
             }
         }

@@ -74,6 +74,7 @@ impl StatusPage<'_> {
     fn write_figures(&self, html: &mut HtmlFragment) {
         let sum = |of: fn(SceneProgress) -> usize| self.scenes.iter().map(|s| of(s.progress)).sum::<usize>();
         let (steps, finished) = (sum(|progress| progress.steps), sum(|progress| progress.finished));
+        // Times of one form and one zone have the same order as their texts, so they are not parsed.
         let last_hour = self.made.iter().filter(|step| step.ended.as_str() >= self.hour_ago).count();
         let spent: f64 = self.made.iter().map(MadeStep::core_seconds).sum();
         let mut figures = vec![
@@ -151,6 +152,8 @@ impl StatusPage<'_> {
             kinds.entry(failure_kind(&failure.because)).or_default().push(scene);
         }
         let mut kinds: Vec<_> = kinds.into_iter().collect();
+        // The sort is stable, so kinds of equal size keep the order of their words, and the page does not
+        // jump.
         kinds.sort_by_key(|(_, scenes)| usize::MAX - scenes.len());
         html.within("section", &[], |html| {
             html.leaf("h2", &[], "Failures");
@@ -221,6 +224,7 @@ impl StatusPage<'_> {
         }
         let spent = |steps: &[&MadeStep]| steps.iter().map(|step| step.core_seconds()).sum::<f64>();
         let mut sums: Vec<_> = sums.into_iter().collect();
+        // Stable as well: equal sums stay in the order of their words.
         sums.sort_by(|a, b| spent(&b.1).total_cmp(&spent(&a.1)));
         let rows = sums.iter().map(|(word, steps)| {
             let slowest = steps.iter().map(|step| step.seconds).fold(0.0, f64::max);
@@ -319,6 +323,7 @@ fn write_rows(
 
 /// An error without the names of its scene and step, which stand before the first colon.
 fn failure_kind(because: &str) -> &str {
+    // Other messages have colons too. Only the name of a step has a slash before its first one.
     because.split_once(": ").filter(|(place, _)| place.contains('/')).map_or(because, |(_, kind)| kind)
 }
 

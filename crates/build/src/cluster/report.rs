@@ -106,6 +106,7 @@ impl TaskReport {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             names => names.map_err(io_error(&path))?,
         };
+        // Sorted by numbers and not by names: as text, the tenth restart would come before the second.
         let mut found: BTreeMap<TaskId, BTreeMap<u32, PathBuf>> = BTreeMap::new();
         for name in names {
             let Some((id, restart)) = name.to_str().and_then(run_of) else { continue };
@@ -142,6 +143,7 @@ impl TaskReport {
     #[must_use]
     pub fn steps(&self) -> ReportedSteps {
         let texts = self.runs.iter().filter_map(|run| self.read(run, "steps.jsonl", MAX_STEPS).ok());
+        // A line may be cut off within a character, and the other lines of the file must not be lost with it.
         let texts: Vec<String> = texts.map(|text| String::from_utf8_lossy(&text).into_owned()).collect();
         // A run that was killed may have ended within a line.
         read_steps(&texts.join("\n"))

@@ -161,6 +161,8 @@ impl ClusterView {
         }
         let names: Vec<String> = plans.iter().map(|plan| plan.submission.name()).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        // The queue before the ends: a report lists folders, and reads `end` only when it is asked. A task
+        // that ends in between therefore counts as running, and not as one without a report.
         let live = slurm.map(|slurm| slurm.live(&names)).transpose()?.unwrap_or_default();
         let mut view = Self { plans, refused, live, ends: BTreeMap::new() };
         if let Some(slurm) = slurm {
@@ -291,7 +293,8 @@ fn is_reported_done(
     scene: &str,
     is_recorded: &dyn Fn(&Key) -> bool,
 ) -> bool {
-    // Without an error of the scene, a task that ended by itself made all of it.
+    // Without an error of the scene, a task that ended by itself made all of it. Code 1 is a failed step of
+    // another scene, and 3 a fault that a check found.
     let ended = matches!(report.exit_code(), Some(0 | 1 | 3)) && !steps.failures.contains_key(scene);
     let keys = steps.finished.get(scene);
     ended && keys.is_some_and(|keys| !keys.is_empty() && keys.iter().all(is_recorded))

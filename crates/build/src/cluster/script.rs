@@ -95,6 +95,8 @@ impl BatchScript<'_> {
                 let _ = writeln!(text, "store={}/$SLURM_ARRAY_TASK_ID", shell_word(folder));
             }
         }
+        // Stdout of the program is the file of steps. Descriptor 4 is closed for it: only the script writes
+        // `end`.
         let _ = writeln!(text, "(cd {folder} && exec {} >&3 3>&- 4>&-) &", self.command());
         text.push_str(TAIL);
         if self.options.task_store.is_none() {
@@ -114,6 +116,8 @@ impl BatchScript<'_> {
         ];
         lines.extend(self.options.slurm.iter().cloned());
         lines.extend([
+            // `B:` signals the script alone, whose trap passes the signal on. Otherwise the program would get
+            // it twice.
             ("signal", format!("B:TERM@{SECONDS_TO_END}")),
             // Slurm follows links when it opens this file, so no other user may be able to replace it.
             ("output", "/dev/null".to_owned()),

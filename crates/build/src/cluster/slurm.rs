@@ -95,6 +95,7 @@ impl Slurm {
             program: program.into(),
             arguments: arguments.to_vec(),
             environment: BTreeMap::new(),
+            // Where no stranger can put files that a program would read.
             folder: PathBuf::from("/"),
         };
         let (said, ended) = self.programs.output_of(&call, MAX_ANSWER, MAX_SECONDS);
@@ -114,10 +115,13 @@ impl Slurm {
 
 /// A line of `squeue`; `None` for other lines, such as warnings, and for tasks that have ended.
 fn live_task(line: &str) -> Option<LiveTask> {
+    // The reason is the last of six fields, so a separator in its words does no harm.
     let mut fields = line.trim().splitn(6, '|');
     let mut next = || fields.next();
     let (job, task, state, node, name) = (next()?, next()?, next()?, next()?, next()?);
     let id = TaskId { job: job.parse().ok()?, task: task.parse().ok()? };
+    // From the state codes in the manual of squeue: a task in any state but these and the next ones has
+    // ended.
     let waits = ["PENDING", "REQUEUED", "REQUEUE_HOLD", "SPECIAL_EXIT", "RESV_DEL_HOLD", "REQUEUE_FED"];
     let runs = [
         "RUNNING",

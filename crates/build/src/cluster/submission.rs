@@ -225,6 +225,7 @@ pub fn read_shard(path: &Path, digest: &Digest) -> Result<Vec<RecipeFile>, Clust
     let plan_path = path.with_file_name(PLAN);
     let plan = read_unaltered(&plan_path, digest)?;
     let plan: SubmissionPlan = parse(&plan_path, &plan)?;
+    // `shard_number` returns numbers from 1 on, so this does not underflow.
     let of_task = plan.shards.get(number - 1).ok_or_else(|| wanted("its plan has no such task"))?;
     let shard: ShardFile = parse(path, &read_unaltered(path, of_task)?)?;
     let file = |recipe: ShardRecipe| RecipeFile {
@@ -273,6 +274,7 @@ fn parse<T: serde::de::DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T,
         format: u32,
     }
     let refused = |because: String| ClusterError::Plan { path: path.to_owned(), because };
+    // The format alone first: a plan of another version may lack fields, and that message would mislead.
     let Format { format } = serde_json::from_slice(bytes).map_err(|e| refused(e.to_string()))?;
     if format != FORMAT {
         return Err(refused(format!("it has format {format}, wanted {FORMAT}")));

@@ -38,6 +38,7 @@ pub fn edits_of_step<'e>(edits: &'e [RecipeEdit], step: &str) -> Vec<&'e RecipeE
     let concerns = |edit: &&RecipeEdit| {
         let mut parts = edit.path.split('.');
         let section = parts.next().unwrap_or_default();
+        // A camera of a rig has the name of its body before the slash, and only that name is in the recipe.
         let is_other = section == "trajectories"
             && parts.next().is_some_and(|name| name != trajectory.split('/').next().unwrap_or_default());
         let is_own = match listed {

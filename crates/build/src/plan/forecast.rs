@@ -71,10 +71,12 @@ impl PlanForecast {
         let looked_at = count.min(SAMPLED);
         let mut sum = Self::default();
         for i in 0..looked_at {
+            // Spread over the whole plan: neighbours in the order of ids are often scenes of one kind.
             sum.add_scene(PlanState { plan, assessed, store }, i * count / looked_at);
         }
         if sum.trajectories > 0.0 {
             sum.scale(count as f64 / looked_at as f64);
+            // After the scaling, because a release has these files once for all scenes.
             sum.files += TOP[0];
             sum.bytes += TOP[1] + sum.files * BYTES_A_FILE;
         }
@@ -87,6 +89,7 @@ impl PlanForecast {
         self.files += 1.0;
         self.bytes += OF_SCENE;
         for trajectory in &recipe.trajectories {
+            // The body of a rig sees nothing. Its cameras are trajectories of their own, and are counted.
             if recipe.is_of_body(&trajectory.name) {
                 continue;
             }
@@ -120,6 +123,7 @@ impl PlanForecast {
 
     /// Adds the files of an output that is up to date.
     fn add_made(&mut self, kind: OutputKind, made: &[StoredOutput]) {
+        // Of a simulation a release has the streams alone: its frames and its record stay in the store.
         let released = |output: &&StoredOutput| !kind.is_simulated() || output.name.ends_with(".h5");
         for output in made.iter().filter(released) {
             self.files += 1.0;
@@ -133,6 +137,8 @@ impl PlanForecast {
         let model = sensor.as_model();
         let (on, off) = model.contrast();
         let moved_px = length.moved_px.unwrap_or(0.0);
+        // The constant holds for a contrast of 0.2, and the number of events falls as the mean contrast
+        // rises.
         let a_pixel = EVENTS_PER_FLOW * moved_px * 0.2 / (0.5 * (on + off))
             + model.array_noise(GREY).total_hz * length.path.seconds;
         let bytes = BYTES_AN_EVENT * a_pixel * length.size.pixels() as f64;
@@ -144,6 +150,7 @@ impl PlanForecast {
     /// Adds the files of another output.
     fn add_expected(&mut self, kind: OutputKind, step: &PlannedStep, length: TrajectoryLength) {
         let Some(expected) = step.step.facts().expected_size(length.path) else { return };
+        // A product without pictures is inertial data, which has three files.
         self.files += expected.pictures.unwrap_or(3.0);
         self.bytes += expected.bytes_at(length.size);
         if kind.is_listed() {

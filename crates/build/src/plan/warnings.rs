@@ -100,6 +100,7 @@ fn far_orbits(recipe: &Recipe) -> Option<FoundWarning> {
         let distance = orbit.from?.distance(orbit.centre?);
         (distance > FAR).then_some((&trajectory.written, distance))
     });
+    // The scene is read only now: a large file takes long, and few orbits are that far from their centre.
     let (name, distance) = far?;
     let Some(ReconstructMethod::Given(path)) = &recipe.reconstruct else { return None };
     let scene = scene::read_file(path).ok().filter(|scene| !scene.is_empty())?;

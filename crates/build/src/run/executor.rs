@@ -141,6 +141,8 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         let fits = |stale: &StaleStep| left.holds(&stale.need) || self.running.is_empty();
         self.stale
             .iter()
+            // A step that does not fit yet is passed over, so no core stays free for it while others could
+            // run.
             .find(|(_, stale)| fits(stale) && !self.is_at_work(&stale.key))
             .map(|(rank, _)| *rank)
     }
@@ -159,6 +161,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         let ranks: Vec<StepRank> = self.stale.keys().copied().collect();
         for rank in ranks {
             let other = &self.stale[&rank];
+            // As for a first step: a twin at work brings a record, and lost bytes may be there again by now.
             let is_free = !self.is_at_work(&other.key) && matches!(self.is_mended(other), Ok(false));
             let need = is_free.then(|| group.need_with(self.plan, &pass, rank.1, other)).flatten();
             if let Some(need) = need.filter(|need| left.holds(need)) {
@@ -200,8 +203,10 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             let need = planned.step.facts().need(&files);
             return Ok(Some(StaleStep { key, description, sources, reason, recheck, files, need }));
         }
+        // The step may have been made before this store had a shared one.
         self.store.share(&key).map_err(PlanError::from)?;
         let outputs = outputs.expect("a step that is kept has outputs");
+        // Before `done`, which lets the files go at once if no later step uses them.
         self.store.hold(&key, &outputs);
         self.summary.kept += 1;
         self.observer.tell(&RunEvent::Kept { step, key: &key, outputs: &outputs });
@@ -216,6 +221,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         self.summary.products.insert(step, product);
         // The findings of checks are shown at the end of the build, which is one use more.
         let is_shown = [checks::NAME, scene_checks::NAME].contains(&planned.step.stage());
+        // Added and not set, because several steps of a plan may have this key.
         *self.uses.entry(key).or_default() += self.followers[step.0].len() + usize::from(is_shown);
         let mut used = vec![key];
         for (_, input) in planned.step.inputs() {
@@ -268,6 +274,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             kept_frames,
             recheck: self.options.recheck,
         };
+        // Results come in the order of the members, so the last one frees the resources of all.
         let (sender, last) = (sender.clone(), members[count - 1].0);
         let thread = scope.spawn(move || run_group(&job, members, &sender));
         let grant = Some((ResourceGrant { cores, need }, thread));

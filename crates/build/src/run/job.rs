@@ -90,6 +90,8 @@ impl<'a> StepJob<'a> {
         match self.prepare(step, stale)? {
             PreparedStep::Adopted(adopted) => Ok(*adopted),
             PreparedStep::Workspace(workspace) => {
+                // The free space is read while the folder still exists. Dropping it would free the space that
+                // was lacking.
                 self.make(step, stale, &workspace).map_err(|e| self.with_space(e, workspace.bytes()))
             }
         }
@@ -115,6 +117,7 @@ impl<'a> StepJob<'a> {
                 results[at] = Some(result);
             }
         }
+        // Half-made files go first: each step below gets a new folder, and may need their space.
         drop(places);
         let alone = |(result, (step, stale)): (Option<_>, &(StepId, StaleStep))| {
             result.unwrap_or_else(|| self.run(*step, stale))
@@ -272,6 +275,7 @@ impl<'a> StepJob<'a> {
             None => self.store.publish(workspace, record)?,
             Some(outputs) => self.store.compare(workspace, record).map(|()| outputs.clone())?,
         };
+        // Only after the record: a process that is killed before can still continue from this state.
         self.store.forget_resume(&stale.key)?;
         let was_there = self.store.share(&stale.key)?;
         // A step that is made again for comparison is there by intention.
@@ -338,6 +342,8 @@ impl<'a> StepJob<'a> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).spawn_handler(start).build();
         let pool = pool.map_err(StageError::work_failed("start threads"))?;
         let worked = pool.install(work);
+        // The threads end only after the pool is dropped, so joining them before this line would wait
+        // forever.
         drop(pool);
         threads
             .into_iter()

@@ -34,6 +34,7 @@ impl KeptStep {
         let name = step.kept_name(&stale.files).filter(|_| stale.recheck.is_none());
         let Some(name) = name else { return Ok(None) };
         let (paths, fresh) = (store.frames_of(&name)?, store.fresh_frames());
+        // A part of the free space, because the products of the steps that run need the rest.
         let free = store.space().map_or(limit, |space| space.free / SPACE_SHARE);
         let frames = Arc::new(KeptFrames::open(&paths, fresh.clone(), limit.min(free)));
         Ok(Some(Self { name, frames, fresh, limit }))

@@ -52,6 +52,8 @@ pub enum StageError {
 impl From<ForeignError> for StageError {
     fn from(error: ForeignError) -> Self {
         match error {
+            // Every kind of interruption becomes this one: the executor then reports an interrupted run, not
+            // a failed step.
             ForeignError::Stopped => Self::Cancelled,
             ForeignError::Failed(failed) => Self::Program(failed),
             ForeignError::Io(error) => Self::Io(error),

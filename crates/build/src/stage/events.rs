@@ -154,6 +154,7 @@ impl EventsStage {
             Some(readers) => own.simulate(&mut readers.reading(&mut frames), stamps_us, &choice, cx)?,
             None => own.simulate(&mut frames, stamps_us, &choice, cx)?,
         };
+        // The count ends here: frames that only the comparison below renders are no work of the stream.
         let work = frames.work();
         if let Some(doubled) = path.and_then(|path| DoubledPath::new(&path, stamps_us)) {
             let tried = own.resample(doubled, camera, frames.into_renderer(), cx)?;

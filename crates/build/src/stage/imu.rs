@@ -72,6 +72,7 @@ impl Stage for ImuStage {
             files::write_state(&sample, &mut truth).map_err(StageError::io_error(&states))?;
             count += 1;
         }
+        // A writer that is dropped writes its rest too, but loses the error of a full disk.
         shown.flush().map_err(StageError::io_error(&samples))?;
         truth.flush().map_err(StageError::io_error(&states))?;
         let sensor = cx.out.join(SENSOR);

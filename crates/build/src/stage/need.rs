@@ -27,8 +27,9 @@ impl StepNeed {
     }
 }
 
-/// Factor on the bytes of the inputs that a small stage holds.
+/// Memory of a stage that holds little but its inputs, bytes.
 pub(super) fn small_stage_memory(files: &[ArtifactFiles]) -> u64 {
+    /// Factor on the bytes of the inputs.
     const COPIES: u64 = 4;
     COPIES * files.iter().map(ArtifactFiles::bytes).sum::<u64>()
 }

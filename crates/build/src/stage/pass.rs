@@ -249,6 +249,8 @@ pub(crate) fn run_pass(
     }
     let led = leader.as_ref().map(|(index, ..)| *index);
     if let Some((index, stage, cx)) = leader {
+        // All readers have been added by now. The leader renders each pose once, and a later reader would
+        // miss poses.
         ends[index].made = Some(stage.lead(ground, &mut readers, cx));
     } else if let Some(stage) = first {
         // Each step that has not seen all poses finds a failure of the renderer again alone.

@@ -64,6 +64,7 @@ impl StageFacts for PosesStage {
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
         let frames = files.first().map_or(0, |frames| frames.iter().count());
+        // A source that cannot be listed is reported by the run. A need has no errors.
         let photos = self.photos().map_or(0, |photos| photos.len()) + frames;
         let key_points = photos as u64 * u64::from(self.solving.features);
         StepNeed::for_parts([BYTES, key_points * BYTES_A_KEY_POINT])

@@ -154,6 +154,8 @@ impl StageFacts for ReconstructStage {
     }
 
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
+        // A capture that cannot be opened needs little memory: the step fails when it runs, with a better
+        // message.
         let capture = files.first().filter(|_| self.is_trained());
         match (self, capture.and_then(|files| Capture::open(files).ok())) {
             (Self::Builtin(training), Some(capture)) => training.need(&capture),
@@ -203,6 +205,8 @@ impl Stage for ReconstructStage {
                 read_dynamic(path, *time).map_err(StageError::work_failed("read the scene"))?
             }
             Self::Given { file, .. } => {
+                // The newest scene may be another one by now. The run then ends with an error, because its
+                // sources have moved.
                 scene::read_file(&file.find()?).map_err(StageError::work_failed("read the scene"))?
             }
         };

@@ -174,6 +174,7 @@ impl TrajectoryStage {
         let (Some(seeing), Some(capture), Some(gaussians)) = (&self.seeing, capture, gaussians) else {
             return Ok(None);
         };
+        // Speeds are in pixels of this camera, although the meter renders small images.
         let camera = super::choose_camera(seeing.camera, capture, cx);
         let style = seeing.render.resolve(gaussians.antialiased);
         let renderer =

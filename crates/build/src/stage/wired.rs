@@ -76,6 +76,7 @@ where
     }
 
     fn kept_name(&self, inputs: &[ArtifactFiles]) -> Option<Digest> {
+        // Only what the frames follow from: a step with another sensor finds the same frames.
         let shot = self.stage.kept_shot()?;
         let mut fields = BTreeMap::from([
             ("class".to_owned(), DescribedValue::Text(shot.backend.class())),

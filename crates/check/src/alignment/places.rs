@@ -84,6 +84,7 @@ impl Moments {
         let [events, changes] = [(self.events_squared, self.events), (self.changes_squared, self.changes)]
             .map(|(squares, sum)| squares - sum * sum / self.n);
         let scale = (events * changes).sqrt();
+        // Rounding may leave a sum of squares below 0. The scale is then NaN, which is not above 0 either.
         if scale > 0.0 { covariance / scale } else { 0.0 }
     }
 }

@@ -93,6 +93,7 @@ impl DriftLaw {
         // The mean square of a log-normal factor, in squares of its mean.
         let deviation = self.hot.spread * LN_10;
         let unequal = libm::exp(deviation * deviation);
+        // A compound count: to the variance of the events adds that of the pixels, by their mean squares.
         [events, (events * (1.0 + each * unequal)).sqrt()]
     }
 

@@ -310,6 +310,7 @@ impl CrossingFit {
 fn jackknife_bars(found: [f64; 2], without: &[[f64; 2]]) -> [ErrorBar; 2] {
     let n = without.len() as f64;
     [0, 1].map(|i| {
+        // Leaving out one of `n` parts moves a mean by only a part of its error, hence the factor `n - 1`.
         let squares: f64 = without.iter().map(|w| (w[i] - found[i]) * (w[i] - found[i])).sum();
         ErrorBar { value: found[i], deviation: (squares * (n - 1.0) / n).sqrt() }
     })

@@ -43,6 +43,7 @@ impl FrameBlocks {
         let mut changes: Vec<f64> = self.means.iter().zip(&other.means).map(|(from, to)| to - from).collect();
         changes.sort_unstable_by(f64::total_cmp);
         let at = (SHARE * changes.len() as f64) as usize;
+        // Ascending: `at + 1` blocks fall at least by the first of both, and as many rise by the second.
         (-changes[at]).max(changes[changes.len() - 1 - at]).max(0.0)
     }
 }

@@ -198,6 +198,7 @@ impl<'a> PairWarp<'a> {
         if (seen / point.z - 1.0).abs() > self.quantity.most_apart() {
             return None;
         }
+        // Behind a lens, the place in the picture is not the slope of the ray.
         let (a, b) = lens.map_or(((u - cx) / fx, (v - cy) / fy), |_| (point.x / point.z, point.y / point.z));
         // Linear motion is measured in units of the scene's depth, so that all six columns are
         // pixels of like size and the normal equations are well scaled.
@@ -209,6 +210,7 @@ impl<'a> PairWarp<'a> {
         ];
         let moves = lens.map_or(moves, |lens| {
             let bend = lens.distort(DVec2::new(a, b)).1;
+            // The lens bends slopes, and `moves` are pixels: the mixed terms change the axis and its unit.
             let [across, down] = [bend.y_axis.x * fx / fy, bend.x_axis.y * fy / fx];
             let bent = |i: usize| {
                 [

@@ -34,6 +34,7 @@ pub(super) fn packet_buffer(events: &[Event]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(BEFORE_EVENTS + EVENT * events.len());
     bytes.extend(16_u32.to_le_bytes()); // the table
     bytes.extend(EVENTS);
+    // As in the header, with one field. The last number fills up to 4 bytes, so that events begin at byte 32.
     bytes.extend([6_u16, 8, 4, 0].map(u16::to_le_bytes).concat());
     bytes.extend(8_i32.to_le_bytes()); // back to the list
     bytes.extend(4_u32.to_le_bytes()); // on to the vector
@@ -42,6 +43,7 @@ pub(super) fn packet_buffer(events: &[Event]) -> Vec<u8> {
         bytes.extend(event.t.floor_micros().to_le_bytes());
         bytes.extend((event.x as i16).to_le_bytes());
         bytes.extend((event.y as i16).to_le_bytes());
+        // Three bytes fill the structure up to 16, a multiple of its longest number.
         bytes.extend([event.polarity as u8, 0, 0, 0]);
     }
     with_size(bytes)

@@ -90,12 +90,14 @@ impl<R: Read> Reader<R> {
     /// The stream and the content of the next packet; `None` after the last.
     fn packet(&mut self) -> Result<Option<(i32, Vec<u8>)>, EventFileError> {
         let mut head = Vec::new();
+        // Packets end where their table begins, and a file that is read once needs no table.
         if self.offset < self.end {
             self.input.by_ref().take(8).read_to_end(&mut head)?;
         }
         if head.is_empty() {
             return Ok(None);
         }
+        // No byte at all is the end of the file. Fewer than 8 are a packet that was cut off.
         let cut = || wrong_packet(self.offset, "the packet is truncated");
         let word = |k: usize| Some(i32::from_le_bytes(head.get(4 * k..4 * k + 4)?.try_into().ok()?));
         let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;

@@ -31,6 +31,7 @@ impl Evt2Encoder {
             self.high = Some(high);
             out.extend((TIME_HIGH << 28 | high).to_le_bytes());
         }
+        // The kinds 0 and 1 are OFF and ON events, so the polarity is the kind.
         let word = (event.polarity as u32) << 28 | low << 22 | u32::from(event.x) << 11 | u32::from(event.y);
         out.extend(word.to_le_bytes());
     }

@@ -55,6 +55,7 @@ impl Evt3Encoder {
     /// Encodes an event. Returns `None` if silence takes more words than [`MAX_SILENT_WORDS`].
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
         let high = event.t.floor_micros() >> PART;
+        // The encoder bridges a pause with one word for each whole step.
         self.silent_words += (high - self.put_high) / STEP;
         self.put_high = high;
         // Checked per event: a single late time could fill the disk with time words.
@@ -200,6 +201,7 @@ impl Evt3Decoder {
             // Times beyond the last turn are refused with their first event.
             self.turns = (self.turns + missed_turns(self.t_us(value), expected)).min(LAST_TURN);
         }
+        // After missed overflows are added: the next packet is expected from this time on.
         self.first_us = self.first_us.or(Some(self.t_us(value)));
     }
 
@@ -248,6 +250,7 @@ impl WordDecoder for Evt3Decoder {
             BASE_X => (self.base, self.polarity) = (address, flag),
             MASK_12 => return self.run(value, 12, found),
             MASK_8 => return self.run(value & 0xff, 8, found),
+            // This does not end a stale time: the upper part is still unknown.
             TIME_LOW => self.low = value,
             TIME_HIGH => self.upper_part(value),
             TRIGGER | OTHERS | CONTINUED_4 | CONTINUED_12 => {}

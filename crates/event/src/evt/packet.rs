@@ -90,6 +90,7 @@ impl PacketDecoder {
         let lost = before.as_ref().is_some_and(|b| seq != b.seq && Some(seq) != b.seq.checked_add(1));
         let expected = before.and_then(|b| {
             let since_us = stamp_ns.saturating_sub(b.stamp_ns) / 1000;
+            // A packet without an upper part has no time of its own, so the expected one stands for it.
             Some(self.decoder.first_us().or(b.t_us)?.saturating_add(since_us))
         });
         self.decoder.begin_packet(lost, expected);

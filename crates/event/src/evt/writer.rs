@@ -85,7 +85,6 @@ impl<W: Write> EventSink for Writer<W> {
     }
 }
 
-/// EVT 3.0 has a word for each 4.2 seconds, with or without events.
 fn check_size(size: Size) -> Result<(), EventFileError> {
     if size.width > EDGE || size.height > EDGE {
         let because = format!("a sensor of {size}, but EVT allows at most {EDGE} columns and rows");
@@ -94,6 +93,7 @@ fn check_size(size: Size) -> Result<(), EventFileError> {
     Ok(())
 }
 
+/// EVT 3.0 needs a word for each 4.2 seconds, with or without events.
 fn too_silent(event: &Event, index: u64) -> EventFileError {
     let t_us = event.t.floor_micros();
     let because = format!(

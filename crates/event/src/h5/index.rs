@@ -16,6 +16,7 @@ impl MsIndex {
     /// Number of entries, all equal to the number of events, that complete the index of a stream
     /// that ends at `end_us`.
     pub(super) fn complete(&mut self, end_us: u32) -> u64 {
+        // One entry more than an event settles: it ends the part of the last millisecond.
         self.grow_to(u64::from(end_us) / 1000 + 2)
     }
 

@@ -56,6 +56,7 @@ impl Writer {
     /// The file cannot be created.
     pub fn create_as(path: &Path, header: &StreamHeader, options: H5Options) -> Result<Self, EventFileError> {
         let H5Options { filter, t_offset_us } = options;
+        // The oldest layout is the only one in which the reader finds the attributes of the root.
         let file = H5File::options().no_locking().libver(LibverBound::Earliest).create(path)?;
         write_attributes(&file, header)?;
         let events = file.create_group("events")?;
@@ -241,6 +242,7 @@ impl GrowingColumn {
         if self.plain {
             return Ok(self.dataset.write_chunk(chunk, bytes)?);
         }
+        // A mask of 0: no filter of the pipeline was left out.
         Ok(self.dataset.write_chunk_raw(chunk, bytes, 0)?)
     }
 }

@@ -71,6 +71,7 @@ impl EventMessage {
             return Err(format!("{count} bytes of events, wanted a multiple of {}", encoding.word()));
         }
         Ok(Self {
+            // Seconds have 32 bits, so the product fits in 64.
             stamp_ns: seconds * 1_000_000_000 + nanoseconds,
             size: Size { width, height },
             seq,

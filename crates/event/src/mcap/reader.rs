@@ -193,6 +193,7 @@ fn read_message<R: Read + Seek + Send + 'static>(
     let _sequence_and_times: [u8; 20] = records.bytes(head)?;
     let stored = usize::try_from(head.stored).unwrap_or(usize::MAX);
     let limit = MAX_MESSAGE.max(stored.saturating_mul(MAX_PER_BYTE)) as u64;
+    // These bytes have been read, so the record is at least as long.
     let length = head.length - MESSAGE_HEAD;
     if length > limit {
         let because = format!("a message of {length} bytes, wanted at most {limit}");
@@ -214,6 +215,7 @@ fn decode_mono(
     for (number, word) in words.iter().enumerate() {
         let [t0, t1, t2, t3, x0, x1, y0, y1] = *word;
         let since = u32::from_le_bytes([t0, t1, t2, t3]);
+        // The highest bit is the polarity, so the row has 15.
         let (x, y) = (u16::from_le_bytes([x0, x1]), u16::from_le_bytes([y0, y1 & 0x7f]));
         let t = time_base.checked_add(since.into()).and_then(|t| i64::try_from(t).ok());
         let fault = |because| (number * 8, because);

@@ -152,12 +152,14 @@ impl<R: Read + Seek + Send + 'static> RecordReader<R> {
         }
         let file = self.plain.elsewhere(self.plain.at);
         let body = decompressor(&compression, file.take(stored)).map_err(|e| damaged(at, &e.to_string()))?;
+        // `next` passes over what is left of a record, and no record of the chunk has been begun.
         self.left = 0;
         Ok(OpenChunk {
             body,
             at,
             stored,
             left,
+            // 0 means that the writer has computed no sum (MCAP's record `Chunk`).
             crc: (crc != 0).then_some(crc),
             sum: crc32fast::Hasher::new(),
         })
@@ -251,6 +253,7 @@ impl OpenChunk {
     }
 
     fn pass_over(&mut self, length: u64) -> Result<(), EventFileError> {
+        // Read and not skipped, because the sum of the chunk covers these bytes too.
         let read = io::copy(&mut self.body.by_ref().take(length), &mut SumOnly(&mut self.sum));
         self.advance(read, length)
     }

@@ -126,6 +126,7 @@ impl EventSource for Reader {
         let first = self.next;
         let count = usize::try_from(self.count - first).map_or(CHUNK, |left| left.min(CHUNK));
         if count == 0 {
+            // A stream without events has no last chunk, after which the sums are compared.
             if self.count == 0 {
                 self.verify()?;
             }

@@ -89,6 +89,7 @@ impl SpooledColumns {
         let count = self.order.count();
         let mut archive = ZipWriter::new(out);
         for ((name, kind), column) in
+            // `zip` ends with the columns, so the name of the labels is used only if there are any.
             ARRAYS.into_iter().chain([LABEL]).zip(self.columns.iter_mut().chain(&mut self.labels))
         {
             archive.start_file(format!("{name}.npy"), entry_options())?;
@@ -127,6 +128,7 @@ fn entry_options() -> SimpleFileOptions {
     SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
         .compression_level(Some(LEVEL))
+        // A fixed time, so that equal streams give equal bytes.
         .last_modified_time(DateTime::DEFAULT)
         .unix_permissions(0o644)
         .large_file(true)

@@ -148,6 +148,8 @@ impl EventSink for RateBars {
             let t = event.t.floor_micros();
             if self.window_us.contains(&t) {
                 let begin = *self.begin_us.get_or_insert(t);
+                // The stream need not be sorted: what is earlier than its first event counts in the first
+                // bar.
                 let number = self.reach(t.saturating_sub(begin).max(0));
                 self.bars[number][event.polarity as usize] += 1;
             }

@@ -1,4 +1,4 @@
-//! Events of one pixel and time, packed into one number that sorts.
+//! The events of one microsecond, each packed into a number that sorts.
 
 use super::CHUNK;
 use crate::{Event, EventLabel, Polarity};

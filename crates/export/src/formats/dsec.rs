@@ -121,6 +121,8 @@ fn write_events(plan: &ExportPlan<'_>, name: &str, out: &mut ExportFolder<'_>) -
     })?;
     writer.append(&held).map_err(ExportError::unwritten(&path))?;
     let events = writer.finish(plan.length_us()).map_err(failed)?;
+    // Only after the writer has closed the file: the writer is that of a release, which does not have these
+    // scalars.
     let file = Hdf5File::extend(&path)?;
     file.add(|file| {
         for (name, side) in [("height", rows), ("width", columns)] {
@@ -174,6 +176,7 @@ fn write_flows(
         out.write_file(&format!("{root}/flow/forward/{step:06}.png"), &file)?;
         let [start, end] = [from, to].map(|frame| plan.stamp_us(frame));
         writeln!(stamps, "{start}, {end}").expect("a String takes any text");
+        // The name of the file and not a count: frames without depth have no file, so the numbers have gaps.
         writeln!(table, "{start}, {end}, {step}").expect("a String takes any text");
         out.report()?;
     }

@@ -210,6 +210,7 @@ struct Counts<'a> {
 impl Counts<'_> {
     /// Counts an event at `t_us`. It belongs to the stretch that starts before it and ends at it or later.
     fn add(&mut self, at: usize, t_us: i64, sign: f32) -> Result<bool, ExportError> {
+        // Events and exposures are both sorted by time, so an exposure that has ended gets no further event.
         while self.exposures.get(self.view).is_some_and(|exposure| exposure.open_us[1] < t_us) {
             self.store()?;
         }
@@ -250,6 +251,7 @@ fn write_counts(
         events += u64::from(counts.add(at, t_us, sign)?);
         out.count_event()
     })?;
+    // The shape is written already, so exposures after the last event need their zeros.
     while counts.view < exposures.len() {
         counts.store()?;
     }

@@ -54,6 +54,7 @@ fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
     let mut losses = thresholds(plan, FORMULA, true);
     if plan.length_us() >= FLOAT32_US {
         let octave = (plan.length_us() / FLOAT32_US).ilog2();
+        // At most 30, because one bit more does not fit into the i32 that is shifted.
         let spacing = SPACING_US * f64::from(1 << octave.min(30));
         let what =
             format!("times become float32 of seconds: they are up to {spacing:.1} us apart at the end");

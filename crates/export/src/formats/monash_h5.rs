@@ -95,6 +95,7 @@ fn write_events(
     let mut counts = [0; 2];
     let [images, flows] = marks;
     plan.for_each_event(|event, t_us| {
+        // Before this event is counted: at equal times it belongs to the next item.
         let before = counts[0] + counts[1];
         images.see(t_us, before);
         flows.see(t_us, before);

@@ -128,6 +128,7 @@ pub(super) fn for_each_window(
 ) -> Result<WindowCounts, ExportError> {
     let held_out = plan.test_frames().1;
     let stamps: Vec<i64> = plan.frames.iter().map(|pose| plan.stamp_us(*pose)).collect();
+    // `unmet` asks for two frames at least, so the first window has both of its ends.
     let (first, last) = (stamps[0], stamps[stamps.len() - 1]);
     let mut window = EventWindow::default();
     let mut counts = WindowCounts::default();

@@ -101,6 +101,7 @@ impl Read for WatchedProgram<'_> {
                 return Err(io::Error::other("it was asked to stop"));
             }
             match self.program.read(into) {
+                // A read that blocks could not see `goes_on` change while the program prints nothing.
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => thread::sleep(LOOK),
                 read => return read,
             }

@@ -124,6 +124,7 @@ pub(super) fn within(
         looks.get() <= most && goes_on()
     });
     match ended {
+        // The count tells a timeout from a stop that the caller asked for.
         Err(ProgramEnd::Stopped) if looks.get() > most => Err(ProgramEnd::Failed(EndKind::TooLong(seconds))),
         ended => ended,
     }

@@ -106,6 +106,7 @@ pub fn checked_header(data: &mut impl Read) -> io::Result<Vec<u8>> {
 /// is left for the parser to refuse.
 fn is_countable(head: &str) -> bool {
     let shape = head.split_once('(').map_or("", |(_, rest)| rest.split(')').next().unwrap_or_default());
+    // Python 2 wrote long integers with an `L` behind them.
     let mut sides = shape.split(',').filter_map(|side| match side.trim().trim_end_matches('L') {
         "" => None,
         digits if digits.bytes().all(|digit| digit.is_ascii_digit()) => Some(digits.parse::<u64>().ok()),

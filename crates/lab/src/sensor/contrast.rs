@@ -149,6 +149,7 @@ fn grey_at(brightness: impl Fn(f64) -> f64, wanted: f64) -> f64 {
     // Bisection: brightness grows with grey in every model, and the inverse of a front end is not
     // stated anywhere.
     let (mut low, mut high) = (0.0, 1e6);
+    // A hundred halvings of 1e6 end at 1e-24, below any grey that matters.
     for _ in 0..100 {
         let middle = 0.5 * (low + high);
         if brightness(middle) < wanted { low = middle } else { high = middle }

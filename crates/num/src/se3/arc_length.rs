@@ -97,6 +97,7 @@ impl SegmentSpan {
 
     /// The polynomial through the nodes, evaluated at both ends.
     fn extrapolated(&self) -> [f64; 2] {
+        // The nodes are symmetric: reversed speeds give the value at -1 with the weights for the end at 1.
         let last = |speeds: [f64; 5]| speeds.iter().zip(EXTRAPOLATION).map(|(v, w)| v * w).sum();
         let [a, b, c, d, e] = self.speeds;
         [last([e, d, c, b, a]), last([a, b, c, d, e])]
@@ -175,6 +176,7 @@ impl<P: CurveSpeed> ArcLength<P> {
     fn settle_part(&self, segment: usize, from: f64, to: f64) -> f64 {
         let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
+        // The floor is relative to this part and not to its segment, so a short part keeps its digits.
         self.subdivide(&mut halves, whole, whole.length() * FLOOR, DEPTH);
         NeumaierSum::sum_of(halves.iter().map(SegmentSpan::length))
     }
@@ -282,7 +284,10 @@ impl HalfPanel {
             // The bracket makes the iteration safe where the polynomial is flat and Newton's step
             // leaves it.
             *(if residual > 0.0 { &mut high } else { &mut low }) = w;
+            // Where the speed is 0, `newton` is infinite or NaN. Both comparisons below are then false, and
+            // the bracket is halved.
             let newton = w - residual / power_sum(w, &self.speed);
+            // The slack lets a root at an end of the panel pass, which rounding may put just outside of it.
             if (newton - w).abs() < SHORT && newton >= low - SHORT && newton <= high + SHORT {
                 w = newton.clamp(-1.0, 1.0);
                 break;
@@ -295,6 +300,7 @@ impl HalfPanel {
 
     /// A first guess of `w` for `share`, by cubic Hermite interpolation of the inverse.
     fn guess(&self, share: f64) -> f64 {
+        // The inverse has the slopes `1 + a` and `1 + b` at its ends, and the cubic has the same.
         let ([a, b], rest) = (self.bends, 1.0 - share);
         // At a stop a bend is infinite, and the cubic is NaN or far off. The linear guess is always
         // inside.

@@ -65,6 +65,7 @@ const HALF_SINE: [f64; 7] = alternating_series(3, &[-0.5; 7]);
 /// is the direction of `q` with `w = +0`.
 #[must_use]
 pub fn log_vector(q: DQuat) -> DVec3 {
+    // `q` and `-q` are the same rotation. With `w >= 0`, `atan2` is at most pi/2, and the angle at most pi.
     let q = if q.w < 0.0 { -q } else { q };
     let v = DVec3::new(q.x, q.y, q.z);
     let n = v.length();
@@ -76,6 +77,7 @@ pub fn log_vector(q: DQuat) -> DVec3 {
 #[must_use]
 pub fn relative_angle(a: DQuat, b: DQuat) -> f64 {
     let q = a.conjugate() * b;
+    // `q` and `-q` are the same rotation. The absolute value takes the one with the smaller angle.
     2.0 * atan2(DVec3::new(q.x, q.y, q.z).length(), q.w.abs())
 }
 

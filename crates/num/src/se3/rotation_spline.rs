@@ -56,6 +56,7 @@ pub fn turn_between(a: DQuat, b: DQuat) -> (DVec3, bool) {
         return (r, false);
     }
     let leading = r.to_array().into_iter().find(|c| *c != 0.0).unwrap_or(0.0);
+    // The same rotation about the opposite axis has the angle `2 pi - length`.
     (if leading < 0.0 { r * (1.0 - 2.0 * PI / length) } else { r }, true)
 }
 
@@ -178,6 +179,8 @@ impl<'a> RateEquations<'a> {
         // Half steps converge where full steps overshoot, but they need more rounds.
         for (rounds, damping) in ROUNDS {
             // Each attempt starts from the mean turns: rates that have diverged are no start.
+            // The chain sets the end conditions too: its first and last rates are the mean turns there, and
+            // no step changes them.
             let mut rates: Vec<DVec3> = std::iter::once(mean[0]).chain(mean.iter().copied()).collect();
             if let Some([first, last]) = self.ends {
                 (rates[0], rates[mean.len()]) = (first, last);
@@ -328,6 +331,7 @@ impl LogQuadratic {
         }
         let t = t2.sqrt();
         let (s, c) = (sin(t), cos(t));
+        // The numerators begin with t^4/12 and -t^5/60, so near 0 these forms would lose all digits.
         Self {
             k1: (2.0 * (1.0 - c) - t * s) / (t2 * t2),
             k2: (3.0 * s - 2.0 * t - t * c) / (t2 * t2 * t),
@@ -346,6 +350,7 @@ fn cotangent_coefficient(t2: f64) -> f64 {
 }
 
 // With `t2 < 1`, the first omitted term of each table below is under 1e-17 of the sum.
+// The last table falls only by `4 pi^2` per term, so it is longer than the others.
 
 const TERMS: usize = 9;
 /// `(-1)^k / (2k+2)!`

@@ -132,6 +132,8 @@ struct TridiagonalRow {
 /// third derivative continuous at the second and the last but one point.
 fn spline_slopes(h: &[f64], d: &[DVec3]) -> Vec<DVec3> {
     let n = h.len();
+    // Equal third derivatives relate three slopes. The third is eliminated with the next row, so the matrix
+    // stays tridiagonal.
     let end = |h0: f64, h1: f64, d0: DVec3, d1: DVec3| {
         (d0 * (h1 * (h0 + 2.0 * (h0 + h1))) + d1 * (h0 * h0)) / (h0 + h1)
     };

@@ -20,6 +20,7 @@ pub fn scaled_distance(mut sample: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
     let n = sample.len() as f64;
     let distance = |(i, x): (usize, &f64)| {
         let p = cdf(*x);
+        // The sample's function jumps at each value, so its level on both sides of the jump is compared.
         (p - i as f64 / n).max((i + 1) as f64 / n - p)
     };
     sample.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt()

@@ -83,6 +83,8 @@ pub(super) const FAR_DENOMINATOR: [f64; 8] = [
     2.04426310338993978564e-15,
 ];
 
+// In the published routine: SPLIT1, CONST1, then CONST2 and SPLIT2, which is also the border.
+
 /// Distance from 1/2 beyond which a uniform is in a tail.
 pub(super) const CENTRE: f64 = 0.425;
 /// The square of that distance.

@@ -18,6 +18,8 @@
 
 use fearless_simd::{Simd, SimdBase as _, u64x8};
 
+// From `philox.h` of Random123. The steps of the key are those of Weyl sequences: the golden ratio, and
+// `sqrt(3) - 1`.
 const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const KEY_STEPS: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;

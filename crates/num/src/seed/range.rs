@@ -135,6 +135,7 @@ impl RangeLaw {
 /// Probabilities of a normal law below a range and inside it.
 fn shares(mean: f64, deviation: f64, range: [f64; 2]) -> [f64; 2] {
     let [below, up_to] =
+        // `erfc` and not `1 + erf`, which would cancel for a range far below the mean.
         range.map(|end| 0.5 * libm::erfc((mean - end) / (deviation * std::f64::consts::SQRT_2)));
     [below, up_to - below]
 }

@@ -96,6 +96,7 @@ fn parse_ratio(text: &str) -> Option<Ratio> {
     }
     // Trailing zeros would only use up the digits that are allowed.
     let fraction = fraction.trim_end_matches('0');
+    // The leading zero stands for a whole part that is left out, as in `.5`.
     let digits = parse_digits(&format!("0{whole}{fraction}"))?;
     let scale = exponent.checked_sub(i32::try_from(fraction.len()).ok()?)?;
     let power = 10u64.checked_pow(scale.unsigned_abs())?;

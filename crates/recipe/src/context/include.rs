@@ -138,6 +138,7 @@ pub(super) fn resolve_include(
 
 /// Returns true if both exports of one trajectory would have the same folder.
 fn share_folder(one: &IncludedExport, other: &IncludedExport) -> bool {
+    // An entry without a trajectory covers all of them, so only two names can keep entries apart.
     let apart =
         one.trajectory.as_ref().zip(other.trajectory.as_ref()).is_some_and(|(one, other)| one != other);
     one.format == other.format && !apart

@@ -59,6 +59,7 @@ fn two_numbers(entry: &MappingEntry) -> Result<[f64; 2], FieldProblem> {
 
 /// A number in the place of a law.
 pub(super) fn number_node(value: f64, place: TextSpan) -> TreeNode {
+    // Rust writes as many digits as the same number needs, so the reader gets the drawn value back.
     TreeNode { place, kind: NodeKind::Scalar { text: value.to_string(), plain: true } }
 }
 

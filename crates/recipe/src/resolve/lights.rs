@@ -76,6 +76,7 @@ impl Resolver<'_> {
                 let found = format!("has t {}, wanted above {}", brief(t), brief(last));
                 return self.refuse(FieldProblem::of_field(found).at(place));
             }
+            // The numbers above are then defaults, which must not become a moment.
             if raw.t.is_absent() || raw.stops.is_absent() {
                 return None;
             }

@@ -134,6 +134,8 @@ impl Resolver<'_> {
     fn of_angle(&self, fov: &Field<f64>, [width, height]: [Option<u32>; 2]) -> Option<[f64; 4]> {
         let half = self.real(fov, 60.0, RealRange::new(1.0, 170.0))?.to_radians() / 2.0;
         let [width, height] = [width?, height?].map(f64::from);
+        // From `libm`, since the number enters keys: the tangent of the system's library differs between
+        // machines.
         let focal = width / 2.0 / libm::tan(half);
         Some([focal, focal, width / 2.0, height / 2.0])
     }

@@ -53,6 +53,7 @@ impl Resolver<'_> {
             (Field::Absent, Some(SceneSource::None)) => {
                 self.refuse(FieldProblem::missing_field("reconstruct").help(GIVEN).at(self.root))
             }
+            // A procedural source brings its own Gaussians, and a faulty source was reported.
             (Field::Absent, _) => Some(None),
             (Field::Given(_, place), Some(SceneSource::Procedural(_))) => {
                 let problem = FieldProblem::of_key(

@@ -57,6 +57,7 @@ impl Resolver<'_> {
         let mut cameras: Vec<RigCamera> = all(list, camera)?;
         for ([first, second], place) in pairs? {
             let find = |name: &String| cameras.iter().position(|camera| camera.name == *name);
+            // A name without a camera was reported when the pairs were read.
             let (Some(first), Some(second)) = (find(&first), find(&second)) else { continue };
             let RigCamera { name, mount, camera, .. } = cameras[second].clone();
             cameras[first].second = Some(StereoPartner { name, mount, camera });

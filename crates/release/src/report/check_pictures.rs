@@ -51,6 +51,8 @@ fn shown_pictures<'a>(track: &ReportTrajectory<'a>, detail: DetailLevel) -> Vec<
     pictures.retain(|picture| detail.passes || picture.verdict(track).is_some_and(is_fault));
     pictures.sort_by_key(|picture| picture.verdict(track).map_or(usize::MAX, verdict_rank));
     pictures.truncate(detail.check_pictures);
+    // Back in the order of names: the rows are cut where the check changes, so its pictures must be
+    // neighbours.
     pictures.sort_by_key(|picture| (picture.check, picture.sensor));
     pictures
 }

@@ -37,6 +37,7 @@ impl<'a> PictureRequest<'a> {
         let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
         let files = self.track.numbered(self.product);
         let timed = files.filter_map(|(number, path)| Some((away(number)?, number, path)));
+        // Of two poses at one distance the lower number comes first, so equal releases have equal pages.
         let (_, number, path) = timed.min()?;
         Some((number, path))
     }
@@ -235,6 +236,7 @@ fn busy_window(streams: &[ShownStream<'_>], middle: usize, wanted: u64) -> Optio
     let wanted = wanted.saturating_mul(streams.len() as u64);
     let held = |range: &Range<usize>| streams.iter().map(|stream| stream.count(range)).sum::<u64>();
     let mut range = middle.min(last)..middle.min(last) + 1;
+    // A window of the whole recording cannot grow, so the last condition ends the loop for short recordings.
     while held(&range) < wanted && range.len() < MAX_WINDOW_MS && range != (0..last + 1) {
         range = range.start.saturating_sub(1)..(range.end + 1).min(last + 1);
     }

@@ -46,6 +46,7 @@ pub fn again(scene: &PublishedScene) -> SceneRecord {
         seeds: draw_seeds(recipe),
         recipe: recipe.meta.merged.clone(),
         recipe_sha256: checksum::sha256_hex(&compact),
+        // Copied, because the audit compares the splits of all scenes by themselves.
         split: found.split.clone(),
         attributes: scene_attributes(recipe, &scene.licence, reports, &trajectories),
         trajectories,

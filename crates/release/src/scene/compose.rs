@@ -39,6 +39,7 @@ pub fn compose_scene(scene: &BuiltScene<'_>) -> std::io::Result<SceneRecord> {
         seeds: draw_seeds(recipe),
         recipe: recipe.meta.merged.clone(),
         recipe_sha256: super::super::checksum::sha256_hex(&compact),
+        // Splits are a rule of the release, which deals them when all scenes are composed.
         split: None,
         attributes: scene_attributes(
             recipe,

@@ -255,6 +255,7 @@ pub(super) fn rotation_gradient<S: RealNumber<Plain = S>>(
         [by_axes[k][0] * deviation, by_axes[k][1] * deviation, by_axes[k][2] * deviation]
     };
     let d = [column(0), column(1), column(2)];
+    // The matrix is a polynomial in `w x y z`. What only changes the quaternion's length is removed below.
     let by_unit = [
         two * (z * (d[0][1] - d[1][0]) + y * (d[2][0] - d[0][2]) + x * (d[1][2] - d[2][1])),
         two * (y * (d[1][0] + d[0][1]) + z * (d[2][0] + d[0][2]) - two * x * (d[1][1] + d[2][2])

@@ -210,6 +210,7 @@ impl ViewTransform {
             a: aa + d,
             b: dot_product(a0, a1),
             c: cc + d,
+            // `a c - b^2` as a sum of positive terms: the difference would cancel for a needle.
             det: det0 + d * (aa + cc) + d * d,
             det0,
             depth_deviation,

@@ -68,6 +68,7 @@ impl SegmentPass<'_> {
             let flow = flow_of_parts(depth, out.segments.as_ref(), self.views);
             with_drift(flow, depth, out.drift.as_ref(), camera)
         });
+        // After the flow, which needs all three.
         out.depth.take_if(|_| !want.depth);
         out.segments.take_if(|_| !want.segments);
         out.drift.take_if(|_| !want.drift);
@@ -80,6 +81,7 @@ impl SegmentPass<'_> {
         let mut most = vec![0.0_f32; size.pixels()];
         let mut all = vec![0.0_f32; size.pixels()];
         let count = self.scene.part_count();
+        // A splat has few features, so the parts are blended in groups.
         for before in (0..count).step_by(MAX_FEATURES) {
             let features = MAX_FEATURES.min(count - before);
             self.mark(before, buffers.splats);
@@ -91,6 +93,7 @@ impl SegmentPass<'_> {
                 let pixels = parts.pixels_mut().iter_mut().zip(&mut most).zip(&mut all);
                 for (((found, most), all), &weight) in pixels.zip(weights.pixels()) {
                     *all += weight;
+                    // Not `>=`: of equal weights the part with the lower number counts.
                     if weight > *most {
                         (*most, *found) = (weight, part);
                     }

@@ -47,11 +47,13 @@ impl LitMap {
         let Self { factor, root } = self;
         let affine = root * (value + srgb::OFFSET) - srgb::OFFSET;
         if value > srgb::STRAIGHT && affine > srgb::STRAIGHT {
+            // Never a division by 0: a factor of 0 makes `affine` negative.
             let by_factor = root * (value + srgb::OFFSET) / (srgb::GAMMA * factor);
             return LitValue { value: affine, by_value: root, by_factor };
         }
         let light = srgb::decode(value);
         let lit = srgb::encode(factor * light);
+        // The slope of the encoding, as the inverse of that of the decoding at the result.
         let slope = 1.0 / srgb::decode_slope(lit);
         LitValue {
             value: lit,

@@ -78,6 +78,7 @@ pub fn find_cause(scene: &Arc<Gaussians>, change: &FlashViews) -> Result<Option<
     for gaussian in candidates(scene, change) {
         let mut without = Gaussians::clone(scene);
         without.opacity_logits[gaussian] = super::HIDDEN_LOGIT;
+        // Two equal views make NaN, which exceeds no share.
         let share = 1.0 - difference(Arc::new(without), &views, change.style)? / whole;
         if share > found.map_or(LEAST_SHARE, |best| best.share) {
             let centre = change.views[0].world_from_camera.translation;

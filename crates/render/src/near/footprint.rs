@@ -41,6 +41,7 @@ impl NearEye<'_> {
         let axes = (turn * scaled_axes(scene, i)).to_cols_array_2d();
         let rows = axes.map(|[x, y, z]| DVec2::new(x - clamped.x * z, y - clamped.y * z) / depth);
         let sum = |of: fn(DVec2) -> f64| rows.into_iter().map(of).sum::<f64>();
+        // The dilation is stated in pixels, and a slope is a pixel over the focal length.
         let [wide, high] = [self.camera.fx, self.camera.fy].map(|focal| f64::from(DILATION) / focal.powi(2));
         let covariance = [sum(|r| r.x * r.x) + wide, sum(|r| r.x * r.y), sum(|r| r.y * r.y) + high];
         let [low, high] = self.camera.field().map(|corner| corner - slope);
@@ -68,6 +69,7 @@ impl Footprint {
     pub(super) fn cover(&self) -> f64 {
         let [a, b, c] = self.covariance;
         let sides = self.high - self.low;
+        // The volume under a Gaussian with a peak of 1 is `2 pi` times the root of its determinant.
         let area = TAU * (a * c - b * b).max(0.0).sqrt() / (sides.x * sides.y);
         self.peak() * area.min(1.0)
     }

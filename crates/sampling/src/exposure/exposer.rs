@@ -95,6 +95,7 @@ impl FrameExposer {
     pub fn new(course: ExposureCourse, shutter: ShutterSettings) -> Result<Self, SplineDiverged> {
         let path = SampledPath::through_poses(&course.poses, course.seconds.clone())?;
         let mut centres = exposure_centres(course.poses.len(), shutter.frames);
+        // The next exposure is popped off the end.
         centres.reverse();
         let (light, fastest, work) = (None, 0.0, RenderWork::default());
         Ok(Self { course, path, shutter, centres, light, fastest, lights: None, work })
@@ -208,6 +209,7 @@ impl FrameExposer {
         }
         let [start, end] = self.open(pose);
         let all = f64::from(self.shutter.frames * subframes);
+        // The middles of equal parts of the open time, so that the mean of the pictures is a midpoint rule.
         let at = start + (f64::from(k) + 0.5) / all * (end - start);
         // The pose itself, because the spline meets it only up to rounding.
         if (self.course.seconds[frame] - at).abs() < SAME {

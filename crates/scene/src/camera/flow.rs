@@ -84,6 +84,7 @@ pub fn displacement_with_drift(
 ) -> Image<f32> {
     let still = flow_between(depth, from, to);
     let seconds = to.seconds - from.seconds;
+    // From a flow of 0: the camera's motion is in `still`, and only that of the points is a rate here.
     let own = with_drift(Image::filled(depth.size(), [0.0; 2]), depth, Some(drift), &from.camera);
     let length = |(still, own): (&[f32; 2], &[f32; 2])| {
         let along = |k: usize| f64::from(still[k]) + seconds * f64::from(own[k]);

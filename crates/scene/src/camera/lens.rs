@@ -61,6 +61,7 @@ impl Distortion {
             let (found, slopes) = self.distort(ray);
             let off = found - image;
             if off.length() <= SETTLED * (1.0 + image.length()) {
+                // Behind a fold, other rays have the same image, and Newton's method may end at one of them.
                 return self.is_unfolded(ray).then_some(ray);
             }
             let step = slopes.inverse() * off;

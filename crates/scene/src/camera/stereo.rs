@@ -103,6 +103,7 @@ impl Rectification {
         wanted[axis] = if along > 0.0 { 1.0 } else { -1.0 };
         let turn = between.cross(wanted);
         let sine = turn.length();
+        // OpenCV's formula, although it has only half of the digits for a small angle.
         let angle = libm::acos((along.abs() / length).min(1.0));
         let turn = if sine > 0.0 { turn * (angle / sine) } else { DVec3::ZERO };
         let turn = DMat3::from_quat(exp_vector(turn));
@@ -115,6 +116,7 @@ impl Rectification {
             mean_centre(&cameras[0], &rotations[0], focal).ok_or(RectificationError::Behind)?,
             mean_centre(&cameras[1], &rotations[1], focal).ok_or(RectificationError::Behind)?,
         ];
+        // The flag `CALIB_ZERO_DISPARITY`: with one principal point, points at infinity have no disparity.
         let centre = [0, 1].map(|k| (centres[0][k] + centres[1][k]) / 2.0);
         Ok(Self { cameras, rotations, focal, centre, axis, baseline })
     }

@@ -53,6 +53,7 @@ impl SplatFrames {
             frame.move_origin(origin);
         }
         align_rotations(&mut frames);
+        // Harmonics that never change need no interpolation between frames.
         let has_harmonics = frames.iter().any(|frame| frame.sh != frames[0].sh);
         Ok(Self { frames, has_harmonics })
     }
@@ -104,6 +105,7 @@ impl SplatFrames {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the frames")]
     fn weights(&self, SceneMoment { u, rate }: SceneMoment) -> FrameWeights {
         let last = self.frames.len() - 1;
+        // At the last frame, `s` is 1 in the last interval: no other interval begins there.
         let k = (u.max(0.0) as usize).min(last - 1);
         let s = u - k as f64;
         if last == 1 {
@@ -160,6 +162,7 @@ fn align_rotations(frames: &mut [Gaussians]) {
             let wide = rotation.map(f64::from);
             let norm = wide.iter().map(|v| v * v).sum::<f64>().sqrt();
             let unit = if norm > 0.0 { wide.map(|v| v / norm) } else { [1.0, 0.0, 0.0, 0.0] };
+            // A quaternion and its negative are one rotation, but a cubic between them passes near 0.
             let along = before.as_ref().map_or(1.0, |before| {
                 before[i].iter().zip(unit).map(|(a, b)| f64::from(*a) * b).sum::<f64>()
             });

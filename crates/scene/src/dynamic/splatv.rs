@@ -92,6 +92,7 @@ pub fn read_splatv(bytes: &[u8]) -> Result<(Gaussians, Vec<SplatTrack>), SceneEr
 fn push_record(record: &[u8; RECORD_LEN], track: &SplatTrack, collector: &mut GaussianCollector) -> bool {
     let float = |k: usize| f32::from_le_bytes([record[k], record[k + 1], record[k + 2], record[k + 3]]);
     let colour = [28, 29, 30].map(|k| coefficient_of_byte(record[k]));
+    // The collector sees no track. NaN makes it drop and count a Gaussian whose track is not finite.
     let logit = if track.is_finite() { logit_of_byte(record[31]) } else { f32::NAN };
     collector.push(&Gaussian {
         position: [0, 4, 8].map(float),
@@ -128,6 +129,7 @@ fn half_at(record: &[u8; RECORD_LEN], offset: usize) -> f32 {
     let bits = u16::from_le_bytes([record[offset], record[offset + 1]]);
     let (exponent, fraction) = (bits >> 10 & 31, f32::from(bits & 1023));
     let magnitude = match exponent {
+        // Subnormal numbers have no leading 1, which the last arm adds as 1024.
         0 => fraction * 2_f32.powi(-24),
         31 if bits & 1023 == 0 => f32::INFINITY,
         31 => f32::NAN,

@@ -265,6 +265,7 @@ fn packed_rotation(word: u32) -> [f32; 4] {
     let mut components = [0.0; 4];
     let others = (0..4).filter(|&k| k != largest);
     for (k, shift) in others.zip([20, 10, 0]) {
+        // A component that is not the largest lies within `sqrt(1/2)` of 0.
         components[k] = (f64::from(word >> shift & 1023) / 1023.0 - 0.5) * SQRT_2;
     }
     let squares: f64 = components.iter().map(|c| c * c).sum();

@@ -84,6 +84,7 @@ pub fn read_tracks(bytes: &[u8], colours: TrackColours) -> Result<(Gaussians, Ve
             gaussian = Gaussian { sh: &constant, ..gaussian };
         }
         if !track.is_finite() {
+            // The collector sees no track. NaN makes it drop and count the Gaussian.
             gaussian.opacity_logit = f32::NAN;
         }
         if collector.push(&gaussian) {

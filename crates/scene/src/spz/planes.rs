@@ -36,6 +36,7 @@ impl AttributePlanes {
             }
             collector.push(&Gaussian {
                 position: decode_position(&positions[9 * i..9 * i + 9], unit, signs.position),
+                // Sixteenths from -10 on (nianticlabs/spz, `load-spz.cc`).
                 log_scale: three_bytes(scales, i).map(|b| f32::from(b) / 16.0 - 10.0),
                 rotation: decode_rotation(
                     &rotations[rotation_len * i..rotation_len * (i + 1)],

@@ -45,6 +45,7 @@ impl SortedWeights {
 
     pub(super) fn quantile(&self, share: f64) -> f64 {
         let wanted = share * self.0.last().expect("the scene has a Gaussian").1;
+        // The last sum is the total itself, so a share of at most 1 always finds a value.
         let at = self.0.partition_point(|(_, up_to)| *up_to < wanted);
         self.0[at].0
     }
@@ -73,6 +74,7 @@ pub(super) fn guess_up(held: &[(DVec3, f64)]) -> UpGuess {
         let along = (*point - mean).dot(normal);
         along * along * along * weight
     });
+    // The least variance is the one along the normal, so this is its power of 3/2.
     let skewness = third.sum::<f64>() / total / (least * least.sqrt());
     if skewness.abs() > LOPSIDED {
         return UpGuess { direction: normal * skewness.signum(), rule: UpRule::Layer };

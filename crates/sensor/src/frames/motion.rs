@@ -162,6 +162,7 @@ fn block_motion(a: &Image<f32>, b: &Image<f32>) -> Option<f32> {
     let lengths = blocks.iter().map(|block| {
         let coarse = Search { a: &small_a, b: &small_b, corner: [block.x, block.y], stride: 1 };
         let [dx, dy] = coarse.best([0, 0], reach as isize, reach, block.variance)?.whole;
+        // The place is known to a pixel of the small picture, so the full one is searched within that.
         let fine = Search { a, b, corner: [block.x * scale, block.y * scale], stride: scale };
         let start = [dx * scale as isize, dy * scale as isize];
         let [dx, dy] = fine.best(start, scale as isize, reach * scale, block.variance)?.exact;
@@ -259,6 +260,7 @@ impl Search<'_> {
             }
         }
         let count = (BLOCK * BLOCK) as f32;
+        // A common change of brightness is no motion, so the mean difference does not count.
         Some(squares / count - (sum / count) * (sum / count))
     }
 
@@ -272,6 +274,7 @@ impl Search<'_> {
             };
             let (Some(before), Some(after)) = (at(-1), at(1)) else { return 0.0 };
             let curve = before - 2.0 * cost + after;
+            // No whole place tried is lower, so the lowest point lies within half a pixel of this one.
             if curve > 0.0 { (0.5 * (before - after) / curve).clamp(-0.5, 0.5) } else { 0.0 }
         };
         [whole[0] as f32 + along(0), whole[1] as f32 + along(1)]

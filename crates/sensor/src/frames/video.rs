@@ -91,6 +91,7 @@ impl VideoSource<'_> {
         // With the protocol in front, no name is taken for an option or an address.
         let mut input = OsString::from("file:");
         input.push(self.path.canonicalize().map_err(unreadable)?);
+        // Messages of the decoder would stand between the bytes of its pictures.
         let level = if program == PROBE { "error" } else { "quiet" };
         // A playlist may name addresses, and other files of this machine.
         let fixed = ["-v", level, "-protocol_whitelist", "file", "-format_whitelist", CONTAINERS];
@@ -129,6 +130,7 @@ impl VideoSource<'_> {
         let version =
             self.programs.ask(DECODER, &["-version"]).map_err(|_| VideoError::NoProgram(DECODER))?;
         let keep = if major_version(&version) < HAS_FPS_MODE { "-vsync" } else { "-fps_mode" };
+        // No frame may be repeated or dropped for a constant rate: each one belongs to a stamp of the probe.
         let output = ["-map", "0:v:0", keep, "passthrough", "-pix_fmt", "rgb24"];
         let pictures = ["-f", "image2pipe", "-c:v", "ppm", "pipe:1"];
         self.start(DECODER, &["-nostdin", "-i"], &[&output[..], &pictures[..]].concat())

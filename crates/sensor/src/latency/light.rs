@@ -26,6 +26,7 @@ impl RecentLight {
     pub(super) fn add(&mut self, frame: &DenseFrame) {
         let oldest = self.frames.len().checked_sub(FRAMES_BEHIND).map(|at| self.frames[at].0 - BEHIND_NS);
         let mut spare = Vec::new();
+        // The frame before `oldest` stays, because light between two frames needs both.
         while oldest.is_some_and(|oldest| self.frames.get(1).is_some_and(|next| next.0 <= oldest)) {
             spare = self.frames.pop_front().map_or_else(Vec::new, |(_, greys)| greys);
         }

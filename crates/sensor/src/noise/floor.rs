@@ -56,6 +56,7 @@ impl NoiseFloor {
         else {
             return [0.0; 2];
         };
+        // Outside the table both are the same point, and the share below would be 0/0.
         if low.lux >= high.lux || lux <= low.lux {
             return [low.on, low.off];
         }
@@ -122,6 +123,7 @@ impl FloorTable {
     pub(crate) fn at(&self, grey: f32) -> [f64; 2] {
         let [first, last] = ENDS.map(f32::from_bits);
         // A grey below 0 or NaN is black: the sensor has refused or counted it.
+        // The bits of positive floats rise with their values, so the upper bits number ranges of greys.
         let index = (grey.max(first).min(last).to_bits() >> DROPPED_BITS) - (ENDS[0] >> DROPPED_BITS);
         self.rates[index as usize]
     }

@@ -37,6 +37,7 @@ impl WaitingEvents {
             ArbiterOrder::Columns => (event.x, event.y),
             ArbiterOrder::None => return self.next.push_back(event),
         };
+        // A pixel waits with one event only, so this replaces none.
         self.lines.entry(line).or_default().insert(place, event);
     }
 
@@ -53,6 +54,7 @@ impl WaitingEvents {
     /// Grants the bus to the next line with events.
     fn grant(&mut self) {
         let after = self.granted.and_then(|line| line.checked_add(1)).unwrap_or(0);
+        // Cyclic: behind the last line with events comes the first one again.
         let found = self.lines.range(after..).next().or_else(|| self.lines.iter().next());
         let Some(line) = found.map(|(line, _)| *line) else { return };
         self.granted = Some(line);

@@ -42,6 +42,7 @@ impl Barriers {
     /// The barrier that a path from `x` to `y` touches with the larger probability.
     pub(super) fn likelier(self, x: f64, y: f64) -> BarrierSide {
         // The touch probability `exp(-2 a g / v)` falls with the product of the distances.
+        // If the path ends beyond a barrier, that product is negative and the smaller one.
         if (self.up - x) * (self.up - y) <= (self.down + x) * (self.down + y) {
             BarrierSide::Up
         } else {
@@ -79,6 +80,7 @@ impl<S: Simd> WideBarriers<S> {
 #[inline(always)]
 fn is_within_reach<S: Simd>([a, g]: [f64x8<S>; 2], v: f64x8<S>) -> mask64x8<S> {
     // Without a division or an exponential: the probability is above `e^-40` where this holds.
+    // It needs no case of its own for `v = 0`: then only barriers that the path passes are within reach.
     a.simd_le(0.0) | g.simd_le(0.0) | (a * g * 2.0).simd_lt(v * NEGLIGIBLE)
 }
 
@@ -140,6 +142,7 @@ pub fn touch_time(a: f64, g: f64, v: f64, z: f64, u: f64) -> f64 {
     let q = phi + 0.5 * z * z + z * (0.25 * z * z + phi).sqrt();
     // The roots of the transform are `shape/q` and the square of the mean over it. The first is
     // taken with probability mean / (mean + root), here without a division.
+    // With `g = 0`, `phi` is 0 and the condition always holds, so the second form never divides by 0.
     let ratio = if u * (q + phi) <= q { shape / q } else { a / g * (q / phi) };
     // An infinite ratio is a touch at the end. The quotient would be NaN.
     if ratio.is_finite() { ratio / (1.0 + ratio) } else { 1.0 }

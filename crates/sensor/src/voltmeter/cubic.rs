@@ -49,6 +49,7 @@ impl DriftCurve for CubicDrift {
         if k5 != 0.0 {
             let middle = Self::level(process, ends, 0.5 * length) - k2;
             let [first, last] = [ends.levels[0] - k2, ends.levels[1] - k2];
+            // The parabola through these three greys, integrated over `s`.
             leak = [
                 first,
                 (middle * 4.0 - first * 3.0 - last) * 0.5,
@@ -63,6 +64,7 @@ impl DriftCurve for CubicDrift {
     #[inline(always)]
     fn level<S: Simd>(_: &DriftProcess, ends: &FrameEnds<S>, t: f64) -> f64x8<S> {
         let start = ends.levels[0];
+        // After the last frame the brightness stays, and the step is not set.
         if ends.inverse == 0.0 {
             return start;
         }

@@ -287,6 +287,7 @@ impl ExactSettings {
 
     /// Largest difference between the voltages at the first and the last frame.
     fn left_over(&self, Barriers { up, down }: Barriers) -> f64 {
+        // Both ends lie between the barriers. An end is less than the larger threshold away from 0.
         match self.initial {
             InitialVoltage::Zero => up.max(down),
             InitialVoltage::Stationary => up + down,

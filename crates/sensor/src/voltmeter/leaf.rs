@@ -103,6 +103,7 @@ impl ClockLeaf {
     /// The first touch of the barrier by the path between two voltages, as a share of the path's
     /// length. `None` if the path does not touch it.
     fn touch(&mut self, side: BarrierSide, [x, y]: [f64; 2], v: f64) -> Option<f64> {
+        // `a` is above 0: a path that ends beyond a barrier has touched it, and goes on from 0.
         let (a, g) = (side.distance(self.barriers, x), side.distance(self.barriers, y));
         // A path that ends beyond the barrier touches it for certain, so no draw is spent on the
         // question.

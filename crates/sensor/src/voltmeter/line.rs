@@ -25,6 +25,7 @@ impl DriftCurve for LineDrift {
         match process.gain {
             DriftGain::Log => {
                 let growth = step * inverse;
+                // The leak counts `L`, but `bend` multiplies `L + k2`: the constant takes `k2` off again.
                 let slope = growth * k1 + (k4 - k5 * k2);
                 // `D'' = k5 (L + k2) growth`, and the brightness is largest at one of the ends.
                 [slope, from * k5, growth, (growth * k5).abs() * from.max(to)]
@@ -78,6 +79,7 @@ impl DriftCurve for LineDrift {
             return [None, None];
         }
         let [slope, bend, growth, _] = curve;
+        // The rate has both signs only if slope and bend have opposite ones, so the logarithm exists.
         let t = libm::log(-slope / bend) / growth;
         [(t > from && t < to).then_some(t), None]
     }
@@ -109,6 +111,7 @@ fn mean_growth<S: Simd>(x: f64x8<S>) -> f64x8<S> {
 
 #[inline(always)]
 fn exp_small<S: Simd>(x: f64x8<S>) -> f64x8<S> {
+    // `e^x = 1 + x E(x)`: one table of coefficients serves both functions.
     let series = x * series_small(x) + 1.0;
     let large = x.abs().simd_ge(SMALL);
     if large.any_true() { large.select(elementary::exp_eight(x), series) } else { series }

@@ -111,6 +111,7 @@ impl<C: DriftCurve> DriftRun<'_, C> {
         let (side, polarity) =
             if rise >= 0.0 { (BarrierSide::Up, Polarity::On) } else { (BarrierSide::Down, Polarity::Off) };
         let (first, step) = (side.step(barriers) - x, side.step(barriers));
+        // Infinite without a rise, but then no target is reached and it is not used.
         let pace = (to - start) / rise;
         let mut crossed = 0.0;
         let mut from = start;

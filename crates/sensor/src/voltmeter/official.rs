@@ -92,6 +92,7 @@ impl OfficialSampler {
             let tau = passage_time(distance, speed, sigma, &mut draws);
             // An event at the stamp of the later frame is left to the next pair.
             if t + tau >= pair.length {
+                // A barrier that is never reached has an infinite `tau`, and the voltage stays.
                 let way = distance * ((pair.length - t) / tau);
                 pixel.voltage += if on { way } else { -way };
                 return ControlFlow::Continue(());

@@ -366,6 +366,7 @@ impl RootWalk<'_> {
     fn knots(&self, node: ClockCell) -> Range<usize> {
         let [a, b] = node.ends();
         let before = |t: f64| self.window.legs.partition_point(|leg| leg.stamp < t);
+        // `next_up` makes the first comparison `<=`: a stamp at the cell's start is not inside.
         before(a.next_up())..before(b)
     }
 

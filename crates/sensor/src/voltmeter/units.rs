@@ -107,6 +107,7 @@ impl ConstantUnits {
     #[must_use]
     pub fn to_official(self, k: [f64; 6]) -> [f64; 6] {
         let (r, g) = (self.time.of_a_microsecond(), self.brightness.greys());
+        // `sqrt(L)/(L + k2)` falls by the root of `g` when greys are counted, so k3 grows by it.
         [k[0], k[1] * g, k[2] * (g * r).sqrt(), k[3] * r, k[4] * r / g, k[5] * r.sqrt()]
     }
 }

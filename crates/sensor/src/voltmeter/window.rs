@@ -54,6 +54,7 @@ impl<'a> TimeStep<'a> {
         last: i64,
     ) -> Self {
         let since_start = |t: i64| (t - start) as f64;
+        // At least one frame is counted, because no window begins before the first frame.
         let before = |t: i64| frames.partition_point(|frame| frame.t <= t) - 1;
         let leg = |frame: usize| {
             let stamp = frames[frame].t;

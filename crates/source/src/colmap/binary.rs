@@ -112,6 +112,7 @@ pub(super) fn read_points(path: &Path) -> Result<BTreeMap<u64, ColmapPoint>, Sou
 pub(super) fn rename_images(path: &Path, name_of: &dyn Fn(&str) -> String) -> Result<Vec<u8>, SourceError> {
     let data = load_bytes(path)?;
     let mut bytes = BinaryCursor::new(path, &data);
+    // The number of images, which `records` reads but does not pass on.
     let mut renamed = data.get(..8).unwrap_or_default().to_vec();
     bytes.records("image", IMAGE_BYTES, |bytes| {
         // Id, pose and camera.

@@ -98,6 +98,7 @@ fn mutual_pairs(a: &[[i16; LENGTH]], b: &[[i16; LENGTH]]) -> Vec<(usize, usize)>
     // One pass over the products finds the nearest in both directions.
     let mut of_b = vec![NearestPair::default(); b.len()];
     let of_a = a.iter().enumerate().map(|(i, x)| {
+        // Elements are not negative, so the product 0, a right angle, stands for no candidate.
         let mut nearest = NearestPair::default();
         for (j, (y, back)) in b.iter().zip(&mut of_b).enumerate() {
             let product = dot_product(x, y);

@@ -297,6 +297,7 @@ impl<'a> PoseWorkspace<'a> {
             Err(ran) if ran.says(NO_MODEL) => return Err(PoseError::NoModel { given }),
             Err(ran) => return Err(ran.failed(EndKind::Code(1)).into()),
         };
+        // COLMAP numbers its models from 0 without gaps.
         let numbered = (0..).map(|number: u32| self.sparse.join(number.to_string()));
         let folders = numbered.take_while(|folder| folder.is_dir());
         let read = |folder: PathBuf| {

@@ -83,6 +83,7 @@ impl SeenLines {
             if line.contains("Processed file [") {
                 self.described += 1;
             } else if line.contains("Initializing with image pair") {
+                // The photos of the first pair have no lines of their own.
                 self.registered = 2;
             } else if line.contains("Registering image #") {
                 self.registered += 1;

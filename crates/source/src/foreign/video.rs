@@ -148,11 +148,13 @@ fn one_of(candidates: &[usize], every: u32) -> String {
 /// Arguments of ffmpeg that pass on the chosen frames of a video, up to those of the output.
 fn decoding_arguments(video: &Path, chosen: Choice<'_>, level: &str) -> Result<Vec<OsString>, ForeignError> {
     let video = std::path::absolute(video).map_err(ForeignError::io_error(video))?;
+    // The prefix keeps a path with a colon from being taken for a protocol.
     let mut input = OsString::from("file:");
     input.push(video);
     let before = ["-nostdin", "-v", level, "-protocol_whitelist", "file", "-format_whitelist", CONTAINERS];
     let before = before.into_iter().chain(["-max_pixels", MAX_PIXELS, "-i"]);
     let (filter, most) = (chosen.filter(), chosen.most.to_string());
+    // The rate is that of the times in the filter, so that no frame is repeated or dropped.
     let after = ["-map", "0:v:0", "-vf", &filter, "-r", "25", "-frames:v", &most, "-pix_fmt", "rgb24"];
     let before = before.map(OsString::from).chain([input]);
     Ok(before.chain(after.map(OsString::from)).collect())
@@ -256,6 +258,8 @@ fn laplacian_variance(size: Size, rows: &mut impl Read) -> io::Result<f64> {
     if count == 0 {
         return Ok(0.0);
     }
+    // The sums are exact, and the mean of a Laplacian is near 0, so the difference below loses few digits.
+    // The luma is in thousandths, which the variance has squared.
     let mean = sum as f64 / f64::from(count);
     Ok((squares as f64 / f64::from(count) - mean * mean) / 1e6)
 }

@@ -238,6 +238,7 @@ impl SharedMedium for SharedBucket {
         let mut file = File::create_new(to).map_err(disk_error("writing", to))?;
         let (mut from, mut hasher) = (0, blake3::Hasher::new());
         while from < size {
+            // The object may be replaced between two ranges; the digest over all of them finds that.
             let range = from..size.min(from + PART);
             from = range.end;
             let got = self.send(|| self.bucket.get_range(&at, range.clone()));
@@ -287,6 +288,7 @@ impl SharedMedium for SharedBucket {
 fn builder(environment: &BucketEnvironment) -> Result<AmazonS3Builder, StoreError> {
     let profile = SharedProfile::read(environment)?;
     let mut builder = AmazonS3Builder::new()
+        // The service compares each upload with its checksum. `is_sound` relies on that and reads no bytes.
         .with_checksum_algorithm(Checksum::SHA256)
         .with_retry(RetryConfig { retry_timeout: PATIENCE, ..RetryConfig::default() });
     for (name, value) in &environment.variables {
@@ -296,6 +298,7 @@ fn builder(environment: &BucketEnvironment) -> Result<AmazonS3Builder, StoreErro
         }
     }
     let is_set = |builder: &AmazonS3Builder, key| builder.get_config_value(&key).is_some();
+    // A key, its secret and its token belong together, so they never come from two sources.
     if !is_set(&builder, AmazonS3ConfigKey::AccessKeyId) {
         for (key, value) in profile.keys {
             builder = builder.with_config(key, value);

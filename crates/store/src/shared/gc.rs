@@ -84,6 +84,7 @@ struct SharedFile {
 /// was used lately is lost.
 pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
     let shared = SharedFolder::open(root, Arc::new(SystemFs))?;
+    // Listed first: a blob that is published later is on no list, and stays.
     let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
     let probed = shared.file_system_time()?;
     let newest = records.iter().chain(&blobs).map(|file| file.stat.mtime_ns).max();
@@ -94,6 +95,7 @@ pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, Stor
         return Err(StoreError::Clocks { path: root.to_owned(), seconds: difference.as_secs() });
     }
     let age = i64::try_from((sweep.older_than + CLOCK_MARGIN).as_nanos()).unwrap_or(i64::MAX);
+    // The earlier of both clocks counts, so that a difference keeps files longer and never shorter.
     let until_ns = probed.min(sweep.now_ns).saturating_sub(age);
     let mut collection = Collection { shared: &shared, until_ns, swept: SharedSwept::default() };
     collection.swept.clock_difference = difference.as_secs();
@@ -116,6 +118,7 @@ impl Collection<'_> {
         blobs: Vec<SharedFile>,
         dry_run: bool,
     ) -> Result<(), StoreError> {
+        // Before anything moves: a file that enters or leaves a folder makes the folder look young.
         let expired = self.expired()?;
         let is_old = |file: &SharedFile| file.stat.mtime_ns <= self.until_ns;
         let (old, young): (Vec<_>, Vec<_>) = records.into_iter().partition(is_old);
@@ -178,6 +181,7 @@ impl Collection<'_> {
 
     /// Gives a file of the trash its name again.
     fn put_back(&mut self, from: &Path, to: &Path) -> Result<(), StoreError> {
+        // A link and no rename: the file that a process has published again meanwhile must stay.
         match self.shared.link(from, to) {
             // Another collection put it back.
             Err(StoreError::Io { source, .. }) if is_absent(&source) => {}

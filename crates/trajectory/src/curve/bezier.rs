@@ -63,6 +63,7 @@ impl BezierCurve {
         let determined = u32::try_from(steps.len()).unwrap_or(u32::MAX).min(MAX_DEGREE);
         let degree = degree.clamp(1, determined);
         let before = running_sums(steps.iter().copied());
+        // Bernstein polynomials are over 0 to 1, so the parameter enters as a share of the whole.
         let x: Vec<f64> = before.iter().map(|s| s / before[steps.len()]).collect();
         let fit = |points: &[DVec3]| PinnedBulge::fit_points(degree as usize, &x, points);
         let rotations: Vec<DQuat> = knots.iter().map(|k| k.rotation).collect();
@@ -98,6 +99,7 @@ fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
     if rotations.len() == 2 {
         return None;
     }
+    // On a path that turns one way the middle rotation lies nearest to the mean, so few rounds are needed.
     let mean = settled_mean(rotations, rotations[rotations.len() / 2]).ok()?;
     let vectors: Vec<DVec3> = rotations.iter().map(|r| log_vector(mean.conjugate() * *r)).collect();
     let near = vectors.iter().all(|r| r.length() <= WIDEST);

@@ -32,6 +32,7 @@ struct SegmentMoves([f64; 3]);
 impl SegmentMoves {
     /// The cumulative basis at `u` in [0, 1].
     fn basis_value(u: f64) -> Self {
+        // Each value is the sum of the uniform B-spline's basis from its move on; the sum for the start is 1.
         let (u2, u3) = (u * u, u * u * u);
         Self([(5.0 + 3.0 * u - 3.0 * u2 + u3) / 6.0, (1.0 + 3.0 * u + 3.0 * u2 - 2.0 * u3) / 6.0, u3 / 6.0])
     }

@@ -218,6 +218,7 @@ fn against_poses(
         ];
         for (k, worst) in worst.iter_mut().enumerate() {
             let allowed = bends[k] + moved[k] + ROUNDING * if k == 0 { scale } else { 1.0 };
+            // Not `>`: a difference of 0 must still replace the start, whose allowed value is infinite.
             if off[k] / allowed >= worst.off / worst.allowed {
                 (worst.off, worst.allowed) = (off[k], allowed);
             }

@@ -147,6 +147,7 @@ fn step_integral(x: f64) -> f64 {
         1.0 / 24.0 + r / 6.0 + r * r / 4.0 + r * r * r / 6.0 - r * r * r * r / 12.0
     } else {
         let r = (3.0 - w).max(0.0);
+        // The step is point-symmetric, so its integral over the window (0 to 3 in `w`) is 1.5.
         w - 1.5 + r * r * r * r / 24.0
     };
     in_w / 1.5

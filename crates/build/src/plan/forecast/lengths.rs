@@ -141,6 +141,7 @@ impl<'a> SceneLengths<'a> {
         let views = views.map(|v| NamedPose { name: &v.name, world_from_camera: v.world_from_camera });
         let views: Vec<NamedPose<'_>> = views.collect();
         let speed = match trajectory.speed.clone() {
+            // The recipe states the speed in renderings, and the meter sees the points, which move less.
             SpeedChoice::Flow(flow) => SpeedChoice::Flow(FlowSpeed { px_s: flow.px_s / IN_FRONT, ..flow }),
             other => other,
         };
@@ -162,6 +163,7 @@ impl<'a> SceneLengths<'a> {
         let (meter, last) = (self.meter.as_ref()?, path.poses.len().checked_sub(1).filter(|last| *last > 0)?);
         let places = PLACES.min(last);
         let speed = |place: usize| {
+            // The last place is one pose before the end, because a velocity takes two poses.
             let at = if places > 1 { place * (last - 1) / (places - 1) } else { 0 };
             let step = path.seconds / last as f64;
             let [twist, _] = pose_twists(&path.poses[at..at + 2], &[0.0, step])[..] else { return None };

@@ -46,6 +46,7 @@ impl ChecksStage {
     ) -> Result<Option<Finding>, StageError> {
         let (Some(model), Some(recording)) = (&self.imu, recording) else { return Ok(None) };
         let [samples, states, sensor] = InertialBytes::NAMES.map(|name| {
+            // An absent file is judged like an empty one, so it becomes a finding and does not end the step.
             path_of(&recording.files, name).map_or(Ok(Vec::new()), |path| read(path, files::MAX_DOCUMENT))
         });
         let (samples, states, sensor) = (samples?, states?, sensor?);
@@ -77,6 +78,8 @@ impl ChecksStage {
             let Some(KnownDepth { pose, image, is_whole }) = depths.at(name, size)? else { continue };
             let expected = pair.disparity_image(&image);
             let mut stated = read_picture(path, size)?;
+            // A disparity without an expected one counts as a fault, and this image lacks the objects that
+            // move.
             if !is_whole {
                 let pixels = stated.pixels_mut().iter_mut().zip(expected.pixels());
                 pixels.filter(|(_, expected)| expected.is_nan()).for_each(|(stated, _)| *stated = f32::NAN);

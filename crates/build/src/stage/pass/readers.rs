@@ -79,6 +79,8 @@ impl<'p, 'c> PoseReaders<'p, 'c> {
             }
             let seconds = (self.clock)() - began;
             let (images, renderer) = (&images, &mut *renderer);
+            // Also a pose that no step wants: `finish` takes a product as complete only if all poses were
+            // read.
             self.read(RenderedPose { index, images, work, seconds, has_frame: false, renderer });
         }
         Ok(())

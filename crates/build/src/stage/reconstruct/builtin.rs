@@ -62,6 +62,7 @@ impl BuiltinStage {
             goes_on: &goes_on,
             news: &mut news,
             clock: cx.clock,
+            // Replaced, since the state lies in the store and no person has named it.
             checkpoint: state.as_deref().map(|path| CheckpointFile { path, replaces: true }),
         };
         let trained = training::train_capture(capture, &files, &self.settings, &Backend::Cpu, watch)?;

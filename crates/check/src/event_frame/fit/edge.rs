@@ -91,6 +91,7 @@ pub(super) fn find_unequal_edge(near: &[NearPixel], other: f64) -> Option<EventE
     if near.len() < MIN_NEAR {
         return None;
     }
+    // The share of the pixels below a quantile of the law scatters like a binomial count.
     let share = DEVIATIONS * (UNEQUAL_EDGE * (1.0 - UNEQUAL_EDGE) / near.len() as f64).sqrt();
     // Where the drift turns, residuals lie anywhere between both thresholds, and fewer pixels are
     // about to fire.
@@ -115,7 +116,8 @@ fn modelled(near: &[NearPixel], scale: f64) -> Vec<f32> {
     let (each, step) = ((MODELLED / near.len()).max(1), near.len().div_ceil(MODELLED));
     let drawn = near.iter().step_by(step).flat_map(|pixel| std::iter::repeat_n(*pixel, each));
     let value = |(i, pixel): (usize, NearPixel)| {
-        // Multiples of an irrational number fill the unit interval evenly.
+        // Multiples of an irrational number fill the unit interval evenly. At its ends, the quantile is
+        // infinite.
         let place = ((i as f64 + 0.5) * std::f64::consts::SQRT_2).fract().clamp(1e-9, 1.0 - 1e-9);
         // Noise of the voltage moves the point of the next event like a part of the threshold.
         let own = pixel.blur / (pixel.way.floor() + 1.0);

@@ -44,6 +44,7 @@ impl LineSums {
     pub(super) fn freedom(self, parts: &[Self]) -> [f64; 2] {
         let of = |square: fn(&Self) -> f64| {
             let shares = parts.iter().map(|part| square(part) / square(&self));
+            // Equal parts give their number, and one part that outweighs all others gives 1.
             1.0 / shares.map(|share| share * share).sum::<f64>()
         };
         [of(|sums| sums.xx), of(|sums| sums.yy)]

@@ -184,6 +184,7 @@ impl McapWriter {
         let offset = self.file.at;
         let head = [
             &fields::numbers(&[span[0], span[1], uncompressed])[..],
+            // The format sums the records before compression ("Chunk", field `uncompressed_crc`).
             &crc32fast::hash(&records).to_le_bytes(),
             &text(COMPRESSION),
             &(stored.len() as u64).to_le_bytes(),
@@ -234,6 +235,7 @@ impl McapWriter {
         self.finish_chunk()?;
         let sum = self.file.sum.clone().finalize();
         self.file.write(&record(opcode::DATA_END, &sum.to_le_bytes()))?;
+        // The sum of the data section ends with `DataEnd`; the footer has one of the summary alone.
         self.file.sum = crc32fast::Hasher::new();
         self.write_summary()?;
         self.file.write(MAGIC)?;

@@ -241,6 +241,7 @@ fn compensation_gradient<S: RealNumber<Plain = S>>([a0, a1]: [[S; 3]; 2], total:
     // needle's `det0` is the square of a small number, whose own derivative would lose its digits.
     let by_det0 = half * total * (one / det0 - one / det);
     let by_squares = -half * total * d / det;
+    // `det0 = |a0 x a1|^2` changes by `2 (a1 x n)` along `a0` and by `2 (n x a0)` along `a1`.
     let (n0, n1) = (cross_product(a1, n), cross_product(n, a0));
     [
         three(|k| two * (by_det0 * n0[k] + by_squares * a0[k])),

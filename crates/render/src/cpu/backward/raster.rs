@@ -250,6 +250,7 @@ impl BackwardLayer<'_> {
             let mut slope = free.simd_lt(MAX_ALPHA).select(alpha, zero);
             if SOFT {
                 let (ramp, ramp_slope) = soft_ramp(simd, alpha);
+                // The derivative of `alpha ramp(alpha)` by `ln alpha`. That of a capped opacity stays 0.
                 slope *= ramp + alpha * ramp_slope;
                 alpha *= ramp;
             }

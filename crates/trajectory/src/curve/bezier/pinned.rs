@@ -21,6 +21,7 @@ impl PinnedBulge {
     pub(super) fn fit_points(degree: usize, x: &[f64], points: &[DVec3]) -> Self {
         let last = points.len() - 1;
         let (start, chord) = (points[0], points[last] - points[0]);
+        // The pinned control points already meet both ends, so only the points between are fitted.
         let column = |i: usize| x[1..last].iter().map(|x| bernstein_basis(degree, i, *x)).collect();
         let right = (1..last).map(|k| points[k] - (start + chord * x[k])).collect();
         let mut control = vec![DVec3::ZERO; degree + 1];

@@ -52,6 +52,7 @@ impl ValueInterval {
         match op {
             BinaryOperator::Add => Self::hull_of(&[a.low + b.low, a.high + b.high], 1),
             BinaryOperator::Subtract => Self::hull_of(&[a.low - b.high, a.high - b.low], 1),
+            // Monotonic in each operand while the other stays, so the extremes are at corners.
             BinaryOperator::Multiply => Self::hull_of(&corners(|x, y| x * y), 1),
             BinaryOperator::Divide if b.low <= 0.0 && b.high >= 0.0 => None,
             BinaryOperator::Divide => Self::hull_of(&corners(|x, y| x / y), 1),
@@ -77,6 +78,7 @@ impl ValueInterval {
         // An even power of an interval around zero is smallest inside it, not at an end.
         match Self::hull_of(&ends, LIBM_ULPS)? {
             hull if even && holds_zero && exponent > 0.0 => Some(Self { low: 0.0, ..hull }),
+            // Widening may reach below 0, which no even power does.
             hull if even => Some(Self { low: hull.low.max(0.0), ..hull }),
             hull => Some(hull),
         }
