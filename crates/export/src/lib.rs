@@ -47,12 +47,12 @@ mod tree;
 
 pub use error::ExportError;
 pub use formats::{FORMATS, format_named};
-use gs2e_tree::Exposure;
 pub use included::IncludedExporter;
 pub use ledger::{ExportLoss, LossKind, UnmetNeed};
 pub use plan::{ExportPlan, TestViews};
 pub use subject::{ExportSubject, SubjectChoice};
 
+use gs2e_tree::Exposure;
 use serde_json::{Value, json};
 use std::path::Path;
 use tree::ExportFolder;
