@@ -47,7 +47,7 @@ mod level;
 mod project;
 mod raster;
 mod resolve;
-mod segments;
+mod segmentation;
 mod sort;
 mod splat;
 mod unseen;
@@ -57,7 +57,7 @@ pub use level::InstructionSet;
 use super::sample::TileSample;
 use super::{
     ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
-    parts,
+    objects,
 };
 use activate::{GaussianBlock, PROMISES};
 use bin::{OrderedSplats, TileGrid, TileLists};
@@ -73,7 +73,7 @@ use project::{ProjectedSplats, ProjectionInput};
 use raster::RasterInput;
 use rayon::prelude::*;
 use resolve::BlendedTiles;
-use segments::{BlendBuffers, SegmentPass};
+use segmentation::{BlendBuffers, SegmentPass};
 use sort::DepthSorter;
 use std::sync::Arc;
 
@@ -226,7 +226,7 @@ impl CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
-        let views = parts::part_views(&self.scene, view)?;
+        let views = objects::part_views(&self.scene, view)?;
         self.advance(view.seconds);
         let mut work = self.project(&views, asked);
         done(PassKind::Project);
@@ -394,7 +394,7 @@ impl Renderer for CpuRenderer {
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        parts::held_part_views(&self.scene, view)
+        objects::held_part_views(&self.scene, view)
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

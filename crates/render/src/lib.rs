@@ -37,7 +37,7 @@ mod gpu_error;
 pub mod lens;
 pub mod lights;
 pub mod near;
-pub mod parts;
+pub mod objects;
 pub mod points;
 pub mod reference;
 pub mod sample;

@@ -42,7 +42,7 @@ use super::dual::{DualNumber, RealNumber};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{
     ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
-    parts,
+    objects,
 };
 use glam::DVec3;
 use gs2e_image::{Image, Size};
@@ -139,7 +139,7 @@ impl ReferenceRenderer {
         rates: impl Fn(usize) -> GaussianRates + Sync,
     ) -> Result<(Vec<ReferenceLayer>, RenderWork), RenderError> {
         super::check_view(view)?;
-        let views = parts::part_views(&self.scene, view)?;
+        let views = objects::part_views(&self.scene, view)?;
         let eyes: Vec<ReferenceView<'_>> =
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
         let changing = self.scene.at(view.seconds);
@@ -191,7 +191,7 @@ impl Renderer for ReferenceRenderer {
     }
 
     fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        parts::held_part_views(&self.scene, view)
+        objects::held_part_views(&self.scene, view)
     }
 
     fn render(

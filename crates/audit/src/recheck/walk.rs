@@ -13,7 +13,7 @@ use gs2e_check::geometry::watch::GeometryWatch;
 use gs2e_check::geometry::{GeometryMeasures, Measured, PictureMeasures};
 use gs2e_check::photometric::align::smooth_picture;
 use gs2e_image::{GreyImage, Image};
-use gs2e_render::parts::views_of_motions;
+use gs2e_render::objects::views_of_motions;
 use gs2e_scene::camera::flow::{flow_rates, leave_out_parts};
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::camera::view::CameraView;

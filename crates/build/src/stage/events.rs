@@ -17,7 +17,7 @@ use gs2e_num::seed::Seed;
 use gs2e_num::stats::nearest_ranks;
 use gs2e_render::doubt::BlendDoubt;
 use gs2e_render::lights::SceneLights;
-use gs2e_render::parts::near_warnings;
+use gs2e_render::objects::near_warnings;
 use gs2e_render::{ChannelSet, OmissionPolicy, RenderStyle, RenderedImages, Renderer};
 use gs2e_sampling::ErrorTolerance;
 use gs2e_sampling::kept::{KeptFrames, KeptRenderer};

@@ -17,7 +17,7 @@
 //! # use glam::DVec3;
 //! # use gs2e_image::Size;
 //! # use gs2e_num::se3::Se3;
-//! use gs2e_render::parts::views_of_motions;
+//! use gs2e_render::objects::views_of_motions;
 //! use gs2e_scene::camera::{Camera, view::CameraView};
 //! use gs2e_scene::motion::PartMotion;
 //!
