@@ -94,7 +94,11 @@ impl Resolver<'_> {
             scale: self.scene_scale(&raw.attributes),
             imu: self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref()),
             lights: self.lights(raw, rate, outputs.as_ref()),
-            objects: self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct)),
+            objects: self.objects_and_segmentation(
+                raw,
+                outputs.as_ref(),
+                changes(source.as_ref(), &reconstruct)
+            ),
             render: self.render_along(raw, source.as_ref(), &reconstruct),
             checks: raw.checks.or_default(),
             licence: self.licence(&raw.licence, source.as_ref()),

@@ -59,8 +59,8 @@ pub enum ProductForm {
         /// The poses that have a file.
         poses: PictureNumbers,
     },
-    /// Masks of 8-bit grey, PNG, and the places of the objects.
-    Masks(PictureNumbers),
+    /// Segmentations of 8-bit grey, PNG, and the places of the objects.
+    Segmentations(PictureNumbers),
     /// Inertial data, with the names of [`imu::files`].
     Samples,
 }
@@ -165,7 +165,7 @@ impl ReleaseProduct {
                 return names.map(|name| format!("{}/{name}", self.name())).to_vec();
             }
             ProductForm::Colours(numbers)
-            | ProductForm::Masks(numbers)
+            | ProductForm::Segmentations(numbers)
             | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
@@ -176,7 +176,8 @@ impl ReleaseProduct {
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
         let (folder, end) = (self.name(), self.form.extensions()[0]);
-        let places = matches!(self.form, ProductForm::Masks(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
+        let places =
+            matches!(self.form, ProductForm::Segmentations(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
         kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(places).collect()
     }
 }
@@ -188,7 +189,7 @@ impl ProductForm {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],
             Self::Numbers { .. } => &[".npy"],
-            Self::Masks(_) => &[".png", ".csv"],
+            Self::Segmentations(_) => &[".png", ".csv"],
             Self::Samples => &[".csv", ".yaml"],
         }
     }

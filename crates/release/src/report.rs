@@ -14,18 +14,18 @@ mod findings;
 mod gallery;
 mod inertia;
 mod maps;
-mod masks;
 mod overview;
 mod path_views;
 mod section;
 mod seen;
+mod segmentation;
 mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
-pub(super) use masks::mask_picture;
 pub(super) use section::ReportTrajectory;
 pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
+pub(super) use segmentation::segmentation_picture;
 
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;

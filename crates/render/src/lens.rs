@@ -177,7 +177,7 @@ impl LensMap {
         image
     }
 
-    /// The value of the nearest pixel: a depth, or a part.
+    /// The value of the nearest pixel: a depth, or the number of an object.
     fn nearest<T: Copy + Default + Send + Sync>(&self, wide: &Image<T>) -> Image<T> {
         let width = self.wide.size.width as usize;
         self.each(|i| {
@@ -187,12 +187,13 @@ impl LensMap {
     }
 
     /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the
-    /// axes of its part, which has one of `views`; without parts, it is still. What changes adds its
+    /// axes of its object, which has one of `views`; without objects, it is still. What changes adds its
     /// velocity.
     fn flow(&self, depth: &Image<f32>, seen: &RenderedImages, views: &[CameraView]) -> Image<[f32; 2]> {
-        let (segments, drift) = (seen.segments.as_ref(), seen.drift.as_ref());
+        let (segmentation, drift) = (seen.segmentation.as_ref(), seen.drift.as_ref());
         self.each(|i| {
-            let velocity = views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))].velocity;
+            let velocity =
+                views[segmentation.map_or(0, |segmentation| usize::from(segmentation.pixels()[i]))].velocity;
             let point = self.rays[i].extend(1.0) * f64::from(depth.pixels()[i]);
             let own = drift.map_or(DVec3::ZERO, |drift| DVec3::from_array(drift.pixels()[i].map(f64::from)));
             let moving = own - velocity.linear - velocity.angular.cross(point);
@@ -341,8 +342,8 @@ impl Renderer for LensRenderer {
         self.inner.motion_channels()
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        self.inner.part_views(view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.object_views(view)
     }
 
     fn expect(&mut self, view: &CameraView, want: ChannelSet) {
@@ -376,11 +377,11 @@ impl Renderer for LensRenderer {
             depth: seen.depth.as_ref().map(|depth| map.nearest(depth)),
             luminance_rate: seen.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
             doubtful: seen.doubtful.as_ref().map(|image| map.share_resampled(image)),
-            segments: seen.segments.as_ref().map(|segments| map.nearest(segments)),
+            segmentation: seen.segmentation.as_ref().map(|segmentation| map.nearest(segmentation)),
             drift: seen.drift.as_ref().map(|drift| map.nearest(drift)),
         };
         let depth = out.depth.as_ref().filter(|_| want.flow);
-        out.flow = depth.map(|depth| map.flow(depth, out, &inner.part_views(&wide)));
+        out.flow = depth.map(|depth| map.flow(depth, out, &inner.object_views(&wide)));
         out.clear_all_but(want);
         Ok(work)
     }

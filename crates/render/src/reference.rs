@@ -47,7 +47,7 @@ use super::{
 use glam::DVec3;
 use gs2e_image::{Image, Size};
 use gs2e_scene::Gaussians;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 pub use parameters::GaussianRates;
 use parameters::MovingGaussian;
@@ -139,7 +139,7 @@ impl ReferenceRenderer {
         rates: impl Fn(usize) -> GaussianRates + Sync,
     ) -> Result<(Vec<ReferenceLayer>, RenderWork), RenderError> {
         super::check_view(view)?;
-        let views = objects::part_views(&self.scene, view)?;
+        let views = objects::object_views(&self.scene, view)?;
         let eyes: Vec<ReferenceView<'_>> =
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
         let changing = self.scene.at(view.seconds);
@@ -149,7 +149,7 @@ impl ReferenceRenderer {
         };
         let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
             .into_par_iter()
-            .map(|i| eyes[self.scene.part_of(i)].layer(&self.scene, i, &gaussian(i)))
+            .map(|i| eyes[self.scene.object_of(i)].layer(&self.scene, i, &gaussian(i)))
             .collect();
         let work = count_outcomes(&all);
         let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
@@ -190,8 +190,8 @@ impl Renderer for ReferenceRenderer {
         ChannelSet::of_motion(&self.scene)
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        objects::held_part_views(&self.scene, view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        objects::held_object_views(&self.scene, view)
     }
 
     fn render(
@@ -214,16 +214,16 @@ impl Renderer for ReferenceRenderer {
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
         // Flow is computed from depth, so depth is made for it too.
         let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
-        let segments = Image::from_vec(size, pixels.iter().map(|pixel| pixel.segment).collect());
-        let views = self.part_views(view);
+        let segmentation = Image::from_vec(size, pixels.iter().map(|pixel| pixel.object).collect());
+        let views = self.object_views(view);
         let drift = Image::from_vec(size, pixels.iter().map(ReferencePixel::drift).collect());
         let flow = |depth| {
-            let still = flow_of_parts(depth, Some(&segments), &views);
+            let still = flow_of_objects(depth, Some(&segmentation), &views);
             with_drift(still, depth, Some(&drift).filter(|_| self.scene.dynamics().is_some()), &view.camera)
         };
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
         out.drift = want.drift.then_some(drift);
-        out.segments = want.segments.then_some(segments);
+        out.segmentation = want.segmentation.then_some(segmentation);
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
     }
@@ -236,8 +236,8 @@ struct ReferencePixel {
     depth: f64,
     doubtful: f64,
     drift: DVec3,
-    /// The part that the pixel shows.
-    segment: u8,
+    /// The object that the pixel shows.
+    object: u8,
     blended: u64,
     stopped: bool,
 }
@@ -278,11 +278,11 @@ impl ReferenceRenderer {
             depth: 0.0,
             doubtful: 0.0,
             drift: DVec3::ZERO,
-            segment: 0,
+            object: 0,
             blended,
             stopped,
         };
-        let mut shares = vec![0.0; self.scene.part_count()];
+        let mut shares = vec![0.0; self.scene.object_count()];
         for (layer, weight) in self.weights(&seen) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
@@ -290,10 +290,10 @@ impl ReferenceRenderer {
             pixel.depth += weight.value * layer.depth.value;
             pixel.drift += layer.drift * weight.value;
             pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
-            let part = self.scene.part_of(layer.order.1).checked_sub(1);
-            part.into_iter().for_each(|part| shares[part] += weight.value);
+            let object = self.scene.object_of(layer.order.1).checked_sub(1);
+            object.into_iter().for_each(|object| shares[object] += weight.value);
         }
-        pixel.segment = largest_part(&shares);
+        pixel.object = largest_object(&shares);
         for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
             *sum = *sum + pixel.rest * D::constant(f64::from(behind));
         }
@@ -375,11 +375,12 @@ impl ReferenceRenderer {
     }
 }
 
-/// The part with the largest of these shares, from 1; 0 if the rest of 1 is larger. Of equal ones, the first.
-fn largest_part(shares: &[f64]) -> u8 {
+/// The object with the largest of these shares, from 1; 0 if the rest of 1 is larger. Of equal ones, the
+/// first.
+fn largest_object(shares: &[f64]) -> u8 {
     let rest = 1.0 - shares.iter().sum::<f64>();
     let larger =
-        |most: (f64, u8), (share, part): (&f64, u8)| if *share > most.0 { (*share, part) } else { most };
+        |most: (f64, u8), (share, object): (&f64, u8)| if *share > most.0 { (*share, object) } else { most };
     shares.iter().zip(1..).fold((rest, 0), larger).1
 }
 

@@ -265,8 +265,8 @@ impl Renderer for KeptRenderer {
         self.inner.motion_channels()
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        self.inner.part_views(view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.object_views(view)
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {

@@ -1,5 +1,5 @@
-//! Sharp and blurred frames, depth, flow, masks and inertial data. Those that the recipe asks for are named.
-//! Every picture decodes to the size of the camera and holds values that its kind can have.
+//! Sharp and blurred frames, depth, flow, segmentations and inertial data. Those that the recipe asks for are
+//! named. Every picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use gs2e_build::artifact::OBJECT_PLACES;
@@ -63,8 +63,10 @@ fn picture_fault(
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             same(check_numbers(kind, size, channels, positive, &bytes))
         }
-        Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
-        Some((_, ProductForm::Masks(_))) => same(check_mask(size, &bytes)),
+        Some((_, ProductForm::Segmentations(_))) if name.ends_with(OBJECT_PLACES) => {
+            motion::is_canonical(&bytes)
+        }
+        Some((_, ProductForm::Segmentations(_))) => same(check_segmentation(size, &bytes)),
         // The text on the sensor has the form of the version that wrote it.
         Some((_, ProductForm::Samples)) if name.ends_with(imu::files::SENSOR) => Ok(true),
         Some((_, ProductForm::Samples)) => imu::files::is_canonical(&bytes),
@@ -91,12 +93,12 @@ fn picture_fault(
     }
 }
 
-/// Decodes a mask and returns its file as this program writes it.
-fn check_mask(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
+/// Decodes a segmentation and returns its file as this program writes it.
+fn check_segmentation(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
     let image = png::read_sized(Cursor::new(bytes), size).map_err(|e| e.to_string())?;
-    let mask = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
+    let segmentation = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
     let mut again = Vec::new();
-    png::write_image(&mask, &mut again).expect("a Vec takes any bytes");
+    png::write_image(&segmentation, &mut again).expect("a Vec takes any bytes");
     Ok(again)
 }
 

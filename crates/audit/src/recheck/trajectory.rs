@@ -20,7 +20,7 @@ use gs2e_recipe::{OutputKind, Recipe, SceneSource};
 use gs2e_release::scene::TrajectoryPart;
 use gs2e_sampling::exposure;
 use gs2e_scene::camera::stereo::Rectification;
-use gs2e_scene::motion::{PartMotion, PlaceLine};
+use gs2e_scene::motion::{ObjectMotion, PlaceLine};
 use gs2e_sensor::frames::anchors::AnchorFrames;
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_sensor::{SensorChoice, front_end};
@@ -248,8 +248,8 @@ impl ReleasedTrajectory<'_> {
 }
 
 /// The motions of the objects at each stamp, in the order of their lines, which [`judge_places`] judges.
-fn motions_by_stamp(places: &[PlaceLine]) -> BTreeMap<i64, Vec<PartMotion>> {
-    let mut found = BTreeMap::<i64, Vec<PartMotion>>::new();
+fn motions_by_stamp(places: &[PlaceLine]) -> BTreeMap<i64, Vec<ObjectMotion>> {
+    let mut found = BTreeMap::<i64, Vec<ObjectMotion>>::new();
     for line in places {
         found.entry(line.stamp_us).or_default().extend(stated_motion(line));
     }

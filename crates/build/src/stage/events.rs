@@ -402,15 +402,15 @@ fn sample_path(
             .map_err(StageError::work_failed("measure the optical flow"))?;
         doubt.add(&rendered);
         let mut depth = rendered.depth.expect("depth was asked for");
-        let segments = rendered.segments.as_ref();
+        let segmentation = rendered.segmentation.as_ref();
         let drift = rendered.drift.as_ref();
-        let [from, to] = [from, to].map(|view| renderer.part_views(&view));
+        let [from, to] = [from, to].map(|view| renderer.object_views(&view));
         moved_px.extend(match drift {
             Some(drift) => flow::displacement_with_drift(&depth, drift, &from[0], &to[0]).into_pixels(),
-            None => flow::displacement_of_parts(&depth, segments, &from, &to).into_pixels(),
+            None => flow::displacement_of_objects(&depth, segmentation, &from, &to).into_pixels(),
         });
         // The checks compare depths with the poses of the camera, which tell nothing of what moves by itself.
-        segments.into_iter().for_each(|segments| flow::leave_out_parts(&mut depth, segments));
+        segmentation.into_iter().for_each(|segmentation| flow::leave_out_objects(&mut depth, segmentation));
         drift.into_iter().for_each(|drift| flow::leave_out_drifting(&mut depth, drift));
         stamps_us.push(trajectory.stamps_us[a]);
         depths.push(depth);

@@ -37,13 +37,13 @@ pub(super) const CHUNK: usize = 4096;
 pub(super) struct ProjectionInput<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
-    /// Gaussians that the view may see, in activated form. All blocks but the last of each part are full.
+    /// Gaussians that the view may see, in activated form. All blocks but the last of each object are full.
     pub(super) blocks: &'a [GaussianBlock],
     /// Highest degree of harmonics that is evaluated.
     pub(super) sh_degree: u8,
     /// Rendering parameters.
     pub(super) style: RenderStyle,
-    /// The view, from what is still and from each part.
+    /// The view, from what is still and from each object.
     pub(super) eyes: &'a [ViewTransform],
     /// The features that the splats carry.
     pub(super) want: ChannelSet,
@@ -72,7 +72,7 @@ pub(super) struct ProjectedSplats {
 /// Counts for one [`CHUNK`] of Gaussians.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ProjectedChunk {
-    /// Number of splats at the front of the chunk's part of `splats`.
+    /// Number of splats at the front of the chunk's piece of `splats`.
     pub(super) drawn: usize,
     /// Counts, without those of culled Gaussians.
     pub(super) work: RenderWork,
@@ -169,22 +169,22 @@ impl ProjectionInput<'_> {
         // These chunks of blocks and of splats hold the same Gaussians.
         let drawn =
             (splats.par_chunks_mut(CHUNK), depths.par_chunks_mut(CHUNK), numbers.par_chunks_mut(CHUNK));
-        let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
+        let pieces = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
-            let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let parts = parts.map(|((blocks, (splats, depths, numbers)), rates)| {
+            let pieces = pieces.zip(rates.par_chunks_mut(CHUNK));
+            let pieces = pieces.map(|((blocks, (splats, depths, numbers)), rates)| {
                 let drawn = DrawnSplats { splats, depths, numbers, rates, done: ProjectedChunk::default() };
                 dispatch!(self.level, simd => self.chunk::<_, DualNumber<f32>>(simd, blocks, drawn))
             });
-            parts.collect_into_vec(chunks);
+            pieces.collect_into_vec(chunks);
         } else {
-            let parts = parts.map(|(blocks, (splats, depths, numbers))| {
+            let pieces = pieces.map(|(blocks, (splats, depths, numbers))| {
                 let (rates, done) = (&mut [][..], ProjectedChunk::default());
                 let drawn = DrawnSplats { splats, depths, numbers, rates, done };
                 dispatch!(self.level, simd => self.chunk::<_, f32>(simd, blocks, drawn))
             });
-            parts.collect_into_vec(chunks);
+            pieces.collect_into_vec(chunks);
         }
     }
 
@@ -212,7 +212,7 @@ impl ProjectionInput<'_> {
         seen: &mut ProjectedBlock<S>,
         DrawnSplats { splats, depths, numbers, rates, done }: &mut DrawnSplats<'_>,
     ) {
-        let eye = &self.eyes[block.part];
+        let eye = &self.eyes[block.object];
         seen.locate(eye, self.style.rules, block);
         seen.outline(eye, self.style, block);
         match self.style.rules {

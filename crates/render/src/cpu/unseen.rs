@@ -84,8 +84,8 @@ pub(super) fn seen_indices(
         return all_indices(scene);
     }
     let hull = PathHull::new(scene.origin, rules, camera, poses);
-    // The poses say nothing of when a part is where, so all Gaussians of parts are kept.
-    let still = scene.part_end(0);
+    // The poses say nothing of when an object is where, so all Gaussians of objects are kept.
+    let still = scene.object_end(0);
     let seen = |i: &u32| *i as usize >= still || !hull.excludes(scene, *i as usize);
     all_indices(scene).into_par_iter().filter(seen).collect()
 }

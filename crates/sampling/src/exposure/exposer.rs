@@ -10,7 +10,7 @@ use gs2e_num::se3::rotation_spline::SplineDiverged;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
 use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_trajectory::sampled::SampledPath;
 
@@ -248,8 +248,8 @@ impl FrameExposer {
         }
         // Other readers of the same rendering may have asked for the depth.
         let Some(depth) = images.depth.as_ref().filter(|_| self.sees_motion()) else { return };
-        let views = renderer.part_views(&self.view(moment));
-        let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
+        let views = renderer.object_views(&self.view(moment));
+        let flow = flow_of_objects(depth, images.segmentation.as_ref(), &views);
         let flow = with_drift(flow, depth, images.drift.as_ref(), &self.course.camera);
         // Pixels without a depth have no finite flow.
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());

@@ -33,7 +33,7 @@ impl Renderer for Counting {
             flow: want.flow.then(|| Image::filled(SIZE, [x, x])),
             luminance_rate: grey(want.luminance_rate, -x),
             doubtful: grey(want.doubtful, 0.25),
-            segments: None,
+            segmentation: None,
             drift: None,
         };
         Ok(RenderWork { blended: 7, ..RenderWork::default() })

@@ -221,6 +221,6 @@ impl Gaussians {
     #[must_use]
     pub fn with_dynamics(self, time: SceneTime, course: SplatCourse) -> Self {
         let dynamics = Some(SplatDynamics { time, course });
-        Self { motion: Some(Arc::new(SceneMotion { parts: Vec::new(), dynamics })), ..self }
+        Self { motion: Some(Arc::new(SceneMotion { objects: Vec::new(), dynamics })), ..self }
     }
 }

@@ -15,7 +15,7 @@ const ALPHA: ChannelSet = ChannelSet {
     flow: false,
     luminance_rate: false,
     doubtful: false,
-    segments: false,
+    segmentation: false,
     drift: false,
 };
 

@@ -1,4 +1,4 @@
-//! Masks of moving objects as a picture: a colour for each object.
+//! The segmentation by moving objects as a picture: a colour for each object.
 
 use super::embed::EmbeddedPicture;
 use super::maps::moment_words;
@@ -26,8 +26,8 @@ const COLOURS: [([u8; 3], &str); 6] = [
 /// Colour of what is still.
 const STILL: [u8; 3] = [40; 3];
 
-/// The mask nearest to the middle of the trajectory.
-pub(crate) fn mask_picture(
+/// The segmentation nearest to the middle of the trajectory.
+pub(crate) fn segmentation_picture(
     product: &ReleaseProduct,
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
@@ -36,13 +36,14 @@ pub(crate) fn mask_picture(
     let stamps = &track.published.motion.trajectory.stamps_us;
     let moment = moment_us(&track);
     let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let masks = track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
-    let (_, number, path) = masks.min()?;
+    let segmentations =
+        track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
+    let (_, number, path) = segmentations.min()?;
     let size = sensor_size(&track);
     // The size comes from a file.
     size.check_sensor().ok()?;
     let read = |path: &str| files::read_with(&places(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
-    let mask = png::read_sized(Cursor::new(read(path)?), size).ok()?;
+    let segmentation = png::read_sized(Cursor::new(read(path)?), size).ok()?;
     let objects = read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
     let names: BTreeMap<u8, String> =
         read_places(&objects).ok()?.into_iter().map(|line| (line.number, line.name)).collect();
@@ -50,7 +51,7 @@ pub(crate) fn mask_picture(
         let index = number.checked_sub(1).map(usize::from);
         index.map_or(STILL, |index| COLOURS[index % COLOURS.len()].0)
     };
-    let image = Image::from_vec(size, mask.pixels().iter().map(colour).collect());
+    let image = Image::from_vec(size, segmentation.pixels().iter().map(colour).collect());
     let shown = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
     let words =
         format!("objects at {}: {}", moment_words(&track, number), shown.collect::<Vec<_>>().join(", "));
