@@ -114,7 +114,7 @@ impl ValidationPass for EventFrame {
 /// A number of pixels among others.
 #[derive(Debug, Clone, Copy)]
 struct PixelShare {
-    part: u64,
+    count: u64,
     of: u64,
     /// All pixels that are compared.
     compared: u64,
@@ -124,7 +124,7 @@ struct PixelShare {
 
 impl PixelShare {
     fn measured(&self) -> f64 {
-        self.part as f64 / self.of as f64
+        self.count as f64 / self.of as f64
     }
 }
 
@@ -194,7 +194,7 @@ impl EventFramePass<'_> {
 
     fn residual(&self) -> Judged {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
-            part: fit.possible,
+            count: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
             compared: fit.compared,
             spoilt: fit.maybe_impossible,
@@ -205,7 +205,7 @@ impl EventFramePass<'_> {
 
     fn sign(&self) -> Judged {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
-            part: fit.doubled[1],
+            count: fit.doubled[1],
             of: fit.doubled[0],
             compared: fit.compared,
             spoilt: fit.turned_by_floor,
@@ -240,7 +240,7 @@ impl EventFramePass<'_> {
             .min_by(|a, b| (a.measured() - least(a)).total_cmp(&(b.measured() - least(b))))
             .ok_or("the noise floor spoils more than a fifth of the pixels with a brightness change")?;
         let (measured, limit) = (worst.measured(), least(&worst));
-        let mut because = format!("{} of {} pixels with a brightness change {what}", worst.part, worst.of);
+        let mut because = format!("{} of {} pixels with a brightness change {what}", worst.count, worst.of);
         let spoilt = worst.spoilt.share(worst.of);
         if spoilt > 0.0 {
             let cause = match (self.law.has_floor(), self.law.spread > 0.0) {

@@ -244,7 +244,7 @@ mod tests {
         for response in [[0.5, 0.1], [-0.1, 0.0], [0.0, 0.0], [f64::NAN, 0.0]] {
             assert_eq!(power(0.0, 1.0, response, 60.0).smallest_fault(), None, "{response:?}");
         }
-        // A single part of the picture.
+        // A single block of the picture.
         assert_eq!(power(0.0, 1.0, [1.0, 0.0], 1.0).smallest_fault(), None);
     }
 
@@ -263,7 +263,7 @@ mod tests {
         }
     }
 
-    /// Trials by random numbers: estimates and limits of normal errors in parts of unequal shares.
+    /// Trials by random numbers: estimates and limits of normal errors in blocks of unequal shares.
     #[test]
     fn faults_of_the_stated_size_are_found_in_95_percent_of_trials() {
         let mut draws = SplitMixDraws(5);
@@ -274,7 +274,7 @@ mod tests {
         {
             let total: f64 = shares.iter().sum();
             let freedom = 1.0 / shares.iter().map(|share| share / total * (share / total)).sum::<f64>();
-            // The estimate is the sum of the parts' errors, of variances in proportion to their shares, and
+            // The estimate is the sum of the blocks' errors, of variances in proportion to their shares, and
             // its standard error the root of the sum of their squares.
             let mut trial = || {
                 let errors: Vec<f64> =

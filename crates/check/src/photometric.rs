@@ -11,7 +11,7 @@
 //!   errors and 0.02 px. It finds single frames and poses in another place.
 //! - `order`: the order of the frames, which needs no depth, see [`order`].
 //!
-//! The standard error of a pair is that of a jackknife over 16 parts of the picture. In small
+//! The standard error of a pair is that of a jackknife over 16 blocks of the picture. In small
 //! pictures of few Gaussians it is as large as the motion; the limit and the stated power follow it.
 
 pub mod align;

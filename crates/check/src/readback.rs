@@ -106,8 +106,12 @@ mod tests {
         let read = world.foreign.readback.as_mut().unwrap().as_mut().unwrap();
         read.streams.clear();
         read.pictures = Err("there are no pictures".into());
-        for part in ["events", "index", "pictures"] {
-            assert_eq!(world.finding(&format!("readback#{part}")).verdict, Verdict::NotRun, "{part}");
+        for statement in ["events", "index", "pictures"] {
+            assert_eq!(
+                world.finding(&format!("readback#{statement}")).verdict,
+                Verdict::NotRun,
+                "{statement}"
+            );
         }
     }
 }

@@ -88,14 +88,14 @@ fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Judged 
     let phrase = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
-    let parts = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
-    Ok(judge_follow("chord", follow, limit, &parts))
+    let split = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
+    Ok(judge_follow("chord", follow, limit, &split))
 }
 
-fn judge_follow(part: &str, follow: FollowError, limit: LimitSide, more: &str) -> Judgement {
+fn judge_follow(measure: &str, follow: FollowError, limit: LimitSide, more: &str) -> Judgement {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
-        "steps measured by {part} length are {:.7} to {:.7} times what the speed law requires{more}",
+        "steps measured by {measure} length are {:.7} to {:.7} times what the speed law requires{more}",
         follow.min, follow.max
     );
     Judgement::at_most(measured, limit, "1", because)

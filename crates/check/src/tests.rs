@@ -176,9 +176,9 @@ fn thresholds_off_by_a_tenth_are_found() {
 fn the_shown_threshold_is_that_of_the_sensor() {
     for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
         let world = PlantedWorld::new(WorldSettings { thresholds: [on, off], ..WorldSettings::default() });
-        for (part, wanted) in [("on", on), ("off", off)] {
-            let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
-            assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
+        for (side, wanted) in [("on", on), ("off", off)] {
+            let shown = world.finding(&format!("event_frame#threshold-{side}")).measured.unwrap();
+            assert!((shown / wanted - 1.0).abs() < 0.02, "{side}: {shown} for {wanted}");
         }
     }
 }
@@ -481,7 +481,8 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
     };
     // The leak of 1e-7 per us makes 43 events.
     noise(&mut world, &|t| t as i64);
-    let [rate, rhythm] = ["rate", "rhythm"].map(|part| world.finding(&format!("noise_floor#{part}")).verdict);
+    let [rate, rhythm] =
+        ["rate", "rhythm"].map(|statement| world.finding(&format!("noise_floor#{statement}")).verdict);
     assert_eq!([rate, rhythm], [Verdict::Warn, Verdict::Pass]);
     noise(&mut world, &|t| if t % 4 == 0 { t as i64 / 8000 * 8000 } else { t as i64 });
     assert_eq!(world.finding("noise_floor#rhythm").verdict, Verdict::Warn);
@@ -491,17 +492,17 @@ fn a_noise_floor_of_other_units_and_pixels_in_step_are_found() {
 
 #[test]
 fn frames_too_far_apart_are_found_by_doing() {
-    let part = |part: &str, plant: fn(&mut sampling::ResampledIntervals)| {
+    let verdict = |statement: &str, plant: fn(&mut sampling::ResampledIntervals)| {
         let mut world = PlantedWorld::default_world();
         plant(world.resampled.as_mut().unwrap());
-        world.finding(&format!("sampling#{part}")).verdict
+        world.finding(&format!("sampling#{statement}")).verdict
     };
-    assert_eq!(part("count", |r| r.at_twice = 1051), Verdict::Warn);
-    assert_eq!(part("count", |r| r.at_twice = 951), Verdict::Pass);
-    assert_eq!(part("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
+    assert_eq!(verdict("count", |r| r.at_twice = 1051), Verdict::Warn);
+    assert_eq!(verdict("count", |r| r.at_twice = 951), Verdict::Pass);
+    assert_eq!(verdict("shift", |r| r.shift_us = Some(20.5)), Verdict::Warn);
     let asked = |r: &mut sampling::ResampledIntervals| (r.shift_us, r.tolerance) = (Some(20.5), Some(0.05));
-    assert_eq!(part("shift", asked), Verdict::Pass);
-    assert_eq!(part("twice", |r| r.events = 30), Verdict::NotRun);
+    assert_eq!(verdict("shift", asked), Verdict::Pass);
+    assert_eq!(verdict("twice", |r| r.events = 30), Verdict::NotRun);
 }
 
 #[test]

@@ -124,8 +124,8 @@ impl EventClock {
         let interval_us = frames.interval_us() as f64;
         let ends = frames.stamps_us.last().zip(frames.stamps_us.first());
         let whole_us = ends.map_or(1, |(last, first)| last - first) as f64;
-        let part = if interval_us >= CAMERA_US { 0.5 } else { 0.25 };
-        let limit = part * interval_us;
+        let share = if interval_us >= CAMERA_US { 0.5 } else { 0.25 };
+        let limit = share * interval_us;
         let [offset, error] = self.offset_us;
         let side = if offset < 0.0 { "earlier" } else { "later" };
         let (size, pairs) = (offset.abs(), self.pairs);
@@ -136,8 +136,8 @@ impl EventClock {
         let because =
             format!("the clock of the events runs {drift:.3} +- {error:.3} % slower than that of the frames");
         let of_drift = judge_time(self.drift, TimeLimit { value: limit / whole_us, unit: "1" }, because);
-        let finding = |part, judged: Judged| {
-            dataset.finding("time_offset", part, judged.map(|judged| self.explain(judged)))
+        let finding = |statement, judged: Judged| {
+            dataset.finding("time_offset", statement, judged.map(|judged| self.explain(judged)))
         };
         [finding("", of_offset), finding("drift", of_drift)]
     }
@@ -387,18 +387,18 @@ fn solve_clock(pairs: &[EventPair], bursts: &FrameBursts, start: ClockLine) -> O
     let unit = RowUnit { rate: 1e4, time: 0.5 * (bursts.span_us(last)[1] - bursts.span_us(0)[0]) };
     let mut line = start;
     for _ in 0..ROUNDS {
-        let parts = sum_parts(&sound_samples(pairs, bursts, line), bursts, line, unit);
-        let [offset, drift] = total_without(&parts, usize::MAX).solve(unit);
+        let blocks = sum_blocks(&sound_samples(pairs, bursts, line), bursts, line, unit);
+        let [offset, drift] = total_without(&blocks, usize::MAX).solve(unit);
         line = ClockLine { offset: line.offset + offset, drift: line.drift + drift, ..line };
     }
     let samples = sound_samples(pairs, bursts, line);
     if samples.len() < MIN_PAIRS || !line.offset.is_finite() || !line.drift.is_finite() {
         return None;
     }
-    let parts = sum_parts(&samples, bursts, line, unit);
-    let used: Vec<usize> = (0..parts.len()).filter(|part| parts[*part] != NormalSums::EMPTY).collect();
+    let blocks = sum_blocks(&samples, bursts, line, unit);
+    let used: Vec<usize> = (0..blocks.len()).filter(|block| blocks[*block] != NormalSums::EMPTY).collect();
     let error = |which: usize| {
-        jackknife_error(used.len(), &|skip| total_without(&parts, used[skip]).solve(unit)[which])
+        jackknife_error(used.len(), &|skip| total_without(&blocks, used[skip]).solve(unit)[which])
     };
     Some(EventClock {
         offset_us: [line.offset, error(0)],
@@ -434,28 +434,28 @@ fn sound_samples(pairs: &[EventPair], bursts: &FrameBursts, line: ClockLine) -> 
 }
 
 /// The sums of each quadrant of each run.
-fn sum_parts(
+fn sum_blocks(
     samples: &[PairSample],
     bursts: &FrameBursts,
     line: ClockLine,
     unit: RowUnit,
 ) -> Vec<NormalSums> {
-    let mut parts = vec![NormalSums::EMPTY; 4 * RUNS];
+    let mut blocks = vec![NormalSums::EMPTY; 4 * RUNS];
     for sample in samples {
         let rate = sample.rate * unit.rate;
         let [on, off] = if sample.pair.rising[1] { [1.0, 0.0] } else { [0.0, -1.0] };
         let late = (sample.pair.middle() - line.centre) / unit.time;
         let apart = (sample.pair.times_us[1] - sample.pair.times_us[0]) / unit.rate;
-        let part = 4 * sample.pair.run + bursts.quadrant(sample.pair.place);
-        parts[part].add_sample([on, off, rate, rate * late, apart], sample.change);
+        let block = 4 * sample.pair.run + bursts.quadrant(sample.pair.place);
+        blocks[block].add_sample([on, off, rate, rate * late, apart], sample.change);
     }
-    parts
+    blocks
 }
 
-fn total_without(parts: &[NormalSums], skip: usize) -> NormalSums {
+fn total_without(blocks: &[NormalSums], skip: usize) -> NormalSums {
     let mut total = NormalSums::EMPTY;
-    for (_, part) in parts.iter().enumerate().filter(|(number, _)| *number != skip) {
-        total.add(part);
+    for (_, block) in blocks.iter().enumerate().filter(|(number, _)| *number != skip) {
+        total.add(block);
     }
     total
 }

@@ -14,13 +14,13 @@ use gs2e_event::EventFileError;
 
 /// Number of the longest pauses that are looked at.
 const LONGEST: usize = 32;
-/// Parts of the time on each side.
-const PARTS: usize = 4;
+/// Quarters of the time on each side.
+const QUARTERS: usize = 4;
 /// Length of each side, pauses.
 const SIDE: i64 = 2;
 /// Minimum number of events on each side.
 const MIN_EVENTS: u64 = 40;
-/// Share of the mean of the parts that each part needs.
+/// Share of the mean of the quarters that each quarter needs.
 const EVEN: f64 = 0.25;
 /// A pause that is this part of the hole makes a stream of bursts.
 const OTHER: i64 = 3;
@@ -136,7 +136,7 @@ impl StreamPauses {
 struct PauseSide {
     from_us: i64,
     to_us: i64,
-    parts: [u64; PARTS],
+    quarters: [u64; QUARTERS],
     last_us: i64,
     longest_us: i64,
     most_us: i64,
@@ -149,7 +149,7 @@ impl PauseSide {
         let side = |from_us: i64, to_us: i64| Self {
             from_us,
             to_us,
-            parts: [0; PARTS],
+            quarters: [0; QUARTERS],
             last_us: from_us,
             longest_us: 0,
             most_us: length / OTHER,
@@ -165,18 +165,20 @@ impl PauseSide {
             return;
         }
         let share = (t_us - self.from_us) as f64 / (self.to_us - self.from_us).max(1) as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a part from 0 to 3")]
-        let part = ((share * PARTS as f64) as usize).min(PARTS - 1);
-        self.parts[part] += 1;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a quarter from 0 to 3")]
+        let quarter = ((share * QUARTERS as f64) as usize).min(QUARTERS - 1);
+        self.quarters[quarter] += 1;
         self.longest_us = self.longest_us.max(t_us - self.last_us);
         self.last_us = t_us;
     }
 
     fn is_steady(&self) -> bool {
-        let all: u64 = self.parts.iter().sum();
-        let least = EVEN * all as f64 / PARTS as f64;
+        let all: u64 = self.quarters.iter().sum();
+        let least = EVEN * all as f64 / QUARTERS as f64;
         let longest = self.longest_us.max(self.to_us - self.last_us);
-        all >= MIN_EVENTS && longest <= self.most_us && self.parts.iter().all(|part| *part as f64 >= least)
+        all >= MIN_EVENTS
+            && longest <= self.most_us
+            && self.quarters.iter().all(|quarter| *quarter as f64 >= least)
     }
 }
 

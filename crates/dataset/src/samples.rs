@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 const SPANS: usize = 8;
 /// A span is this part of the whole time, unless that exceeds [`MAX_SPAN_US`] or is below a frame
 /// interval.
-const PART: i64 = 16;
+const SPANS_PER_RECORDING: i64 = 16;
 /// Longest span, us, where frames are closer together.
 const MAX_SPAN_US: i64 = 100_000;
 /// Number of instants for the offset.
@@ -219,7 +219,7 @@ fn choose_spans(stamps_us: &[i64]) -> Vec<[usize; 2]> {
     let whole = last - first;
     // A part of the recording, so that the spans of a short one differ; and short enough that a
     // pixel's noise does not outweigh its change.
-    let length = (whole / PART).min(MAX_SPAN_US);
+    let length = (whole / SPANS_PER_RECORDING).min(MAX_SPAN_US);
     let mut spans: Vec<[usize; 2]> = (0..SPANS as i64)
         .filter_map(|number| {
             let start = first + (whole - length) * number / (SPANS as i64 - 1);

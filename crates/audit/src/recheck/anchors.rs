@@ -15,11 +15,11 @@ use rayon::prelude::*;
 
 /// Memory for the frames of one front end, bytes.
 const FRAME_BYTES: usize = 256 << 20;
-/// Bounds of the number of equal parts into which frames divide a trajectory.
-const PARTS: [usize; 2] = [4, 64];
-/// Image motion in one part, px: enough for a change of brightness, and little enough for a gap in
+/// Bounds of the number of equal intervals into which frames divide a trajectory.
+const INTERVALS: [usize; 2] = [4, 64];
+/// Image motion in one interval, px: enough for a change of brightness, and little enough for a gap in
 /// the events to show.
-const PART_PX: f64 = 2.0;
+const INTERVAL_PX: f64 = 2.0;
 /// Largest image motion between the frames of a span, px. Within a span, pixels change steadily.
 const SPAN_PX: f64 = 2.0;
 /// Gradient from which on a pixel shows the motion of the image, greys per px.
@@ -80,9 +80,9 @@ fn choose_anchors(stamps: &[i64], frame_px: f64, values: usize) -> AnchorChoice 
     // Anchors are kept for each sensor until the events are counted, so the choice bounds the
     // memory.
     let room = FRAME_BYTES / (4 * values).max(1);
-    let wanted = (frame_px * stamps.len() as f64 / PART_PX) as usize;
-    let parts = wanted.min(room).clamp(PARTS[0], PARTS[1]);
-    let mut choice = AnchorChoice::in_parts(stamps, apart, parts as i64);
+    let wanted = (frame_px * stamps.len() as f64 / INTERVAL_PX) as usize;
+    let intervals = wanted.min(room).clamp(INTERVALS[0], INTERVALS[1]);
+    let mut choice = AnchorChoice::in_intervals(stamps, apart, intervals as i64);
     if frame_px > SPAN_PX {
         // The image moves too far between any two frames.
         choice.spans.clear();

@@ -91,7 +91,7 @@ impl StageFacts for ChecksStage {
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
         // The scene is read after an alarm only.
         let scene = files.iter().map(|files| files.size("scene.ply")).max().unwrap_or(0);
-        StepNeed::for_parts([held, held, held, 4 * scene])
+        StepNeed::for_memory([held, held, held, 4 * scene])
     }
 }
 

@@ -66,7 +66,7 @@ impl StageFacts for PosesStage {
         let frames = files.first().map_or(0, |frames| frames.iter().count());
         let photos = self.photos().map_or(0, |photos| photos.len()) + frames;
         let key_points = photos as u64 * u64::from(self.solving.features);
-        StepNeed::for_parts([BYTES, key_points * BYTES_A_KEY_POINT])
+        StepNeed::for_memory([BYTES, key_points * BYTES_A_KEY_POINT])
     }
 
     fn runs_known_programs(&self) -> bool {

@@ -73,10 +73,10 @@ impl Judgement {
         Self { detects: size.is_finite().then(|| DetectableFault::new(size, unit)), ..self }
     }
 
-    /// The finding of `name`; `part` names the statement if a pass makes several.
+    /// The finding of `name`, with the name of the statement if a pass makes several.
     #[must_use]
-    pub fn finding(self, name: &str, check: &str, part: &str) -> Finding {
-        let subject = FindingSubject::new(name, part);
+    pub fn finding(self, name: &str, check: &str, statement: &str) -> Finding {
+        let subject = FindingSubject::new(name, statement);
         let Self { verdict, measured, limit, unit, because, detects } = self;
         let unit = unit.to_owned();
         Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because, detects }
@@ -87,8 +87,9 @@ impl Judgement {
 /// name.
 pub(crate) fn findings_of(name: &str, check: &str, made: Result<Statements, String>) -> Vec<Finding> {
     let statements = made.unwrap_or_else(|because| vec![("", Err(because))]);
-    let finding =
-        |(part, judged): (_, Judged)| judged.unwrap_or_else(Judgement::not_run).finding(name, check, part);
+    let finding = |(statement, judged): (_, Judged)| {
+        judged.unwrap_or_else(Judgement::not_run).finding(name, check, statement)
+    };
     statements.into_iter().map(finding).collect()
 }
 

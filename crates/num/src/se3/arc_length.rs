@@ -122,7 +122,7 @@ impl<P: CurveSpeed> ArcLength<P> {
         let (mut sum, mut halves) = (NeumaierSum::default(), Vec::new());
         measured.before.push(0.0);
         for segment in 0..steps.len() {
-            measured.settle_segment(segment, &mut halves);
+            measured.subdivide_segment(segment, &mut halves);
             halves.iter().for_each(|half| sum.add(half.length()));
             measured.before.push(sum.value());
         }
@@ -159,20 +159,20 @@ impl<P: CurveSpeed> ArcLength<P> {
     #[must_use]
     pub fn between(&self, a: CurvePlace, b: CurvePlace) -> f64 {
         if a.segment == b.segment {
-            return self.settle_part(a.segment, a.x, b.x);
+            return self.integrate_span(a.segment, a.x, b.x);
         }
         let mut sum = NeumaierSum::default();
-        sum.add(self.settle_part(a.segment, a.x, self.steps[a.segment]));
+        sum.add(self.integrate_span(a.segment, a.x, self.steps[a.segment]));
         let mut halves = Vec::new();
         for segment in a.segment + 1..b.segment {
-            self.settle_segment(segment, &mut halves);
+            self.subdivide_segment(segment, &mut halves);
             halves.iter().for_each(|half| sum.add(half.length()));
         }
-        sum.add(self.settle_part(b.segment, 0.0, b.x));
+        sum.add(self.integrate_span(b.segment, 0.0, b.x));
         sum.value()
     }
 
-    fn settle_part(&self, segment: usize, from: f64, to: f64) -> f64 {
+    fn integrate_span(&self, segment: usize, from: f64, to: f64) -> f64 {
         let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
         self.subdivide(&mut halves, whole, whole.length() * FLOOR, DEPTH);
@@ -180,7 +180,7 @@ impl<P: CurveSpeed> ArcLength<P> {
     }
 
     /// The halves of a segment's panels, in order.
-    fn settle_segment(&self, segment: usize, halves: &mut Vec<SegmentSpan>) {
+    fn subdivide_segment(&self, segment: usize, halves: &mut Vec<SegmentSpan>) {
         let bound = |k: usize| self.steps[segment] * (k as f64 / PANELS as f64);
         let spans: [SegmentSpan; PANELS] =
             std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
@@ -358,7 +358,7 @@ impl<P: CurveSpeed> ArcWalk<'_, P> {
     }
 
     fn enter(&mut self, segment: usize) {
-        self.arc.settle_segment(segment, &mut self.halves);
+        self.arc.subdivide_segment(segment, &mut self.halves);
         self.before.clear();
         let mut sum = NeumaierSum::default();
         for half in &self.halves {

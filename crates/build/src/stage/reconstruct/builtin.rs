@@ -40,7 +40,7 @@ impl BuiltinStage {
     }
 
     pub(super) fn need(&self, capture: &Capture) -> StepNeed {
-        StepNeed::for_parts([training::memory_needed(&self.settings, &capture.views)])
+        StepNeed::for_memory([training::memory_needed(&self.settings, &capture.views)])
     }
 
     pub(super) fn run(

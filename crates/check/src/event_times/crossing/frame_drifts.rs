@@ -1,6 +1,6 @@
 //! The drifts of the pixels between the two frames around the present.
 
-use super::PARTS;
+use super::BLOCKS;
 use crate::drift::DriftLaw;
 use gs2e_event::{Event, Polarity};
 use gs2e_image::{Image, Size};
@@ -37,10 +37,10 @@ pub(super) struct FrameDrifts {
 /// An event, and the drift of its pixel as the frames show it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
-    /// Number of the pixel, and of the part in which it lies, both counted from the start of its row of
-    /// parts.
+    /// Number of the pixel, and of the block in which it lies, both counted from the start of its row of
+    /// blocks.
     pub(super) pixel: usize,
-    pub(super) part: usize,
+    pub(super) block: usize,
     pub(super) t_us: f64,
     pub(super) polarity: Polarity,
     pub(super) threshold: f64,
@@ -130,12 +130,12 @@ impl FrameDrifts {
         drift ^ of_frame(from) ^ of_frame(to)
     }
 
-    /// The column of parts in which a pixel lies. Pixels may be counted from any line.
+    /// The column of blocks in which a pixel lies. Pixels may be counted from any line.
     pub(super) fn column(&self, pixel: usize) -> usize {
-        pixel % self.width * PARTS / self.width
+        pixel % self.width * BLOCKS / self.width
     }
 
-    /// An event of the given pixel of its row of parts, which begins at pixel `first`.
+    /// An event of the given pixel of its row of blocks, which begins at pixel `first`.
     pub(super) fn crossing(&self, event: &Event, pixel: usize, first: usize) -> Crossing {
         let [from, to] = self.drifts(first + pixel);
         let [start, end] = [0, 1].map(|i| self.frames[i].t_us as f64);
@@ -145,7 +145,7 @@ impl FrameDrifts {
         let [a, b] = [0, 1].map(|i| f64::from(self.frames[i].brightness.pixels()[first + pixel]));
         Crossing {
             pixel,
-            part: self.column(pixel),
+            block: self.column(pixel),
             t_us,
             polarity: event.polarity,
             threshold: self.law.thresholds[usize::from(event.polarity == Polarity::Off)],

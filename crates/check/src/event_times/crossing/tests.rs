@@ -97,7 +97,7 @@ fn clocks_of_unequal_and_noisy_pixels_are_measured() {
     }
 }
 
-/// A part of the lines shows the same clock, with a larger error.
+/// Some of the lines show the same clock, with a larger error.
 #[test]
 fn some_lines_of_the_picture_show_the_clock() {
     let setting = settings().next().unwrap();
@@ -107,7 +107,7 @@ fn some_lines_of_the_picture_show_the_clock() {
     let some = clock_of_lines(&world, &frames, 3, |t| t + 50.0);
     println!("all {all:?}, some {some:?}");
     assert!((0.2..0.5).contains(&(some.events as f64 / all.events as f64)));
-    // The standard error grows with the root of 3, and varies by a third with its 64 parts or fewer.
+    // The standard error grows with the root of 3, and varies by a third with its 64 blocks or fewer.
     let growth = some.offset_us.deviation / all.offset_us.deviation;
     assert!((1.0..3.0).contains(&growth), "{growth}");
     // A third of the events is in both.
