@@ -4,7 +4,7 @@ mod events;
 mod motion;
 mod pictures;
 
-use super::again::files_of;
+use super::recompose::files_of;
 use super::{AuditFault, FaultCode, TrustedTree, claims};
 use events::StatedStream;
 use gs2e_check::{Finding, Verdict};

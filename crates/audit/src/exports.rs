@@ -128,7 +128,7 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
     let wrong = claims.into_iter().filter(|(_, found, wanted)| found != wanted);
     wrong
         .map(|(name, found, wanted)| {
-            let message = format!("its {name} is `{}`, wanted `{wanted}`", super::again::brief(&found));
+            let message = format!("its {name} is `{}`, wanted `{wanted}`", super::recompose::brief(&found));
             fault(FaultCode::ClaimsDisagree, message)
         })
         .collect()

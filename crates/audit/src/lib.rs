@@ -27,7 +27,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod again;
 mod bytes;
 mod claims;
 mod contents;
@@ -40,6 +39,7 @@ mod names;
 mod parts;
 pub mod rebuilt;
 pub mod recheck;
+mod recompose;
 mod splits;
 mod steps;
 mod sums;
@@ -356,8 +356,8 @@ fn published(
         let sound = faults.iter().all(|fault| !fault.concerns(&listed.id, owners));
         let Some(scene) = scenes.get(listed.id.as_str()).filter(|_| sound) else { return (None, Vec::new()) };
         let mut found = Vec::new();
-        let read = again::read(tree, listed, scene, &mut found);
-        found.extend(read.iter().flat_map(|scene| again::scene(tree, listed, scene)));
+        let read = recompose::read(tree, listed, scene, &mut found);
+        found.extend(read.iter().flat_map(|scene| recompose::scene(tree, listed, scene)));
         (read.filter(|_| found.is_empty()), found)
     };
     let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<AuditFault>>) =
@@ -379,12 +379,12 @@ fn top(
     let mut faults = terms::text_faults(manifest, tree);
     // The loader and the licence texts do not depend on the scenes, so they are always compared.
     if manifest.tool == gs2e_release::TOOL {
-        faults.extend(again::constants(tree));
+        faults.extend(recompose::constants(tree));
     }
     // Card and report follow from the manifest too, so its faults would show up again in them.
     let is_of_manifest = |fault: &AuditFault| fault.file.as_deref() == Some(gs2e_release::manifest::NAME);
     let is_sound = !known.iter().chain(&faults).any(is_of_manifest);
-    let composed = published.filter(|_| is_sound).map(|scenes| again::top(tree, manifest, scenes));
+    let composed = published.filter(|_| is_sound).map(|scenes| recompose::top(tree, manifest, scenes));
     let is_composed = composed.as_ref().is_some_and(Vec::is_empty);
     faults.extend(composed.into_iter().flatten());
     if !is_composed {

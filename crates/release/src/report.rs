@@ -16,15 +16,15 @@ mod inertia;
 mod maps;
 mod overview;
 mod path_views;
+mod previews;
 mod section;
-mod seen;
 mod segmentation;
 mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
+pub(super) use previews::{ShownPicture, blurred_picture, sharp_picture};
 pub(super) use section::ReportTrajectory;
-pub(super) use seen::{ShownPicture, blurred_picture, sharp_picture};
 pub(super) use segmentation::segmentation_picture;
 
 use super::facts::ReleaseFacts;

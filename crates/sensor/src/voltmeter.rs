@@ -11,7 +11,7 @@
 //! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
 //! event. It then returns to 0. The process has no refractory time and no bandwidth limit. Thresholds
 //! may differ between pixels (`thresholds.rs`). Hot pixels, a noise floor and a dead time act on the
-//! stream of the process (`own_events.rs`, `dead_time.rs`).
+//! stream of the process (`spontaneous.rs`, `dead_time.rs`).
 //!
 //! The published program takes the drift at the midpoint of two frames (`gain: midpoint`) and draws
 //! times as if there were one threshold (law `official`, `official.rs`). The law `exact` draws the
@@ -71,8 +71,8 @@ use super::cap::FirstEvents;
 use super::chain::{FilteredPixels, PixelArray};
 use super::dead_time::DeadTime;
 use super::noise::NoiseFloor;
-use super::own_events::OwnEvents;
 use super::pairs::PairPixels;
+use super::spontaneous::OwnEvents;
 use super::{SensorModel, SensorSettings};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};

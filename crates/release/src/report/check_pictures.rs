@@ -4,8 +4,8 @@
 use super::ReportPage;
 use super::detail::DetailLevel;
 use super::findings::{is_fault, verdict_rank, worst_verdict, write_badge};
+use super::previews::tree_picture;
 use super::section::{ReportTrajectory, write_image};
-use super::seen::tree_picture;
 use gs2e_check::{Finding, Verdict};
 use gs2e_files::html::HtmlFragment;
 

@@ -7,8 +7,8 @@
 use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
 use super::path_views::{self, VIEW};
+use super::previews::{self, ShownPicture, ShownStream};
 use super::section::{ReportTrajectory, write_image};
-use super::seen::{self, ShownPicture, ShownStream};
 use crate::products;
 use crate::published::PublishedTrajectory;
 use crate::scene::{QuantityExtent, TrajectoryStatistics};
@@ -22,7 +22,7 @@ const MAX_STREAMS: usize = 4;
 /// Writes the pictures and plots of a trajectory.
 pub(super) fn write_gallery(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     // A withheld scene has no such files here.
-    let mut streams = seen::shown_streams(track, page.places);
+    let mut streams = previews::shown_streams(track, page.places);
     let all = streams.len();
     streams.truncate(MAX_STREAMS);
     let pictured = has_pictures(page, track);
@@ -108,10 +108,10 @@ fn write_events(
     track: ReportTrajectory<'_>,
     streams: &[ShownStream<'_>],
 ) {
-    let Some(window) = seen::shared_window(&track, streams) else { return };
+    let Some(window) = previews::shared_window(&track, streams) else { return };
     let most = if page.detail.every { MAX_STREAMS } else { 1 };
     for stream in streams.iter().take(most) {
-        write_shown(html, seen::events_picture(track, stream, &window, page.detail.picture));
+        write_shown(html, previews::events_picture(track, stream, &window, page.detail.picture));
     }
 }
 
@@ -122,7 +122,7 @@ fn write_rates(
     track: ReportTrajectory<'_>,
     streams: &[ShownStream<'_>],
 ) {
-    let pixels = seen::sensor_size(&track).pixels() as f64;
+    let pixels = previews::sensor_size(&track).pixels() as f64;
     let rate = |stream: &ShownStream<'_>| stream.rate(track.part.duration_us, page.detail.points, pixels);
     let rates: Vec<ReportCurve> = streams.iter().map(rate).collect();
     let axes = PlotAxes {

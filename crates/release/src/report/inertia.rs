@@ -2,8 +2,8 @@
 //! trajectory.
 
 use super::embed::EmbeddedPicture;
+use super::previews::ShownPicture;
 use super::section::ReportTrajectory;
-use super::seen::ShownPicture;
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
 use gs2e_files as files;

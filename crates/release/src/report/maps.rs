@@ -6,8 +6,8 @@
 //! end, so that a few extreme pixels do not hide the rest.
 
 use super::embed::EmbeddedPicture;
+use super::previews::{ShownPicture, moment_us, sensor_size};
 use super::section::ReportTrajectory;
-use super::seen::{ShownPicture, moment_us, sensor_size};
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
 use gs2e_files as files;

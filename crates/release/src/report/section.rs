@@ -2,7 +2,7 @@
 
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
-use super::seen::tree_picture;
+use super::previews::tree_picture;
 use super::{ReportPage, trajectory};
 use crate::products::ReleaseProduct;
 use crate::published::{PublishedScene, PublishedTrajectory};
@@ -204,7 +204,7 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
         return html.leaf("span", &[("class", "none")], "withheld");
     }
     let sharp =
-        |track| super::seen::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
+        |track| super::previews::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
     match entry.tracks().find_map(sharp) {
         Some(shown) => {
             write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))

@@ -2,8 +2,8 @@
 
 use super::embed::EmbeddedPicture;
 use super::maps::moment_words;
+use super::previews::{ShownPicture, moment_us, sensor_size};
 use super::section::ReportTrajectory;
-use super::seen::{ShownPicture, moment_us, sensor_size};
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
 use gs2e_build::artifact::OBJECT_PLACES;
