@@ -32,7 +32,7 @@ pub(super) struct AuditArgs {
     #[command(flatten)]
     parts: parts::PartArgs,
     #[command(flatten)]
-    again: rebuild::RebuildArgs,
+    rebuild: rebuild::RebuildArgs,
 }
 
 impl AuditArgs {
@@ -66,10 +66,10 @@ impl AuditArgs {
         } else {
             0
         };
-        if let Some(again) = self.again.run(&self.dir, self.full, common, console)? {
-            console.say(&format!("rebuilt: {}", again.scenes.join(", ")));
-            report.faults.extend(again.faults);
-            report.made_again = again.scenes.len();
+        if let Some(rebuilt) = self.rebuild.run(&self.dir, self.full, common, console)? {
+            console.say(&format!("rebuilt: {}", rebuilt.scenes.join(", ")));
+            report.faults.extend(rebuilt.faults);
+            report.rebuilt_scenes = rebuilt.scenes.len();
         }
         for fault in &report.faults {
             console.result(&to_json(fault));

@@ -8,7 +8,7 @@ pub(super) use end::{exit_kind, tell_end};
 
 pub(super) use store::{lock_claim, open_store, option_tag, read_store, store_options, tell_notices};
 
-use super::progress::{EndSummary, Progress, ShownRun};
+use super::progress::{EndSummary, Progress, ProgressRun};
 use super::renderers::tell_gpu;
 use super::verdicts::{findings_of_steps, show_findings, tell_count};
 use super::{
@@ -60,7 +60,7 @@ pub(super) struct BuildArgs {
     #[arg(conflicts_with = "to")]
     cache_size: Option<u64>,
     #[command(flatten)]
-    care: TrustOptions,
+    trust: TrustOptions,
 }
 
 /// Checks of stored data, and resources for the steps.
@@ -160,7 +160,7 @@ impl BuildArgs {
                 recipe::read_all(&self.targets.recipes)?;
             }
         }
-        let store = store::open_cache(common, &self.care, self.cache_size, console)?;
+        let store = store::open_cache(common, &self.trust, self.cache_size, console)?;
         let surveyed = match task {
             Some(recipes) => PlanSurvey::of_plan(Plan::new(recipes, &chosen.asking(&store))),
             None => self.survey(&chosen, &store, console)?,
@@ -169,11 +169,11 @@ impl BuildArgs {
         takedown::show_takedown(taken_down, console);
         tell_settled(&settled, &store, console);
         let mut steps: Vec<StepOutputs<'_>> = settled.iter().flat_map(StepOutputs::of_settled).collect();
-        let (count, targets, care) = (steps.len(), &self.targets, &self.care);
+        let (count, targets, trust) = (steps.len(), &self.targets, &self.trust);
         let (plan, mut summary) = if plan.steps().is_empty() {
             (plan, RunSummary::default())
         } else {
-            let request = BuildRequest { settled: count, targets, chosen: &chosen, common, care, console };
+            let request = BuildRequest { settled: count, targets, chosen: &chosen, common, trust, console };
             request.build(plan, &store)?
         };
         summary.kept += count;
@@ -196,7 +196,7 @@ impl BuildArgs {
         }
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
-            ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
+            ExitKind::Done if self.trust.strict && faults > 0 => ExitKind::Fault,
             exit => exit,
         })
     }
@@ -211,10 +211,10 @@ impl BuildArgs {
         let (paths, renderers) = (&self.targets.recipes, chosen.asking(store));
         // Memos would settle scenes without planning them, and only planned steps can be made
         // again.
-        let mut surveyed = if self.care.recheck.is_some() {
+        let mut surveyed = if self.trust.recheck.is_some() {
             plan_all(paths, &renderers)?
         } else {
-            let tag = option_tag(chosen, self.care.shared_store.as_deref());
+            let tag = option_tag(chosen, self.trust.shared_store.as_deref());
             survey_recipes(paths, &renderers, store, &tag)?
         };
         if let Some(shard) = self.shard {
@@ -329,7 +329,7 @@ pub(super) struct BuildRequest<'a> {
     pub(super) targets: &'a RecipeTargets,
     pub(super) chosen: &'a RendererChoice,
     pub(super) common: &'a CommonArgs,
-    pub(super) care: &'a TrustOptions,
+    pub(super) trust: &'a TrustOptions,
     pub(super) console: &'a Console,
 }
 
@@ -391,13 +391,13 @@ impl BuildRequest<'_> {
             // What was learned by reading files is kept even if the run is killed.
             store.flush()?;
         }
-        let options = run_options(common, self.care, chosen, plan.scenes().len());
+        let options = run_options(common, self.trust, chosen, plan.scenes().len());
         // Only the bars show the remaining time, and the past costs take a query per step.
         let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let (settled, falls_back, environment) = (self.settled, chosen.falls_back(), &common.environment);
-        let shown = ShownRun { plan, settled, falls_back, store, console, environment };
+        let shown = ProgressRun { plan, settled, falls_back, store, console, environment };
         let progress = Progress::new(shown, options.budget.cores, &expected);
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
@@ -409,7 +409,7 @@ impl BuildRequest<'_> {
             failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
         }
         let summary = summary?;
-        let tag = option_tag(self.chosen, self.care.shared_store.as_deref());
+        let tag = option_tag(self.chosen, self.trust.shared_store.as_deref());
         match run::settle_run(plan, &summary, store, &tag) {
             // This error was already reported with its step. Complete records count even without
             // the database.
@@ -446,13 +446,13 @@ pub(super) fn refuse_lens(plan: &Plan) -> Result<(), VerbError> {
 
 fn run_options(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     chosen: &RendererChoice,
     scenes: usize,
 ) -> RunOptions {
     let cores = common.cores();
-    let kept_frames = care.keep_frames.unwrap_or_default().limit(scenes);
-    let memory = care.memory.unwrap_or_else(machine::free_memory);
+    let kept_frames = trust.keep_frames.unwrap_or_default().limit(scenes);
+    let memory = trust.memory.unwrap_or_else(machine::free_memory);
     // The steps that are made again differ from run to run, and no other member of a shared store knows them
     // before. The seed enters no file.
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -465,7 +465,7 @@ fn run_options(
             gpus: chosen.gpu_count(),
         },
         keep_going: common.keep_going,
-        recheck: RecheckPolicy { share: care.recheck, seed },
+        recheck: RecheckPolicy { share: trust.recheck, seed },
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
         kept_frames,

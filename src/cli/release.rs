@@ -60,7 +60,7 @@ pub(super) struct ReleaseArgs {
     #[arg(long, conflicts_with = "strict")]
     partial: bool,
     #[command(flatten)]
-    care: TrustOptions,
+    trust: TrustOptions,
 }
 
 const LINKS: [Word<LinkMode>; 2] = [
@@ -90,7 +90,7 @@ impl ReleaseArgs {
         // So is a wrong key or password.
         let key = self.sign.as_deref().map(read_key).transpose()?;
         let started = Instant::now();
-        let store = open_store(common, &self.care, console)?;
+        let store = open_store(common, &self.trust, console)?;
         let cancel = &on_interrupt()?;
         // The target is claimed before the build, so that a wrong target is refused before hours of
         // work.
@@ -100,7 +100,7 @@ impl ReleaseArgs {
             refuse_stale(&plan, &store)?;
         }
         let building =
-            BuildRequest { settled: 0, targets: &self.targets, chosen, common, care: &self.care, console };
+            BuildRequest { settled: 0, targets: &self.targets, chosen, common, trust: &self.trust, console };
         let (plan, summary) = building.build(plan, &store)?;
         tell_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit_kind(&summary);
@@ -134,7 +134,7 @@ impl ReleaseArgs {
         let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
         let mut findings: Vec<Finding> = judged.findings().cloned().collect();
         let faults = show_findings(&findings, console);
-        if self.care.strict && faults > 0 {
+        if self.trust.strict && faults > 0 {
             let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }

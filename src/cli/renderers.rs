@@ -50,21 +50,21 @@ mod tests {
         let pool: Arc<dyn GpuBackend> = Arc::new(pool);
         let auto = AutoRenderers::new(move || Ok(Arc::clone(&pool)));
         let console = Console::new(crate::cli::ConsoleStreams::of_process(), false, true);
-        let care = TrustOptions::default();
+        let trust = TrustOptions::default();
         let chosen = RendererChoice::new(
             RendererKind::Auto(auto),
             OmissionPolicy::default(),
             ProgramFinder::default(),
         );
         let targets = RecipeTargets { recipes: vec![recipe] };
-        let store = open_store(&common, &care, &console).unwrap();
+        let store = open_store(&common, &trust, &console).unwrap();
         let plan = Plan::new(gs2e_recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
         let building = BuildRequest {
             settled: 0,
             targets: &targets,
             chosen: &chosen,
             common: &common,
-            care: &care,
+            trust: &trust,
             console: &console,
         };
         let (plan, summary) = building.build(plan, &store).unwrap();

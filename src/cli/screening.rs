@@ -38,7 +38,7 @@ pub(super) fn show_screening(
 /// Prints the brightness that the pixels of the sensor see and the light of white, if they are not
 /// the usual ones.
 pub(super) fn tell_front_end(front_end: &FrontEnd, console: &Console) {
-    if !front_end.is_usual() {
+    if !front_end.is_default() {
         console.say(&format!("  brightness: {front_end}"));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets};
 use super::{CommonArgs, Console, ExitKind, VerbError, clock, output};
-use gs2e_build::cluster::page::{ShownScene, StatusPage};
+use gs2e_build::cluster::page::{ScenePanel, StatusPage};
 use gs2e_build::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
 use gs2e_build::cluster::slurm::Slurm;
 use serde_json::{Value, json};
@@ -63,8 +63,8 @@ impl StatusArgs {
 fn compose_page(found: &ClusterScenes, shared: &Path) -> String {
     let ClusterScenes { plan, progress, view, states } = found;
     let shown = plan.scenes().iter().zip(&progress.scenes).zip(states);
-    let scenes: Vec<ShownScene<'_>> = shown
-        .map(|((recipe, progress), state)| ShownScene { scene: &recipe.scene, progress: *progress, state })
+    let scenes: Vec<ScenePanel<'_>> = shown
+        .map(|((recipe, progress), state)| ScenePanel { scene: &recipe.scene, progress: *progress, state })
         .collect();
     StatusPage {
         shared: &shared.to_string_lossy(),

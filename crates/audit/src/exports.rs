@@ -139,7 +139,7 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
 ///
 /// # Errors
 /// The folder cannot be written. An export that cannot be made is a fault.
-pub(super) fn compare_again(
+pub(super) fn compare_reexports(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
     scenes: Option<&[PublishedScene]>,
@@ -181,7 +181,7 @@ impl MadeExport<'_> {
         let scratch = tempfile::Builder::new().prefix("gs2e-audit-").tempdir().map_err(unwritten)?;
         let made = scratch.path().join("export");
         let room = FolderRoom::new(scratch.path(), self.size());
-        match exporter.write_again(order, &made, &|| room.is_over()) {
+        match exporter.rewrite(order, &made, &|| room.is_over()) {
             Ok(()) => self.differences(&made),
             Err(refusal) if refusal.kind == IncludeFailure::Unwritten => Err(unwritten(refusal)),
             Err(refusal) => {

@@ -82,7 +82,7 @@ pub struct AuditReport {
     /// Number of scenes of the release.
     pub scenes: usize,
     /// Number of scenes that were made again from their recipes and compared.
-    pub made_again: usize,
+    pub rebuilt_scenes: usize,
     /// Identifier of the key that the release is signed with, as the signature states it.
     pub signed_by: Option<String>,
     /// True if [`AuditReport::verify`] found the signature to be right.
@@ -136,7 +136,7 @@ impl AuditReport {
             ),
             None => "It is not signed: the publisher is unknown, and".to_owned(),
         };
-        vec![match (self.made_again, self.scenes) {
+        vec![match (self.rebuilt_scenes, self.scenes) {
             (0, _) => format!(
                 "{publisher} a consistent forgery is found only by `gs2e audit --rebuild` from the \
                  recipes; `gs2e check --tree` judges the events, frames and poses."
@@ -251,7 +251,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
     let listed = options.takedown.map(|_| "scenes against the takedown list");
     let covers = COVERS.into_iter().chain(exports).chain(listed).collect();
     let size = read.map(|hashes| hashes.size).sum();
-    let (made_again, verified) = (0, false);
+    let (rebuilt_scenes, verified) = (0, false);
     let files = bytes.len();
     Ok(AuditReport {
         faults,
@@ -260,7 +260,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
         covers,
         written_by,
         scenes,
-        made_again,
+        rebuilt_scenes,
         signed_by,
         verified,
     })
@@ -330,7 +330,7 @@ fn audit_scenes(
     // After the other checks, since it skips every scene that has a fault by now.
     let published = published(tree, manifest, &scenes, &mut faults);
     if let Some(exporter) = options.exporter {
-        faults.extend(exports::compare_again(tree, manifest, published.as_deref(), exporter)?);
+        faults.extend(exports::compare_reexports(tree, manifest, published.as_deref(), exporter)?);
     }
     faults.extend(top(tree, manifest, &scenes, published.as_deref(), &faults));
     Ok(faults)

@@ -173,23 +173,23 @@ impl EventFramePass<'_> {
         let edges = self.tally.compared.fits.iter().filter_map(|fit| fit.edges[side]);
         let least = if self.law.spread > 0.0 { MIN_ANSWER } else { MIN_REACHABLE };
         let usable = edges.filter(|edge| edge.reachable >= least);
-        let EventEdge { pixels, shown, within: [low, high], .. } = usable
-            .max_by(|a, b| a.shown.total_cmp(&b.shown))
+        let EventEdge { pixels, measured, within: [low, high], .. } = usable
+            .max_by(|a, b| a.measured.total_cmp(&b.measured))
             .ok_or("too few pixels with a well-known brightness change were close to firing")?;
         let [least, most] = [low * (1.0 - tolerance), high * (1.0 + tolerance)];
-        let (verdict, limit) = if shown < 1.0 {
-            (LimitSide::gate(least).at_least(shown), least)
+        let (verdict, limit) = if measured < 1.0 {
+            (LimitSide::gate(least).at_least(measured), least)
         } else {
-            (LimitSide::gate(most).at_most(shown), most)
+            (LimitSide::gate(most).at_most(measured), most)
         };
         let what = if self.law.spread > 0.0 { "mean threshold" } else { "threshold" };
         let because = format!(
             "the events of {pixels} pixels imply a {what} of {:.3}; the recipe states {}",
-            shown * stated,
+            measured * stated,
             // Four digits: the OFF threshold of a preset may have no short form.
             (1e4 * stated).round() / 1e4
         );
-        Ok(self.judgement(verdict, shown * stated, limit * stated, because))
+        Ok(self.judgement(verdict, measured * stated, limit * stated, because))
     }
 
     fn residual(&self) -> Judged {
@@ -199,8 +199,8 @@ impl EventFramePass<'_> {
             compared: fit.compared,
             spoilt: fit.maybe_impossible,
         });
-        let usual = (self.limits().residual, RESIDUAL);
-        self.share(usual, shares, "have events that match it to within the thresholds")
+        let limits = (self.limits().residual, RESIDUAL);
+        self.share(limits, shares, "have events that match it to within the thresholds")
     }
 
     fn sign(&self) -> Judged {
@@ -222,10 +222,10 @@ impl EventFramePass<'_> {
         what: &str,
     ) -> Judged {
         self.require_calm()?;
-        let (asked, usual) = limit;
+        let (asked, default) = limit;
         let least = |share: &PixelShare| {
             let noise = 2.0 * self.disturbed() + share.spoilt.most(share.of);
-            asked.unwrap_or_else(|| usual - noise - self.beyond_tolerance(share))
+            asked.unwrap_or_else(|| default - noise - self.beyond_tolerance(share))
         };
         let mut enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
         if enough.is_empty() {

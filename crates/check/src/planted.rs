@@ -162,7 +162,7 @@ impl PlantedWorld {
         let sensor = self.stated.clone().unwrap_or_else(|| SensorChoice::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
         let against = TallyReference {
-            seen: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
+            observed: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
             hot_hz: &[],

@@ -56,8 +56,8 @@ fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
 
 fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> Judged {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::warning(DROP_DB));
-    let seen = fidelity.trained_on();
-    let (Some(psnr), Some(worst)) = (seen.psnr(), seen.worst()) else {
+    let trained = fidelity.trained_on();
+    let (Some(psnr), Some(worst)) = (trained.psnr(), trained.worst()) else {
         return Err("all photos that can be compared were held out from training".into());
     };
     let measured = psnr.mean - psnr.min;

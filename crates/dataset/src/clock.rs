@@ -34,7 +34,7 @@ const MAX_PAIRS: usize = 50_000;
 /// Minimum number of pairs of a statement.
 const MIN_PAIRS: usize = 100;
 /// Threshold where no pair of two events of a polarity shows it.
-const USUAL: f64 = 0.2;
+const DEFAULT_THRESHOLD: f64 = 0.2;
 /// Largest deviation of a pair from its threshold, as a share of it.
 const MAX_DEVIATION: f64 = 0.25;
 /// Number of rounds of least squares.
@@ -247,9 +247,14 @@ fn thresholds(samples: &[PairSample]) -> [f64; 2] {
         let signed = |s: &PairSample| if rising { s.change } else { -s.change };
         let alike = samples.iter().filter(|s| s.pair.rising == [rising; 2]);
         // Pairs without a change are noise.
-        let mut changes: Vec<f64> = alike.map(signed).filter(|change| *change > 0.1 * USUAL).collect();
+        let mut changes: Vec<f64> =
+            alike.map(signed).filter(|change| *change > 0.1 * DEFAULT_THRESHOLD).collect();
         let middle = changes.len() / 2;
-        if changes.len() < 20 { USUAL } else { *changes.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        if changes.len() < 20 {
+            DEFAULT_THRESHOLD
+        } else {
+            *changes.select_nth_unstable_by(middle, f64::total_cmp).1
+        }
     })
 }
 

@@ -24,10 +24,10 @@ const MIN_EVENTS: u64 = 40;
 const EVEN: f64 = 0.25;
 /// A pause that is this part of the hole makes a stream of bursts.
 const OTHER: i64 = 3;
-/// Share of the usual motion below which the scene stands still.
+/// Share of the mean motion below which the scene stands still.
 const STANDS: f64 = 0.2;
 /// Share of the time in which pauses are shorter than the stated one.
-const USUAL: f64 = 0.99;
+const PAUSE_QUANTILE: f64 = 0.99;
 /// Bins of the lengths of pauses: a quarter of an octave each.
 const BINS: usize = 160;
 
@@ -66,12 +66,12 @@ impl StreamPauses {
     }
 
     /// The length below which pauses hold 99 % of the time, us.
-    fn usual_us(&self) -> f64 {
+    fn pause_quantile_us(&self) -> f64 {
         let all: f64 = self.time_us.iter().sum();
         let mut below = 0.0;
         let bin = self.time_us.iter().position(|time| {
             below += time;
-            below >= USUAL * all
+            below >= PAUSE_QUANTILE * all
         });
         libm::exp2((bin.unwrap_or(0) as f64 + 1.0) / 4.0)
     }
@@ -113,7 +113,8 @@ impl StreamPauses {
         let longest = wrong.first().map_or(0, length) as f64;
         let even = (span_us[1] - span_us[0]) as f64 / self.events.max(1) as f64;
         // A hole in a part with half of the mean rate.
-        let size = (OTHER as f64 * self.usual_us()).max(2.0 * even * MIN_EVENTS as f64 / SIDE as f64);
+        let size =
+            (OTHER as f64 * self.pause_quantile_us()).max(2.0 * even * MIN_EVENTS as f64 / SIDE as f64);
         let judged = Judgement::new(verdict, longest, 0.0, "us", because).detecting(size, "us");
         Ok(dataset.finding("completeness", "gaps", Ok(judged)))
     }
@@ -121,7 +122,7 @@ impl StreamPauses {
     /// The pauses among the longest between steady parts.
     fn find_holes(&self, events: OpenEvents<'_>, span_us: [i64; 2]) -> Result<Vec<[i64; 2]>, EventFileError> {
         let mut sides: Vec<[PauseSide; 2]> =
-            self.longest.iter().map(|pause| PauseSide::around(*pause, span_us)).collect();
+            self.longest.iter().map(|pause| PauseSide::both(*pause, span_us)).collect();
         for_each_event(events, |_, t_us| {
             sides.iter_mut().flatten().for_each(|side| side.see(t_us));
         })?;
@@ -144,7 +145,7 @@ struct PauseSide {
 
 impl PauseSide {
     /// Both sides, within the stream.
-    fn around([start, end]: [i64; 2], [first, last]: [i64; 2]) -> [Self; 2] {
+    fn both([start, end]: [i64; 2], [first, last]: [i64; 2]) -> [Self; 2] {
         let length = end - start;
         let side = |from_us: i64, to_us: i64| Self {
             from_us,
@@ -185,7 +186,7 @@ impl PauseSide {
 /// Returns true unless the frames show that the scene stands still.
 fn moves_within(frames: &DatasetFrames, hole: [i64; 2]) -> bool {
     let activity = frames.bursts.activity(hole.map(|t| t as f64));
-    activity.is_none_or(|[within, usual]| within >= STANDS * usual)
+    activity.is_none_or(|[within, overall]| within >= STANDS * overall)
 }
 
 fn counted(number: usize) -> String {

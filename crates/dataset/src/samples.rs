@@ -72,7 +72,7 @@ pub struct DatasetFrames {
     /// Runs of consecutive frames at fewer pixels.
     pub(super) bursts: FrameBursts,
     /// Stamp and picture of the frame in the middle.
-    pub shown: Option<(i64, Image<f32>)>,
+    pub middle: Option<(i64, Image<f32>)>,
 }
 
 impl DatasetFrames {
@@ -81,15 +81,15 @@ impl DatasetFrames {
     pub fn new(size: Size, stamps_us: Vec<i64>) -> Self {
         let pixels = mirrored_lattice(size);
         let bursts = FrameBursts::new(size, &stamps_us, &pixels);
-        Self { size, stamps_us, pixels, kept: BTreeMap::new(), bursts, shown: None }
+        Self { size, stamps_us, pixels, kept: BTreeMap::new(), bursts, middle: None }
     }
 
     /// Indices of the frames to keep, ascending.
     #[must_use]
     pub fn needed(&self) -> Vec<usize> {
-        let around = self.instants().into_iter().flat_map(|instant| self.frames_around(instant));
+        let near = self.instants().into_iter().flat_map(|instant| self.frames_near(instant));
         let mut needed: Vec<usize> =
-            self.spans().into_iter().flatten().chain(around).chain(self.bursts.needed()).collect();
+            self.spans().into_iter().flatten().chain(near).chain(self.bursts.needed()).collect();
         needed.push(self.stamps_us.len() / 2);
         needed.sort_unstable();
         needed.dedup();
@@ -108,13 +108,13 @@ impl DatasetFrames {
         }
         self.bursts.keep(index, &frame);
         if index == self.stamps_us.len() / 2 {
-            self.shown = Some((self.stamps_us[index], frame));
+            self.middle = Some((self.stamps_us[index], frame));
         }
     }
 
     /// Returns true if a frame belongs to a span or to an instant.
     fn is_compared(&self, index: usize) -> bool {
-        let of_instant = |instant: &usize| self.frames_around(*instant).binary_search(&index).is_ok();
+        let of_instant = |instant: &usize| self.frames_near(*instant).binary_search(&index).is_ok();
         self.spans().as_flattened().contains(&index) || self.instants().iter().any(of_instant)
     }
 
@@ -134,7 +134,7 @@ impl DatasetFrames {
     }
 
     /// An instant and the frames around it that exist, ascending.
-    pub(super) fn frames_around(&self, instant: usize) -> Vec<usize> {
+    pub(super) fn frames_near(&self, instant: usize) -> Vec<usize> {
         let before = LADDER.iter().rev().filter_map(|step| instant.checked_sub(*step));
         let after = LADDER.iter().map(|step| instant + step).filter(|index| *index < self.stamps_us.len());
         before.chain([instant]).chain(after).collect()

@@ -105,10 +105,10 @@ pub(super) fn add_gloss(
         return;
     }
     let strangers = occluders.iter().filter(|o| o.item != lit.item);
-    let seen: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
+    let visible: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
     let mirrored = lit.normal * (2.0 * facing) - direction;
     // The reflection fades out towards grazing light, where it ends.
-    let strength = strength * seen * smooth_step(0.0, 0.15, facing);
+    let strength = strength * visible * smooth_step(0.0, 0.15, facing);
     for (c, y) in coefficients.iter_mut().zip(lobe_coefficients((-mirrored).to_array())) {
         *c += DVec3::splat(strength * y);
     }

@@ -50,7 +50,7 @@ pub struct GpuGradientRenderer {
     buffers: Option<GradientBuffers>,
     images: RenderedImages,
     /// The view whose trace is kept.
-    seen: Option<CameraView>,
+    traced_view: Option<CameraView>,
 }
 
 /// The backward passes.
@@ -122,7 +122,7 @@ impl GpuGradientRenderer {
             pipelines: BackwardPipelines { backward, gather, chain },
             buffers: None,
             images: RenderedImages::default(),
-            seen: None,
+            traced_view: None,
         })
     }
 
@@ -143,7 +143,7 @@ impl GpuGradientRenderer {
         let degree = degree.min(self.scene.sh_degree);
         // The device has the harmonics of the set degree only, so another one is a new upload.
         if degree != self.sh_degree {
-            (self.sh_degree, self.seen) = (degree, None);
+            (self.sh_degree, self.traced_view) = (degree, None);
             self.upload(0..self.scene.len());
         }
     }
@@ -164,7 +164,7 @@ impl GpuGradientRenderer {
         let changed = change(&mut self.scene);
         assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
         changed_spans(numbers).into_iter().for_each(|span| self.upload(span));
-        self.seen = None;
+        self.traced_view = None;
         changed
     }
 
@@ -182,7 +182,7 @@ impl GpuGradientRenderer {
         let renderer = &mut self.renderer;
         // Bindings refer to the old scene. They go first, so that the old and the new one do not exist
         // at once.
-        (self.seen, self.buffers) = (None, None);
+        (self.traced_view, self.buffers) = (None, None);
         renderer.parts = Vec::new();
         renderer.parts = scene::upload_scene(&self.scene, self.sh_degree, true, &renderer.device)?;
         (renderer.gaussians, renderer.origin) = (self.scene.len(), self.scene.origin);
@@ -199,10 +199,10 @@ impl GpuGradientRenderer {
     /// # Panics
     /// Never: colour is rendered where colour is asked for.
     pub fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
-        self.seen = None;
+        self.traced_view = None;
         let pending = self.renderer.begin(view, COLOUR)?;
         let work = self.renderer.finish(pending, &mut self.images)?;
-        self.seen = Some(*view);
+        self.traced_view = Some(*view);
         Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
     }
 
@@ -221,7 +221,7 @@ impl GpuGradientRenderer {
         score: &[f32],
         out: &mut ViewGradients,
     ) -> Result<(), RenderError> {
-        let view = self.seen.expect("a view was rendered");
+        let view = self.traced_view.expect("a view was rendered");
         let size = view.camera.size;
         assert_eq!((by_pixel.len(), score.len()), (size.pixels(), size.pixels()), "one value per pixel");
         out.numbers.clear();
@@ -230,7 +230,7 @@ impl GpuGradientRenderer {
         for &TracedRegion { region, splats } in &regions {
             // The buffers hold the trace of one region.
             if regions.len() > 1 {
-                self.trace_again(&view, region)?;
+                self.retrace(&view, region)?;
             }
             if splats > 0 {
                 self.make_room()?;
@@ -243,7 +243,7 @@ impl GpuGradientRenderer {
     }
 
     /// Renders one region of a view again.
-    fn trace_again(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
+    fn retrace(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
         let renderer = &mut self.renderer;
         let mut pending = PendingView { view: *view, want: COLOUR, shots: Vec::new() };
         renderer.shoot(&mut pending, region)?;
@@ -251,7 +251,7 @@ impl GpuGradientRenderer {
         renderer.finish(pending, &mut self.images)?;
         // The region was rendered with these capacities or less before.
         match renderer.traced.as_deref() {
-            Some([again]) if again.region == region => Ok(()),
+            Some([traced]) if traced.region == region => Ok(()),
             _ => Err(renderer.device.too_small("gradients").into()),
         }
     }

@@ -254,7 +254,7 @@ impl GpuRenderer {
                         traced.push(TracedRegion { region, splats: totals.of_count(Total::Splats) });
                     }
                 }
-                None => self.again(&mut pending, region, &totals)?,
+                None => self.resubmit(&mut pending, region, &totals)?,
             }
         }
         checked.map_err(|()| self.device.not_finite())?;
@@ -325,7 +325,7 @@ impl GpuRenderer {
     }
 
     /// Submits a region again that exceeded the capacity: with more, or in halves.
-    fn again(
+    fn resubmit(
         &mut self,
         pending: &mut PendingView,
         region: TileRegion,

@@ -44,7 +44,7 @@ pub struct TargetClaim<'a> {
 #[derive(Debug)]
 pub struct ReleaseTarget {
     /// The path as the user named it.
-    shown: PathBuf,
+    named: PathBuf,
     /// The path without links in its parents.
     path: PathBuf,
     replace: bool,
@@ -97,7 +97,7 @@ impl ReleaseTarget {
         if let Some(because) = refusal {
             return Err(foreign(because));
         }
-        Ok(Self { shown: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
+        Ok(Self { named: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
     }
 
     /// Takes the notes on the place since the last call, one line each.
@@ -136,13 +136,13 @@ impl ReleaseTarget {
     /// there be replaced.
     fn change(&self) -> Result<Option<String>, ReleaseError> {
         let change = match &self.standing {
-            Some(standing) => standing.changed().map_err(failed(&self.shown))?,
+            Some(standing) => standing.changed().map_err(failed(&self.named))?,
             None if matches!(stands(&self.path), Ok(false)) => None,
             None => Some("something is there now".to_owned()),
         };
         match change {
             Some(change) if !self.replace => Err(ReleaseError::Foreign {
-                path: self.shown.clone(),
+                path: self.named.clone(),
                 because: format!("changed while the release was made: {change}"),
             }),
             change => Ok(change),
@@ -171,11 +171,11 @@ impl GuardedPath {
 /// The reason why a release may not replace this tree; `None` if it may.
 fn refusal(standing: &StandingTree) -> Option<String> {
     /// Oddities that a message names.
-    const SHOWN: usize = 5;
+    const MAX_LISTED: usize = 5;
     let oddities = standing.oddities();
-    let mut because = oddities.iter().take(SHOWN).cloned().collect::<Vec<_>>().join("; ");
-    if oddities.len() > SHOWN {
-        because.push_str(&format!("; and {} more", oddities.len() - SHOWN));
+    let mut because = oddities.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join("; ");
+    if oddities.len() > MAX_LISTED {
+        because.push_str(&format!("; and {} more", oddities.len() - MAX_LISTED));
     }
     match (oddities.is_empty(), standing.is_release()) {
         (true, _) => None,

@@ -62,7 +62,7 @@ fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Rec
         [] => Ok(None),
         [path] => Ok(Some(path.clone())),
         [first, second, ..] => {
-            let message = format!("there is another one: {}", super::fault::shown_path(first));
+            let message = format!("there is another one: {}", super::fault::displayed_path(first));
             let help =
                 format!("a release has one {name}: release the folders separately, or keep one of the files");
             Err(vec![RecipeFault::of_file(second, &message, Some(&help))])

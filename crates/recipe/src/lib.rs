@@ -185,7 +185,7 @@ pub struct RecipeMeta {
     /// The recipe file and its defaults file.
     pub file: RecipeFile,
     /// Both files as they were before they were read.
-    pub seen: Vec<(PathBuf, StatSighting)>,
+    pub sightings: Vec<(PathBuf, StatSighting)>,
     /// Places where the recipe names things that may turn out to be missing.
     pub named_at: NamedAt,
     /// Sections of the recipe's own file for outputs that it does not ask for.

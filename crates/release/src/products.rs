@@ -10,7 +10,7 @@ pub use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::published::StoredPlaces;
-use super::report::{ReportTrajectory, ShownPicture};
+use super::report::{Preview, ReportTrajectory};
 use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_recipe::OutputKind;
 use gs2e_sampling::exposure;
@@ -41,7 +41,7 @@ pub struct ReleaseProduct {
 
 /// Makes the picture of a product for the report, of at most this width.
 pub(super) type PictureMaker =
-    fn(&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>, u32) -> Option<ShownPicture>;
+    fn(&ReleaseProduct, ReportTrajectory<'_>, StoredPlaces<'_>, u32) -> Option<Preview>;
 
 /// Form of a product's files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

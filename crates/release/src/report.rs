@@ -23,7 +23,7 @@ mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
-pub(super) use previews::{ShownPicture, blurred_picture, sharp_picture};
+pub(super) use previews::{Preview, blurred_picture, sharp_picture};
 pub(super) use section::ReportTrajectory;
 pub(super) use segmentation::segmentation_picture;
 

@@ -14,7 +14,7 @@ pub use compose::compose_scene;
 
 pub(super) use attributes::SceneAttributes;
 use attributes::scene_attributes;
-pub use recompose::again;
+pub use recompose::recompose;
 
 pub use gs2e_tree::CameraPart;
 pub use licence::{LicencePart, LicensedTool, OWNER};

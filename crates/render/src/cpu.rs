@@ -375,13 +375,13 @@ impl Renderer for CpuRenderer {
 
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         if self.omit == OmissionPolicy::Needless {
-            self.keep(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
+            self.keep(&unseen::visible_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
         if self.omit == OmissionPolicy::Needless {
-            self.keep_more(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
+            self.keep_more(&unseen::visible_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 

@@ -93,7 +93,7 @@ pub fn hide_near(scene: &mut Gaussians, path: &NearPath<'_>) -> Vec<usize> {
 }
 
 /// Depth of the renderer's own near plane.
-fn own_plane(rules: RenderRules) -> f64 {
+fn renderer_plane(rules: RenderRules) -> f64 {
     f64::from(if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR })
 }
 
@@ -115,7 +115,7 @@ impl NearPath<'_> {
     }
 
     fn plane(&self) -> f64 {
-        self.plane.max(own_plane(self.rules))
+        self.plane.max(renderer_plane(self.rules))
     }
 
     fn blocks(&self) -> Vec<PoseBlock> {

@@ -53,24 +53,26 @@ pub(super) fn object_views(scene: &Gaussians, view: &CameraView) -> Result<Vec<C
     if let Some(dynamics) = &motion.dynamics {
         dynamics.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
     }
-    let seen = motion.objects.iter().map(|object| seen_from(&object.at(view.seconds), view));
-    Ok(std::iter::once(*view).chain(seen).collect())
+    let of_objects = motion.objects.iter().map(|object| view_from_object(&object.at(view.seconds), view));
+    Ok(std::iter::once(*view).chain(of_objects).collect())
 }
 
 /// As [`object_views`], with objects after their last keyframe left there.
 pub(super) fn held_object_views(scene: &Gaussians, view: &CameraView) -> Vec<CameraView> {
     let objects = scene.motion.iter().flat_map(|motion| &motion.objects);
-    std::iter::once(*view).chain(objects.map(|object| seen_from(&object.at(view.seconds), view))).collect()
+    std::iter::once(*view)
+        .chain(objects.map(|object| view_from_object(&object.at(view.seconds), view)))
+        .collect()
 }
 
 /// The view as it looks from what is still, and then from the axes of objects with these motions.
 #[must_use]
 pub fn views_of_motions(motions: &[ObjectMotion], view: &CameraView) -> Vec<CameraView> {
-    std::iter::once(*view).chain(motions.iter().map(|object| seen_from(object, view))).collect()
+    std::iter::once(*view).chain(motions.iter().map(|object| view_from_object(object, view))).collect()
 }
 
 /// A view in the axes of an object.
-fn seen_from(object: &ObjectMotion, view: &CameraView) -> CameraView {
+fn view_from_object(object: &ObjectMotion, view: &CameraView) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;
     let object_from_world = object.pose.rotation.conjugate();
     let arm = translation - object.pose.translation;

@@ -269,9 +269,9 @@ impl ReferenceRenderer {
     }
 
     fn pixel(&self, layers: &[&ReferenceLayer], x: usize, y: usize) -> ReferencePixel {
-        let (seen, rest, stopped) = self.seen(layers, [x, y]);
+        let (blend, rest, stopped) = self.blended_layers(layers, [x, y]);
         let nothing = D::constant(0.0);
-        let blended = seen.len() as u64;
+        let blended = blend.len() as u64;
         let mut pixel = ReferencePixel {
             colour: [nothing; 3],
             rest,
@@ -283,7 +283,7 @@ impl ReferenceRenderer {
             stopped,
         };
         let mut shares = vec![0.0; self.scene.object_count()];
-        for (layer, weight) in self.weights(&seen) {
+        for (layer, weight) in self.weights(&blend) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
             }
@@ -302,47 +302,47 @@ impl ReferenceRenderer {
 
     /// The layers blended at a pixel with their opacities, front to back; the transmittance behind
     /// them; and true if the pixel stopped before the last layer.
-    fn seen<'a>(
+    fn blended_layers<'a>(
         &self,
         layers: &[&'a ReferenceLayer],
         [x, y]: [usize; 2],
     ) -> (Vec<(&'a ReferenceLayer, D)>, D, bool) {
         // The plain order decides which layers a pixel has and where it stops, also under the
         // blended order.
-        let mut seen = Vec::new();
+        let mut blend = Vec::new();
         let mut rest = D::constant(1.0);
         for &layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
             let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
             let after = rest * (D::constant(1.0) - alpha);
             if self.stops(after.value) {
-                return (seen, rest, true);
+                return (blend, rest, true);
             }
-            seen.push((layer, alpha));
+            blend.push((layer, alpha));
             rest = after;
         }
-        (seen, rest, false)
+        (blend, rest, false)
     }
 
     /// The weight of each layer at the pixel: its opacity times the transmittance in front of it.
-    fn weights<'a>(&self, seen: &[(&'a ReferenceLayer, D)]) -> Vec<(&'a ReferenceLayer, D)> {
+    fn weights<'a>(&self, blend: &[(&'a ReferenceLayer, D)]) -> Vec<(&'a ReferenceLayer, D)> {
         let mut before = D::constant(1.0);
         let mut first = 0;
         let weight = |(i, &(layer, alpha)): (usize, &(&'a ReferenceLayer, D))| {
             // A layer that covers this one wholly also covers all deeper ones wholly, so its factor
             // is kept.
-            while first < i && self.cover(seen[first].0, layer).value >= 1.0 {
-                before = before * (D::constant(1.0) - seen[first].1);
+            while first < i && self.cover(blend[first].0, layer).value >= 1.0 {
+                before = before * (D::constant(1.0) - blend[first].1);
                 first += 1;
             }
             // The other layers, in front and behind. They are in order of depth, so the first one
             // that covers nothing ends the search.
             let near =
-                (first..seen.len()).filter(|j| *j != i).map(|j| (self.cover(seen[j].0, layer), seen[j].1));
+                (first..blend.len()).filter(|j| *j != i).map(|j| (self.cover(blend[j].0, layer), blend[j].1));
             let near = near.take_while(|(cover, _)| cover.value > 0.0);
             let light = near.fold(before, |light, (cover, alpha)| light * (D::constant(1.0) - cover * alpha));
             (layer, alpha * light)
         };
-        seen.iter().enumerate().map(weight).collect()
+        blend.iter().enumerate().map(weight).collect()
     }
 
     /// The share of its opacity with which one layer dims another.

@@ -70,7 +70,7 @@ impl PathFlow {
             let view = CameraView::at_rest(small, path.at(seconds).0).at_time(seconds);
             renderer.render(&view, want, &mut rendered)?;
             let depth = rendered.depth.take().expect("depth was asked for");
-            depths.push(SeenDepth {
+            depths.push(PlaceDepth {
                 depth,
                 segmentation: rendered.segmentation.take(),
                 drift: rendered.drift.take(),
@@ -228,7 +228,7 @@ impl PathFlow {
 }
 
 /// The depth at a place, with the objects and the velocities that its pixels show.
-struct SeenDepth {
+struct PlaceDepth {
     depth: Image<f32>,
     segmentation: Option<Image<u8>>,
     drift: Option<Image<[f32; 3]>>,
@@ -236,8 +236,8 @@ struct SeenDepth {
 
 /// The flow of a moving camera, px/s of its own pixels, from the depths and objects of the places before
 /// and after: the higher of both.
-fn quickest_flow(depths: &[SeenDepth], views: &[CameraView]) -> f64 {
-    let of = |SeenDepth { depth, segmentation, drift }: &SeenDepth| {
+fn quickest_flow(depths: &[PlaceDepth], views: &[CameraView]) -> f64 {
+    let of = |PlaceDepth { depth, segmentation, drift }: &PlaceDepth| {
         let flow = flow_of_objects(depth, segmentation.as_ref(), views);
         let flow = with_drift(flow, depth, drift.as_ref(), &views[0].camera);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();

@@ -111,9 +111,9 @@ impl RowRoller {
                 let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
                 let work = renderer.render(&view, want, &mut rendered)?;
                 self.work += renderer.work_within(work);
-                let seen = rendered.rgb.as_ref().expect("colour was asked for").pixels();
+                let colours = rendered.rgb.as_ref().expect("colour was asked for").pixels();
                 let place = band.start as usize * width..band.end as usize * width;
-                picture.pixels_mut()[place.clone()].copy_from_slice(&seen[place]);
+                picture.pixels_mut()[place.clone()].copy_from_slice(&colours[place]);
             }
         }
         self.light(pose, &mut picture);

@@ -287,7 +287,7 @@ impl FrontEnd {
 
     /// Returns true if a recipe need not write it.
     #[must_use]
-    pub fn is_usual(&self) -> bool {
+    pub fn is_default(&self) -> bool {
         is_default(self)
     }
 

@@ -158,7 +158,7 @@ impl SpeedReport {
     /// speeds and the asked lengths come from it. `None` if the rate is not valid or the number of
     /// steps does not fit.
     #[must_use]
-    pub fn measured_again(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
+    pub fn remeasured(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
         let steps = StepLengths::between_poses(poses, MixedMetric { scale: self.scale_distance });
         let (u, s) = match schedule {

@@ -21,25 +21,25 @@ pub(in crate::cli) fn option_tag(chosen: &RendererChoice, shared: Option<&Path>)
 /// Opens the store for writing, and waits while another process holds it.
 pub(in crate::cli) fn open_store(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     console: &Console,
 ) -> Result<Store, VerbError> {
-    open_cache(common, care, None, console)
+    open_cache(common, trust, None, console)
 }
 
 /// Opens the store as [`open_store`], with a bound on its size in bytes.
 pub(super) fn open_cache(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     cache_size: Option<u64>,
     console: &Console,
 ) -> Result<Store, VerbError> {
     let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
     let opening = StoreOptions {
-        verify: care.verify,
-        sync_each: care.sync == SyncArg::Always,
+        verify: trust.verify,
+        sync_each: trust.sync == SyncArg::Always,
         claim: lock_claim(common),
-        shared: care.shared_store.clone(),
+        shared: trust.shared_store.clone(),
         cache_size,
         ..store_options(common, access)
     };

@@ -315,7 +315,7 @@ fn pictures(
 ) -> Result<Vec<CaptionedPicture>, EventFileError> {
     let Some((first, last)) = report.survey.span else { return Ok(Vec::new()) };
     let centre = first.floor_micros() + (last.0 - first.0) / 2000;
-    let near = dataset.frames.and_then(|frames| frames.shown.as_ref());
+    let near = dataset.frames.and_then(|frames| frames.middle.as_ref());
     let middle = near.map_or(centre, |(stamp, _)| *stamp);
     let window = middle - PICTURE_US / 2..middle + PICTURE_US / 2;
     let too_large = |_| EventFileError::Container(format!("a sensor of {}", dataset.size));

@@ -91,7 +91,7 @@ impl PictureOptions {
             PictureKind::Surface => {
                 let mut surface = TimeSurface::new(size, window_us.clone()).map_err(too_large)?;
                 let events = pour(&mut surface)?;
-                (events, surface.image(self.tau.map_or_else(|| surface.usual_tau_us(), f64::from)))
+                (events, surface.image(self.tau.map_or_else(|| surface.default_tau_us(), f64::from)))
             }
             PictureKind::Rate => {
                 let mut rate = RateBars::new(window_us.clone());

@@ -35,7 +35,7 @@ impl SensorArgs {
         let anchors = anchors.map_or(&[][..], VoltmeterPreset::noise_anchors);
         let study = SensorStudy {
             contrast: measure_contrast(&sensor, &sensor, 1.0).map_err(failed)?,
-            noise: measure_noise(&sensor, anchors, NoiseTrial::USUAL).map_err(failed)?,
+            noise: measure_noise(&sensor, anchors, NoiseTrial::DEFAULT).map_err(failed)?,
         };
         if let Some(path) = &self.picture {
             let picture = study_svg(&self.sensor, &sensor, &study);

@@ -30,7 +30,7 @@ pub(super) fn wait_for_tasks(
     detached: &AtomicBool,
     console: &Console,
 ) -> WatchEnd {
-    let mut watch = Watch { console, shown: (0, 0), is_silent: false };
+    let mut watch = Watch { console, reported: (0, 0), is_silent: false };
     let mut period = PERIODS.0;
     loop {
         if watch.no_task_is_left(names, slurm) {
@@ -51,7 +51,7 @@ pub(super) fn wait_for_tasks(
 struct Watch<'a> {
     console: &'a Console,
     /// Numbers of running and waiting tasks.
-    shown: (usize, usize),
+    reported: (usize, usize),
     /// True if Slurm does not answer.
     is_silent: bool,
 }
@@ -80,8 +80,8 @@ impl Watch<'_> {
     fn tell(&mut self, tasks: &[LiveTask]) {
         let running = tasks.iter().filter(|task| task.node.is_some()).count();
         let waiting = tasks.len() - running;
-        if self.shown != (running, waiting) && !tasks.is_empty() {
-            self.shown = (running, waiting);
+        if self.reported != (running, waiting) && !tasks.is_empty() {
+            self.reported = (running, waiting);
             let held = tasks.iter().find(|task| task.reason.contains("held"));
             let held = held.map_or(String::new(), |task| format!(" (task {}: {})", task.id, task.reason));
             self.console.say(&format!("{running} tasks running, {waiting} queued{held}"));

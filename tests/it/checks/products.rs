@@ -187,7 +187,7 @@ fn samples(tree: &PlantedTree, change: impl Fn(&mut [String])) {
     lines(tree, &format!("{BODY}/imu/imu.csv"), |_, columns| change(columns));
 }
 
-fn shown(columns: &mut [String], values: [f64; 3]) {
+fn set_values(columns: &mut [String], values: [f64; 3]) {
     columns.iter_mut().zip(values).for_each(|(column, value)| *column = value.to_string());
 }
 
@@ -230,7 +230,7 @@ fn absent_and_exchanged_parts_are_found() {
             numbers(tree, "disparity/000004", 1, |_, _| f32::NAN)
         }),
         ("a saturated gyroscope", INERTIAL, |tree| {
-            samples(tree, |c| shown(&mut c[1..4], [2000_f64.to_radians(), 0.0, 0.0]));
+            samples(tree, |c| set_values(&mut c[1..4], [2000_f64.to_radians(), 0.0, 0.0]));
         }),
         ("a mask without objects", OBJECTS, |tree| change_segmentation(tree, 5, |_| 0)),
         ("one event in 33 dropped", "event_frame#residual", |tree| {
@@ -245,7 +245,9 @@ fn absent_and_exchanged_parts_are_found() {
     ]);
     finds(&[
         ("disparities exchanged", DISPARITY, |tree| swap(tree, "disparity", ["000003.npy", "000020.npy"])),
-        ("forces beyond the range", INERTIAL, |tree| samples(tree, |c| shown(&mut c[4..7], [1e6, 0.0, 0.0]))),
+        ("forces beyond the range", INERTIAL, |tree| {
+            samples(tree, |c| set_values(&mut c[4..7], [1e6, 0.0, 0.0]))
+        }),
         ("half of the places", PLACES, |tree| {
             places(tree, |i, c| {
                 if i % 4 > 1 {

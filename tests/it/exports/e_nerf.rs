@@ -3,7 +3,7 @@
 use super::Exported;
 use super::arrays::{read_npy, rows};
 use super::plane::{self, POSES, Plane, SIZE};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use glam::{DQuat, DVec3};
 
 /// The events of all files, by file.
@@ -33,8 +33,8 @@ fn measured(exported: &Exported, off: f64) -> f64 {
     assert_eq!(bounds.shape, [POSES as u64, 17]);
     let [h, w, f] = [4, 9, 14].map(|at| bounds.values[at]);
     assert_eq!([w, h], [SIZE.width, SIZE.height].map(f64::from));
-    let seen = |[x, y, t, sign]: &[f64; 4]| Seen { x: *x as u16, y: *y as u16, t: *t, sign: *sign };
-    let events: Vec<Seen> = event_files(exported).iter().flatten().map(seen).collect();
+    let seen = |[x, y, t, sign]: &[f64; 4]| ReadEvent { x: *x as u16, y: *y as u16, t: *t, sign: *sign };
+    let events: Vec<ReadEvent> = event_files(exported).iter().flatten().map(seen).collect();
     residual(&events, &path(exported), |x, y| {
         DVec3::new((f64::from(x) + off - w / 2.0) / f, (f64::from(y) + off - h / 2.0) / f, 1.0)
     })

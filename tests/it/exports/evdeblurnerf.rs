@@ -3,7 +3,7 @@
 use super::arrays::{read_npy, read_npz};
 use super::blur;
 use super::plane::{self, POSES, Plane, SIZE, THRESHOLD};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use super::{Exported, refusals};
 use glam::{DMat3, DQuat, DVec3};
 use rust_hdf5::H5File;
@@ -36,11 +36,11 @@ fn column<T: rust_hdf5::H5Type + Copy>(exported: &Exported, name: &str) -> Vec<T
     H5File::open(exported.path("events.h5")).unwrap().dataset(name).unwrap().read_raw::<T>().unwrap()
 }
 
-fn events(exported: &Exported) -> Vec<Seen> {
+fn events(exported: &Exported) -> Vec<ReadEvent> {
     let (x, y) = (column::<u16>(exported, "x"), column::<u16>(exported, "y"));
     let (t, p) = (column::<i64>(exported, "t"), column::<u8>(exported, "p"));
     assert!(t.is_sorted() && p.iter().all(|p| *p <= 1));
-    let event = |i: usize| Seen { x: x[i], y: y[i], t: t[i] as f64, sign: f64::from(p[i]) * 2.0 - 1.0 };
+    let event = |i: usize| ReadEvent { x: x[i], y: y[i], t: t[i] as f64, sign: f64::from(p[i]) * 2.0 - 1.0 };
     (0..t.len()).map(event).collect()
 }
 

@@ -8,7 +8,7 @@ mod recording;
 mod written;
 
 use super::plane::{self, FOCAL, POSES, SIZE, THRESHOLD};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use super::{Exported, export};
 use glam::{DQuat, DVec3};
 use gs2e_event::file::{EventFormat, ReadHints};
@@ -82,9 +82,9 @@ fn steps_along_its_rays_are_thresholds() {
     }
     let events = all_events(&recorded(&exported));
     assert_eq!(events.len(), plane.events);
-    let seen: Vec<Seen> = events
+    let seen: Vec<ReadEvent> = events
         .iter()
-        .map(|event| Seen {
+        .map(|event| ReadEvent {
             x: event.x,
             y: event.y,
             t: event.t.floor_micros() as f64,

@@ -3,7 +3,7 @@
 use super::Exported;
 use super::arrays::{entry, read_npz};
 use super::plane::{self, EPS, POSES, THRESHOLD};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use glam::{DQuat, DVec3};
 
 fn path(exported: &Exported) -> Path {
@@ -21,7 +21,7 @@ fn path(exported: &Exported) -> Path {
     }
 }
 
-fn events(exported: &Exported) -> Vec<Seen> {
+fn events(exported: &Exported) -> Vec<ReadEvent> {
     let file = exported.path("raw_events.npz");
     let places = read_npz::<u16>(&file, "position");
     let times = read_npz::<i64>(&file, "timestamp");
@@ -31,7 +31,7 @@ fn events(exported: &Exported) -> Vec<Seen> {
     let places = places.values.as_chunks::<2>().0.iter();
     places
         .zip(times.values.iter().zip(&signs.values))
-        .map(|([x, y], (t, on))| Seen { x: *x, y: *y, t: *t as f64, sign: if *on { 1.0 } else { -1.0 } })
+        .map(|([x, y], (t, on))| ReadEvent { x: *x, y: *y, t: *t as f64, sign: if *on { 1.0 } else { -1.0 } })
         .collect()
 }
 

@@ -50,7 +50,7 @@ fn picture_fault(
     name: &str,
 ) -> Option<AuditFault> {
     // The audit composes inertial data of this version.
-    if folder.is_own && product.is_some_and(|product| product.form == ProductForm::Samples) {
+    if folder.is_current && product.is_some_and(|product| product.form == ProductForm::Samples) {
         return None;
     }
     let bytes = match folder.files.read(name) {
@@ -58,7 +58,7 @@ fn picture_fault(
         Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.because)),
     };
     let size = folder.files.camera.size;
-    let same = |again: Result<Vec<u8>, String>| again.map(|again| again == bytes);
+    let same = |rewritten: Result<Vec<u8>, String>| rewritten.map(|rewritten| rewritten == bytes);
     let is_same = match product.map(|product| (product.name(), product.form)) {
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             same(check_numbers(kind, size, channels, positive, &bytes))
@@ -97,9 +97,9 @@ fn picture_fault(
 fn check_segmentation(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
     let image = png::read_sized(Cursor::new(bytes), size).map_err(|e| e.to_string())?;
     let segmentation = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
-    let mut again = Vec::new();
-    png::write_image(&segmentation, &mut again).expect("a Vec takes any bytes");
-    Ok(again)
+    let mut rewritten = Vec::new();
+    png::write_image(&segmentation, &mut rewritten).expect("a Vec takes any bytes");
+    Ok(rewritten)
 }
 
 /// The PNG file of an image.
@@ -127,7 +127,7 @@ fn check_numbers(
     if let Some(v) = values.iter().find(|v| !sound(v)) {
         return Err(format!("it holds {v}, which is not a valid {kind}"));
     }
-    let mut again = Vec::new();
-    npy::write_values(&shape, &values, &mut again).expect("a Vec takes any bytes");
-    Ok(again)
+    let mut rewritten = Vec::new();
+    npy::write_values(&shape, &values, &mut rewritten).expect("a Vec takes any bytes");
+    Ok(rewritten)
 }

@@ -44,11 +44,11 @@ pub(super) fn read_anchors(
     let stamps: Vec<i64> = there.iter().map(|pose| pictures.stamp(*pose)).collect();
     let frame_px = frame_motion(pictures, &there, steps_px)?;
     let choice = choose_anchors(&stamps, frame_px, pictures.files.camera.size.pixels() * front_ends.len());
-    let read = |index: &usize| seen_anchor(pictures, front_ends, there[*index]);
+    let read = |index: &usize| read_anchor_frame(pictures, front_ends, there[*index]);
     let frames: Vec<Vec<DenseFrame>> = choice.frames.par_iter().map(read).collect::<Result<_, _>>()?;
     let mut anchors = vec![AnchorFrames::without_frames(&choice); front_ends.len()];
-    for seen in frames {
-        for (anchors, frame) in anchors.iter_mut().zip(seen) {
+    for views in frames {
+        for (anchors, frame) in anchors.iter_mut().zip(views) {
             anchors.stamps_us.push(frame.t.floor_micros());
             anchors.images.push(frame.luminance);
         }
@@ -57,7 +57,7 @@ pub(super) fn read_anchors(
 }
 
 /// The frame at a pose, as each front end shows it.
-fn seen_anchor(
+fn read_anchor_frame(
     pictures: &ReleasedPictures<'_>,
     front_ends: &[FrontEnd],
     pose: usize,
@@ -66,9 +66,9 @@ fn seen_anchor(
     let t = Timestamp::from_micros(pictures.stamp(pose));
     let dense = DenseFrame { index: pose, t, luminance, rate: None };
     let see = |front_end: &FrontEnd| {
-        let mut seen = front_end.see(&dense, colours.as_ref());
-        forget_clipped(&mut seen.luminance, colours.as_ref(), &dense.luminance);
-        seen
+        let mut view = front_end.see(&dense, colours.as_ref());
+        forget_clipped(&mut view.luminance, colours.as_ref(), &dense.luminance);
+        view
     };
     Ok(front_ends.iter().map(see).collect())
 }
@@ -116,8 +116,8 @@ fn frame_motion(
 }
 
 /// Makes the brightness of clipped pixels unknown.
-fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey: &Image<f32>) {
-    for (i, seen) in seen.pixels_mut().iter_mut().enumerate() {
+fn forget_clipped(brightness: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey: &Image<f32>) {
+    for (i, value) in brightness.pixels_mut().iter_mut().enumerate() {
         let clipped = match colours {
             Some(colours) => colours.pixels()[i].iter().any(|channel| *channel >= FULL),
             None => grey.pixels()[i] >= FULL,
@@ -125,7 +125,7 @@ fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey
         // Released frames end at white, and the sensor saw the light above it. NaN keeps the pixel
         // out of every comparison.
         if clipped {
-            *seen = f32::NAN;
+            *value = f32::NAN;
         }
     }
 }

@@ -122,7 +122,7 @@ impl ReleasedPictures<'_> {
     }
 
     /// The words for a motion that is not that of the camera; `None` without one.
-    pub(super) fn own_motion(&self) -> Option<&'static str> {
+    pub(super) fn other_motion(&self) -> Option<&'static str> {
         if self.changes() {
             return Some("the scene changes with time");
         }

@@ -107,7 +107,7 @@ impl ReleasedTrajectory<'_> {
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
             coverage: measured.coverage,
             light_changes: self.recipe.lights.is_some(),
-            own_motion: self.recipe.moves_by_itself(),
+            moves_by_itself: self.recipe.moves_by_itself(),
             is_release: true,
             ..TrajectorySubject::new(self.name, Hertz(rate), &motion.trajectory, &limits)
         };
@@ -212,13 +212,13 @@ impl ReleasedTrajectory<'_> {
         let between = self.recipe.tolerance.map_or(0.0, |asked| asked.rms);
         let front_end = stream.sensor.as_model().front_end();
         let of = ground.front_ends.iter().position(|other| *other == front_end);
-        let seen = of.and_then(|i| ground.anchors.get(i));
+        let anchors = of.and_then(|i| ground.anchors.get(i));
         // The hot pixels are known, so the law is that of the others.
         let sensor = stream.sensor.without_hot_pixels();
         let law = DriftLaw::for_sensor(&sensor).with_rounding(FrameRounding { front_end, between });
         let reader = self.files.events(stream.sensor_name)?;
         let against = TallyReference {
-            seen: seen.map(|seen| (law, seen)),
+            observed: anchors.map(|anchors| (law, anchors)),
             flows: ground.flows,
             dead_us: stream.sensor.dead_us(),
             hot_hz: &stream.hot_hz,

@@ -161,7 +161,7 @@ pub(super) fn walk_pictures(
     let moves_in_flow = pictures.has_objects() && !present.flow.is_empty();
     let objects = moves_in_flow.then(|| some_found(objects, NO_OBJECTS));
     let disparities = (!present.disparity.is_empty()).then(|| some_found(disparities, NO_DISPARITIES));
-    let moves = pictures.own_motion().map(str::to_owned);
+    let moves = pictures.other_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
     let order = moves.map_or(order, Err);
     let geometry = GeometryMeasures { pictures, order, depths, flows, objects };

@@ -22,7 +22,7 @@ pub struct StatusPage<'a> {
     /// An hour before, in the same form.
     pub hour_ago: &'a str,
     /// The scenes, in the order of the plan.
-    pub scenes: &'a [ShownScene<'a>],
+    pub scenes: &'a [ScenePanel<'a>],
     /// Core-seconds that the missing steps are expected to take, s.
     pub core_seconds: f64,
     /// Cores of the tasks that run.
@@ -33,7 +33,7 @@ pub struct StatusPage<'a> {
 
 /// A scene with its state.
 #[derive(Debug, Clone, Copy)]
-pub struct ShownScene<'a> {
+pub struct ScenePanel<'a> {
     /// Its id.
     pub scene: &'a str,
     /// Its steps.
@@ -280,7 +280,7 @@ impl StatusPage<'_> {
         html.within("section", &[], |html| {
             html.leaf("h2", &[], "Scenes");
             let rows = self.scenes.iter().map(|scene| {
-                let ShownScene { scene, progress, state } = scene;
+                let ScenePanel { scene, progress, state } = scene;
                 vec![
                     (*scene).to_owned(),
                     state.to_string(),
@@ -388,10 +388,10 @@ mod tests {
         let states =
             [SceneState::Done, SceneState::Running { task, node: "n1".into() }, failed("c"), failed("d")];
         let half = SceneProgress { steps: 4, finished: 2 };
-        let scenes: Vec<ShownScene<'_>> = ["a", "b", "c", "d"]
+        let scenes: Vec<ScenePanel<'_>> = ["a", "b", "c", "d"]
             .iter()
             .zip(&states)
-            .map(|(scene, state)| ShownScene { scene, progress: half, state })
+            .map(|(scene, state)| ScenePanel { scene, progress: half, state })
             .collect();
         let made = |step: &str, seconds: f64, ended: &str| MadeStep {
             step: step.to_owned(),

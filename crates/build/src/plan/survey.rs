@@ -186,16 +186,16 @@ pub(crate) fn remember_settled(
             continue;
         }
         store.note_recipe(&recipe.scene, &recipe.meta.merged.to_string());
-        let SceneState { steps, mut seen } = scene;
+        let SceneState { steps, mut sightings } = scene;
         // An edit of the recipe or of its defaults must unsettle the scene.
-        seen.extend(recipe.meta.seen.iter().cloned());
+        sightings.extend(recipe.meta.sightings.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
         let (kind, upstream_id) = recipe.source.origin();
         let source = (kind.to_owned(), upstream_id.map(str::to_owned));
         let settled = SettledScene { scene: recipe.scene.clone(), source, trajectories, steps };
-        let ground = MemoGround { tag: *tag, files: &seen, blobs: &blobs };
+        let ground = MemoGround { tag: *tag, files: &sightings, blobs: &blobs };
         store.remember(&recipe.meta.file.name(), ground, settled);
     }
 }
@@ -204,13 +204,13 @@ pub(crate) fn remember_settled(
 #[derive(Default)]
 struct SceneState {
     steps: Vec<SettledStep>,
-    seen: Vec<(PathBuf, gs2e_files::stat::StatSighting)>,
+    sightings: Vec<(PathBuf, gs2e_files::stat::StatSighting)>,
 }
 
 impl SceneState {
     fn add(&mut self, name: &str, product: &StepProduct) {
         let StepProduct { key, outputs, sources } = product;
         self.steps.push(SettledStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
-        self.seen.extend(sources.seen.iter().cloned());
+        self.sightings.extend(sources.sightings.iter().cloned());
     }
 }

@@ -59,7 +59,9 @@ impl From<ForeignError> for StageError {
             ForeignError::Stopped => Self::Cancelled,
             ForeignError::Failed(failed) => Self::Program(failed),
             ForeignError::Io { path, cause } => Self::Io { path, source: cause },
-            error @ ForeignError::Own { .. } => Self::work_failed("compare it with other programs")(error),
+            error @ ForeignError::Product { .. } => {
+                Self::work_failed("compare it with other programs")(error)
+            }
         }
     }
 }

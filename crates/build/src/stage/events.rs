@@ -4,7 +4,7 @@
 mod resample;
 mod sampling;
 
-use super::near::{self, seen_along};
+use super::near::{self, hide_near_along};
 use super::pass::{PassGround, PassInputs, PassRole, PoseReaders};
 use super::shot::ShotParameters;
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed};
@@ -133,7 +133,8 @@ impl EventsStage {
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let camera = super::choose_camera(self.shot.camera, &ground.capture, cx);
-        let (gaussians, hidden) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.shot.render);
+        let (gaussians, hidden) =
+            hide_near_along(&ground.gaussians, &ground.motion, &camera, &self.shot.render);
         let motion = ground.motion;
         cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.shot.render.rules));
         let style = self.shot.render.resolve(gaussians.antialiased);
@@ -144,8 +145,8 @@ impl EventsStage {
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
-        let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
+        let sampled = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(sampled.flow_px));
         let frames = RenderedFrames::new(renderer, camera, trajectory.clone()).lit_by(self.lights.clone());
         let mut frames = own.with_inputs(frames, velocities, readers.is_some());
         self.measure_saving(&mut frames, cx)?;
@@ -172,12 +173,12 @@ impl EventsStage {
             seed: self.seed,
             omit: self.shot.omit,
             work,
-            flow_px: seen.flow_px,
-            doubtful_share: seen.doubtful_share,
-            depth_unit: seen.depth_unit,
+            flow_px: sampled.flow_px,
+            doubtful_share: sampled.doubtful_share,
+            depth_unit: sampled.depth_unit,
             brightness_stamps_us: anchors[0].stamps_us.clone(),
             brightness_spans: choice.spans,
-            depth_stamps_us: seen.stamps_us,
+            depth_stamps_us: sampled.stamps_us,
             chosen,
         };
         for (i, anchors) in anchors.iter().enumerate() {

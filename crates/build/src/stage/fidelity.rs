@@ -120,7 +120,7 @@ impl FidelityStage {
                     let found = compare_view(renderer.as_mut(), view, &photo)
                         .map_err(StageError::work_failed("render"))?;
                     if pictured.contains(&i) {
-                        sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.shown));
+                        sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.rendering));
                     }
                     let ViewComparison { psnr, ssim, .. } = found;
                     fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });

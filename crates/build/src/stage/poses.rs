@@ -7,7 +7,7 @@ use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
 use gs2e_source::DiskCapture;
 use gs2e_source::foreign::photos::{SolvedPhotos, solve_photos};
 use gs2e_source::foreign::versions::VersionQuery;
-use gs2e_source::photos::own_name;
+use gs2e_source::photos::base_name;
 use gs2e_source::reconstruct::ProgramWorkspace;
 use gs2e_source::solving::PoseSolving;
 use serde::Serialize;
@@ -37,7 +37,7 @@ impl PosesStage {
     fn photos(&self) -> Result<Vec<SourceFile>, StageError> {
         let is_given = self.capturing.is_given();
         let mut files = CaptureStage::Captured(self.capturing.clone()).sources()?;
-        files.retain(|file| is_given(own_name(&file.name)));
+        files.retain(|file| is_given(base_name(&file.name)));
         Ok(files)
     }
 }
@@ -82,7 +82,7 @@ impl Stage for PosesStage {
     type Output = SolvedModel;
 
     fn run(&self, frames: Option<PictureSet>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
-        let on_disk = self.photos()?.into_iter().map(|file| (own_name(&file.name).to_owned(), file.path));
+        let on_disk = self.photos()?.into_iter().map(|file| (base_name(&file.name).to_owned(), file.path));
         let photos: Vec<(String, PathBuf)> = match frames {
             Some(frames) => frames.files,
             None => on_disk.collect(),

@@ -32,7 +32,7 @@ mod levels;
 mod line_sums;
 mod pairs;
 
-pub use frame_drifts::SeenFrame;
+pub use frame_drifts::BrightnessFrame;
 
 use crate::ahead::{AHEAD, load_ahead};
 use crate::drift::DriftLaw;
@@ -139,13 +139,13 @@ impl CrossingFit {
 impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`, with about `events` events.
     #[must_use]
-    pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64, events: u64) -> Self {
+    pub fn new(law: DriftLaw, first: BrightnessFrame, end_us: i64, events: u64) -> Self {
         let apart = lines_apart(events, first.brightness.size());
         Self::of_lines(law, first, end_us, apart)
     }
 
     /// Compares the events on every `apart`-th line.
-    fn of_lines(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
+    fn of_lines(law: DriftLaw, first: BrightnessFrame, end_us: i64, apart: u64) -> Self {
         let Size { width, height } = first.brightness.size();
         let (width, height) = (width as usize, height as usize);
         let start_us = first.t_us as f64;
@@ -173,7 +173,7 @@ impl CrossingObserver {
     ///
     /// # Panics
     /// The frame has another size than the first.
-    pub fn take_frame(&mut self, frame: SeenFrame) {
+    pub fn take_frame(&mut self, frame: BrightnessFrame) {
         self.drifts.take_frame(frame);
     }
 

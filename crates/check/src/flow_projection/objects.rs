@@ -29,7 +29,7 @@ pub struct ObjectFlow {
     /// The pose.
     pub pose: usize,
     /// Number of pixels of objects.
-    pub shown: u64,
+    pub pixels: u64,
     /// Number of pixels with another flow than that of the object that the segmentation states.
     pub wrong: u64,
     /// A number in the segmentation that no object has.
@@ -51,20 +51,20 @@ impl ObjectFlow {
         views: &[CameraView],
     ) -> Self {
         let numbers = || segmentation.pixels().iter().copied();
-        let shown = numbers().filter(|number| *number > 0).count() as u64;
+        let pixels = numbers().filter(|number| *number > 0).count() as u64;
         let stranger = numbers().find(|number| usize::from(*number) >= views.len());
         if stranger.is_some() {
-            return Self { pose, shown, wrong: 0, stranger };
+            return Self { pose, pixels, wrong: 0, stranger };
         }
         let expected = flow_of_objects(depth, Some(segmentation), views);
         let allowed = OF_IMAGE * median_size(&expected) + INVISIBLE;
         let pairs = stated.pixels().iter().zip(expected.pixels());
         let wrong = pairs.filter(|(stated, expected)| is_wrong(**stated, **expected, allowed)).count() as u64;
-        Self { pose, shown, wrong, stranger }
+        Self { pose, pixels, wrong, stranger }
     }
 
     fn share(&self) -> f64 {
-        self.wrong as f64 / self.shown.max(1) as f64
+        self.wrong as f64 / self.pixels.max(1) as f64
     }
 }
 
@@ -108,7 +108,7 @@ pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Judged> {
          of objects: the worst of {} images",
         worst.pose,
         worst.wrong,
-        worst.shown,
+        worst.pixels,
         flows.len()
     );
     Some(Ok(Judgement::at_most(worst.share(), limit, "1", because).detecting(MOST_WRONG, "1")))

@@ -48,7 +48,7 @@ pub(super) fn measure_views(
         kinds.push(CostKind::render_once(renderer, views, *want, sampling.keep, taps)?);
     }
     for _ in 0..sampling.rounds {
-        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, taps))?;
+        kinds.iter_mut().try_for_each(|kind| kind.repeat(renderer, views, taps))?;
     }
     Ok(kinds.into_iter().map(|kind| (kind.cost(), kind.kept)).collect())
 }
@@ -96,7 +96,7 @@ impl CostKind {
         Ok(kind)
     }
 
-    fn again(
+    fn repeat(
         &mut self,
         renderer: &mut dyn Renderer,
         views: &[CameraView],

@@ -100,7 +100,7 @@ pub struct StudyLab<'a> {
     /// The window.
     pub window: &'a FineWindow,
     /// The sensor of the recipe.
-    pub own: VoltmeterModel,
+    pub recipe_sensor: VoltmeterModel,
     /// The sensor that is fed with frames.
     pub sensor: VoltmeterModel,
     /// Seed of the noise.
@@ -302,7 +302,7 @@ impl StudyLab<'_> {
             reference: passed.reference.len(),
             law,
             finest_s,
-            jitter: passed.jitter(&self.own, window.seconds()),
+            jitter: passed.jitter(&self.recipe_sensor, window.seconds()),
             costs,
         };
         Ok((of, rows))

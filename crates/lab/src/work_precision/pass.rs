@@ -86,9 +86,9 @@ pub(crate) fn feed_settings(
         // The logarithms of a frame are computed once for all grids, and only for frames that one
         // needs.
         let wanted = gridded.iter().any(|grid| grid.wants(frame.index));
-        let seen = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
-        if let Some(seen) = seen {
-            gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &seen, clock))?;
+        let voltage = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
+        if let Some(voltage) = voltage {
+            gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &voltage, clock))?;
         }
         if tap(frame.index).is_break() {
             return Err(SimulateError::Interrupted);
@@ -164,15 +164,15 @@ impl<'a> GridSettings<'a> {
     fn see(
         &mut self,
         frame: &DenseFrame,
-        seen: &Arc<FrameVoltage>,
+        voltage: &Arc<FrameVoltage>,
         clock: &dyn Fn() -> TimeSpent,
     ) -> Result<(), SensorError> {
         if self.middle() == Some(frame.index) {
-            self.voltages.middle(seen);
+            self.voltages.middle(voltage);
         }
         if self.grid.places.get(self.next) == Some(&frame.index) {
             self.sensing.iter_mut().try_for_each(|sensing| sensing.see(frame, clock))?;
-            self.voltages.node(seen);
+            self.voltages.node(voltage);
             self.next += 1;
         }
         Ok(())

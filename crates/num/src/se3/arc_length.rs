@@ -50,11 +50,11 @@ const TOLERANCE: f64 = 1e-13;
 /// speed at the ends of the panel. The outermost nodes are 5 % away from the ends, so the first
 /// test does not notice a cusp in between. A cusp that this test misses is within 5e-7 of the
 /// panel's width from its end, and costs 5e-13 of its length.
-const SEEN: f64 = 1e-6;
-/// Replaces [`SEEN`] where the speed at an end is positive but below `SEEN` of the mean. A curve
+const MAX_MISFIT: f64 = 1e-6;
+/// Replaces [`MAX_MISFIT`] where the speed at an end is positive but below `MAX_MISFIT` of the mean. A curve
 /// that passes so close to a stop bends inside the panel, and its length up to a place would be
 /// wrong by 1e-11 of the panel's length.
-const SEEN_AT_A_STOP: f64 = 1e-9;
+const MAX_MISFIT_AT_A_STOP: f64 = 1e-9;
 /// Error, relative to the segment's length, below which a panel is always accepted. At a cusp the
 /// relative error of the panel that contains it never falls.
 const FLOOR: f64 = 1e-14;
@@ -219,7 +219,8 @@ impl<P: CurveSpeed> ArcLength<P> {
         let mean = span.length() / (span.to - span.from);
         let meets = |x: f64, predicted: f64| {
             let found = self.pace.pace(CurvePlace { segment: span.segment, x });
-            let share = if found > 0.0 && found < SEEN * mean { SEEN_AT_A_STOP } else { SEEN };
+            let share =
+                if found > 0.0 && found < MAX_MISFIT * mean { MAX_MISFIT_AT_A_STOP } else { MAX_MISFIT };
             (predicted - found).abs() <= share * mean
         };
         let [first, last] = span.extrapolated();
@@ -482,7 +483,7 @@ mod tests {
             let c = f64::from(k) / 2000.0 + 1e-5;
             let arc = measure(|x| (x - c).abs());
             let error = relative(arc.total(), c * c / 2.0 + (1.0 - c) * (1.0 - c) / 2.0);
-            // What SEEN leaves: 5e-13 of one panel's length.
+            // What MAX_MISFIT leaves: 5e-13 of one panel's length.
             assert!(error < 1e-12, "{c}: {error:e}");
         }
     }

@@ -2,7 +2,7 @@
 //! trajectory.
 
 use super::embed::EmbeddedPicture;
-use super::previews::ShownPicture;
+use super::previews::Preview;
 use super::section::ReportTrajectory;
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
@@ -29,7 +29,7 @@ pub(crate) fn inertial_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     let path = track.path_of(&format!("{}/{SAMPLES}", product.name()));
     let bytes = files::read_with(&places(&path)?, LinkRule::Refuse, MAX_DOCUMENT).ok()?;
     let lines = read_lines(&bytes, SAMPLES_HEAD).ok()?;
@@ -44,7 +44,7 @@ pub(crate) fn inertial_picture(
     );
     let mut file = Vec::new();
     png::write_image(&image, &mut file).ok()?;
-    Some(ShownPicture { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
+    Some(Preview { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
 }
 
 /// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the

@@ -6,7 +6,7 @@
 //! end, so that a few extreme pixels do not hide the rest.
 
 use super::embed::EmbeddedPicture;
-use super::previews::{ShownPicture, moment_us, sensor_size};
+use super::previews::{Preview, moment_us, sensor_size};
 use super::section::ReportTrajectory;
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
@@ -29,7 +29,7 @@ pub(crate) fn depth_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     scale_picture(["depth", "units"], product, track, places, width)
 }
 
@@ -39,7 +39,7 @@ pub(crate) fn disparity_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     scale_picture(["disparity", "px"], product, track, places, width)
 }
 
@@ -50,7 +50,7 @@ fn scale_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     let (number, values) = read_map::<1>(track, places, product)?;
     let (image, [low, high]) = colour_depths(&values)?;
     let words = format!(
@@ -59,7 +59,7 @@ fn scale_picture(
         short_number(low),
         short_number(high)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+    Some(Preview { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
 }
 
 /// The optical flow nearest to the middle of the trajectory.
@@ -68,7 +68,7 @@ pub(crate) fn flow_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     let (number, flows) = read_map::<2>(track, places, product)?;
     let (image, full) = colour_flows(&flows)?;
     let words = format!(
@@ -76,7 +76,7 @@ pub(crate) fn flow_picture(
         moment_words(&track, number),
         short_number(full)
     );
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: true })
+    Some(Preview { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: true })
 }
 
 /// The time of a pose, in words.

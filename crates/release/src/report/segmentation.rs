@@ -2,7 +2,7 @@
 
 use super::embed::EmbeddedPicture;
 use super::maps::moment_words;
-use super::previews::{ShownPicture, moment_us, sensor_size};
+use super::previews::{Preview, moment_us, sensor_size};
 use super::section::ReportTrajectory;
 use crate::products::ReleaseProduct;
 use crate::published::StoredPlaces;
@@ -32,7 +32,7 @@ pub(crate) fn segmentation_picture(
     track: ReportTrajectory<'_>,
     places: StoredPlaces<'_>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     let stamps = &track.published.motion.trajectory.stamps_us;
     let moment = moment_us(&track);
     let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
@@ -52,8 +52,8 @@ pub(crate) fn segmentation_picture(
         index.map_or(STILL, |index| COLOURS[index % COLOURS.len()].0)
     };
     let image = Image::from_vec(size, segmentation.pixels().iter().map(colour).collect());
-    let shown = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
+    let legend = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
     let words =
-        format!("objects at {}: {}", moment_words(&track, number), shown.collect::<Vec<_>>().join(", "));
-    Some(ShownPicture { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
+        format!("objects at {}: {}", moment_words(&track, number), legend.collect::<Vec<_>>().join(", "));
+    Some(Preview { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
 }

@@ -219,14 +219,18 @@ impl ViewTransform {
     /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
     pub(super) fn turned<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
-        let seen = [
+        let in_camera = [
             dot_product(self.rows[0], axis),
             dot_product(self.rows[1], axis),
             dot_product(self.rows[2], axis),
         ];
         // `seen x w` is `-w x seen`.
-        let rate = cross_product(seen, self.turning);
-        [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
+        let rate = cross_product(in_camera, self.turning);
+        [
+            S::with_rate(in_camera[0], rate[0]),
+            S::with_rate(in_camera[1], rate[1]),
+            S::with_rate(in_camera[2], rate[2]),
+        ]
     }
 
     /// As [`Self::turned`], of a vector that changes at a rate in world axes.

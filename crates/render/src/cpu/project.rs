@@ -197,9 +197,9 @@ impl ProjectionInput<'_> {
         blocks: &[GaussianBlock],
         mut drawn: DrawnSplats<'_>,
     ) -> ProjectedChunk {
-        let mut seen = ProjectedBlock::<S>::new();
+        let mut projected = ProjectedBlock::<S>::new();
         for block in blocks {
-            self.block(simd, block, &mut seen, &mut drawn);
+            self.block(simd, block, &mut projected, &mut drawn);
         }
         drawn.done
     }
@@ -209,50 +209,50 @@ impl ProjectionInput<'_> {
         &self,
         simd: V,
         block: &GaussianBlock,
-        seen: &mut ProjectedBlock<S>,
+        projected: &mut ProjectedBlock<S>,
         DrawnSplats { splats, depths, numbers, rates, done }: &mut DrawnSplats<'_>,
     ) {
         let eye = &self.eyes[block.object];
-        seen.locate(eye, self.style.rules, block);
-        seen.outline(eye, self.style, block);
+        projected.locate(eye, self.style.rules, block);
+        projected.outline(eye, self.style, block);
         match self.style.rules {
-            RenderRules::Official => seen.bound(RenderRules::Official, eye.size),
-            RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, eye.size),
-            RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, eye.size),
+            RenderRules::Official => projected.bound(RenderRules::Official, eye.size),
+            RenderRules::Exact | RenderRules::Soft => projected.bound(RenderRules::Exact, eye.size),
+            RenderRules::Gsplat => projected.bound(RenderRules::Gsplat, eye.size),
         }
         if let Some(sample) = self.sample {
-            seen.leave_out(sample);
+            projected.leave_out(sample);
         }
-        let count = seen.count(block.len, &mut done.work);
-        count_culled(&seen.fate[..block.len], block.promised, &mut done.culled);
+        let count = projected.count(block.len, &mut done.work);
+        count_culled(&projected.fate[..block.len], block.promised, &mut done.culled);
         let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
         if coloured {
-            seen.face(eye, block, self.sh_degree, count);
+            projected.face(eye, block, self.sh_degree, count);
         }
         for k in 0..count {
-            let i = usize::from(seen.drawn[k]);
+            let i = usize::from(projected.drawn[k]);
             let mut colour = [S::nearest(0.0); 3];
             if coloured {
                 let number = block.numbers[i] as usize;
                 colour = match self.moment.and_then(|at| at.harmonics(number)) {
                     Some(harmonics) => {
-                        seen.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
+                        projected.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
                     }
                     None => {
                         let coefficients = self.scene.sh_of(number).as_flattened();
-                        seen.colour(simd, k, &coefficients[..3 * sh::function_count(self.sh_degree)])
+                        projected.colour(simd, k, &coefficients[..3 * sh::function_count(self.sh_degree)])
                     }
                 };
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
-            depths[done.drawn] = S::at(&seen.depth, i).value();
+            depths[done.drawn] = S::at(&projected.depth, i).value();
             numbers[done.drawn] = block.numbers[i];
             let splat = &mut splats[done.drawn];
-            *splat = seen.splat(i);
-            self.write_features(value, seen, i, &mut splat.features);
+            *splat = projected.splat(i);
+            self.write_features(value, projected, i, &mut splat.features);
             if S::MOVING {
                 let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
-                rates[done.drawn] = seen.rates(i, luminance(value), luminance(rate));
+                rates[done.drawn] = projected.rates(i, luminance(value), luminance(rate));
             }
             done.drawn += 1;
         }
@@ -264,7 +264,7 @@ impl ProjectionInput<'_> {
     fn write_features<S: LaneValue>(
         &self,
         colour: [f32; 3],
-        seen: &ProjectedBlock<S>,
+        projected: &ProjectedBlock<S>,
         i: usize,
         features: &mut [f32; MAX_FEATURES],
     ) {
@@ -279,11 +279,11 @@ impl ProjectionInput<'_> {
             n += 1;
         }
         if self.want.depth {
-            features[n] = S::at(&seen.depth, i).value();
+            features[n] = S::at(&projected.depth, i).value();
             n += 1;
         }
         if self.want.doubtful {
-            features[n] = f32::from(u8::from(seen.is_deeper(i, AFFINE_DOUBTFUL)));
+            features[n] = f32::from(u8::from(projected.is_deeper(i, AFFINE_DOUBTFUL)));
         }
     }
 }

@@ -115,8 +115,8 @@ impl SegmentationPass<'_> {
     ) -> Image<[f32; 3]> {
         self.each(buffers.splats, |splat, number| {
             let velocity = at.splat(number).velocity();
-            let seen = camera_from_world * DVec3::from_array(velocity);
-            splat.features[..3].copy_from_slice(&seen.as_vec3().to_array());
+            let in_camera = camera_from_world * DVec3::from_array(velocity);
+            splat.features[..3].copy_from_slice(&in_camera.as_vec3().to_array());
         });
         self.blend(3, buffers);
         mean_vectors(BlendedTiles { tiles: buffers.tiles, features: 3, grid: self.grid })

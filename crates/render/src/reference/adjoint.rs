@@ -72,12 +72,12 @@ fn pixel_terms<'a>(
     gradient: [f64; 3],
     score: f64,
 ) -> Vec<(&'a ReferenceLayer, [f64; 10])> {
-    let (seen, rest, _) = renderer.seen(layers, pixel);
+    let (blend, rest, _) = renderer.blended_layers(layers, pixel);
     // The back ends recover the light in front of a layer by division. Here it is kept on the way
     // forward, so that an error of theirs cannot be repeated.
     let dot = |c: [f64; 3]| c[0] * gradient[0] + c[1] * gradient[1] + c[2] * gradient[2];
     let mut light = 1.0;
-    let before: Vec<f64> = seen
+    let before: Vec<f64> = blend
         .iter()
         .map(|(_, alpha)| {
             let here = light;
@@ -87,7 +87,7 @@ fn pixel_terms<'a>(
         .collect();
     let mut behind = rest.value * dot(renderer.style.background.map(f64::from));
     let mut terms = Vec::new();
-    for (&(layer, alpha), &light) in seen.iter().zip(&before).rev() {
+    for (&(layer, alpha), &light) in blend.iter().zip(&before).rev() {
         let weight = light * alpha.value;
         let lit = dot(layer.colour.map(|c| c.value));
         let by_alpha = light * lit - behind / (1.0 - alpha.value);

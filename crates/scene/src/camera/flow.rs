@@ -131,15 +131,15 @@ fn displacements<T: Copy + Default + Send>(
     let turn = to_from_world * from.world_from_camera.rotation_matrix();
     let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
     let width = size.width as usize;
-    let mut seen = vec![T::default(); size.pixels()];
-    seen.par_iter_mut().enumerate().for_each(|(i, seen)| {
+    let mut all = vec![T::default(); size.pixels()];
+    all.par_iter_mut().enumerate().for_each(|(i, found)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         // NaN for a pixel without depth; the projection refuses it, and the result is NaN again.
         let point = from.camera.unproject(pixel, f64::from(depth.pixels()[i]));
         let moved = to.camera.project(turn * point + shift);
-        *seen = see(moved.map(|[x, y]| DVec2::new(x - pixel[0], y - pixel[1])));
+        *found = see(moved.map(|[x, y]| DVec2::new(x - pixel[0], y - pixel[1])));
     });
-    Image::from_vec(size, seen)
+    Image::from_vec(size, all)
 }
 
 /// Image velocity of each pixel's world point for a moving camera, px per unit of the velocity's

@@ -23,7 +23,7 @@ pub enum ForeignError {
     },
     /// A built product cannot be read by this program.
     #[error("read {}: {cause}", path.display())]
-    Own {
+    Product {
         /// The file.
         path: PathBuf,
         /// Cause.
@@ -39,10 +39,10 @@ impl ForeignError {
     }
 
     /// Converts the error of reading a product of this program.
-    pub(super) fn own_product<E: std::error::Error + Send + Sync + 'static>(
+    pub(super) fn product_error<E: std::error::Error + Send + Sync + 'static>(
         path: &Path,
     ) -> impl FnOnce(E) -> Self {
         let path = path.to_owned();
-        move |cause| Self::Own { path, cause: Box::new(cause) }
+        move |cause| Self::Product { path, cause: Box::new(cause) }
     }
 }

@@ -248,7 +248,7 @@ impl<'a> PoseWorkspace<'a> {
     /// a match.
     fn match_pairs(&self, rule: PairRule) -> Result<bool, ForeignError> {
         let described =
-            features::read_database(&self.database).map_err(ForeignError::own_product(&self.database))?;
+            features::read_database(&self.database).map_err(ForeignError::product_error(&self.database))?;
         let pairs = rule.pairs(described.len());
         self.watch.say(&format!("matching {} pairs of photos", pairs.len()));
         let found = features::match_pairs(&described, &pairs, self.workspace.goes_on);

@@ -17,7 +17,7 @@
 //! machines may differ by two hours.
 
 use super::PLANS;
-use super::folder::{OWN_FOLDER, SharedFolder, is_refused};
+use super::folder::{PROCESS_FOLDER, SharedFolder, is_refused};
 use super::medium::read_record;
 use crate::blob::blob_name;
 use crate::disk::{disk_error, is_absent};
@@ -253,7 +253,7 @@ impl OldFolder {
     fn names(self, name: &str) -> bool {
         match self {
             Self::Plan => name.len() == 12 && name.chars().all(|c| c.is_ascii_hexdigit()),
-            Self::Trash | Self::Process => name.starts_with(OWN_FOLDER),
+            Self::Trash | Self::Process => name.starts_with(PROCESS_FOLDER),
         }
     }
 
@@ -316,7 +316,7 @@ impl SharedFolder {
     pub(super) fn fresh_trash(&self) -> Result<PathBuf, StoreError> {
         let trash = self.root.join(TRASH);
         self.disk.create_dir(&trash)?;
-        let folder = tempfile::Builder::new().prefix(OWN_FOLDER).tempdir_in(&trash);
+        let folder = tempfile::Builder::new().prefix(PROCESS_FOLDER).tempdir_in(&trash);
         Ok(folder.map_err(disk_error("creating a folder in", &trash))?.keep())
     }
 
@@ -337,9 +337,9 @@ impl SharedFolder {
     /// The folders directly below a folder; empty if it is absent.
     fn folders(&self, name: &str) -> Result<Vec<FolderEntry>, StoreError> {
         let folder = self.root.join(name);
-        let own = self.own.as_ref().map(|own| own.path().to_owned());
+        let private = self.private.as_ref().map(|private| private.path().to_owned());
         let entries = self.disk.entries(&folder)?.into_iter();
-        Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != own.as_ref()).collect())
+        Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != private.as_ref()).collect())
     }
 
     /// The files below a folder, as [`StoreDisk::files_below`]; empty if another process removed it.

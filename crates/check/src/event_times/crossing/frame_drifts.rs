@@ -7,7 +7,7 @@ use gs2e_image::{Image, Size};
 
 /// A frame as the sensor sees it.
 #[derive(Debug, Clone)]
-pub struct SeenFrame {
+pub struct BrightnessFrame {
     /// Stamp, us.
     pub t_us: i64,
     /// Brightness on the grey scale.
@@ -31,7 +31,7 @@ pub(super) struct FrameDrifts {
     exposure: Vec<f64>,
     /// The two frames around the present. Drifts are computed for the pixels with events only: most
     /// pixels have none between two frames, and a logarithm costs more than an event.
-    frames: [SeenFrame; 2],
+    frames: [BrightnessFrame; 2],
 }
 
 /// An event, and the drift of its pixel as the frames show it.
@@ -75,8 +75,8 @@ fn integral_between(step_us: f64, ends: [f32; 2]) -> f64 {
 
 impl FrameDrifts {
     /// Every `apart`-th line is compared.
-    pub(super) fn new(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
-        let SeenFrame { t_us, brightness, cut } = &first;
+    pub(super) fn new(law: DriftLaw, first: BrightnessFrame, end_us: i64, apart: u64) -> Self {
+        let BrightnessFrame { t_us, brightness, cut } = &first;
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
         let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
         Self {
@@ -100,7 +100,7 @@ impl FrameDrifts {
         self.middle_us - self.first_us as f64
     }
 
-    pub(super) fn take_frame(&mut self, frame: SeenFrame) {
+    pub(super) fn take_frame(&mut self, frame: BrightnessFrame) {
         assert_eq!(frame.brightness.pixels().len(), self.exposure.len(), "frames of one size");
         let [from, to] = &self.frames;
         let step_us = (to.t_us - from.t_us) as f64;
@@ -122,7 +122,7 @@ impl FrameDrifts {
 
     /// The bits of the values that determine the drift of a pixel.
     pub(super) fn met_at(&self, pixel: usize) -> u64 {
-        let of_frame = |frame: &SeenFrame| {
+        let of_frame = |frame: &BrightnessFrame| {
             u64::from(frame.brightness.pixels()[pixel].to_bits()) ^ u64::from(frame.cut[pixel])
         };
         let [from, to] = &self.frames;
@@ -166,7 +166,7 @@ impl FrameDrifts {
     fn drifts(&self, pixel: usize) -> [f64; 2] {
         let exposures = [self.exposure[pixel], self.exposure[pixel] + self.added_exposure(pixel)];
         [0, 1].map(|i| {
-            let SeenFrame { t_us, brightness, cut } = &self.frames[i];
+            let BrightnessFrame { t_us, brightness, cut } = &self.frames[i];
             let log = if cut[pixel] { f64::NAN } else { self.law.brightness(brightness.pixels()[pixel]) };
             self.law.drift(log - self.first_logs[pixel], (t_us - self.first_us) as f64, exposures[i])
         })

@@ -31,27 +31,27 @@ fn settings() -> impl Iterator<Item = WorldSettings> {
 }
 
 /// Frames of 8 bits.
-fn rounded_frame(setting: WorldSettings, j: usize, t_us: i64) -> SeenFrame {
+fn rounded_frame(setting: WorldSettings, j: usize, t_us: i64) -> BrightnessFrame {
     let picture = wave_picture(setting, j);
     let cut = picture.pixels().iter().map(|l| !(0.5..=254.5).contains(l)).collect();
     let grey = picture.pixels().iter().map(|l| l.round().clamp(0.0, 255.0)).collect();
-    SeenFrame { t_us, brightness: Image::from_vec(picture.size(), grey), cut }
+    BrightnessFrame { t_us, brightness: Image::from_vec(picture.size(), grey), cut }
 }
 
-fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<SeenFrame> {
+fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<BrightnessFrame> {
     let stamps = world.trajectory.stamps_us.iter().enumerate();
     stamps.map(|(j, t_us)| rounded_frame(setting, j, *t_us)).collect()
 }
 
 /// The clock of a world whose events have other times.
-fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
+fn clock_of(world: &PlantedWorld, frames: &[BrightnessFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
     clock_of_lines(world, frames, 1, time)
 }
 
 /// The clock by the events on every `apart`-th line.
 fn clock_of_lines(
     world: &PlantedWorld,
-    frames: &[SeenFrame],
+    frames: &[BrightnessFrame],
     apart: u64,
     time: impl Fn(f64) -> f64,
 ) -> CrossingFit {
