@@ -153,7 +153,7 @@ impl<'a> Progress<'a> {
             let again = if ended.work.is_some() { ", made again" } else { "" };
             let (scene, step) = self.place(ended.step);
             let what = format!("{scene}/{step}: {what}; moved to trash{again}");
-            self.tell(view, &UserMessage::warning("blob-altered", what).step(scene, step));
+            self.report(view, &UserMessage::warning("blob-altered", what).step(scene, step));
         }
         if self.run.console.json {
             Self::above_bars(view, || self.run.console.result(&self.to_json(ended)));
@@ -223,12 +223,12 @@ impl<'a> Progress<'a> {
 
     /// Prints a line for people.
     fn line(&self, view: &ProgressView, text: &str) {
-        Self::above_bars(view, || self.run.console.say(text));
+        Self::above_bars(view, || self.run.console.note(text));
     }
 
     /// Prints a message, even if the user asked for quiet.
-    fn tell(&self, view: &ProgressView, message: &UserMessage) {
-        Self::above_bars(view, || self.run.console.tell(message));
+    fn report(&self, view: &ProgressView, message: &UserMessage) {
+        Self::above_bars(view, || self.run.console.report(message));
     }
 
     /// Prints the line of a step that was made.
@@ -248,13 +248,13 @@ impl<'a> Progress<'a> {
         if let Some(because) = failure.of_gpu().filter(|_| self.run.falls_back) {
             let scene = self.place(step).0;
             let what = format!("{scene} is rendered on the CPU, because {because}");
-            return self.tell(view, &UserMessage::warning("on-cpu", what).scene(scene));
+            return self.report(view, &UserMessage::warning("on-cpu", what).scene(scene));
         }
         self.ended(view, &StepEnd { step, state: "failed", key: None, outputs: &[], work: None });
         let (scene, name) = self.place(step);
         let place = StepPlace { scene, step: name, finished: view.finished, all: self.all() };
         let message = failure::failure_message(place, &failure.error);
-        self.tell(view, &message);
+        self.report(view, &message);
         view.end.failed.push(message.step(scene, name));
         if let Some(bars) = &view.bars {
             // The remaining time must not count steps that can no longer run.
@@ -276,7 +276,7 @@ impl<'a> Progress<'a> {
 }
 
 impl RunObserver for Progress<'_> {
-    fn tell(&self, event: &RunEvent<'_>) {
+    fn observe(&self, event: &RunEvent<'_>) {
         let view = &mut *self.view.lock().expect("no observer panics");
         match *event {
             RunEvent::Started { step, reason, cores, together } => {
@@ -292,7 +292,7 @@ impl RunObserver for Progress<'_> {
                 let what = format!(
                     "{scene}/{name} needs about {need} of memory, budget {all}: no other step runs with it"
                 );
-                self.tell(view, &UserMessage::warning("memory", what).step(scene, name));
+                self.report(view, &UserMessage::warning("memory", what).step(scene, name));
             }
             RunEvent::Advanced { step, words } => self.advanced(view, step, words),
             RunEvent::Made {

@@ -4,9 +4,9 @@ use super::Console;
 use gs2e_build::run::backends::RendererChoice;
 
 /// Reports a GPU that is needed and cannot be used.
-pub(super) fn tell_gpu(chosen: &RendererChoice, console: &Console) {
+pub(super) fn report_gpu(chosen: &RendererChoice, console: &Console) {
     if let Some(because) = chosen.gpu_error() {
-        console.say(&format!("rendering on the CPU, because {because}"));
+        console.note(&format!("rendering on the CPU, because {because}"));
     }
 }
 

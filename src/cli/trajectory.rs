@@ -67,7 +67,7 @@ impl TrajectoryArgs {
         let account =
             TrajectoryAccount::new(&self.name, captured.as_ref().map(|c| c.kind), &made, camera, warnings);
         self.write(&made)?;
-        account.tell(console);
+        account.report(console);
         console.result(&account.to_json(self.files()));
         Ok(ExitKind::Done)
     }

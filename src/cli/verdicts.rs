@@ -47,15 +47,15 @@ pub(super) fn count_line(findings: &[Finding]) -> String {
 }
 
 /// Says how many findings have each verdict.
-pub(super) fn tell_count(findings: &[Finding], console: &Console) {
+pub(super) fn report_count(findings: &[Finding], console: &Console) {
     if !findings.is_empty() {
-        console.say(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
+        console.note(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
     }
 }
 
 /// Shows each warning, fault and accepted fault, with what to do about it. Returns the
 /// number of warnings and faults.
-pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
+pub(super) fn report_findings(findings: &[Finding], console: &Console) -> usize {
     let rank = |finding: &&Finding| match finding.verdict {
         Verdict::Fail => 0,
         Verdict::Warn => 1,
@@ -69,11 +69,11 @@ pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
         console.result(&message.to_json());
         // A quiet build shows failures only.
         if number < MAX_LISTED && (!console.quiet || finding.verdict == Verdict::Fail) {
-            console.show(&message);
+            console.report_to_people(&message);
         }
     }
     if listed.len() > MAX_LISTED {
-        console.say(&format!("and {} more findings", listed.len() - MAX_LISTED));
+        console.note(&format!("and {} more findings", listed.len() - MAX_LISTED));
     }
     listed.iter().filter(|finding| finding.verdict != Verdict::Waived).count()
 }

@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 struct Silent;
 
 impl RunObserver for Silent {
-    fn tell(&self, _: &RunEvent<'_>) {}
+    fn observe(&self, _: &RunEvent<'_>) {}
 }
 
 /// Steps by `scene/step`, with their outputs.

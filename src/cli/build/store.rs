@@ -45,9 +45,9 @@ pub(super) fn open_cache(
     };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
-        console.tell(&UserMessage::waiting("locked", what));
+        console.report(&UserMessage::waiting("locked", what));
     })?;
-    tell_notices(&store, console);
+    report_notices(&store, console);
     Ok(store)
 }
 
@@ -80,8 +80,8 @@ fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
 }
 
 /// Prints the repairs of the store since the last call.
-pub(in crate::cli) fn tell_notices(store: &Store, console: &Console) {
+pub(in crate::cli) fn report_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
-        console.tell(&UserMessage::warning("state-rebuilt", notice));
+        console.report(&UserMessage::warning("state-rebuilt", notice));
     }
 }

@@ -83,7 +83,7 @@ impl DatasetArgs {
         let unreadable = |e: EventFileError| input::wrong_content(&paths.events, e);
         let opened = events.open().map_err(unreadable)?;
         if opened.assumes_us {
-            console.say(ASSUMED);
+            console.note(ASSUMED);
         }
         let size = opened.size;
         let name =

@@ -99,7 +99,7 @@ impl PictureOptions {
             }
         };
         output::write_output(output, |out| png::write_image(&image, out))?;
-        console.say(&self.account(output, events, size, image.size()));
+        console.note(&self.account(output, events, size, image.size()));
         let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
         console.result(&json!({
             "input": path(input.path), "output": path(output), "picture": kind, "events": events,

@@ -33,7 +33,7 @@ pub(super) fn capture_facts(place: &Path, console: &Console) -> Result<PathFacts
 
 fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
     let (capture, warnings) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
-    tell_warnings(&warnings, console);
+    report_warnings(&warnings, console);
     let cameras = distinct_cameras(&capture);
     let missing: Vec<&str> =
         capture.views.iter().filter(|view| view.sha256.is_none()).map(|view| view.name.as_str()).collect();
@@ -59,8 +59,8 @@ fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<Path
     Ok(PathFacts { kind: "capture", title: "a capture", rows, recipe: Vec::new(), value })
 }
 
-fn tell_warnings(warnings: &[SourceWarning], console: &Console) {
-    warnings.iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+fn report_warnings(warnings: &[SourceWarning], console: &Console) {
+    warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
 }
 
 fn photo_text(capture: &Capture, missing: &[&str]) -> String {

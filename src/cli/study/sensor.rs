@@ -41,11 +41,11 @@ impl SensorArgs {
             let picture = study_svg(&self.sensor, &sensor, &study);
             output::write_output(path, |out| out.write_all(picture.as_bytes()))?;
         }
-        self.tell(&sensor, &study, console);
+        self.report(&sensor, &study, console);
         Ok(if study.passes() { ExitKind::Done } else { ExitKind::Fault })
     }
 
-    fn tell(&self, sensor: &SensorChoice, study: &SensorStudy, console: &Console) {
+    fn report(&self, sensor: &SensorChoice, study: &SensorStudy, console: &Console) {
         if console.json {
             console.result(&json!({
                 "sensor": sensor, "contrast": study.contrast, "noise": study.noise,

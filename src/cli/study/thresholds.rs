@@ -67,7 +67,7 @@ impl ThresholdsArgs {
         };
         let found = built.sweep(&sweep, &trajectory, range)?;
         self.write(&sweep, &found)?;
-        self.tell(&built.name(), &found, console);
+        self.report(&built.name(), &found, console);
         Ok(ExitKind::Done)
     }
 
@@ -110,7 +110,7 @@ impl ThresholdsArgs {
         output::write_given(&[(self.csv.as_deref(), &table), (self.picture.as_deref(), &picture)])
     }
 
-    fn tell(&self, scene: &str, found: &SweepResult, console: &Console) {
+    fn report(&self, scene: &str, found: &SweepResult, console: &Console) {
         let (row, because) = found.recommended();
         let recommended = row.map(|row| row.threshold);
         if console.json {

@@ -117,7 +117,7 @@ impl WorkPrecision {
             backend: subject.backend,
             meter: &ThisProcess,
             go_on: &|| go_unless(&cancelled),
-            say: &|line| console.say(line),
+            say: &|line| console.note(line),
         };
         let machine =
             StudyMachine { cores: machine::available_cores(), processor: machine::processor_name() };

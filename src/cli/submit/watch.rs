@@ -62,14 +62,14 @@ impl Watch<'_> {
         match slurm.live(&names) {
             Ok(tasks) => {
                 self.is_silent = false;
-                self.tell(&tasks);
+                self.report(&tasks);
                 tasks.is_empty()
             }
             // The controller may be starting. The jobs go on without it.
             Err(error) => {
                 if !self.is_silent {
                     let message = UserMessage::waiting("slurm", error.to_string());
-                    self.console.show(&message);
+                    self.console.report_to_people(&message);
                 }
                 self.is_silent = true;
                 false
@@ -77,14 +77,14 @@ impl Watch<'_> {
         }
     }
 
-    fn tell(&mut self, tasks: &[LiveTask]) {
+    fn report(&mut self, tasks: &[LiveTask]) {
         let running = tasks.iter().filter(|task| task.node.is_some()).count();
         let waiting = tasks.len() - running;
         if self.reported != (running, waiting) && !tasks.is_empty() {
             self.reported = (running, waiting);
             let held = tasks.iter().find(|task| task.reason.contains("held"));
             let held = held.map_or(String::new(), |task| format!(" (task {}: {})", task.id, task.reason));
-            self.console.say(&format!("{running} tasks running, {waiting} queued{held}"));
+            self.console.note(&format!("{running} tasks running, {waiting} queued{held}"));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Lenses of recipes: files, flow and frames of a release, and faulty lenses.
 
-use super::{CAMERA, RADIAL, differences, radial, ray_of, project};
+use super::{CAMERA, RADIAL, differences, project, radial, ray_of};
 use crate::support::workspace::Workspace;
 use glam::DVec3;
 use gs2e_image::{npy, png};

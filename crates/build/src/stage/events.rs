@@ -160,7 +160,7 @@ impl EventsStage {
             let tried = own.resample(doubled, camera, frames.into_renderer(), cx)?;
             simulated.streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
-        own.tell(&trajectory, chosen.as_ref(), &simulated, cx);
+        own.report(&trajectory, chosen.as_ref(), &simulated, cx);
         near::add_remark(cx, hidden);
         let SimulatedStreams { streams, anchors } = simulated;
         let simulation = SimulationRecord {

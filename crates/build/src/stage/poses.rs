@@ -88,9 +88,10 @@ impl Stage for PosesStage {
             None => on_disk.collect(),
         };
         let progress = cx.progress;
-        let tell = |words: &str| progress.iter().for_each(|progress| progress.tell(words));
-        let solve =
-            |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace, &tell);
+        let report = |words: &str| progress.iter().for_each(|progress| progress.report(words));
+        let solve = |workspace: ProgramWorkspace<'_>| {
+            solve_photos(&photos, &self.solving, cx.out, workspace, &report)
+        };
         let solved = known_program("colmap", cx, solve)?;
         report(&solved, cx);
         Ok(())

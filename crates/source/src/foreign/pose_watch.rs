@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct PoseWatch<'a> {
     log: &'a Path,
     photos: usize,
-    tell: &'a (dyn Fn(&str) + Sync),
+    report: &'a (dyn Fn(&str) + Sync),
     progress: Mutex<LineProgress>,
 }
 
@@ -34,13 +34,13 @@ struct LineProgress {
 const CALLS: u32 = 50;
 
 impl<'a> PoseWatch<'a> {
-    pub(super) fn new(log: &'a Path, photos: usize, tell: &'a (dyn Fn(&str) + Sync)) -> Self {
-        Self { log, photos, tell, progress: Mutex::default() }
+    pub(super) fn new(log: &'a Path, photos: usize, report: &'a (dyn Fn(&str) + Sync)) -> Self {
+        Self { log, photos, report, progress: Mutex::default() }
     }
 
     /// Reports the state of the search in words.
     pub(super) fn say(&self, words: &str) {
-        (self.tell)(words);
+        (self.report)(words);
     }
 
     /// Called often while a program runs.

@@ -55,7 +55,7 @@ impl BuiltinStage {
         let mut news = |news: &TrainingNews| match news {
             TrainingNews::Restarted { because } => restarted = Some(because.clone()),
             TrainingNews::Read { .. } | TrainingNews::Report(_) => {
-                progress.iter().for_each(|progress| progress.tell(&news.to_string()));
+                progress.iter().for_each(|progress| progress.report(&news.to_string()));
             }
         };
         let watch = TrainingWatch {
