@@ -8,8 +8,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
+mod changing;
 mod colour;
-mod moving;
 
 use super::activate::{GaussianBlock, LANES, Lane, PROMISES};
 use super::cull::{BEHIND, CullCounts, DEGENERATE, DRAWN, Fate, OUTSIDE, count_culled};
