@@ -178,7 +178,7 @@ impl Work {
         renderer.keep_to(&self.camera, &self.poses);
         let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         let mut pixels = sensor.start(self.camera.size, [0, 0], Seed(1)).expect("the preset is valid");
-        let mut events = Counted(0);
+        let mut events = EventCounter(0);
         done(0);
         let mut rendered = RenderedImages::default();
         for (index, pose) in self.poses.iter().enumerate() {
@@ -205,9 +205,9 @@ fn frame(index: usize, mut luminance: Image<f32>) -> DenseFrame {
 }
 
 /// Counts events and drops them.
-struct Counted(usize);
+struct EventCounter(usize);
 
-impl EventSink for Counted {
+impl EventSink for EventCounter {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.0 += events.len();
         Ok(())

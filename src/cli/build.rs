@@ -22,7 +22,7 @@ use gs2e_build::plan::lens::{UnfitLens, unfit_lens};
 use gs2e_build::plan::past::past_costs;
 use gs2e_build::plan::shard::SceneShard;
 use gs2e_build::plan::size::expected_bytes;
-use gs2e_build::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
+use gs2e_build::plan::survey::{CurrentScene, PlanSurvey, plan_all, survey_recipes};
 use gs2e_build::run::backends::RendererChoice;
 use gs2e_build::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use gs2e_build::stage::StepId;
@@ -237,7 +237,7 @@ pub(super) struct StepOutputs<'a> {
 }
 
 impl<'a> StepOutputs<'a> {
-    fn of_settled(scene: &'a SettledScene) -> impl Iterator<Item = Self> {
+    fn of_settled(scene: &'a CurrentScene) -> impl Iterator<Item = Self> {
         scene.steps.iter().map(|step| Self { scene: &scene.scene, step: &step.name, outputs: &step.outputs })
     }
 
@@ -271,7 +271,7 @@ fn link_outputs(
 }
 
 /// Prints one line for programs per step of the scenes that are up to date at a glance.
-fn report_settled(settled: &[SettledScene], store: &Store, console: &Console) {
+fn report_settled(settled: &[CurrentScene], store: &Store, console: &Console) {
     for scene in settled.iter().filter(|_| console.json) {
         for step in &scene.steps {
             let name = format!("{}/{}", scene.scene, step.name);

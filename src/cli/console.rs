@@ -185,9 +185,9 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     /// A stream that can be read afterwards.
-    struct Kept(Sender<Vec<u8>>);
+    struct SharedBuffer(Sender<Vec<u8>>);
 
-    impl Write for Kept {
+    impl Write for SharedBuffer {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.send(bytes.to_vec()).unwrap();
             Ok(bytes.len())
@@ -214,7 +214,8 @@ mod tests {
     /// The text that `act` writes to stdout and stderr.
     fn written(json: bool, act: impl FnOnce(&Console)) -> [String; 2] {
         let ((results, stdout), (notes, stderr)) = (channel(), channel());
-        let console = Console::new(ConsoleStreams::of(Kept(results), Kept(notes)), json, false);
+        let console =
+            Console::new(ConsoleStreams::of(SharedBuffer(results), SharedBuffer(notes)), json, false);
         act(&console);
         assert_eq!(console.finish(ExitKind::Done), ExitKind::Done);
         drop(console);
@@ -252,7 +253,7 @@ mod tests {
     fn lost_results_are_an_error_but_a_reader_may_leave() {
         let ended = |kind, exit| {
             let (notes, stderr) = channel();
-            let console = Console::new(ConsoleStreams::of(Broken(kind), Kept(notes)), false, true);
+            let console = Console::new(ConsoleStreams::of(Broken(kind), SharedBuffer(notes)), false, true);
             console.print("a result");
             console.print("another");
             let exit = console.finish(exit);

@@ -9,7 +9,7 @@ use gs2e_build::plan::forecast::PlanForecast;
 use gs2e_build::plan::kept::kept_names;
 use gs2e_build::plan::past::{past_costs, sharing_steps};
 use gs2e_build::plan::size::expected_bytes;
-use gs2e_build::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
+use gs2e_build::plan::survey::{CurrentScene, PlanSurvey, survey_recipes};
 use gs2e_build::plan::warnings::{PlanWarning, forecast_words, no_scene_file, recipe_warnings, size_warning};
 use gs2e_files::escape;
 use gs2e_num::units::format_amount;
@@ -111,7 +111,7 @@ pub(super) fn report_warning(warning: &PlanWarning, console: &Console) {
 fn plan_rows<'a>(
     plan: &'a Plan,
     assessed: &'a [StepAssessment],
-    settled: &'a [SettledScene],
+    settled: &'a [CurrentScene],
     store: &Store,
 ) -> Result<Vec<PlanRow<'a>>, VerbError> {
     let known = settled.iter().flat_map(|scene| {

@@ -157,7 +157,7 @@ pub(super) fn compare_reexports(
         let composed = Arc::new(ComposedScene::released(manifest, &scene.file, files));
         for ExportPlace { folder, trajectory, include } in folders(manifest, &scene.file) {
             let order = ExportOrder { scene: &composed, trajectory, include };
-            let found = MadeExport { tree, folder: &folder }.compare(order, exporter)?;
+            let found = Reexport { tree, folder: &folder }.compare(order, exporter)?;
             faults.extend(found.into_iter().map(|fault| fault.in_scene(id)));
         }
     }
@@ -165,12 +165,12 @@ pub(super) fn compare_reexports(
 }
 
 /// An export of the tree that is made again.
-struct MadeExport<'a> {
+struct Reexport<'a> {
     tree: &'a TrustedTree<'a>,
     folder: &'a str,
 }
 
-impl MadeExport<'_> {
+impl Reexport<'_> {
     fn compare(&self, order: ExportOrder<'_>, exporter: &dyn ReleaseExporter) -> io::Result<Vec<AuditFault>> {
         let format = &order.include.format;
         if !EXPORT_FORMATS.contains(&format.as_str()) {

@@ -13,7 +13,7 @@
 //!   the median of such distances is about R.
 //! - `registered`: the share of photos with a pose, at least 0.9.
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{SceneSubject, limits};
 use gs2e_source::colmap::ReprojectionStats;
 use gs2e_trajectory::knots::GAP;
@@ -94,7 +94,7 @@ fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, Str
     Some((measured, phrase))
 }
 
-fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
@@ -104,7 +104,7 @@ fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.outlier, LimitSide::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
@@ -115,7 +115,7 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let photos = subject.photos.as_ref()?;
     if photos.there == 0 {
         return Err("there are no photos".into());

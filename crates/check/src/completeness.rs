@@ -15,7 +15,7 @@
 
 pub mod intervals;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use intervals::TileSums;
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ impl ValidationPass for CompletenessPass {
     }
 }
 
-fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     let intervals = &tally.compared.intervals;
     let sums = intervals.iter().map(|interval| {
         let [from, to] = interval.span_us;
@@ -56,7 +56,7 @@ fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
     judge_least(subject, sums, "intervals between kept frames")
 }
 
-fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     // Parts are numbered row by row.
     let side = tally.compared.tiles.len().isqrt().max(1);
     let tiles = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
@@ -69,7 +69,7 @@ fn judge_least(
     subject: &TrajectorySubject<'_>,
     all: impl Iterator<Item = (TileSums, String)>,
     what: &str,
-) -> Judged {
+) -> JudgementResult {
     // A part with few pixels may miss half of its drift by chance.
     let enough: Vec<(TileSums, String)> = all.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));

@@ -48,7 +48,7 @@
 pub mod fit;
 
 use super::drift::DriftLaw;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use fit::{AnchorFit, EventEdge, SlopeSums, SpoiltPixels};
 use serde::{Deserialize, Serialize};
@@ -139,7 +139,7 @@ impl EventFramePass<'_> {
         self.subject.limits.event_frame.unwrap_or_default()
     }
 
-    fn gain(&self, of: impl Fn(&AnchorFit) -> SlopeSums) -> Judged {
+    fn gain(&self, of: impl Fn(&AnchorFit) -> SlopeSums) -> JudgementResult {
         let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
@@ -163,7 +163,7 @@ impl EventFramePass<'_> {
 
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
     /// to fire, but no pixel can show a threshold that is too large.
-    fn threshold(&self, side: usize) -> Judged {
+    fn threshold(&self, side: usize) -> JudgementResult {
         if !self.law.from_zero {
             return Err("the threshold cannot be measured, because pixel voltages do not start at 0".into());
         }
@@ -192,7 +192,7 @@ impl EventFramePass<'_> {
         Ok(self.judgement(verdict, measured * stated, limit * stated, because))
     }
 
-    fn residual(&self) -> Judged {
+    fn residual(&self) -> JudgementResult {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             count: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
@@ -203,7 +203,7 @@ impl EventFramePass<'_> {
         self.share(limits, shares, "have events that match it to within the thresholds")
     }
 
-    fn sign(&self) -> Judged {
+    fn sign(&self) -> JudgementResult {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
             count: fit.doubled[1],
             of: fit.doubled[0],
@@ -220,7 +220,7 @@ impl EventFramePass<'_> {
         limit: (Option<f64>, f64),
         shares: impl Iterator<Item = PixelShare>,
         what: &str,
-    ) -> Judged {
+    ) -> JudgementResult {
         self.require_calm()?;
         let (asked, default) = limit;
         let least = |share: &PixelShare| {

@@ -17,7 +17,7 @@
 pub mod crossing;
 pub mod grid;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass};
 use crossing::{CrossingFit, ErrorBar, FAR_US, StreamClock};
 use grid::StampGrid;
@@ -57,7 +57,7 @@ impl ValidationPass for EventTimes {
     }
 }
 
-fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
+fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.offset_us;
     let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
@@ -83,7 +83,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged 
     Ok(judged.detecting(detects.unwrap_or(f64::INFINITY), "us"))
 }
 
-fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
+fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.scale;
     let limit = LimitSide::gate(SCALE + SURE * deviation);
@@ -192,7 +192,7 @@ fn excess_of_errors(freedom: f64) -> f64 {
     libm::exp(POWER / (freedom - 1.0).max(0.0).sqrt())
 }
 
-fn judge_grid(grid: StampGrid) -> Judged {
+fn judge_grid(grid: StampGrid) -> JudgementResult {
     if grid.stamps < MIN_STAMPS {
         return Err(format!("fewer than {MIN_STAMPS} distinct times"));
     }

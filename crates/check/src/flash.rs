@@ -15,7 +15,7 @@
 pub mod blocks;
 pub mod course;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use course::{AtypicalChange, ChangeCourse};
 use gs2e_trajectory::Trajectory;
@@ -71,7 +71,7 @@ impl ValidationPass for FlashPass {
     }
 }
 
-fn judge_frames(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_frames(subject: &TrajectorySubject<'_>) -> JudgementResult {
     let Some(frames) = subject.blocks else {
         subject.changes_one_by_one()?;
         return Err("there are no frames to compare".into());
@@ -87,7 +87,7 @@ fn judge_frames(subject: &TrajectorySubject<'_>) -> Judged {
     Ok(judge_ratio(subject, ratio, because))
 }
 
-fn judge_events(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_events(subject: &TrajectorySubject<'_>) -> JudgementResult {
     subject.changes_one_by_one()?;
     let tally = subject.events()?;
     let (found, polarity) = in_events(subject).ok_or("there is too little time to know the usual rate")?;

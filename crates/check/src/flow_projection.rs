@@ -11,7 +11,7 @@
 pub mod objects;
 
 use super::photometric::NO_PICTURES;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass};
 use gs2e_image::Image;
 
@@ -80,7 +80,7 @@ impl ValidationPass for FlowProjection {
     }
 }
 
-fn judge_flows(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_flows(subject: &TrajectorySubject<'_>) -> JudgementResult {
     const NONE: &str = "no flow image has a pixel with flow and depth";
     let flows = subject.geometry.map(|g| &g.flows).ok_or(NO_PICTURES)?.as_ref()?;
     // A camera that slows down to rest has images without flow, whose rounding is no fault.

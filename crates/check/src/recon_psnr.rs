@@ -7,7 +7,7 @@
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{SceneSubject, Verdict, limits};
 use gs2e_train::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ pub(super) fn judge_photos(subject: &SceneSubject<'_>) -> Statements {
     ["drop", "mean", "ssim"].into_iter().zip(judged).collect()
 }
 
-fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
+fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[JudgementResult; 3], String> {
     let fidelity = subject.fidelity.ok_or("there is no scene to render")?;
     let (Some(psnr), Some(similarity)) = (fidelity.psnr(), fidelity.ssim()) else {
         return Err(match fidelity.not_compared.first() {
@@ -54,7 +54,7 @@ fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
     ])
 }
 
-fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> Judged {
+fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> JudgementResult {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::warning(DROP_DB));
     let trained = fidelity.trained_on();
     let (Some(psnr), Some(worst)) = (trained.psnr(), trained.worst()) else {

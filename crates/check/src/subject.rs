@@ -2,7 +2,7 @@
 
 mod judgement;
 
-pub use judgement::{Judged, Judgement};
+pub use judgement::{Judgement, JudgementResult};
 pub(super) use judgement::{LimitSide, Statements, between_bounds, findings_of};
 
 use super::coverage::ViewCoverage;
@@ -10,7 +10,7 @@ use super::depth_consistency::disparity::DisparityDifference;
 use super::drift::DriftLaw;
 use super::event_times::crossing::StreamClock;
 use super::flash::blocks::FrameBlocks;
-use super::geometry::{GeometryMeasures, Measured};
+use super::geometry::{GeometryMeasures, Measurement};
 use super::sampling::ResampledIntervals;
 use super::{Limits, StreamTally};
 use gs2e_num::units::Hertz;
@@ -61,7 +61,7 @@ pub struct TrajectorySubject<'a> {
     /// Brightness of the blocks of the sharp frames, if they were read.
     pub blocks: Option<&'a [FrameBlocks]>,
     /// Disparity images compared with depth images, if the trajectory has some.
-    pub disparities: Option<&'a Measured<Vec<DisparityDifference>>>,
+    pub disparities: Option<&'a Measurement<Vec<DisparityDifference>>>,
     /// Times of the events compared with those that the released frames predict, if they were
     /// read. An error is the reason why they cannot be compared.
     pub crossings: Option<&'a Result<StreamClock, String>>,

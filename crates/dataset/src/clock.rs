@@ -20,7 +20,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
-use gs2e_check::{Finding, Judged, Judgement, Verdict};
+use gs2e_check::{Finding, Judgement, JudgementResult, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Largest speed difference of the clocks that is searched for.
@@ -136,7 +136,7 @@ impl EventClock {
         let because =
             format!("the clock of the events runs {drift:.3} +- {error:.3} % slower than that of the frames");
         let of_drift = judge_time(self.drift, TimeLimit { value: limit / whole_us, unit: "1" }, because);
-        let finding = |statement, judged: Judged| {
+        let finding = |statement, judged: JudgementResult| {
             dataset.finding("time_offset", statement, judged.map(|judged| self.explain(judged)))
         };
         [finding("", of_offset), finding("drift", of_drift)]
@@ -164,7 +164,7 @@ struct TimeLimit {
 }
 
 /// Judges an estimate with its standard error.
-fn judge_time([value, error]: [f64; 2], limit: TimeLimit, because: String) -> Judged {
+fn judge_time([value, error]: [f64; 2], limit: TimeLimit, because: String) -> JudgementResult {
     // An error of several limits could hide any offset.
     if error.is_nan() || error >= 4.0 * limit.value {
         return Err(format!("{because}; this is too uncertain to judge"));

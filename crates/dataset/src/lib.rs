@@ -56,7 +56,7 @@ pub mod views;
 pub use alignment::AlignmentCurve;
 use gs2e_check::motion::warp::FlowAt;
 use gs2e_check::tally::{StreamObserver, TallyReference};
-use gs2e_check::{Finding, Judged, Judgement, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use gs2e_check::{Finding, Judgement, JudgementResult, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use gs2e_event::survey::EventSurvey;
 use gs2e_event::{Event, EventFileError, EventSource};
 use gs2e_image::Size;
@@ -94,7 +94,7 @@ pub struct EventDataset<'a> {
 
 impl EventDataset<'_> {
     /// The finding of a check, with the name of the statement if the check makes several.
-    fn finding(&self, check: &str, statement: &str, judged: Judged) -> Finding {
+    fn finding(&self, check: &str, statement: &str, judged: JudgementResult) -> Finding {
         judged.unwrap_or_else(Judgement::not_run).finding(self.name, check, statement)
     }
 }

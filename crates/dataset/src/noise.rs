@@ -12,7 +12,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::clock::EventClock;
 use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
-use gs2e_check::{Finding, Judged, Judgement, Verdict};
+use gs2e_check::{Finding, Judgement, JudgementResult, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Distances of the frames that show whether a pixel is steady or still.
@@ -109,7 +109,7 @@ impl StreamNoise {
         Ok(())
     }
 
-    fn judge_share(&self) -> Judged {
+    fn judge_share(&self) -> JudgementResult {
         self.require_steady()?;
         let by_contrary = self.estimate(&|sum| 2.0 * sum.contrary / sum.steady[1] / self.rate);
         let by_still = self.estimate(&|sum| sum.still[0] / sum.still[1] / self.rate);
@@ -131,7 +131,7 @@ impl StreamNoise {
         Ok(detecting(judged, most + SIGMAS[1] * error))
     }
 
-    fn judge_contrary(&self) -> Judged {
+    fn judge_contrary(&self) -> JudgementResult {
         self.require_steady()?;
         let [share, error] = self.estimate(&|sum| sum.contrary / sum.steady[0]);
         let most = MAX_CONTRARY + SIGMAS[0] * error;

@@ -53,7 +53,7 @@ pub struct ReleaseTarget {
     notes: Vec<String>,
     // Dropped in this order: a parent is empty only after the lock has removed its file.
     _lock: StoreLock,
-    _parents: MadeFolders,
+    _parents: NewFolders,
 }
 
 impl ReleaseTarget {
@@ -77,7 +77,7 @@ impl ReleaseTarget {
         if let Some(because) = guarded.iter().find_map(|guarded| guarded.forbids(&path)) {
             return Err(foreign(because));
         }
-        let parents = MadeFolders::make(path.parent().expect("a resolved path has a parent"))?;
+        let parents = NewFolders::make(path.parent().expect("a resolved path has a parent"))?;
         let lock_path = path.with_file_name(lock_name(&path));
         let request = LockRequest { path: &lock_path, of: to, claim: &claim, wait, cancel };
         let lock = StoreLock::take_temporary(&request, waiting).map_err(|error| match error {
@@ -243,9 +243,9 @@ fn lock_name(target: &Path) -> OsString {
 
 /// Folders that were made for a target. Those that stay empty are removed with it.
 #[derive(Debug)]
-struct MadeFolders(Vec<PathBuf>);
+struct NewFolders(Vec<PathBuf>);
 
-impl MadeFolders {
+impl NewFolders {
     fn make(folder: &Path) -> Result<Self, ReleaseError> {
         // The deepest first, in which order they can be removed again.
         let absent = folder.ancestors().take_while(|folder| !is_there(folder)).map(Path::to_owned);
@@ -255,7 +255,7 @@ impl MadeFolders {
     }
 }
 
-impl Drop for MadeFolders {
+impl Drop for NewFolders {
     fn drop(&mut self) {
         for folder in &self.0 {
             // One with the release in it stays.
@@ -310,9 +310,9 @@ mod tests {
     fn folders_made_for_nothing_go_again() {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("a/b/c");
-        drop(MadeFolders::make(&folder).unwrap());
+        drop(NewFolders::make(&folder).unwrap());
         assert!(!place.path().join("a").exists());
-        let made = MadeFolders::make(&folder).unwrap();
+        let made = NewFolders::make(&folder).unwrap();
         fs::write(folder.join("release"), "").unwrap();
         drop(made);
         assert!(folder.join("release").exists());

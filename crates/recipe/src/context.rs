@@ -12,7 +12,7 @@ pub use include::{EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport};
 pub use release::ReleaseInfo;
 pub use sources::{RedistributionStatement, SourceTerms};
 pub use splits::{SplitPlan, SplitUnit};
-pub use takedown::{TakedownList, TakenDown, read_takedown, takedown_of};
+pub use takedown::{TakedownEffect, TakedownList, read_takedown, takedown_of};
 
 use super::fault::{RecipeFault, RecipeFaults};
 use super::find::{self, RELEASE, SOURCES};

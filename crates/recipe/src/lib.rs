@@ -54,7 +54,8 @@ mod upstream;
 
 pub use context::{
     EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport, RedistributionStatement, ReleaseInfo, SourceTerms,
-    SplitPlan, SplitUnit, TakedownList, TakenDown, read_release, read_sources, read_takedown, takedown_of,
+    SplitPlan, SplitUnit, TakedownEffect, TakedownList, read_release, read_sources, read_takedown,
+    takedown_of,
 };
 pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};

@@ -50,7 +50,7 @@ use gs2e_scene::Gaussians;
 use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 pub use parameters::GaussianRates;
-use parameters::MovingGaussian;
+use parameters::RatedGaussian;
 use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -144,8 +144,8 @@ impl ReferenceRenderer {
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
         let changing = self.scene.at(view.seconds);
         let gaussian = |i: usize| match changing {
-            Some(at) => MovingGaussian::at_moment(&self.scene, i, at),
-            None => MovingGaussian::new(&self.scene, i, &rates(i)),
+            Some(at) => RatedGaussian::at_moment(&self.scene, i, at),
+            None => RatedGaussian::new(&self.scene, i, &rates(i)),
         };
         let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
             .into_par_iter()

@@ -72,7 +72,7 @@ pub use kept::KeptFiles;
 pub use lock::{LockClaim, LockRequest, StoreLock};
 pub use memo::MemoGround;
 pub use publish::StepWorkspace;
-pub use shared::{PLANS, SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
+pub use shared::{PLANS, SharedMismatch, SharedSweep, SharedSweepSummary, is_bucket, sweep_shared};
 pub use unlike::OutputMismatch;
 
 use cache::StoreCache;

@@ -17,7 +17,7 @@ mod gc;
 mod medium;
 mod place;
 
-pub use gc::{SharedSweep, SharedSwept, sweep_shared};
+pub use gc::{SharedSweep, SharedSweepSummary, sweep_shared};
 pub use place::is_bucket;
 
 use super::blob::blob_name;

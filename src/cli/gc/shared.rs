@@ -2,7 +2,7 @@
 
 use crate::cli::{Console, ExitKind, UserMessage, VerbError};
 use gs2e_files::is_there;
-use gs2e_store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
+use gs2e_store::{SharedSweep, SharedSweepSummary, is_bucket, sweep_shared};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -40,8 +40,8 @@ pub(super) fn run(
     Ok(ExitKind::Done)
 }
 
-fn report(swept: &SharedSwept, dry_run: bool, console: &Console) {
-    let SharedSwept { records, blobs, kept_records, restored, deleted, refused, .. } = *swept;
+fn report(swept: &SharedSweepSummary, dry_run: bool, console: &Console) {
+    let SharedSweepSummary { records, blobs, kept_records, restored, deleted, refused, .. } = *swept;
     let [mb, deleted_mb] = [swept.bytes, swept.deleted_bytes].map(|bytes| bytes as f64 * 1e-6);
     let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
     console.note(&format!("{moved} {records} records and {blobs} blobs, {mb:.1} MB, to the trash"));

@@ -4,7 +4,7 @@ use crate::cli::{Console, path};
 use gs2e_render::centre::centre_px;
 use gs2e_scene::camera::Camera;
 use gs2e_source::kind::CaptureKind;
-use gs2e_trajectory::MadeTrajectory;
+use gs2e_trajectory::TrajectoryBuild;
 use gs2e_trajectory::flow::FlowQuantiles;
 use gs2e_trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
@@ -30,7 +30,7 @@ impl<'a> TrajectoryAccount<'a> {
     pub(super) fn new(
         name: &'a str,
         kind: Option<CaptureKind>,
-        made: &'a MadeTrajectory,
+        made: &'a TrajectoryBuild,
         camera: Option<Camera>,
         mut warnings: Vec<String>,
     ) -> Self {

@@ -10,7 +10,7 @@ use gs2e_check::flash::blocks::FrameBlocks;
 use gs2e_check::flow_projection::FlowDifference;
 use gs2e_check::flow_projection::objects::ObjectFlow;
 use gs2e_check::geometry::watch::GeometryWatch;
-use gs2e_check::geometry::{GeometryMeasures, Measured, PictureMeasures};
+use gs2e_check::geometry::{GeometryMeasures, Measurement, PictureMeasures};
 use gs2e_check::photometric::align::smooth_picture;
 use gs2e_image::{GreyImage, Image};
 use gs2e_render::objects::views_of_motions;
@@ -59,7 +59,7 @@ pub(super) struct WalkedPictures {
     /// Brightness of the blocks of the sharp frames, without the changes of the light.
     pub(super) blocks: Vec<FrameBlocks>,
     /// `None` if the trajectory has no disparity images.
-    pub(super) disparities: Option<Measured<Vec<DisparityDifference>>>,
+    pub(super) disparities: Option<Measurement<Vec<DisparityDifference>>>,
 }
 
 impl PicturesPresent {
@@ -171,12 +171,12 @@ pub(super) fn walk_pictures(
 const NO_OBJECTS: &str = "no pose has flow, depth and a mask with the places of its objects";
 const NO_DISPARITIES: &str = "no pose has both disparity and depth";
 
-fn some_found<T>(found: Vec<T>, none: &str) -> Measured<Vec<T>> {
+fn some_found<T>(found: Vec<T>, none: &str) -> Measurement<Vec<T>> {
     if found.is_empty() { Err(none.to_owned()) } else { Ok(found) }
 }
 
 impl PicturesPresent {
-    fn flow_differences(&self, found: Vec<FlowDifference>) -> Measured<Vec<FlowDifference>> {
+    fn flow_differences(&self, found: Vec<FlowDifference>) -> Measurement<Vec<FlowDifference>> {
         let both = self.flow.iter().any(|pose| self.depth.binary_search(pose).is_ok());
         if both { Ok(found) } else { Err("no pose has both flow and depth".to_owned()) }
     }

@@ -70,7 +70,7 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
             }
         };
         motions.insert(trajectory.name.as_str(), motion);
-        let made = MadeOutputs::default();
+        let made = TrajectoryOutputs::default();
         let mut outputs = OutputWiring { trajectory: &trajectory.name, motion, ground, made, wiring };
         recipe.outputs_of(&trajectory.name).into_iter().for_each(|output| outputs.add_output(output));
         outputs.add_checks(external.clone());
@@ -198,7 +198,7 @@ fn wire_motion(
 
 /// The outputs of a trajectory that other steps read.
 #[derive(Default, Clone, Copy)]
-struct MadeOutputs {
+struct TrajectoryOutputs {
     events: Option<StepTarget<EventStreams>>,
     sharp: Option<StepTarget<PictureSet>>,
     imu: Option<StepTarget<ImuRecording>>,
@@ -211,7 +211,7 @@ struct OutputWiring<'a, 'p> {
     trajectory: &'a str,
     motion: StepTarget<TrajectoryProduct>,
     ground: SceneGround<'a>,
-    made: MadeOutputs,
+    made: TrajectoryOutputs,
     wiring: &'a mut SceneWiring<'p>,
 }
 
@@ -296,7 +296,7 @@ impl OutputWiring<'_, '_> {
     /// Adds the step of the checks, and that of other programs if the recipe asks for them.
     fn add_checks(&mut self, external: Option<ExternalToolsStage>) {
         let SceneGround { recipe, capture, rendered, .. } = self.ground;
-        let MadeOutputs { events, sharp, imu, disparity, depth } = self.made;
+        let TrajectoryOutputs { events, sharp, imu, disparity, depth } = self.made;
         let foreign = external.filter(|_| !recipe.is_of_body(self.trajectory)).map(|external| {
             let camera = recipe.camera_along(self.trajectory);
             let stage = ExternalToolsStage { camera, ..external };

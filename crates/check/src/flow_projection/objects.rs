@@ -8,8 +8,8 @@
 
 use super::rank;
 use crate::TrajectorySubject;
-use crate::geometry::Measured;
-use crate::subject::{Judged, Judgement, LimitSide};
+use crate::geometry::Measurement;
+use crate::subject::{Judgement, JudgementResult, LimitSide};
 use gs2e_image::Image;
 use gs2e_scene::camera::flow::flow_of_objects;
 use gs2e_scene::camera::view::CameraView;
@@ -89,8 +89,8 @@ fn is_wrong(stated: [f32; 2], expected: [f32; 2], allowed: f64) -> bool {
 }
 
 /// The statement on the flow of objects; `None` if nothing moves by itself.
-pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Judged> {
-    let flows: &Measured<Vec<ObjectFlow>> = subject.geometry?.objects.as_ref()?;
+pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<JudgementResult> {
+    let flows: &Measurement<Vec<ObjectFlow>> = subject.geometry?.objects.as_ref()?;
     let flows = match flows {
         Ok(flows) => flows,
         Err(because) => return Some(Err(because.clone())),

@@ -6,7 +6,7 @@
 //! their pictures, at most 24, are read again at the end.
 
 use super::readings::{PoseReading, find_reading};
-use super::{AlignedPairs, Measured, PictureMeasures};
+use super::{AlignedPairs, Measurement, PictureMeasures};
 use crate::photometric::align::{AlignedQuantity, PairAlignment, PosedPicture, align_pair, smooth_picture};
 use crate::photometric::order::FrameTriple;
 use crate::photometric::{FRAME_SHARE, disagrees};
@@ -144,7 +144,7 @@ impl OrderWatch {
         self.latest.push((pose, frame));
     }
 
-    fn finish(self) -> Measured<Vec<FrameTriple>> {
+    fn finish(self) -> Measurement<Vec<FrameTriple>> {
         let Self { triples, .. } = self;
         if triples.is_empty() { Err("there are fewer than three frames".to_owned()) } else { Ok(triples) }
     }
@@ -176,7 +176,7 @@ struct ReopenedPictures<'a, P> {
 }
 
 impl<P: PosedPictures> ReopenedPictures<'_, P> {
-    fn measure(&self, watch: NeighbourWatch) -> Result<Measured<AlignedPairs>, P::Error> {
+    fn measure(&self, watch: NeighbourWatch) -> Result<Measurement<AlignedPairs>, P::Error> {
         let NeighbourWatch { quantity, poses, pairs: neighbours, .. } = watch;
         if poses.len() < 2 {
             return Ok(Err(match quantity {

@@ -4,8 +4,8 @@
 //! frames. Frames in another order break this: where two neighbours are swapped, the middle frame
 //! of a triple lies beyond an outer one. A camera that stands still sees one picture.
 
-use super::super::geometry::Measured;
-use super::super::subject::{Judged, Judgement, LimitSide};
+use super::super::geometry::Measurement;
+use super::super::subject::{Judgement, JudgementResult, LimitSide};
 use super::super::{TrajectorySubject, Verdict};
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::relative_angle;
@@ -38,7 +38,10 @@ pub struct FrameTriple {
 }
 
 /// The statement on the order of the frames.
-pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Vec<FrameTriple>>) -> Judged {
+pub(super) fn judge_order(
+    subject: &TrajectorySubject<'_>,
+    triples: &Measurement<Vec<FrameTriple>>,
+) -> JudgementResult {
     let triples = triples.as_ref()?;
     let poses = &subject.trajectory.world_from_camera;
     let scale = subject.speed.map_or(1.0, |report| report.scale_distance);

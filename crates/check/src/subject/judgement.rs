@@ -3,10 +3,10 @@
 use crate::{DetectableFault, Finding, FindingSubject, Verdict};
 
 /// The statements of a pass by their names. The name is empty if the pass makes only one.
-pub(crate) type Statements = Vec<(&'static str, Judged)>;
+pub(crate) type Statements = Vec<(&'static str, JudgementResult)>;
 
 /// The verdict on one statement, or the reason why nothing could be measured.
-pub type Judged = Result<Judgement, String>;
+pub type JudgementResult = Result<Judgement, String>;
 
 /// The verdict on one statement.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,7 +87,7 @@ impl Judgement {
 /// name.
 pub(crate) fn findings_of(name: &str, check: &str, made: Result<Statements, String>) -> Vec<Finding> {
     let statements = made.unwrap_or_else(|because| vec![("", Err(because))]);
-    let finding = |(statement, judged): (_, Judged)| {
+    let finding = |(statement, judged): (_, JudgementResult)| {
         judged.unwrap_or_else(Judgement::not_run).finding(name, check, statement)
     };
     statements.into_iter().map(finding).collect()

@@ -20,7 +20,7 @@ pub trait ProcessMeter {
 }
 
 /// The cost of a kind of frames, and the luminance of the frames that were kept.
-pub(super) type Measured = (FrameCost, Vec<Image<f32>>);
+pub(super) type KindCost = (FrameCost, Vec<Image<f32>>);
 
 /// The frames to render of each view.
 pub(super) struct CostSampling<'a> {
@@ -42,7 +42,7 @@ pub(super) fn measure_views(
     views: &[CameraView],
     sampling: &CostSampling<'_>,
     taps: Taps<'_>,
-) -> Result<Vec<Measured>, LabError> {
+) -> Result<Vec<KindCost>, LabError> {
     let mut kinds: Vec<CostKind> = Vec::new();
     for want in sampling.kinds {
         kinds.push(CostKind::render_once(renderer, views, *want, sampling.keep, taps)?);

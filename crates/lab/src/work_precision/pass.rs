@@ -28,7 +28,7 @@ pub(crate) struct PassSetup<'a> {
 
 /// The result of one setting.
 #[derive(Debug)]
-pub(crate) struct FedSetting {
+pub(crate) struct SettingRun {
     /// Index of the grid.
     pub grid: usize,
     /// Interpolation between its frames.
@@ -47,7 +47,7 @@ pub(crate) struct PassResult {
     /// Events of the finest frames with `hermite`, sorted.
     pub reference: Vec<u64>,
     /// The settings, grid by grid.
-    pub fed: Vec<FedSetting>,
+    pub fed: Vec<SettingRun>,
     /// Mean luminance of the first frame, grey.
     pub grey: f64,
 }
@@ -183,7 +183,7 @@ impl<'a> GridSettings<'a> {
         setup: &PassSetup<'_>,
         number: usize,
         clock: &dyn Fn() -> TimeSpent,
-        fed: &mut Vec<FedSetting>,
+        fed: &mut Vec<SettingRun>,
     ) -> Result<(), SensorError> {
         // The error has no sign, so it is stated in the mean of both thresholds.
         let in_thresholds =
@@ -191,7 +191,7 @@ impl<'a> GridSettings<'a> {
         let rms = self.voltages.finish();
         for ((sensing, rms), between) in self.sensing.into_iter().zip(rms).zip(setup.between) {
             let (events, spent) = sensing.end(clock)?;
-            fed.push(FedSetting {
+            fed.push(SettingRun {
                 grid: number,
                 between: *between,
                 rms_th: rms * in_thresholds,

@@ -117,7 +117,7 @@ impl GaussianBlock {
                 continue;
             }
             self.reach[lane] = extent::opacity_reach(rules, opacity);
-            let axes = moving_axes(&splat);
+            let axes = changing_axes(&splat);
             for (k, [axis, rate]) in axes.into_iter().enumerate() {
                 for c in 0..3 {
                     (self.axes[k][c][lane], motion.axes[k][c][lane]) = (single(axis[c]), single(rate[c]));
@@ -208,7 +208,7 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
 
 /// The scaled axes of a Gaussian that changes, each with its rate. While a unit quaternion `q` changes, axes
 /// turn with the angular velocity `2 qdot q*`.
-fn moving_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
+fn changing_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
     let quaternion = |part: usize| {
         let [w, x, y, z] = splat.rotation.map(|both| both[part]);
         DQuat::from_xyzw(x, y, z, w)

@@ -143,7 +143,7 @@ impl ViewTransform {
 
     /// As [`Self::sight`], of a point with a velocity of its own in world axes.
     #[inline(always)]
-    pub(super) fn sight_moving<S: RealNumber<Plain = f32>>(
+    pub(super) fn sight_changing<S: RealNumber<Plain = f32>>(
         &self,
         point: DVec3,
         velocity: [f32; 3],
@@ -235,7 +235,11 @@ impl ViewTransform {
 
     /// As [`Self::turned`], of a vector that changes at a rate in world axes.
     #[inline(always)]
-    pub(super) fn turned_moving<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3], rate: [f32; 3]) -> [S; 3] {
+    pub(super) fn turned_changing<S: RealNumber<Plain = f32>>(
+        &self,
+        axis: [f32; 3],
+        rate: [f32; 3],
+    ) -> [S; 3] {
         let still: [S; 3] = self.turned(axis);
         let own = |k: usize| dot_product(self.rows[k], rate);
         let with = |k: usize| S::with_rate(still[k].value(), still[k].rate() + own(k));
@@ -251,7 +255,7 @@ impl ViewTransform {
 
     /// As [`Self::direction`], to a point with a velocity of its own.
     #[inline(always)]
-    pub(super) fn direction_moving<S: RealNumber<Plain = f32>>(
+    pub(super) fn direction_changing<S: RealNumber<Plain = f32>>(
         &self,
         point: [f32; 3],
         velocity: [f32; 3],

@@ -96,7 +96,7 @@ trait LaneValue: RealNumber<Plain = f32> {
     /// An array of zeros.
     const ZEROS: Self::Lanes;
     /// True if there are rates.
-    const MOVING: bool;
+    const HAS_RATES: bool;
 
     fn at(lanes: &Self::Lanes, i: usize) -> Self;
     fn put(self, lanes: &mut Self::Lanes, i: usize);
@@ -105,7 +105,7 @@ trait LaneValue: RealNumber<Plain = f32> {
 impl LaneValue for f32 {
     type Lanes = Lane;
     const ZEROS: Lane = [0.0; LANES];
-    const MOVING: bool = false;
+    const HAS_RATES: bool = false;
 
     #[inline(always)]
     fn at(lanes: &Lane, i: usize) -> Self {
@@ -121,7 +121,7 @@ impl LaneValue for f32 {
 impl LaneValue for DualNumber<f32> {
     type Lanes = DualNumber<Lane>;
     const ZEROS: DualNumber<Lane> = DualNumber { value: [0.0; LANES], rate: [0.0; LANES] };
-    const MOVING: bool = true;
+    const HAS_RATES: bool = true;
 
     #[inline(always)]
     fn at(lanes: &DualNumber<Lane>, i: usize) -> Self {
@@ -250,7 +250,7 @@ impl ProjectionInput<'_> {
             let splat = &mut splats[done.drawn];
             *splat = projected.splat(i);
             self.write_features(value, projected, i, &mut splat.features);
-            if S::MOVING {
+            if S::HAS_RATES {
                 let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
                 rates[done.drawn] = projected.rates(i, luminance(value), luminance(rate));
             }
@@ -337,10 +337,10 @@ impl<S: LaneValue> ProjectedBlock<S> {
     /// The covariances and the reach.
     #[inline(always)]
     fn outline(&mut self, eye: &ViewTransform, style: RenderStyle, block: &GaussianBlock) {
-        match block.motion.as_deref().filter(|_| S::MOVING) {
-            Some(motion) => self.outline_moving(eye, style, block, motion),
-            None if style.antialiased => self.shape::<_, true>(eye, style.rules, block, Still),
-            None => self.shape::<_, false>(eye, style.rules, block, Still),
+        match block.motion.as_deref().filter(|_| S::HAS_RATES) {
+            Some(motion) => self.outline_changing(eye, style, block, motion),
+            None if style.antialiased => self.shape::<_, true>(eye, style.rules, block, StillGaussians),
+            None => self.shape::<_, false>(eye, style.rules, block, StillGaussians),
         }
         if style.antialiased {
             self.reach_anew(style.rules);
@@ -496,9 +496,9 @@ trait LaneMotion: Copy {
 
 /// The Gaussians of a scene that does not change.
 #[derive(Debug, Clone, Copy)]
-struct Still;
+struct StillGaussians;
 
-impl LaneMotion for Still {
+impl LaneMotion for StillGaussians {
     #[inline(always)]
     fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], _: usize) -> [[S; 3]; 3] {
         [eye.turned(axes[0]), eye.turned(axes[1]), eye.turned(axes[2])]

@@ -1,7 +1,7 @@
 //! The raster pass backwards in f64, pixel by pixel: the sums of each layer from which the projection
 //! goes back to the parameters. Tests compare the gradients of the back ends with it.
 
-use super::parameters::{GaussianRates, MovingGaussian};
+use super::parameters::{GaussianRates, RatedGaussian};
 use super::{ReferenceLayer, ReferenceRenderer, RenderError, RenderRules};
 use crate::shared::MAX_ALPHA;
 use gs2e_scene::camera::view::CameraView;
@@ -53,7 +53,7 @@ pub(crate) fn layer_sums(
 
 fn empty_sums(renderer: &ReferenceRenderer, layer: &ReferenceLayer) -> LayerSums {
     let index = layer.order.1;
-    let gaussian = MovingGaussian::new(&renderer.scene, index, &GaussianRates::default());
+    let gaussian = RatedGaussian::new(&renderer.scene, index, &GaussianRates::default());
     LayerSums {
         index,
         axes: gaussian.axes().map(|axis| axis.map(|entry| entry.value)),

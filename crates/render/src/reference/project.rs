@@ -1,7 +1,7 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
-use super::parameters::MovingGaussian;
+use super::parameters::RatedGaussian;
 use crate::dual::{RealNumber, cross_product, dot_product};
 use crate::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
@@ -63,7 +63,7 @@ impl<'a> ReferenceView<'a> {
         &self,
         scene: &Gaussians,
         i: usize,
-        gaussian: &MovingGaussian,
+        gaussian: &RatedGaussian,
     ) -> Result<ReferenceLayer, CullReason> {
         // Camera and scene origin are subtracted before anything is rotated. Far from the world's
         // origin, a difference of rotated positions would cancel.

@@ -46,7 +46,7 @@ pub struct SharedSweep {
 
 /// The result of a collection, or of its dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct SharedSwept {
+pub struct SharedSweepSummary {
     /// Number of records moved to the trash.
     pub records: usize,
     /// Number of blobs moved to the trash.
@@ -82,7 +82,7 @@ struct SharedFile {
 /// # Errors
 /// The folder cannot be read or written, or the clocks differ by more than two hours. Nothing that
 /// was used lately is lost.
-pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
+pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSweepSummary, StoreError> {
     let shared = SharedFolder::open(root, Arc::new(SystemFs))?;
     let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
     let probed = shared.file_system_time()?;
@@ -95,7 +95,7 @@ pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, Stor
     }
     let age = i64::try_from((sweep.older_than + CLOCK_MARGIN).as_nanos()).unwrap_or(i64::MAX);
     let until_ns = probed.min(sweep.now_ns).saturating_sub(age);
-    let mut collection = Collection { shared: &shared, until_ns, swept: SharedSwept::default() };
+    let mut collection = Collection { shared: &shared, until_ns, swept: SharedSweepSummary::default() };
     collection.swept.clock_difference = difference.as_secs();
     collection.run(records, blobs, sweep.dry_run)?;
     Ok(collection.swept)
@@ -106,7 +106,7 @@ struct Collection<'a> {
     shared: &'a SharedFolder,
     /// Files of this time and before are old.
     until_ns: i64,
-    swept: SharedSwept,
+    swept: SharedSweepSummary,
 }
 
 impl Collection<'_> {
