@@ -223,7 +223,7 @@ mod tests {
     }
 
     const WICKED: &str = "a\u{1b}[2J\nerror: FAKE\u{202e}";
-    const SHOWN: &str = r"a\u{1b}[2J\nerror: FAKE\u{202e}";
+    const VISIBLE: &str = r"a\u{1b}[2J\nerror: FAKE\u{202e}";
 
     #[test]
     fn no_text_leaves_its_line() {
@@ -233,8 +233,8 @@ mod tests {
             console.print(WICKED);
             console.report(&message);
         });
-        assert_eq!(stdout, format!("{SHOWN}\n"));
-        assert_eq!(stderr, format!("{SHOWN}\nerror: {SHOWN}\n because {SHOWN}\nhelp: {SHOWN}\n"));
+        assert_eq!(stdout, format!("{VISIBLE}\n"));
+        assert_eq!(stderr, format!("{VISIBLE}\nerror: {VISIBLE}\n because {VISIBLE}\nhelp: {VISIBLE}\n"));
     }
 
     #[test]

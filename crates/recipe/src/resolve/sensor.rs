@@ -85,7 +85,7 @@ impl Resolver<'_> {
     /// Resolves the twin of another sensor. `found` has the sensors that are no twins.
     fn twin(
         &self,
-        own: &str,
+        twin: &str,
         of: &Field<String>,
         sensors: &BTreeMap<String, Field<schema::SensorSection>>,
         found: &BTreeMap<&str, Option<SensorChoice>>,
@@ -96,12 +96,12 @@ impl Resolver<'_> {
                 FieldProblem::of_field(format!("is {}, {what}", quote_text(name))).help(help).at(place),
             )
         };
-        if name == own {
+        if name == twin {
             return refuse("which is the sensor itself", "name the sensor with noise");
         }
         let Some(other) = sensors.get(name) else {
             let others: Vec<&str> =
-                sensors.keys().map(String::as_str).filter(|other| *other != own).collect();
+                sensors.keys().map(String::as_str).filter(|other| *other != twin).collect();
             return self.refuse(FieldProblem::unknown_name("sensor", name, &others).at(place));
         };
         if is_twin(other) {
