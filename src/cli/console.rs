@@ -185,9 +185,9 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     /// A stream that can be read afterwards.
-    struct SharedBuffer(Sender<Vec<u8>>);
+    struct CapturedStream(Sender<Vec<u8>>);
 
-    impl Write for SharedBuffer {
+    impl Write for CapturedStream {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.send(bytes.to_vec()).unwrap();
             Ok(bytes.len())
@@ -215,7 +215,7 @@ mod tests {
     fn written(json: bool, act: impl FnOnce(&Console)) -> [String; 2] {
         let ((results, stdout), (notes, stderr)) = (channel(), channel());
         let console =
-            Console::new(ConsoleStreams::of(SharedBuffer(results), SharedBuffer(notes)), json, false);
+            Console::new(ConsoleStreams::of(CapturedStream(results), CapturedStream(notes)), json, false);
         act(&console);
         assert_eq!(console.finish(ExitKind::Done), ExitKind::Done);
         drop(console);
@@ -253,7 +253,7 @@ mod tests {
     fn lost_results_are_an_error_but_a_reader_may_leave() {
         let ended = |kind, exit| {
             let (notes, stderr) = channel();
-            let console = Console::new(ConsoleStreams::of(Broken(kind), SharedBuffer(notes)), false, true);
+            let console = Console::new(ConsoleStreams::of(Broken(kind), CapturedStream(notes)), false, true);
             console.print("a result");
             console.print("another");
             let exit = console.finish(exit);

@@ -117,7 +117,7 @@ impl EsimModel {
     }
 
     /// The brightness of one pixel.
-    fn brightness(&self, luminance: f64) -> f64 {
+    fn brightness_of(&self, luminance: f64) -> f64 {
         let mut one = [luminance];
         self.to_brightness(&mut one);
         one[0]

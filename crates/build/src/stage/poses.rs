@@ -88,9 +88,9 @@ impl Stage for PosesStage {
             None => on_disk.collect(),
         };
         let progress = cx.progress;
-        let report = |words: &str| progress.iter().for_each(|progress| progress.report(words));
+        let report_progress = |words: &str| progress.iter().for_each(|progress| progress.report(words));
         let solve = |workspace: ProgramWorkspace<'_>| {
-            solve_photos(&photos, &self.solving, cx.out, workspace, &report)
+            solve_photos(&photos, &self.solving, cx.out, workspace, &report_progress)
         };
         let solved = known_program("colmap", cx, solve)?;
         report(&solved, cx);

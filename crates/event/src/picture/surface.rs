@@ -147,9 +147,9 @@ mod tests {
 
     #[test]
     fn a_window_without_bounds_is_the_streams() {
-        let surface = surface(i64::MIN..i64::MAX);
-        assert!((surface.default_tau_us() - 73.0).abs() < 1e-9, "a quarter of 295 us");
-        assert_eq!(surface.image(50.0).pixels()[3], [255, 0, 0], "the last event is fresh");
+        let whole = surface(i64::MIN..i64::MAX);
+        assert!((whole.default_tau_us() - 73.0).abs() < 1e-9, "a quarter of 295 us");
+        assert_eq!(whole.image(50.0).pixels()[3], [255, 0, 0], "the last event is fresh");
         assert!((surface(0..200).default_tau_us() - 50.0).abs() < 1e-9);
     }
 }
