@@ -2,7 +2,7 @@
 //! here.
 
 use crate::Outcome;
-use crate::series::{Ran, timed};
+use crate::series::{RunCost, timed};
 use serde::Deserialize;
 use std::cell::Cell;
 use std::collections::BTreeSet;
@@ -106,7 +106,7 @@ pub(crate) struct Ours {
 
 /// The fields that are read from a line of `build --json`.
 #[derive(Deserialize)]
-struct Told {
+struct BuildLine {
     #[serde(default)]
     state: String,
     seconds: Option<f64>,
@@ -114,7 +114,7 @@ struct Told {
 
 /// The fields that are read from a step of `plan --json`.
 #[derive(Deserialize)]
-struct Planned {
+struct PlanLine {
     key: Option<String>,
 }
 
@@ -144,12 +144,13 @@ impl Ours {
     }
 
     /// Builds. Returns the run and the seconds of each step that it made.
-    pub(crate) fn build_telling(&self, jobs: &str) -> Outcome<(Ran, Vec<f64>)> {
+    pub(crate) fn build_telling(&self, jobs: &str) -> Outcome<(RunCost, Vec<f64>)> {
         let ran = self.telling(&["build", "-q", "--json", jobs])?;
         let lines = self.listing()?;
-        let steps =
-            lines.lines().map(|line| serde_json::from_str::<Told>(line).map_err(|e| format!("{line}: {e}")));
-        let steps: Vec<Told> = steps.collect::<Outcome<_>>()?;
+        let steps = lines
+            .lines()
+            .map(|line| serde_json::from_str::<BuildLine>(line).map_err(|e| format!("{line}: {e}")));
+        let steps: Vec<BuildLine> = steps.collect::<Outcome<_>>()?;
         let made = steps.into_iter().filter(|step| step.state == "made").filter_map(|step| step.seconds);
         Ok((ran, made.collect()))
     }
@@ -157,7 +158,7 @@ impl Ours {
     /// Prints the number of steps and the number of distinct keys.
     pub(crate) fn tell_keys(&self) -> Outcome {
         self.telling(&["plan", "--json"])?;
-        let steps: Vec<Planned> = serde_json::from_str(&self.listing()?)
+        let steps: Vec<PlanLine> = serde_json::from_str(&self.listing()?)
             .map_err(|e| format!("the plan is not as it should be: {e}"))?;
         let keys: BTreeSet<&str> = steps.iter().filter_map(|step| step.key.as_deref()).collect();
         println!(
@@ -170,7 +171,7 @@ impl Ours {
     }
 
     /// Runs `gs2e` with its stdout in a file.
-    fn telling(&self, args: &[&str]) -> Outcome<Ran> {
+    fn telling(&self, args: &[&str]) -> Outcome<RunCost> {
         let file =
             File::create(self.dir.join("listing")).map_err(|e| format!("{}: {e}", self.dir.display()))?;
         let mut command = self.gs2e(args);

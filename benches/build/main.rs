@@ -102,7 +102,7 @@ fn measure(options: &Options) -> Outcome<Vec<String>> {
     sleep(AT_REST);
     let mut exceeded = compare("no-op", ninja.as_ref(), &ours, false, runs)?;
     exceeded.extend(compare("changed", ninja.as_ref(), &ours, true, runs)?);
-    own_work(&ours)?;
+    step_work(&ours)?;
     for (label, args) in [("plan", ["plan", "--json"].as_slice()), ("version", &["--version"])] {
         let [series] = interleave(runs, &[Contender::still(|| ours.gs2e(args))])?;
         println!("{label:8} gs2e   {}", series.line());
@@ -178,7 +178,7 @@ fn shared_store(ours: &Ours, runs: usize) -> Outcome {
 
 /// Measures the work of a changed recipe's steps, to be subtracted from the time of a changed
 /// build.
-fn own_work(ours: &Ours) -> Outcome {
+fn step_work(ours: &Ours) -> Outcome {
     let mut sums = Vec::new();
     let mut steps = 0;
     for _ in 0..3 {
@@ -229,7 +229,7 @@ fn with_events(root: &Path, options: &Options) -> Outcome {
     sleep(AT_REST);
     compare_alone("no-op", &ours, false, options.runs)?;
     compare_alone("changed", &ours, true, options.runs)?;
-    own_work(&ours)
+    step_work(&ours)
 }
 
 fn compare_alone(label: &str, ours: &Ours, change: bool, runs: usize) -> Outcome {

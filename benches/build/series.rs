@@ -6,7 +6,7 @@ use std::time::Instant;
 use wait4::Wait4 as _;
 
 /// The cost of one run.
-pub(crate) struct Ran {
+pub(crate) struct RunCost {
     pub(crate) seconds: f64,
     /// User and system time, including that of child processes, s.
     pub(crate) cpu: f64,
@@ -29,10 +29,10 @@ impl<'a> Contender<'a> {
 }
 
 /// All runs of one contender.
-pub(crate) struct Series(Vec<Ran>);
+pub(crate) struct Series(Vec<RunCost>);
 
 /// Runs a command to its end, which must be successful.
-pub(crate) fn timed(mut command: Command) -> Outcome<Ran> {
+pub(crate) fn timed(mut command: Command) -> Outcome<RunCost> {
     let message = format!("{command:?}");
     let start = Instant::now();
     let child = command.spawn().map_err(|e| format!("{message} cannot be started: {e}"))?;
@@ -42,7 +42,7 @@ pub(crate) fn timed(mut command: Command) -> Outcome<Ran> {
         return Err(format!("{message} ended with {}", used.status));
     }
     let cpu = (used.rusage.utime + used.rusage.stime).as_secs_f64();
-    Ok(Ran { seconds, cpu, peak_mb: used.rusage.maxrss as f64 * 1e-6 })
+    Ok(RunCost { seconds, cpu, peak_mb: used.rusage.maxrss as f64 * 1e-6 })
 }
 
 /// Runs each contender once to warm up, then all in turns.
@@ -63,7 +63,7 @@ pub(crate) fn interleave<const N: usize>(
     Ok(all)
 }
 
-impl Ran {
+impl RunCost {
     /// Describes the run as a run of `steps` steps.
     pub(crate) fn each(&self, steps: usize) -> String {
         let ms = |seconds: f64| 1e3 * seconds / steps.max(1) as f64;
@@ -76,7 +76,7 @@ impl Ran {
 }
 
 impl Series {
-    fn sorted(&self, of: impl Fn(&Ran) -> f64) -> Vec<f64> {
+    fn sorted(&self, of: impl Fn(&RunCost) -> f64) -> Vec<f64> {
         let mut values: Vec<f64> = self.0.iter().map(of).collect();
         values.sort_by(f64::total_cmp);
         values

@@ -45,7 +45,7 @@ const TURN: f64 = 0.5;
 const FRAME_AXIS: &str = "frames";
 
 /// Parts of the time: before the first frame, in each pass of the renderer, and in the sensor.
-const PARTS: [&str; 7] = ["start", "project", "sort", "bin", "raster", "resolve", "sensor"];
+const STAGES: [&str; 7] = ["start", "project", "sort", "bin", "raster", "resolve", "sensor"];
 const SENSOR: usize = 6;
 
 /// The cost of one size.
@@ -63,9 +63,9 @@ struct Work {
     poses: Vec<Se3>,
 }
 
-/// One run: core-seconds by part, number of events, and number of blended pairs.
+/// One run: core-seconds by stage, number of events, and number of blended pairs.
 struct Run {
-    core_s: [f64; PARTS.len()],
+    core_s: [f64; STAGES.len()],
     events: usize,
     blended: u64,
 }
@@ -166,19 +166,19 @@ impl Work {
             background: [0.0; 3],
         };
         let want = ChannelSet { luminance: true, ..ChannelSet::default() };
-        let mut run = Run { core_s: [0.0; PARTS.len()], events: 0, blended: 0 };
+        let mut run = Run { core_s: [0.0; STAGES.len()], events: 0, blended: 0 };
         let mut last = spent();
         let core_s = &mut run.core_s;
-        let mut done = |part: usize| {
+        let mut done = |stage: usize| {
             let now = spent();
-            core_s[part] += now - last;
+            core_s[stage] += now - last;
             last = now;
         };
         let mut renderer = CpuRenderer::new(self.scene.clone(), STYLE).expect("the scene can be rendered");
         renderer.keep_to(&self.camera, &self.poses);
         let sensor = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
         let mut pixels = sensor.start(self.camera.size, [0, 0], Seed(1)).expect("the preset is valid");
-        let mut events = Counted(0);
+        let mut events = EventCounter(0);
         done(0);
         let mut rendered = RenderedImages::default();
         for (index, pose) in self.poses.iter().enumerate() {
@@ -205,9 +205,9 @@ fn frame(index: usize, mut luminance: Image<f32>) -> DenseFrame {
 }
 
 /// Counts events and drops them.
-struct Counted(usize);
+struct EventCounter(usize);
 
-impl EventSink for Counted {
+impl EventSink for EventCounter {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.0 += events.len();
         Ok(())
@@ -244,9 +244,9 @@ impl Axis {
             format!(
                 "| {} | core-s | median | {} | events | blended per pixel |",
                 self.name,
-                PARTS.join(" | ")
+                STAGES.join(" | ")
             ),
-            format!("|{}", "---|".repeat(PARTS.len() + 5)),
+            format!("|{}", "---|".repeat(STAGES.len() + 5)),
         ];
         for point in &self.points {
             let parts = point.best().core_s.map(|s| format!("{s:.4}")).join(" | ");
@@ -260,7 +260,7 @@ impl Axis {
         let exponent =
             |growth: Option<GrowthLaws>| growth.map_or_else(String::new, |g| format!("{:.2}", g.exponent));
         let parts: Vec<String> =
-            (0..PARTS.len()).map(|at| exponent(self.growth(|run| run.core_s[at]))).collect();
+            (0..STAGES.len()).map(|at| exponent(self.growth(|run| run.core_s[at]))).collect();
         if let Some(all) = self.growth(Run::total) {
             let (exponent, error) = (all.exponent, all.standard_error);
             lines.push(format!("| exponent | {exponent:.3} +- {error:.3} | | {} | | |\n", parts.join(" | ")));
@@ -293,7 +293,7 @@ impl Axis {
     /// The figures as JSON.
     pub(crate) fn json(&self) -> Value {
         let point = |point: &Point| {
-            let parts: serde_json::Map<String, Value> = PARTS
+            let parts: serde_json::Map<String, Value> = STAGES
                 .iter()
                 .zip(point.best().core_s)
                 .map(|(name, s)| ((*name).to_owned(), json!(s)))

@@ -45,7 +45,7 @@ pub(crate) struct FrameIterator<'py> {
     what: &'static str,
     items: Bound<'py, PyIterator>,
     /// Frames that were looked at to decide the scale.
-    seen: VecDeque<FrameSamples>,
+    previewed: VecDeque<FrameSamples>,
     next: usize,
     dtype: &'static str,
     pub(crate) size: Size,
@@ -63,7 +63,7 @@ impl<'py> FrameIterator<'py> {
         let mut found = Self {
             what,
             items: items_of(what, frames)?,
-            seen: VecDeque::new(),
+            previewed: VecDeque::new(),
             next: 0,
             dtype: "",
             size: Size { width: 0, height: 0 },
@@ -72,9 +72,9 @@ impl<'py> FrameIterator<'py> {
         for _ in 0..LOOKED_AT {
             let Some(samples) = found.take()? else { break };
             found.next += 1;
-            found.seen.push_back(samples);
+            found.previewed.push_back(samples);
         }
-        if found.seen.is_empty() {
+        if found.previewed.is_empty() {
             return Err(PyValueError::new_err(format!("{what} has no frame")));
         }
         // The frames that were looked at are given out again from `seen`, and counted then.
@@ -86,7 +86,7 @@ impl<'py> FrameIterator<'py> {
     }
 
     fn decide(&self, full_scale: Option<u32>) -> PyResult<FullScale> {
-        let brightest = self.seen.iter().map(FrameSamples::brightest).fold(f32::NEG_INFINITY, f32::max);
+        let brightest = self.previewed.iter().map(FrameSamples::brightest).fold(f32::NEG_INFINITY, f32::max);
         match full_scale {
             Some(1) => Ok(FullScale::One),
             Some(255) => Ok(FullScale::Grey255),
@@ -102,7 +102,7 @@ impl<'py> FrameIterator<'py> {
 
     /// The next frame in grey 0..255; `None` after the last.
     pub(crate) fn next_frame(&mut self) -> PyResult<Option<Image<f32>>> {
-        let samples = match self.seen.pop_front() {
+        let samples = match self.previewed.pop_front() {
             Some(samples) => Some(samples),
             None => self.take()?,
         };

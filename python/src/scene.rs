@@ -1,6 +1,6 @@
 //! Scenes of Gaussians as Python sees them: read from a file, and rendered on the CPU.
 
-use crate::threads::own_pool;
+use crate::threads::call_pool;
 use glam::{DMat3, DVec3};
 use gs2e_image::{Image, MAX_PIXELS, Size};
 use gs2e_num::se3;
@@ -80,7 +80,7 @@ impl SplatScene {
         };
         let style = choice.resolve(self.scene.antialiased);
         let view = view.checked()?;
-        let pool = own_pool(0)?;
+        let pool = call_pool(0)?;
         let rendered = py.detach(|| pool.install(|| self.rendered(style, &view, want)));
         let rendered = rendered.map_err(|error| match error {
             RenderError::View(_) | RenderError::Style(_) => PyValueError::new_err(error.to_string()),

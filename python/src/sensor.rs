@@ -35,10 +35,12 @@ impl Sensor {
         read_sensor(&path, name).map(Self).map_err(|faults| recipe_error(&faults))
     }
 
-    /// The sensor of a text as in a recipe; faults name the text as `shown`.
+    /// The sensor of a text as in a recipe; faults name the text as `display_path`.
     #[staticmethod]
-    fn from_text(text: String, shown: &str) -> PyResult<Self> {
-        sensor_from_text(text, Path::new(shown), None).map(Self).map_err(|faults| recipe_error(&faults))
+    fn from_text(text: String, display_path: &str) -> PyResult<Self> {
+        sensor_from_text(text, Path::new(display_path), None)
+            .map(Self)
+            .map_err(|faults| recipe_error(&faults))
     }
 
     /// The sensor with all parameters as `to_json` writes them.

@@ -3,7 +3,7 @@
 use crate::frames::FrameIterator;
 use crate::received::{FrameMessage, ReceivedFrames};
 use crate::sensor::Sensor;
-use crate::threads::own_pool;
+use crate::threads::call_pool;
 use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFile, EventFormat};
 use gs2e_event::h5::ChunkFilter;
@@ -228,7 +228,7 @@ impl<'py> SimulationRun<'py> {
         py: Python<'py>,
         work: impl FnOnce(&RunSetup, &mut ReceivedFrames) -> Result<R, RunFailure> + Send,
     ) -> PyResult<R> {
-        let pool = own_pool(self.threads)?;
+        let pool = call_pool(self.threads)?;
         let (sender, receiver) = sync_channel(WAITING);
         let ends = [self.stamps_us.first(), self.stamps_us.last()].map(|stamp| stamp.copied().unwrap_or(0));
         let setup = RunSetup {

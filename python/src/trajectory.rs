@@ -2,7 +2,7 @@
 
 use crate::scene::SplatScene;
 use crate::sensor::recipe_error;
-use crate::threads::own_pool;
+use crate::threads::call_pool;
 use gs2e_build::artifact::TrajectoryProduct;
 use gs2e_recipe::{
     ChainError, RecipeFaults, TrajectoryChain, TrajectoryFragment, fragment_from_text, read_fragment,
@@ -44,13 +44,13 @@ type TrajectoryParts<'py> = (
 pub(crate) fn make_trajectory(py: Python<'_>, request: TrajectoryRequest) -> PyResult<TrajectoryParts<'_>> {
     let fragment = request.fragment().map_err(|faults| recipe_error(&faults))?;
     // Not the global pool: its threads do not survive a fork, and a child would wait for them forever.
-    let pool = own_pool(0)?;
+    let pool = call_pool(0)?;
     let made = py.detach(|| pool.install(|| request.make(&fragment))).map_err(PyValueError::new_err)?;
     made.into_parts(py)
 }
 
 /// A trajectory with the camera that sees it.
-struct SeenTrajectory {
+struct FilmedTrajectory {
     name: String,
     product: TrajectoryProduct,
     camera: Option<Camera>,
@@ -66,7 +66,7 @@ impl TrajectoryRequest {
     }
 
     /// Makes the trajectory. An error is a sentence for users.
-    fn make(&self, fragment: &TrajectoryFragment) -> Result<SeenTrajectory, String> {
+    fn make(&self, fragment: &TrajectoryFragment) -> Result<FilmedTrajectory, String> {
         let name = self.chosen(fragment)?;
         let chain = fragment.chain(&name).map_err(|error| in_words(&error))?;
         let mut warnings = Vec::new();
@@ -81,7 +81,7 @@ impl TrajectoryRequest {
         warnings.extend(before);
         warnings.extend(made.report.warnings.iter().cloned());
         let product = TrajectoryProduct { trajectory: made.trajectory, report: made.report };
-        Ok(SeenTrajectory { name, product, camera, warnings })
+        Ok(FilmedTrajectory { name, product, camera, warnings })
     }
 
     /// The name that was asked for, or the only one.
@@ -147,7 +147,7 @@ fn in_words(error: &ChainError) -> String {
     }
 }
 
-impl SeenTrajectory {
+impl FilmedTrajectory {
     fn into_parts(self, py: Python<'_>) -> PyResult<TrajectoryParts<'_>> {
         let TrajectoryProduct { trajectory, report } = &self.product;
         let poses = trajectory.world_from_camera.iter().flat_map(|pose| {

@@ -73,11 +73,11 @@ pub(super) fn wants_json(arguments: &[OsString]) -> bool {
 pub(super) fn misread(arguments: &[OsString], error: clap::Error) -> VerbError {
     // The parser repeats words unchanged, and a hidden character in them could act on the terminal.
     // So the words are parsed again in their visible form.
-    let shown = arguments.iter().map(|word| OsString::from(visible(word)));
-    let again = with_negative_numbers(command_line()).try_get_matches_from(shown).err();
+    let visible_words = arguments.iter().map(|word| OsString::from(visible(word)));
+    let repeat = with_negative_numbers(command_line()).try_get_matches_from(visible_words).err();
     // An escaped word may fail for another reason than the original; the original error counts
     // then.
-    let error = again.filter(|again| again.kind() == error.kind()).unwrap_or(error);
+    let error = repeat.filter(|repeat| repeat.kind() == error.kind()).unwrap_or(error);
     let what = match error.kind() {
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => "no verb is given".to_owned(),
         _ => {

@@ -3,7 +3,7 @@
 mod parts;
 mod rebuild;
 
-use super::verdicts::{show_findings, tell_count};
+use super::verdicts::{report_count, report_findings};
 use super::{CommonArgs, Console, ExitKind, UserMessage, VerbError, check};
 use gs2e_audit::recheck::recheck_tree;
 use gs2e_audit::{self as audit, AuditFault, AuditOptions};
@@ -32,7 +32,7 @@ pub(super) struct AuditArgs {
     #[command(flatten)]
     parts: parts::PartArgs,
     #[command(flatten)]
-    again: rebuild::RebuildArgs,
+    rebuild: rebuild::RebuildArgs,
 }
 
 impl AuditArgs {
@@ -60,30 +60,30 @@ impl AuditArgs {
         // Damaged files are reported by the audit; their data say nothing.
         let faulty = if self.full && report.faults.is_empty() {
             let findings = recheck_tree(&self.dir, &[]).map_err(|error| check::of_tree(&error))?.joined;
-            show_findings(&findings, console);
-            tell_count(&findings, console);
+            report_findings(&findings, console);
+            report_count(&findings, console);
             findings.iter().filter(|finding| finding.verdict == Verdict::Fail).count()
         } else {
             0
         };
-        if let Some(again) = self.again.run(&self.dir, self.full, common, console)? {
-            console.say(&format!("rebuilt: {}", again.scenes.join(", ")));
-            report.faults.extend(again.faults);
-            report.made_again = again.scenes.len();
+        if let Some(rebuilt) = self.rebuild.run(&self.dir, self.full, common, console)? {
+            console.note(&format!("rebuilt: {}", rebuilt.scenes.join(", ")));
+            report.faults.extend(rebuilt.faults);
+            report.rebuilt_scenes = rebuilt.scenes.len();
         }
         for fault in &report.faults {
             console.result(&to_json(fault));
-            console.show(&fault_message(fault));
+            console.report_to_people(&fault_message(fault));
         }
         let (files, mb) = (report.files, report.bytes as f64 * 1e-6);
         let count = report.faults.len();
         let faults = if count == 1 { "fault" } else { "faults" };
-        console.say(&format!("{count} {faults} in {files} files, {mb:.1} MB"));
+        console.note(&format!("{count} {faults} in {files} files, {mb:.1} MB"));
         let (proved, unproved) = (report.proved(), report.unproved());
         // After faults, the long list would hide them.
         if count == 0 || common.verbose {
-            console.say(&format!("this audit covers: {}", report.covers.join("; ")));
-            proved.iter().chain(&unproved).for_each(|sentence| console.say(sentence));
+            console.note(&format!("this audit covers: {}", report.covers.join("; ")));
+            proved.iter().chain(&unproved).for_each(|sentence| console.note(sentence));
         }
         console.result(&json!({
             "faults": count, "files": files, "bytes": report.bytes, "covers": report.covers,

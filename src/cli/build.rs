@@ -3,14 +3,14 @@
 mod end;
 mod store;
 
-use end::tell_evicted;
-pub(super) use end::{exit_kind, tell_end};
+use end::report_evicted;
+pub(super) use end::{exit_kind, report_end};
 
-pub(super) use store::{lock_claim, open_store, option_tag, read_store, store_options, tell_notices};
+pub(super) use store::{lock_claim, open_store, option_tag, read_store, report_notices, store_options};
 
-use super::progress::{EndSummary, Progress, ShownRun};
-use super::renderers::tell_gpu;
-use super::verdicts::{findings_of_steps, show_findings, tell_count};
+use super::progress::{EndSummary, Progress, ProgressRun};
+use super::renderers::report_gpu;
+use super::verdicts::{findings_of_steps, report_count, report_findings};
 use super::{
     CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, commands, failure, left_out,
     machine, on_interrupt, output, path, plan, takedown,
@@ -22,7 +22,7 @@ use gs2e_build::plan::lens::{UnfitLens, unfit_lens};
 use gs2e_build::plan::past::past_costs;
 use gs2e_build::plan::shard::SceneShard;
 use gs2e_build::plan::size::expected_bytes;
-use gs2e_build::plan::survey::{PlanSurvey, SettledScene, plan_all, survey_recipes};
+use gs2e_build::plan::survey::{CurrentScene, PlanSurvey, plan_all, survey_recipes};
 use gs2e_build::run::backends::RendererChoice;
 use gs2e_build::run::{self, RecheckPolicy, ResourceBudget, RunOptions, RunSummary};
 use gs2e_build::stage::StepId;
@@ -60,7 +60,7 @@ pub(super) struct BuildArgs {
     #[arg(conflicts_with = "to")]
     cache_size: Option<u64>,
     #[command(flatten)]
-    care: TrustOptions,
+    trust: TrustOptions,
 }
 
 /// Checks of stored data, and resources for the steps.
@@ -160,30 +160,30 @@ impl BuildArgs {
                 recipe::read_all(&self.targets.recipes)?;
             }
         }
-        let store = store::open_cache(common, &self.care, self.cache_size, console)?;
+        let store = store::open_cache(common, &self.trust, self.cache_size, console)?;
         let surveyed = match task {
             Some(recipes) => PlanSurvey::of_plan(Plan::new(recipes, &chosen.asking(&store))),
             None => self.survey(&chosen, &store, console)?,
         };
         let PlanSurvey { settled, plan, taken_down } = surveyed;
-        takedown::show_takedown(taken_down, console);
-        tell_settled(&settled, &store, console);
+        takedown::report_takedown(taken_down, console);
+        report_settled(&settled, &store, console);
         let mut steps: Vec<StepOutputs<'_>> = settled.iter().flat_map(StepOutputs::of_settled).collect();
-        let (count, targets, care) = (steps.len(), &self.targets, &self.care);
+        let (count, targets, trust) = (steps.len(), &self.targets, &self.trust);
         let (plan, mut summary) = if plan.steps().is_empty() {
             (plan, RunSummary::default())
         } else {
-            let request = BuildRequest { settled: count, targets, chosen: &chosen, common, care, console };
+            let request = BuildRequest { settled: count, targets, chosen: &chosen, common, trust, console };
             request.build(plan, &store)?
         };
         summary.kept += count;
         steps.extend(StepOutputs::of_run(&plan, &summary));
         let findings = findings_of_steps(&steps, &store)?;
-        let faults = show_findings(&findings, console);
-        tell_count(&findings, console);
+        let faults = report_findings(&findings, console);
+        report_count(&findings, console);
         match &self.to {
             Some(to) => link_outputs(to, &store, &steps, console)?,
-            None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.say(
+            None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.note(
                 "`gs2e build --to DIR` links the files there; `gs2e release --to DIR` writes them as a dataset",
             ),
             None => {}
@@ -192,11 +192,11 @@ impl BuildArgs {
             // Also where every scene was up to date at a glance.
             store.make_room();
             store.flush()?;
-            tell_evicted(store.evicted(), console);
+            report_evicted(store.evicted(), console);
         }
-        tell_end(&summary, started.elapsed().as_secs_f64(), console);
+        report_end(&summary, started.elapsed().as_secs_f64(), console);
         Ok(match exit_kind(&summary) {
-            ExitKind::Done if self.care.strict && faults > 0 => ExitKind::Fault,
+            ExitKind::Done if self.trust.strict && faults > 0 => ExitKind::Fault,
             exit => exit,
         })
     }
@@ -211,10 +211,10 @@ impl BuildArgs {
         let (paths, renderers) = (&self.targets.recipes, chosen.asking(store));
         // Memos would settle scenes without planning them, and only planned steps can be made
         // again.
-        let mut surveyed = if self.care.recheck.is_some() {
+        let mut surveyed = if self.trust.recheck.is_some() {
             plan_all(paths, &renderers)?
         } else {
-            let tag = option_tag(chosen, self.care.shared_store.as_deref());
+            let tag = option_tag(chosen, self.trust.shared_store.as_deref());
             survey_recipes(paths, &renderers, store, &tag)?
         };
         if let Some(shard) = self.shard {
@@ -222,7 +222,7 @@ impl BuildArgs {
             let chosen = shard.choose(&recipes).into_iter().map(|recipe| recipe.scene.as_str()).collect();
             surveyed.keep_scenes(&chosen, &renderers);
             let SceneShard { number, of } = shard;
-            console.say(&format!("shard {number} of {of}: {} of {} scenes", chosen.len(), recipes.len()));
+            console.note(&format!("shard {number} of {of}: {} of {} scenes", chosen.len(), recipes.len()));
         }
         Ok(surveyed)
     }
@@ -237,7 +237,7 @@ pub(super) struct StepOutputs<'a> {
 }
 
 impl<'a> StepOutputs<'a> {
-    fn of_settled(scene: &'a SettledScene) -> impl Iterator<Item = Self> {
+    fn of_settled(scene: &'a CurrentScene) -> impl Iterator<Item = Self> {
         scene.steps.iter().map(|step| Self { scene: &scene.scene, step: &step.name, outputs: &step.outputs })
     }
 
@@ -266,12 +266,12 @@ fn link_outputs(
     })?;
     let (to, files) = (path(to), steps.iter().map(|step| step.outputs.len()).sum::<usize>());
     console
-        .say(&format!("{to} has links to {files} files of the store: read them, and do not write to them"));
+        .note(&format!("{to} has links to {files} files of the store: read them, and do not write to them"));
     Ok(())
 }
 
 /// Prints one line for programs per step of the scenes that are up to date at a glance.
-fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
+fn report_settled(settled: &[CurrentScene], store: &Store, console: &Console) {
     for scene in settled.iter().filter(|_| console.json) {
         for step in &scene.steps {
             let name = format!("{}/{}", scene.scene, step.name);
@@ -285,28 +285,28 @@ fn tell_settled(settled: &[SettledScene], store: &Store, console: &Console) {
 }
 
 /// Prints the contrast and the noise of each sensor once, and the twins of each scene.
-fn tell_sensors(plan: &Plan, verbose: bool, console: &Console) -> Result<(), VerbError> {
+fn report_sensors(plan: &Plan, verbose: bool, console: &Console) -> Result<(), VerbError> {
     let mut reported: Vec<&SensorChoice> = Vec::new();
     for recipe in plan.scenes() {
         for (name, sensor) in recipe.every_sensor() {
             if !reported.contains(&sensor) {
                 reported.push(sensor);
                 let of = name.map_or_else(|| recipe.scene.clone(), |name| format!("{}/{name}", recipe.scene));
-                tell_sensor(&of, sensor, recipe.rate, verbose, console)?;
+                report_sensor(&of, sensor, recipe.rate, verbose, console)?;
             }
         }
         if recipe.trajectories.iter().any(|trajectory| trajectory.drawn.is_some()) {
-            console.say(&format!(
+            console.note(&format!(
                 "sensor of {}: numbers are drawn for each trajectory; their medians are shown",
                 recipe.scene
             ));
         }
-        super::screening::tell_twins(&recipe.scene, &recipe.sensors, console);
+        super::screening::report_twins(&recipe.scene, &recipe.sensors, console);
     }
     Ok(())
 }
 
-fn tell_sensor(
+fn report_sensor(
     scene: &str,
     sensor: &SensorChoice,
     rate: Hertz,
@@ -315,9 +315,9 @@ fn tell_sensor(
 ) -> Result<(), VerbError> {
     let screening = sensor.screen(rate);
     let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{scene}: {e}")))?;
-    super::screening::show_screening(&format!("sensor of {scene}"), scene, &screening, verbose, console);
+    super::screening::report_screening(&format!("sensor of {scene}"), scene, &screening, verbose, console);
     if verbose {
-        super::screening::tell_front_end(&sensor.as_model().front_end(), console);
+        super::screening::report_front_end(&sensor.as_model().front_end(), console);
     }
     Ok(())
 }
@@ -329,7 +329,7 @@ pub(super) struct BuildRequest<'a> {
     pub(super) targets: &'a RecipeTargets,
     pub(super) chosen: &'a RendererChoice,
     pub(super) common: &'a CommonArgs,
-    pub(super) care: &'a TrustOptions,
+    pub(super) trust: &'a TrustOptions,
     pub(super) console: &'a Console,
 }
 
@@ -351,8 +351,8 @@ impl BuildRequest<'_> {
             self.warn_of_space(&plan, &assessed, store)?;
         }
         if !idle {
-            tell_sensors(&plan, common.verbose, console)?;
-            tell_gpu(chosen, console);
+            report_sensors(&plan, common.verbose, console)?;
+            report_gpu(chosen, console);
         }
         let mut summary = self.run(&plan, store)?;
         // A scene that the GPU failed has other keys on the CPU, so the plan is made again.
@@ -380,7 +380,7 @@ impl BuildRequest<'_> {
             let mount = escape::path(&space.mount);
             let what = format!("the outputs take about {needed:.1} GB, and {mount} has {free:.1} GB free");
             let warning = UserMessage::warning("disk-space", what);
-            self.console.tell(&warning.help("gs2e gc, or another --store"));
+            self.console.report(&warning.help("gs2e gc, or another --store"));
         }
         Ok(())
     }
@@ -392,33 +392,33 @@ impl BuildRequest<'_> {
             // What was learned by reading files is kept even if the run is killed.
             store.flush()?;
         }
-        let options = run_options(common, self.care, chosen, plan.scenes().len());
+        let options = run_options(common, self.trust, chosen, plan.scenes().len());
         // Only the bars show the remaining time, and the past costs take a query per step.
         let past = if console.is_live() { past_costs(plan, store)? } else { Vec::new() };
         let expected = |step: StepId| past.get(step.0).copied().flatten().map(|past| past.core_seconds);
         let cancel = on_interrupt()?;
         let (settled, falls_back, environment) = (self.settled, chosen.falls_back(), &common.environment);
-        let shown = ShownRun { plan, settled, falls_back, store, console, environment };
+        let shown = ProgressRun { plan, settled, falls_back, store, console, environment };
         let progress = Progress::new(shown, options.budget.cores, &expected);
         let summary = run::run_plan(plan, store, options, &cancel, &progress);
         // The bars must be gone before the first line, or they would overwrite it.
         let EndSummary { failed, left_out } = progress.close();
         if common.verbose {
-            left_out::show_left_out(&left_out, console);
+            left_out::report_left_out(&left_out, console);
         }
         if common.keep_going && !failed.is_empty() {
-            failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.say(line));
+            failure::retry_commands(&failed, &self.to_find()).iter().for_each(|line| console.note(line));
         }
         // After the lines above: failed steps are shown even if the store can no longer be written.
         let summary = summary?;
-        let tag = option_tag(self.chosen, self.care.shared_store.as_deref());
+        let tag = option_tag(self.chosen, self.trust.shared_store.as_deref());
         match run::settle_run(plan, &summary, store, &tag) {
             // This error was already reported with its step. Complete records count even without
             // the database.
             Err(error) if summary.is_full() && error.is_full() => {}
             settled => settled?,
         }
-        tell_notices(store, console);
+        report_notices(store, console);
         Ok(summary)
     }
 
@@ -448,13 +448,13 @@ pub(super) fn refuse_lens(plan: &Plan) -> Result<(), VerbError> {
 
 fn run_options(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     chosen: &RendererChoice,
     scenes: usize,
 ) -> RunOptions {
     let cores = common.cores();
-    let kept_frames = care.keep_frames.unwrap_or_default().limit(scenes);
-    let memory = care.memory.unwrap_or_else(machine::free_memory);
+    let kept_frames = trust.keep_frames.unwrap_or_default().limit(scenes);
+    let memory = trust.memory.unwrap_or_else(machine::free_memory);
     // The steps that are made again differ from run to run, and no other member of a shared store knows them
     // before. The seed enters no file.
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -467,7 +467,7 @@ fn run_options(
             gpus: chosen.gpu_count(),
         },
         keep_going: common.keep_going,
-        recheck: RecheckPolicy { share: care.recheck, seed },
+        recheck: RecheckPolicy { share: trust.recheck, seed },
         allow_commands: common.allow_commands,
         programs: chosen.programs().clone(),
         kept_frames,

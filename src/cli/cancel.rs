@@ -43,9 +43,9 @@ impl CancelArgs {
             slurm.cancel(&ended)?;
         }
         for task in &shared {
-            console.say(&format!("task {task} goes on: it also builds scenes that were not named"));
+            console.note(&format!("task {task} goes on: it also builds scenes that were not named"));
         }
-        console.say(&format!("cancelled {} tasks", ended.len()));
+        console.note(&format!("cancelled {} tasks", ended.len()));
         let names = |tasks: &[TaskId]| tasks.iter().map(ToString::to_string).collect::<Vec<_>>();
         console.result(&json!({ "cancelled": names(&ended), "running": names(&shared) }));
         Ok(ExitKind::Done)

@@ -58,10 +58,10 @@ impl CheckArgs {
             }
             (None, None) => self.of_built(common, console)?,
         };
-        show_findings(&findings, common.verbose, console);
+        report_findings(&findings, common.verbose, console);
         let failed = [self.failed(&findings), self.not_run(measured.as_ref().unwrap_or(&findings))].concat();
         for line in &failed {
-            console.insist(&format!("error: {line}"));
+            console.note_always(&format!("error: {line}"));
         }
         Ok(if failed.is_empty() { ExitKind::Done } else { ExitKind::Fault })
     }
@@ -106,7 +106,7 @@ impl CheckArgs {
         }
         let (recipes, taken_down) = recipe::read_takedown(&self.recipes)?.keep(recipes);
         // The output is a list of findings, so programs get no other record.
-        super::takedown::show_takedown(taken_down, &console.for_people());
+        super::takedown::report_takedown(taken_down, &console.for_people());
         let store = read_store(common)?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         built_findings(&plan, &store, &self.scenes)
@@ -140,12 +140,12 @@ fn built_findings(plan: &Plan, store: &Store, scenes: &[String]) -> Result<Vec<F
 
 /// Prints findings as the result: one record per finding for programs, or else a table with the
 /// faults first.
-fn show_findings(findings: &[Finding], verbose: bool, console: &Console) {
+fn report_findings(findings: &[Finding], verbose: bool, console: &Console) {
     if console.json {
         return records(findings, console);
     }
     table(findings, verbose).iter().for_each(|line| console.print(line));
-    console.say(&count_line(findings));
+    console.note(&count_line(findings));
 }
 
 /// Prints one record per finding, for programs.

@@ -99,7 +99,7 @@ impl ClusterTargets {
             ClusterAccess::Look => plan_all(&self.targets.recipes, &chosen.knowing(&store))?,
             ClusterAccess::Offer => plan_all(&self.targets.recipes, &chosen.asking(&store))?,
         };
-        takedown::show_takedown(surveyed.taken_down, &console.for_people());
+        takedown::report_takedown(surveyed.taken_down, &console.for_people());
         let plan = surveyed.plan;
         let progress = scene_progress(&plan, &store, access == ClusterAccess::Offer)?;
         if access == ClusterAccess::Offer {
@@ -110,7 +110,7 @@ impl ClusterTargets {
         let view = ClusterView::look(&self.shared_store, slurm, &scenes)?;
         for error in view.refused() {
             let what = format!("{error}; its tasks are not known");
-            console.tell(&UserMessage::warning("plan-unread", what));
+            console.report(&UserMessage::warning("plan-unread", what));
         }
         let is_recorded = |key: &Key| matches!(store.shared_record(key), Ok(Some(_)));
         let states = scenes.iter().map(|scene| view.state(scene, &is_recorded)).collect();

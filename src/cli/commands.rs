@@ -9,9 +9,9 @@ use gs2e_build::stage::reconstruct::ReconstructStage;
 use std::collections::BTreeMap;
 
 /// Maximum number of commands shown; the rest are counted.
-const SHOWN: usize = 20;
+const MAX_LISTED: usize = 20;
 /// Maximum number of scenes named with a command.
-const SCENES_SHOWN: usize = 3;
+const MAX_SCENES: usize = 3;
 
 /// Refuses a plan with a step that would or may run a program, unless the user allows it. Nothing
 /// has run at that point.
@@ -43,11 +43,11 @@ fn refusal_message(scenes: &BTreeMap<Vec<String>, Vec<&str>>) -> UserMessage {
         return new(what).step(of[0], STEP).quote(programs).help(HELP);
     }
     let mut message = new(format!("{count} scenes would run programs that their recipes name"));
-    for (programs, of) in scenes.iter().take(SHOWN) {
+    for (programs, of) in scenes.iter().take(MAX_LISTED) {
         message = message.detail(format!("for {}", quoted_names(of))).quote(programs);
     }
-    if scenes.len() > SHOWN {
-        message = message.detail(format!("and {} other commands", scenes.len() - SHOWN));
+    if scenes.len() > MAX_LISTED {
+        message = message.detail(format!("and {} other commands", scenes.len() - MAX_LISTED));
     }
     message.help(HELP)
 }
@@ -63,10 +63,10 @@ const STEP: &str = ReconstructStage::NAME;
 const HELP: &str = "if you trust it, run the same command with --allow-commands";
 
 fn quoted_names(scenes: &[&str]) -> String {
-    let shown = scenes.iter().take(SCENES_SHOWN).copied().collect::<Vec<_>>().join(", ");
-    match scenes.len().saturating_sub(SCENES_SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
+    let listed = scenes.iter().take(MAX_SCENES).copied().collect::<Vec<_>>().join(", ");
+    match scenes.len().saturating_sub(MAX_SCENES) {
+        0 => listed,
+        more => format!("{listed} and {more} more"),
     }
 }
 

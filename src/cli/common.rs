@@ -100,7 +100,7 @@ impl CommonArgs {
     pub(super) fn clamp_jobs(&mut self, console: &Console) {
         let cores = u16::try_from(machine::available_cores()).unwrap_or(u16::MAX);
         if let Some(jobs) = self.jobs.filter(|jobs| *jobs > cores) {
-            console.say(&format!("-j {jobs} exceeds the cores of this machine: using {cores} cores"));
+            console.note(&format!("-j {jobs} exceeds the cores of this machine: using {cores} cores"));
             self.jobs = Some(cores);
         }
     }

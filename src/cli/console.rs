@@ -88,14 +88,14 @@ impl Console {
     }
 
     /// Prints a line for people, unless the user asked for quiet.
-    pub(super) fn say(&self, line: &str) {
+    pub(super) fn note(&self, line: &str) {
         if !self.quiet {
-            self.insist(line);
+            self.note_always(line);
         }
     }
 
     /// Prints a line for people, even if the user asked for quiet.
-    pub(super) fn insist(&self, line: &str) {
+    pub(super) fn note_always(&self, line: &str) {
         // If stderr is gone, there is no other place to report it.
         let _ = writeln!(self.writing().streams.notes, "{}", escape::line(line));
     }
@@ -125,20 +125,20 @@ impl Console {
     }
 
     /// Prints a message for people, even if the user asked for quiet, and for programs.
-    pub(super) fn tell(&self, message: &UserMessage) {
+    pub(super) fn report(&self, message: &UserMessage) {
         self.result(&message.to_json());
-        self.show(message);
+        self.report_to_people(message);
     }
 
     /// Prints a message for people, even if the user asked for quiet.
-    pub(super) fn show(&self, message: &UserMessage) {
-        message.to_lines().iter().for_each(|line| self.insist(line));
+    pub(super) fn report_to_people(&self, message: &UserMessage) {
+        message.to_lines().iter().for_each(|line| self.note_always(line));
     }
 
     /// Prints the reason for the early end of a verb.
     pub(super) fn problem(&self, problem: &VerbError) {
         problem.to_json().iter().for_each(|fault| self.result(fault));
-        problem.to_lines().iter().for_each(|line| self.insist(line));
+        problem.to_lines().iter().for_each(|line| self.note_always(line));
     }
 
     /// Prints the help or the version in the parser's own form, which holds no text from outside.
@@ -164,7 +164,7 @@ impl Console {
         match lost {
             Some(error) if error.kind() != io::ErrorKind::BrokenPipe => {
                 let message = UserMessage::error("results-lost", "failed to write results to stdout");
-                self.show(&message.because(error));
+                self.report_to_people(&message.because(error));
                 // A lost result does not turn an interrupt into a failure.
                 if exit == ExitKind::Interrupted { exit } else { ExitKind::Failed }
             }
@@ -185,9 +185,9 @@ mod tests {
     use std::sync::mpsc::{Sender, channel};
 
     /// A stream that can be read afterwards.
-    struct Kept(Sender<Vec<u8>>);
+    struct CapturedStream(Sender<Vec<u8>>);
 
-    impl Write for Kept {
+    impl Write for CapturedStream {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.send(bytes.to_vec()).unwrap();
             Ok(bytes.len())
@@ -211,29 +211,30 @@ mod tests {
         }
     }
 
-    /// The text that `say` writes to stdout and stderr.
-    fn written(json: bool, say: impl FnOnce(&Console)) -> [String; 2] {
+    /// The text that `act` writes to stdout and stderr.
+    fn written(json: bool, act: impl FnOnce(&Console)) -> [String; 2] {
         let ((results, stdout), (notes, stderr)) = (channel(), channel());
-        let console = Console::new(ConsoleStreams::of(Kept(results), Kept(notes)), json, false);
-        say(&console);
+        let console =
+            Console::new(ConsoleStreams::of(CapturedStream(results), CapturedStream(notes)), json, false);
+        act(&console);
         assert_eq!(console.finish(ExitKind::Done), ExitKind::Done);
         drop(console);
         [stdout, stderr].map(|kept| String::from_utf8(kept.iter().flatten().collect()).unwrap())
     }
 
     const WICKED: &str = "a\u{1b}[2J\nerror: FAKE\u{202e}";
-    const SHOWN: &str = r"a\u{1b}[2J\nerror: FAKE\u{202e}";
+    const VISIBLE: &str = r"a\u{1b}[2J\nerror: FAKE\u{202e}";
 
     #[test]
     fn no_text_leaves_its_line() {
         let message = UserMessage::error("x", WICKED).because(WICKED).help(WICKED);
         let [stdout, stderr] = written(false, |console| {
-            console.say(WICKED);
+            console.note(WICKED);
             console.print(WICKED);
-            console.tell(&message);
+            console.report(&message);
         });
-        assert_eq!(stdout, format!("{SHOWN}\n"));
-        assert_eq!(stderr, format!("{SHOWN}\nerror: {SHOWN}\n because {SHOWN}\nhelp: {SHOWN}\n"));
+        assert_eq!(stdout, format!("{VISIBLE}\n"));
+        assert_eq!(stderr, format!("{VISIBLE}\nerror: {VISIBLE}\n because {VISIBLE}\nhelp: {VISIBLE}\n"));
     }
 
     #[test]
@@ -252,7 +253,7 @@ mod tests {
     fn lost_results_are_an_error_but_a_reader_may_leave() {
         let ended = |kind, exit| {
             let (notes, stderr) = channel();
-            let console = Console::new(ConsoleStreams::of(Broken(kind), Kept(notes)), false, true);
+            let console = Console::new(ConsoleStreams::of(Broken(kind), CapturedStream(notes)), false, true);
             console.print("a result");
             console.print("another");
             let exit = console.finish(exit);

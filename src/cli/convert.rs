@@ -57,7 +57,7 @@ impl ConvertArgs {
             return Err(refuse_losses(&self.output, losses.iter().map(loss_words)));
         }
         output::write_whole(&self.output, &bytes).map_err(|e| output::not_written(&self.output, e))?;
-        self.tell(&scene, bytes.len(), &losses, console);
+        self.report(&scene, bytes.len(), &losses, console);
         Ok(ExitKind::Done)
     }
 
@@ -118,14 +118,14 @@ impl ConvertArgs {
         (!names.is_empty()).then_some(FormatLoss { field: "other properties", what, largest: None })
     }
 
-    fn tell(&self, scene: &Gaussians, bytes: usize, losses: &[FormatLoss], console: &Console) {
+    fn report(&self, scene: &Gaussians, bytes: usize, losses: &[FormatLoss], console: &Console) {
         let (screening, written) = (scene.screening, scene.len());
         let output = self.output.display();
-        console.say(&format!("{output}: {written} Gaussians, {}", format_amount(bytes as u64, "B")));
+        console.note(&format!("{output}: {written} Gaussians, {}", format_amount(bytes as u64, "B")));
         if screening.non_finite > 0 {
-            console.say(&format!("dropped {} with a NaN or an infinity", screening.non_finite));
+            console.note(&format!("dropped {} with a NaN or an infinity", screening.non_finite));
         }
-        losses.iter().for_each(|loss| console.say(&loss_words(loss)));
+        losses.iter().for_each(|loss| console.note(&loss_words(loss)));
         console.result(&json!({
             "input": path(&self.input), "output": path(&self.output), "read": screening.read,
             "dropped": screening.non_finite, "written": written, "bytes": bytes, "lost": losses,

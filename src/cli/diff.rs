@@ -36,7 +36,7 @@ impl DiffArgs {
         }
         let ReleaseDifference { added, removed, changed, unchanged, .. } = &difference;
         let [added, removed, changed] = [added.len(), removed.len(), changed.len()];
-        console.say(&format!(
+        console.note(&format!(
             "scenes: {added} added, {removed} removed, {changed} changed, {unchanged} unchanged"
         ));
         Ok(ExitKind::Done)

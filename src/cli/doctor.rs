@@ -62,7 +62,7 @@ impl DoctorPage {
 impl DoctorArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
         let mut page = DoctorPage::default();
-        own_program(&mut page);
+        this_program(&mut page);
         processor(common, &mut page);
         store(&common.store, &mut page);
         self.renderers(common, &mut page)?;
@@ -135,7 +135,7 @@ fn feature_names(features: FeatureSet) -> Vec<&'static str> {
     GpuFeature::ALL.into_iter().filter(|feature| features.has(*feature)).map(GpuFeature::name).collect()
 }
 
-fn own_program(page: &mut DoctorPage) {
+fn this_program(page: &mut DoctorPage) {
     let system = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
     let s3 = cfg!(feature = "s3");
     let buckets = if s3 { "with S3" } else { "without S3" };

@@ -55,7 +55,7 @@ impl Environment {
 }
 
 /// The path of this program, as other machines may find it.
-pub(super) fn own_program() -> PathBuf {
+pub(super) fn this_program() -> PathBuf {
     std::env::current_exe().unwrap_or_else(|_| PathBuf::from("gs2e"))
 }
 

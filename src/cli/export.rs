@@ -94,7 +94,7 @@ impl ExportArgs {
         let (poses, frames, files) = (&selection["poses"], &selection["frames"], &description["files"]);
         let out = self.out.display();
         console
-            .say(&format!("{out}: {trajectory} of {scene}, {poses} poses, {frames} frames, {files} files"));
+            .note(&format!("{out}: {trajectory} of {scene}, {poses} poses, {frames} frames, {files} files"));
         console.result(&json!({ "output": path(&self.out), "export": description }));
         Ok(ExitKind::Done)
     }

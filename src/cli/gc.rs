@@ -49,7 +49,7 @@ impl GcArgs {
         let (recipes, renderers) = (recipe::read_all(&self.targets.recipes)?, common.renderers()?);
         // The products of a scene that was taken down are deleted too.
         let (recipes, taken_down) = recipe::read_takedown(&self.targets.recipes)?.keep(recipes);
-        super::takedown::show_takedown(taken_down, console);
+        super::takedown::report_takedown(taken_down, console);
         // A dry run needs no lock, and creates no store.
         let store = if self.dry_run || !is_there(&common.store) {
             read_store(common)?
@@ -68,7 +68,7 @@ impl GcArgs {
         let swept = store.sweep(&marked, sweep)?;
         let frames = store.sweep_frames(&frames, sweep)?;
         store.flush()?;
-        self.tell(&swept, frames, console);
+        self.report(&swept, frames, console);
         Ok(ExitKind::Done)
     }
 
@@ -81,7 +81,7 @@ impl GcArgs {
                 continue;
             }
             let gone = root.release.display();
-            console.say(&format!("the release {gone} no longer exists: its results are no longer kept"));
+            console.note(&format!("the release {gone} no longer exists: its results are no longer kept"));
             if !self.dry_run {
                 store.remove_root(&root)?;
             }
@@ -89,19 +89,19 @@ impl GcArgs {
         Ok(marked)
     }
 
-    fn tell(&self, swept: &SweepSummary, frames: KeptFiles, console: &Console) {
+    fn report(&self, swept: &SweepSummary, frames: KeptFiles, console: &Console) {
         let SweepSummary { records, blobs, bytes, kept_blobs, kept_bytes, trash, trash_bytes } = *swept;
         let done = if self.dry_run { "would delete" } else { "deleted" };
         let [size, kept, left, framed] =
             [bytes, kept_bytes, trash_bytes, frames.bytes].map(|bytes| bytes as f64 * 1e-6);
-        console.say(&format!("{done} {blobs} blobs, {size:.1} MB, and {records} records"));
+        console.note(&format!("{done} {blobs} blobs, {size:.1} MB, and {records} records"));
         if trash > 0 {
-            console.say(&format!("{done} {trash} trash files, {left:.1} MB"));
+            console.note(&format!("{done} {trash} trash files, {left:.1} MB"));
         }
         if frames.files > 0 {
-            console.say(&format!("{done} {} files of frames, {framed:.1} MB", frames.files));
+            console.note(&format!("{done} {} files of frames, {framed:.1} MB", frames.files));
         }
-        console.say(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
+        console.note(&format!("kept {kept_blobs} blobs, {kept:.1} MB"));
         let mut record = json!(swept);
         record["dry_run"] = json!(self.dry_run);
         (record["frames"], record["frame_bytes"]) = (json!(frames.files), json!(frames.bytes));

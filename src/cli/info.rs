@@ -59,7 +59,7 @@ impl InfoArgs {
         let facts = self.facts(console)?;
         if let Some(file) = &self.recipe {
             write_recipe(file, &facts.recipe)?;
-            console.say(&format!("a first recipe is in {}", path(file)));
+            console.note(&format!("a first recipe is in {}", path(file)));
         }
         if console.json {
             let mut value = facts.value;
@@ -73,7 +73,7 @@ impl InfoArgs {
         }
         if self.recipe.is_none() && !facts.recipe.is_empty() {
             facts.recipe.iter().for_each(|line| console.print(line));
-            console.say("to save the recipe in another folder, with the path from there: --recipe FILE");
+            console.note("to save the recipe in another folder, with the path from there: --recipe FILE");
         }
         Ok(ExitKind::Done)
     }

@@ -169,7 +169,7 @@ impl InitArgs {
             self.write(candidate, pattern, reconstructs, &mut outcome)?;
         }
         write::write_rejected(&self.to, &outcome.rejected)?;
-        outcome.tell(&self, console);
+        outcome.report(&self, console);
         Ok(ExitKind::Done)
     }
 
@@ -283,20 +283,20 @@ fn is_odd(warning: &SourceWarning) -> bool {
 }
 
 impl InitOutcome {
-    fn tell(&self, init: &InitArgs, console: &Console) {
+    fn report(&self, init: &InitArgs, console: &Console) {
         for (scene, notices) in &self.notices {
-            console.say(&format!("{scene}: {notices}"));
+            console.note(&format!("{scene}: {notices}"));
         }
         let to = init.to.display();
         let (written, kept) = (self.written.len(), self.kept);
-        console.say(&format!("{written} recipes were written to {to}, {kept} already existed"));
+        console.note(&format!("{written} recipes were written to {to}, {kept} already existed"));
         if self.left > 0 {
-            console.say(&format!("{} more scenes are usable; --limit leaves them out", self.left));
+            console.note(&format!("{} more scenes are usable; --limit leaves them out", self.left));
         }
         if let Some(first) = self.rejected.first() {
             let (count, list) = (self.rejected.len(), write::rejected_in(&init.to));
             let (list, (scene, _, _, because)) = (list.display(), first);
-            console.say(&format!(
+            console.note(&format!(
                 "{count} scenes were rejected, listed in {list}; the first, {scene}: {because}"
             ));
         }
@@ -305,7 +305,7 @@ impl InitOutcome {
             let what = format!("{count} of the new recipes name a scene file that does not exist");
             let message = UserMessage::warning("scene-missing", what).path(first);
             let help = "train the scenes first; or delete these recipes, and run gs2e init again with --train or --scene";
-            console.for_people().tell(&message.help(help));
+            console.for_people().report(&message.help(help));
         }
         console.result(&self.to_json());
     }

@@ -16,16 +16,16 @@ pub(super) struct OmissionTable {
 }
 
 /// Prints one table per trajectory. The keys are `scene/trajectory`.
-pub(super) fn show_left_out(tables: &BTreeMap<String, OmissionTable>, console: &Console) {
+pub(super) fn report_left_out(tables: &BTreeMap<String, OmissionTable>, console: &Console) {
     if tables.len() > MAX_ROWS {
         let trajectories = tables.len();
-        console.say(&format!(
+        console.note(&format!(
             "work skipped for {trajectories} trajectories: see --json, or manifest.json of a release"
         ));
         return;
     }
     for (name, table) in tables {
-        table.to_lines(name).iter().for_each(|line| console.say(line));
+        table.to_lines(name).iter().for_each(|line| console.note(line));
     }
 }
 

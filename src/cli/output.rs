@@ -43,28 +43,28 @@ pub(super) fn screen_outputs<'a>(
     let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(link_target).collect();
     let mut seen = BTreeSet::new();
     for path in paths {
-        let shown = path.display();
+        let display = path.display();
         if is_stdout(path) && json {
             return refuse("--json writes to stdout, and so does `-`".to_owned());
         }
         if !seen.insert(link_target(path)) {
-            return refuse(format!("two outputs are written to {shown}"));
+            return refuse(format!("two outputs are written to {display}"));
         }
         if is_stdout(path) {
             continue;
         }
         if inputs.contains(&link_target(path)) {
-            return refuse(format!("{shown} is an input and would be overwritten"));
+            return refuse(format!("{display} is an input and would be overwritten"));
         }
         if path.is_dir() || path.file_name().is_none() {
-            return refuse(format!("{shown} is a folder, wanted a file"));
+            return refuse(format!("{display} is a folder, wanted a file"));
         }
         let place = link_target(path);
         if !parent_folder(&place).is_dir() {
-            return refuse(format!("{shown} is in a folder that does not exist"));
+            return refuse(format!("{display} is in a folder that does not exist"));
         }
         if let Err(because) = files::replaceable(&place) {
-            return refuse(format!("{shown} cannot be replaced: {because}"));
+            return refuse(format!("{display} cannot be replaced: {because}"));
         }
     }
     Ok(())

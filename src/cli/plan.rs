@@ -9,7 +9,7 @@ use gs2e_build::plan::forecast::PlanForecast;
 use gs2e_build::plan::kept::kept_names;
 use gs2e_build::plan::past::{past_costs, sharing_steps};
 use gs2e_build::plan::size::expected_bytes;
-use gs2e_build::plan::survey::{PlanSurvey, SettledScene, survey_recipes};
+use gs2e_build::plan::survey::{CurrentScene, PlanSurvey, survey_recipes};
 use gs2e_build::plan::warnings::{PlanWarning, forecast_words, no_scene_file, recipe_warnings, size_warning};
 use gs2e_files::escape;
 use gs2e_num::units::format_amount;
@@ -69,23 +69,23 @@ impl PlanArgs {
         let assessed = assess_plan(&plan, &store)?;
         super::build::refuse_lens(&plan)?;
         // Programs get a single array, so nothing else may go to stdout.
-        super::build::tell_notices(&store, &console.for_people());
-        super::takedown::show_takedown(taken_down, &console.for_people());
+        super::build::report_notices(&store, &console.for_people());
+        super::takedown::report_takedown(taken_down, &console.for_people());
         refuse_no_scene(&plan)?;
-        plan.scenes().iter().flat_map(recipe_warnings).for_each(|warning| tell_warning(&warning, console));
+        plan.scenes().iter().flat_map(recipe_warnings).for_each(|warning| report_warning(&warning, console));
         let forecast = PlanForecast::of_plan(&plan, &assessed, &store);
-        size_warning(&forecast).iter().for_each(|warning| tell_warning(warning, console));
+        size_warning(&forecast).iter().for_each(|warning| report_warning(warning, console));
         if self.estimate {
             let estimate = EstimateTotal::of_plan(&plan, &assessed, &store, common.cores())?;
-            estimate.tell(&forecast, console);
+            estimate.report(&forecast, console);
             return Ok(ExitKind::Done);
         }
         let rows = plan_rows(&plan, &assessed, &settled, &store)?;
         if console.json {
             console.result(&rows);
         } else {
-            show_rows(&rows, console);
-            forecast_words(&forecast).iter().for_each(|line| console.say(line));
+            report_rows(&rows, console);
+            forecast_words(&forecast).iter().for_each(|line| console.note(line));
         }
         Ok(ExitKind::Done)
     }
@@ -101,17 +101,17 @@ pub(super) fn refuse_no_scene(plan: &Plan) -> Result<(), VerbError> {
 }
 
 /// Shows a warning about a recipe. Programs get a single array, so it never goes to stdout.
-pub(super) fn tell_warning(warning: &PlanWarning, console: &Console) {
+pub(super) fn report_warning(warning: &PlanWarning, console: &Console) {
     let PlanWarning { scene, code, what, help } = warning;
     let what = scene.as_ref().map_or_else(|| what.clone(), |scene| format!("{scene}: {what}"));
-    console.for_people().tell(&UserMessage::warning(code, what).help(help));
+    console.for_people().report(&UserMessage::warning(code, what).help(help));
 }
 
 /// All steps, sorted by scene.
 fn plan_rows<'a>(
     plan: &'a Plan,
     assessed: &'a [StepAssessment],
-    settled: &'a [SettledScene],
+    settled: &'a [CurrentScene],
     store: &Store,
 ) -> Result<Vec<PlanRow<'a>>, VerbError> {
     let known = settled.iter().flat_map(|scene| {
@@ -160,7 +160,7 @@ pub(super) fn output_files<'a>(store: &Store, outputs: &'a [StoredOutput]) -> Ve
     outputs.iter().map(file).collect()
 }
 
-fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
+fn report_rows(rows: &[PlanRow<'_>], console: &Console) {
     let line = |row: &PlanRow<'_>| {
         let action = match row.action {
             StepAction::Run => "run",
@@ -173,7 +173,7 @@ fn show_rows(rows: &[PlanRow<'_>], console: &Console) {
     rows.iter().for_each(|row| console.print(&line(row)));
     let count = |action| rows.iter().filter(|row| row.action == action).count();
     let [run, may, keep] = [StepAction::Run, StepAction::MayRun, StepAction::Keep].map(count);
-    console.say(&format!("{run} to run, {may} may run, {keep} up to date"));
+    console.note(&format!("{run} to run, {may} may run, {keep} up to date"));
 }
 
 /// The estimate for all steps that would run.
@@ -221,7 +221,7 @@ impl EstimateTotal {
         Ok(sum)
     }
 
-    fn tell(&self, forecast: &PlanForecast, console: &Console) {
+    fn report(&self, forecast: &PlanForecast, console: &Console) {
         if console.json {
             let mut estimate = json!(self);
             estimate["release"] = json!(forecast);

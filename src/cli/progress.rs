@@ -25,7 +25,7 @@ use std::sync::Mutex;
 use std::time::Instant;
 
 /// A run that is shown.
-pub(super) struct ShownRun<'a> {
+pub(super) struct ProgressRun<'a> {
     pub(super) plan: &'a Plan,
     /// Number of steps outside the plan that were up to date at a glance.
     pub(super) settled: usize,
@@ -39,9 +39,9 @@ pub(super) struct ShownRun<'a> {
 
 /// Shows a run while it goes on.
 pub(super) struct Progress<'a> {
-    run: ShownRun<'a>,
+    run: ProgressRun<'a>,
     began: Instant,
-    shown: Mutex<ProgressView>,
+    view: Mutex<ProgressView>,
 }
 
 #[derive(Default)]
@@ -89,12 +89,12 @@ struct StepWork {
 
 impl<'a> Progress<'a> {
     /// Shows a run on `cores`. `expected` returns the core-seconds that a step took before.
-    pub(super) fn new(run: ShownRun<'a>, cores: usize, expected: &dyn Fn(StepId) -> Option<f64>) -> Self {
+    pub(super) fn new(run: ProgressRun<'a>, cores: usize, expected: &dyn Fn(StepId) -> Option<f64>) -> Self {
         let bars = run.console.is_live().then(|| ProgressBars::new(run.plan, cores, expected));
         bars.iter().for_each(|bars| bars.with_settled(run.settled));
         let view =
             ProgressView { bars, ended: run.settled, finished: run.settled, ..ProgressView::default() };
-        Self { run, began: Instant::now(), shown: Mutex::new(view) }
+        Self { run, began: Instant::now(), view: Mutex::new(view) }
     }
 
     /// Number of all steps, settled or planned.
@@ -104,9 +104,9 @@ impl<'a> Progress<'a> {
 
     /// Removes the bars, and returns the summary to be printed now.
     pub(super) fn close(self) -> EndSummary {
-        let mut shown = self.shown.into_inner().expect("no observer panics");
-        shown.bars.iter_mut().for_each(ProgressBars::close);
-        shown.end
+        let mut view = self.view.into_inner().expect("no observer panics");
+        view.bars.iter_mut().for_each(ProgressBars::close);
+        view.end
     }
 
     fn place(&self, step: StepId) -> (&'a str, &'a str) {
@@ -119,8 +119,8 @@ impl<'a> Progress<'a> {
         format!("{scene}/{step}")
     }
 
-    fn started(&self, shown: &mut ProgressView, step: StepId, reason: &StepReason, cores: f64) {
-        if let Some(bars) = &mut shown.bars {
+    fn started(&self, view: &mut ProgressView, step: StepId, reason: &StepReason, cores: f64) {
+        if let Some(bars) = &mut view.bars {
             bars.started(step, &self.name(step), cores);
         }
         if let StepReason::BlobAltered { digest } = reason {
@@ -129,34 +129,34 @@ impl<'a> Progress<'a> {
             let size = path.and_then(|path| Some(path.metadata().ok()?.len()));
             let size = size.map_or(String::new(), |size| format!(", {}", format_amount(size, "B")));
             let file = format!("cas/{}/{}…{size}", &digest[..2], &digest[..4]);
-            shown.altered.insert(step, format!("stored bytes do not match their digest ({file})"));
+            view.altered.insert(step, format!("stored bytes do not match their digest ({file})"));
         }
     }
 
     /// Shows the state of a running step.
-    fn advanced(&self, shown: &mut ProgressView, step: StepId, words: &str) {
+    fn advanced(&self, view: &mut ProgressView, step: StepId, words: &str) {
         let line = format!("{}: {words}", self.name(step));
-        match &shown.bars {
+        match &view.bars {
             Some(bars) => bars.advanced(step, &line),
-            None if shown.pace.admits(self.began.elapsed().as_secs_f64()) => self.line(shown, &line),
+            None if view.pace.admits(self.began.elapsed().as_secs_f64()) => self.line(view, &line),
             None => {}
         }
     }
 
     /// Counts a step that ended, and prints its record for programs.
-    fn ended(&self, shown: &mut ProgressView, ended: &StepEnd<'_>) {
-        shown.ended += 1;
-        if let Some(bars) = &mut shown.bars {
+    fn ended(&self, view: &mut ProgressView, ended: &StepEnd<'_>) {
+        view.ended += 1;
+        if let Some(bars) = &mut view.bars {
             bars.ended(ended.step, ended.work.as_ref().map(|work| work.seconds * work.cores as f64));
         }
-        if let Some(what) = shown.altered.remove(&ended.step) {
+        if let Some(what) = view.altered.remove(&ended.step) {
             let again = if ended.work.is_some() { ", made again" } else { "" };
             let (scene, step) = self.place(ended.step);
             let what = format!("{scene}/{step}: {what}; moved to trash{again}");
-            self.tell(shown, &UserMessage::warning("blob-altered", what).step(scene, step));
+            self.report(view, &UserMessage::warning("blob-altered", what).step(scene, step));
         }
         if self.run.console.json {
-            Self::above_bars(shown, || self.run.console.result(&self.to_json(ended)));
+            Self::above_bars(view, || self.run.console.result(&self.to_json(ended)));
         }
     }
 
@@ -185,7 +185,7 @@ impl<'a> Progress<'a> {
     /// The work that a step left out; `None` for a step that does not render.
     fn left_out(
         &self,
-        shown: &ProgressView,
+        view: &ProgressView,
         step: StepId,
         outputs: &[StoredOutput],
         saving: Option<TimeSaved>,
@@ -197,15 +197,15 @@ impl<'a> Progress<'a> {
         let files = ArtifactFiles::from_outputs(outputs, self.run.store);
         let rows = left_out::of_step(planned.stage(), planned.facts().class().as_deref(), &files);
         // A missing account must not fail a step that was made.
-        let report = |error| self.line(shown, &format!("warning: {}: failed to {error}", self.name(step)));
+        let report = |error| self.line(view, &format!("warning: {}: failed to {error}", self.name(step)));
         Some(OmissionTable { rows: rows.map_err(report).ok()?, saving })
     }
 
     /// Keeps the work that a step left out for the end of the run.
-    fn keep_left_out(&self, shown: &mut ProgressView, step: StepId, left_out: OmissionTable) {
+    fn keep_left_out(&self, view: &mut ProgressView, step: StepId, left_out: OmissionTable) {
         let name = self.name(step);
         let trajectory = name.rsplit_once('/').map_or(name.as_str(), |(trajectory, _)| trajectory);
-        let table = shown.end.left_out.entry(trajectory.to_owned()).or_default();
+        let table = view.end.left_out.entry(trajectory.to_owned()).or_default();
         table.rows.extend(left_out.rows);
         // Steps end in any order; the sort is stable, so the rows of one step keep their order.
         table.rows.sort_by(|a, b| a.step.cmp(&b.step));
@@ -213,50 +213,50 @@ impl<'a> Progress<'a> {
     }
 
     /// Shows lines above the bars, if there are bars.
-    fn above_bars(shown: &ProgressView, show: impl FnOnce()) {
+    fn above_bars(view: &ProgressView, show: impl FnOnce()) {
         // A redraw of the bars at the same time would overwrite the lines.
-        match &shown.bars {
+        match &view.bars {
             Some(bars) => bars.above(show),
             None => show(),
         }
     }
 
     /// Prints a line for people.
-    fn line(&self, shown: &ProgressView, text: &str) {
-        Self::above_bars(shown, || self.run.console.say(text));
+    fn line(&self, view: &ProgressView, text: &str) {
+        Self::above_bars(view, || self.run.console.note(text));
     }
 
     /// Prints a message, even if the user asked for quiet.
-    fn tell(&self, shown: &ProgressView, message: &UserMessage) {
-        Self::above_bars(shown, || self.run.console.tell(message));
+    fn report(&self, view: &ProgressView, message: &UserMessage) {
+        Self::above_bars(view, || self.run.console.report(message));
     }
 
     /// Prints the line of a step that was made.
-    fn made(&self, shown: &mut ProgressView, step: StepId, seconds: f64, remark: Option<&str>) {
+    fn made(&self, view: &mut ProgressView, step: StepId, seconds: f64, remark: Option<&str>) {
         // The bars show each step already.
-        if shown.bars.is_none() && shown.pace.admits(self.began.elapsed().as_secs_f64()) {
-            let (all, name, ended) = (self.all(), self.name(step), shown.ended);
+        if view.bars.is_none() && view.pace.admits(self.began.elapsed().as_secs_f64()) {
+            let (all, name, ended) = (self.all(), self.name(step), view.ended);
             let width = all.to_string().len();
             let remark = remark.map_or(String::new(), |remark| format!(" {remark}"));
-            self.line(shown, &format!("[{ended:width$}/{all}] {name} {seconds:.1} s{remark}"));
+            self.line(view, &format!("[{ended:width$}/{all}] {name} {seconds:.1} s{remark}"));
         }
     }
 
-    fn failed(&self, shown: &mut ProgressView, failure: &StepFailure) {
+    fn failed(&self, view: &mut ProgressView, failure: &StepFailure) {
         let step = failure.step;
         // The step runs again on the CPU, so it has not ended and is no failure yet.
         if let Some(because) = failure.of_gpu().filter(|_| self.run.falls_back) {
             let scene = self.place(step).0;
             let what = format!("{scene} is rendered on the CPU, because {because}");
-            return self.tell(shown, &UserMessage::warning("on-cpu", what).scene(scene));
+            return self.report(view, &UserMessage::warning("on-cpu", what).scene(scene));
         }
-        self.ended(shown, &StepEnd { step, state: "failed", key: None, outputs: &[], work: None });
+        self.ended(view, &StepEnd { step, state: "failed", key: None, outputs: &[], work: None });
         let (scene, name) = self.place(step);
-        let place = StepPlace { scene, step: name, finished: shown.finished, all: self.all() };
+        let place = StepPlace { scene, step: name, finished: view.finished, all: self.all() };
         let message = failure::failure_message(place, &failure.error);
-        self.tell(shown, &message);
-        shown.end.failed.push(message.step(scene, name));
-        if let Some(bars) = &shown.bars {
+        self.report(view, &message);
+        view.end.failed.push(message.step(scene, name));
+        if let Some(bars) = &view.bars {
             // The remaining time must not count steps that can no longer run.
             self.behind(step).iter().for_each(|step| bars.lost(*step));
         }
@@ -276,16 +276,16 @@ impl<'a> Progress<'a> {
 }
 
 impl RunObserver for Progress<'_> {
-    fn tell(&self, event: &RunEvent<'_>) {
+    fn observe(&self, event: &RunEvent<'_>) {
         // One lock for each event, so that lines of steps on other threads do not come in between.
-        let shown = &mut *self.shown.lock().expect("no observer panics");
+        let view = &mut *self.view.lock().expect("no observer panics");
         match *event {
             RunEvent::Started { step, reason, cores, together } => {
-                self.started(shown, step, reason, cores as f64 / together as f64);
+                self.started(view, step, reason, cores as f64 / together as f64);
             }
             RunEvent::Kept { step, key, outputs } => {
-                shown.finished += 1;
-                self.ended(shown, &StepEnd { step, state: "kept", key: Some(key), outputs, work: None });
+                view.finished += 1;
+                self.ended(view, &StepEnd { step, state: "kept", key: Some(key), outputs, work: None });
             }
             RunEvent::TooLarge { step, memory, budget } => {
                 let [need, all] = [memory, budget].map(|bytes| format_amount(bytes, "B"));
@@ -293,9 +293,9 @@ impl RunObserver for Progress<'_> {
                 let what = format!(
                     "{scene}/{name} needs about {need} of memory, budget {all}: no other step runs with it"
                 );
-                self.tell(shown, &UserMessage::warning("memory", what).step(scene, name));
+                self.report(view, &UserMessage::warning("memory", what).step(scene, name));
             }
-            RunEvent::Advanced { step, words } => self.advanced(shown, step, words),
+            RunEvent::Advanced { step, words } => self.advanced(view, step, words),
             RunEvent::Made {
                 step,
                 key,
@@ -308,21 +308,21 @@ impl RunObserver for Progress<'_> {
                 memory,
                 origin,
             } => {
-                shown.finished += 1;
-                let left_out = self.left_out(shown, step, outputs, saving);
+                view.finished += 1;
+                let left_out = self.left_out(view, step, outputs, saving);
                 let is_adopted = matches!(origin, StepOrigin::Elsewhere | StepOrigin::Confirmed);
                 let state = if is_adopted { "adopted" } else { "made" };
                 let work = Some(StepWork { seconds, cores, memory, origin, left_out });
                 let ended = StepEnd { step, state, key: Some(key), outputs, work };
-                self.ended(shown, &ended);
-                self.made(shown, step, seconds, remark);
+                self.ended(view, &ended);
+                self.made(view, step, seconds, remark);
                 for warning in warnings {
-                    self.line(shown, &format!("warning: {}: {warning}", self.name(step)));
+                    self.line(view, &format!("warning: {}: {warning}", self.name(step)));
                 }
                 let left_out = ended.work.and_then(|work| work.left_out);
-                left_out.into_iter().for_each(|table| self.keep_left_out(shown, step, table));
+                left_out.into_iter().for_each(|table| self.keep_left_out(view, step, table));
             }
-            RunEvent::Failed { failure } => self.failed(shown, failure),
+            RunEvent::Failed { failure } => self.failed(view, failure),
         }
     }
 }

@@ -1,10 +1,10 @@
 //! `gs2e release`: builds the recipes, checks the results, and writes the tree that people
 //! download.
 
-use super::build::{BuildRequest, TrustOptions, exit_kind, lock_claim, open_store, tell_end};
+use super::build::{BuildRequest, TrustOptions, exit_kind, lock_claim, open_store, report_end};
 use super::export::BarProgress;
 use super::problem::FULL;
-use super::verdicts::{show_findings, tell_count};
+use super::verdicts::{report_count, report_findings};
 use super::words::{Word, one_of};
 use super::{
     CommonArgs, Console, ExitKind, RecipeTargets, UserMessage, VerbError, check, on_interrupt, path,
@@ -60,7 +60,7 @@ pub(super) struct ReleaseArgs {
     #[arg(long, conflicts_with = "strict")]
     partial: bool,
     #[command(flatten)]
-    care: TrustOptions,
+    trust: TrustOptions,
 }
 
 const LINKS: [Word<LinkMode>; 2] = [
@@ -83,14 +83,14 @@ impl ReleaseArgs {
         let (recipes, taken_down) = context.takedown.keep(recipes);
         context.taken_down = taken_down.scenes;
         context.partial = self.partial;
-        super::takedown::show_takedown(taken_down, console);
+        super::takedown::report_takedown(taken_down, console);
         // An export that no build can have is refused before hours of work.
         let exporter = IncludedExporter { progress: &SilentProgress };
         foresee_exports(&recipes, &context.info.include, &exporter).map_err(include_problem)?;
         // So is a wrong key or password.
         let key = self.sign.as_deref().map(read_key).transpose()?;
         let started = Instant::now();
-        let store = open_store(common, &self.care, console)?;
+        let store = open_store(common, &self.trust, console)?;
         let cancel = &on_interrupt()?;
         // The target is claimed before the build, so that a wrong target is refused before hours of
         // work.
@@ -100,9 +100,9 @@ impl ReleaseArgs {
             refuse_stale(&plan, &store)?;
         }
         let building =
-            BuildRequest { settled: 0, targets: &self.targets, chosen, common, care: &self.care, console };
+            BuildRequest { settled: 0, targets: &self.targets, chosen, common, trust: &self.trust, console };
         let (plan, summary) = building.build(plan, &store)?;
-        tell_end(&summary, started.elapsed().as_secs_f64(), console);
+        report_end(&summary, started.elapsed().as_secs_f64(), console);
         let built = exit_kind(&summary);
         // An incomplete build is only released as a partial one; else the existing tree stays as it is.
         let goes_on = self.partial && common.keep_going && built == ExitKind::Failed;
@@ -115,7 +115,7 @@ impl ReleaseArgs {
         let written = self.write(ready, &mut target, &progress, console)?;
         // From here on, `gc` keeps the steps of this release.
         store.write_root(&root(&target, &summary, &written))?;
-        self.tell(&written, &mut target, console);
+        self.report(&written, &mut target, console);
         if let Some(key) = key {
             self.sign(&key, console)?;
         }
@@ -133,8 +133,8 @@ impl ReleaseArgs {
         let (store, cancel) = (built.store, &progress.cancel);
         let judged = JudgedRelease::new(built, cancel).map_err(|error| release_problem(error, console))?;
         let mut findings: Vec<Finding> = judged.findings().cloned().collect();
-        let faults = show_findings(&findings, console);
-        if self.care.strict && faults > 0 {
+        let faults = report_findings(&findings, console);
+        if self.trust.strict && faults > 0 {
             let message = format!("{faults} findings did not pass and --strict is set; nothing was released");
             return Err(VerbError::fault("check-warned", message));
         }
@@ -145,14 +145,14 @@ impl ReleaseArgs {
         // time.
         store.flush()?;
         findings.extend(written.iter().flat_map(|written| written.agreement.iter().cloned()));
-        tell_count(&findings, console);
+        report_count(&findings, console);
         written.map_err(|error| release_problem(error, console))
     }
 
     fn sign(&self, key: &SigningKey, console: &Console) -> Result<(), VerbError> {
         let written = key.sign_release(&self.to).map_err(|e| VerbError::failed("sign", e.to_string()))?;
         let (to, id) = (self.to.display(), key.id());
-        console.say(&if written {
+        console.note(&if written {
             format!("signed {to} with the key {id}")
         } else {
             format!("{to} is already signed with the key {id}")
@@ -172,10 +172,10 @@ impl ReleaseArgs {
         let claim = TargetClaim { replace: self.replace, guarded, claim, wait, cancel };
         let target = ReleaseTarget::claim(&self.to, claim, &mut |holder| {
             let what = format!("{} is in use by {holder}", self.to.display());
-            console.tell(&UserMessage::waiting("locked", what));
+            console.report(&UserMessage::waiting("locked", what));
         });
         let mut target = target.map_err(|error| release_problem(error, console))?;
-        tell_notes(&mut target, console);
+        report_notes(&mut target, console);
         Ok(target)
     }
 
@@ -203,18 +203,18 @@ impl ReleaseArgs {
     }
 
     /// Prints what was written.
-    fn tell(&self, written: &WrittenRelease, target: &mut ReleaseTarget, console: &Console) {
-        tell_notes(target, console);
+    fn report(&self, written: &WrittenRelease, target: &mut ReleaseTarget, console: &Console) {
+        report_notes(target, console);
         for warning in &written.warnings {
-            console.say(&format!("warning: {warning}"));
+            console.note(&format!("warning: {warning}"));
         }
         for scene in &written.held_back {
             let message = UserMessage::error("held-back", format!("{} is held back", scene.id));
-            console.tell(&scene.reasons().into_iter().fold(message, UserMessage::because));
+            console.report(&scene.reasons().into_iter().fold(message, UserMessage::because));
         }
         let (to, mb) = (self.to.display(), written.bytes as f64 * 1e-6);
         let WrittenRelease { scenes, files, .. } = written;
-        console.say(&if written.stood {
+        console.note(&if written.stood {
             format!("{to} is up to date: {scenes} scene(s), {files} files, {mb:.1} MB")
         } else {
             format!("released {scenes} scene(s) to {to}: {files} files, {mb:.1} MB")
@@ -274,9 +274,9 @@ fn root(target: &ReleaseTarget, summary: &RunSummary, written: &WrittenRelease) 
     ReleaseRoot { release: target.path().to_owned(), keys }
 }
 
-fn tell_notes(target: &mut ReleaseTarget, console: &Console) {
+fn report_notes(target: &mut ReleaseTarget, console: &Console) {
     for note in target.take_notes() {
-        console.tell(&UserMessage::warning("kept", note));
+        console.report(&UserMessage::warning("kept", note));
     }
 }
 

@@ -131,7 +131,7 @@ impl RenderArgs {
         let (channel, view, size) = (self.channel.name(), chosen.name, chosen.camera.size);
         let account =
             RenderAccount { channel, backend, view, size, work, screening, reading, rendering, warnings };
-        account.tell(console);
+        account.report(console);
         let mut value = account.to_json();
         (value["file"], value["style"]) = (json!(path(&self.out)), json!(style));
         if let Some(lens) = self.lens {
@@ -234,7 +234,7 @@ impl RenderArgs {
         // Only a failure of the GPU itself is tried again; a wrong view fails on the CPU too.
         let done = device.and_then(|device| by(&device.into())).or_else(|error| {
             let RenderError::Gpu(because) = &error else { return Err(error) };
-            console.say(&format!("rendering on the CPU, because {because}"));
+            console.note(&format!("rendering on the CPU, because {because}"));
             by(&Backend::Cpu)
         });
         done.map_err(render_failed)

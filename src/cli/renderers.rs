@@ -4,9 +4,9 @@ use super::Console;
 use gs2e_build::run::backends::RendererChoice;
 
 /// Reports a GPU that is needed and cannot be used.
-pub(super) fn tell_gpu(chosen: &RendererChoice, console: &Console) {
+pub(super) fn report_gpu(chosen: &RendererChoice, console: &Console) {
     if let Some(because) = chosen.gpu_error() {
-        console.say(&format!("rendering on the CPU, because {because}"));
+        console.note(&format!("rendering on the CPU, because {because}"));
     }
 }
 
@@ -50,21 +50,21 @@ mod tests {
         let pool: Arc<dyn GpuBackend> = Arc::new(pool);
         let auto = AutoRenderers::new(move || Ok(Arc::clone(&pool)));
         let console = Console::new(crate::cli::ConsoleStreams::of_process(), false, true);
-        let care = TrustOptions::default();
+        let trust = TrustOptions::default();
         let chosen = RendererChoice::new(
             RendererKind::Auto(auto),
             OmissionPolicy::default(),
             ProgramFinder::default(),
         );
         let targets = RecipeTargets { recipes: vec![recipe] };
-        let store = open_store(&common, &care, &console).unwrap();
+        let store = open_store(&common, &trust, &console).unwrap();
         let plan = Plan::new(gs2e_recipe::read_all(&targets.recipes).unwrap(), &chosen.knowing(&store));
         let building = BuildRequest {
             settled: 0,
             targets: &targets,
             chosen: &chosen,
             common: &common,
-            care: &care,
+            trust: &trust,
             console: &console,
         };
         let (plan, summary) = building.build(plan, &store).unwrap();

@@ -150,22 +150,22 @@ impl SimulateArgs {
         let screening = sensor.screen(sequence.rate());
         let screening = screening.map_err(|e| VerbError::usage("sensor", format!("{}: {e}", self.sensor)))?;
         let what = format!("sensor {}", self.sensor);
-        super::screening::show_screening(&what, &self.sensor, &screening, true, console);
-        super::screening::tell_front_end(&sensor.as_model().front_end(), console);
+        super::screening::report_screening(&what, &self.sensor, &screening, true, console);
+        super::screening::report_front_end(&sensor.as_model().front_end(), console);
         if !drawn.is_empty() {
             let numbers: Vec<String> = drawn.iter().map(|(path, x)| format!("{path} {x:.4}")).collect();
-            console.say(&format!("drawn with seed {}: {}", self.seed, numbers.join(", ")));
+            console.note(&format!("drawn with seed {}: {}", self.seed, numbers.join(", ")));
         }
-        sequence.notices.iter().for_each(|line| console.say(line));
+        sequence.notices.iter().for_each(|line| console.note(line));
         let account = self.write(&sensor, &mut sequence, format, &Watch { console, stop: &stop })?;
         if account.events == 0 {
             // A note, so that programs get one object.
-            console.say(
+            console.note(
                 "warning: no events: the frames change less than the thresholds, or --full-scale is wrong",
             );
         }
         SimulateReport { asked: &self, sensor: &sensor, drawn, screening, sequence: &sequence, account }
-            .tell(console)?;
+            .report(console)?;
         Ok(ExitKind::Done)
     }
 
@@ -223,7 +223,7 @@ impl SimulateArgs {
         bar.finish_and_clear();
         // Before a failure is returned: too much motion between two frames may be its reason.
         let warnings = warnings::motion_warnings(&motion, self.input_path(), sequence);
-        warnings.iter().for_each(|line| console.say(line));
+        warnings.iter().for_each(|line| console.note(line));
         Ok(accounts?.pop().expect("an account a sensor"))
     }
 

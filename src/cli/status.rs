@@ -2,7 +2,7 @@
 
 use super::cluster::{ClusterAccess, ClusterScenes, ClusterTargets};
 use super::{CommonArgs, Console, ExitKind, VerbError, clock, output};
-use gs2e_build::cluster::page::{ShownScene, StatusPage};
+use gs2e_build::cluster::page::{ScenePanel, StatusPage};
 use gs2e_build::cluster::scene_state::{SceneFailure, SceneState, StateCounts};
 use gs2e_build::cluster::slurm::Slurm;
 use serde_json::{Value, json};
@@ -32,7 +32,7 @@ impl StatusArgs {
         let slurm = Slurm::new(common.programs());
         let slurm = slurm.require().is_ok().then_some(slurm);
         if slurm.is_none() {
-            console.say("there is no Slurm here: scenes that a job builds are shown as open or failed");
+            console.note("there is no Slurm here: scenes that a job builds are shown as open or failed");
         }
         let found = self.targets.look(common, ClusterAccess::Look, slurm.as_ref(), console)?;
         let ClusterScenes { plan, progress, states, .. } = &found;
@@ -48,13 +48,13 @@ impl StatusArgs {
             }
         }
         if !console.json {
-            found.failures().for_each(|message| console.show(&message));
+            found.failures().for_each(|message| console.report_to_people(&message));
         }
-        console.say(&StateCounts::of(states).to_string());
+        console.note(&StateCounts::of(states).to_string());
         if let Some(file) = &self.html {
             let page = compose_page(&found, &self.targets.shared_store);
             output::write_whole(file, page.as_bytes()).map_err(|e| output::not_written(file, e))?;
-            console.say(&format!("wrote {}", file.display()));
+            console.note(&format!("wrote {}", file.display()));
         }
         Ok(ExitKind::Done)
     }
@@ -63,8 +63,8 @@ impl StatusArgs {
 fn compose_page(found: &ClusterScenes, shared: &Path) -> String {
     let ClusterScenes { plan, progress, view, states } = found;
     let shown = plan.scenes().iter().zip(&progress.scenes).zip(states);
-    let scenes: Vec<ShownScene<'_>> = shown
-        .map(|((recipe, progress), state)| ShownScene { scene: &recipe.scene, progress: *progress, state })
+    let scenes: Vec<ScenePanel<'_>> = shown
+        .map(|((recipe, progress), state)| ScenePanel { scene: &recipe.scene, progress: *progress, state })
         .collect();
     StatusPage {
         shared: &shared.to_string_lossy(),

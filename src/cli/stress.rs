@@ -65,11 +65,11 @@ impl StressArgs {
         self.keep_named(&mut cases)?;
         let run = |case| {
             let row = StressRow::from_case(case);
-            row.tell(console);
+            row.report(console);
             row
         };
         let rows: Vec<StressRow> = cases.iter().map(run).collect();
-        console.say(&summary_line(&rows));
+        console.note(&summary_line(&rows));
         if let Some(path) = &self.markdown {
             output::write_output(path, |out| page::write_page(&rows, out))?;
         }
@@ -140,7 +140,7 @@ impl StressRow {
     }
 
     /// Prints a record for programs, or a line for people and the worst point of a missed limit.
-    fn tell(&self, console: &Console) {
+    fn report(&self, console: &Console) {
         if console.json {
             return console.result(&self.to_json());
         }

@@ -95,7 +95,7 @@ impl SubmitArgs {
             let access = ClusterAccess::Look;
             let found = self.targets.look(common, access, has_slurm.is_ok().then_some(&slurm), console)?;
             self.arrays(&found, common)?.iter().for_each(|array| console.print_lines(&array.script));
-            console.say(&StateCounts::of(&found.states).to_string());
+            console.note(&StateCounts::of(&found.states).to_string());
             return Ok(ExitKind::Done);
         }
         has_slurm?;
@@ -112,7 +112,7 @@ impl SubmitArgs {
         let mut retries = self.retries;
         let mut found = self.targets.look(common, ClusterAccess::Offer, Some(slurm), console)?;
         loop {
-            console.say(&StateCounts::of(&found.states).to_string());
+            console.note(&StateCounts::of(&found.states).to_string());
             let mut names = self.submit(&found, slurm, common, console)?;
             // Other submitters may have jobs for the same scenes.
             names.extend(found.view.live().map(|(task, _)| task.name.clone()));
@@ -120,18 +120,18 @@ impl SubmitArgs {
                 return Ok(self.end(&found, console));
             }
             if self.detach {
-                console.say("detached: gs2e status shows the scenes, gs2e cancel ends the tasks");
+                console.note("detached: gs2e status shows the scenes, gs2e cancel ends the tasks");
                 return Ok(ExitKind::Done);
             }
             if wait_for_tasks(&names, slurm, &detached, console) == WatchEnd::Detached {
-                console.say("detached: the jobs go on; run the same command to wait for them");
+                console.note("detached: the jobs go on; run the same command to wait for them");
                 return Ok(ExitKind::Interrupted);
             }
             found = self.targets.look(common, ClusterAccess::Offer, Some(slurm), console)?;
             let counts = StateCounts::of(&found.states);
             if counts.failed + counts.open > 0 {
                 if retries == 0 {
-                    console.say(&counts.to_string());
+                    console.note(&counts.to_string());
                     return Ok(self.end(&found, console));
                 }
                 retries -= 1;
@@ -156,7 +156,7 @@ impl SubmitArgs {
             let plan = &array.submission.plan;
             let scenes: usize = plan.tasks.iter().map(Vec::len).sum();
             let (tasks, cores, memory_mb) = (plan.tasks.len(), plan.cores, plan.memory_mb);
-            console.say(&format!(
+            console.note(&format!(
                 "job {job}: {scenes} scenes in {tasks} tasks, each with {cores} cores and {memory_mb} MB"
             ));
             console.result(&json!({
@@ -169,13 +169,13 @@ impl SubmitArgs {
 
     /// Reports the scenes that are not done, and returns the exit code.
     fn end(&self, found: &ClusterScenes, console: &Console) -> ExitKind {
-        found.failures().for_each(|message| console.tell(&message));
+        found.failures().for_each(|message| console.report(&message));
         let StateCounts { failed, open, .. } = StateCounts::of(&found.states);
         if failed + open > 0 {
             return ExitKind::Failed;
         }
         let shared = self.targets.shared_store.display();
-        console.say(&format!("all scenes are done; gs2e release --shared-store {shared} writes them"));
+        console.note(&format!("all scenes are done; gs2e release --shared-store {shared} writes them"));
         ExitKind::Done
     }
 

@@ -88,20 +88,20 @@ impl TrainArgs {
         let (capture, warnings) = disk.read().map_err(|e| input::unreadable_file("capture", &e))?;
         // The photos are straightened here, so the warning about their distortion does not apply.
         for warning in warnings.iter().filter(|w| !matches!(w, SourceWarning::DistortionIgnored { .. })) {
-            console.say(&format!("warning: {warning}"));
+            console.note(&format!("warning: {warning}"));
         }
         self.refuse_memory(&capture)?;
         let files = disk.files().map_err(|e| input::unreadable_file("capture", &e))?;
         let watch = TrainingWatch {
             goes_on: &|| !stop.load(Ordering::Relaxed),
-            news: &mut |news| console.say(&news.to_string()),
+            news: &mut |news| console.note(&news.to_string()),
             clock: Some(run::monotonic_seconds),
             checkpoint: self.checkpoint.as_deref().map(|path| CheckpointFile { path, replaces: false }),
         };
         let trained = training::train_capture(&capture, &files, &self.settings(), &backend, watch)
             .map_err(|e| self.to_error(&e))?;
         output::write_output(&self.out, |out| write_ply(&trained.scene, out))?;
-        self.tell(&trained, began, console);
+        self.report(&trained, began, console);
         Ok(ExitKind::Done)
     }
 
@@ -174,7 +174,7 @@ impl TrainArgs {
         }
     }
 
-    fn tell(&self, trained: &TrainedGaussians, began: Instant, console: &Console) {
+    fn report(&self, trained: &TrainedGaussians, began: Instant, console: &Console) {
         let TrainedGaussians { scene, record, .. } = trained;
         let out = self.out.display();
         let seconds = began.elapsed().as_secs_f64();
@@ -187,7 +187,7 @@ impl TrainArgs {
             TrainingEnd::Psnr => format!(" and {} iterations: the PSNR is reached", record.iterations),
             TrainingEnd::Minutes => format!(" and {} iterations: the time is used up", record.iterations),
         };
-        console.say(&format!("{out}: {} Gaussians in {seconds:.0} s{early}{held}", scene.len()));
+        console.note(&format!("{out}: {} Gaussians in {seconds:.0} s{early}{held}", scene.len()));
         let [psnr, ssim] = means.map_or([None; 2], |means| means.map(Some));
         console.result(&json!({
             "file": path(&self.out), "gaussians": scene.len(), "iterations": record.iterations,

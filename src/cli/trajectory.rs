@@ -12,7 +12,7 @@ use gs2e_scene::camera::{self, Camera};
 use gs2e_source::Capture;
 use gs2e_source::kind::CaptureKind;
 use gs2e_trajectory::flow::FlowMeter;
-use gs2e_trajectory::{MadeTrajectory, picture};
+use gs2e_trajectory::{TrajectoryBuild, picture};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -67,7 +67,7 @@ impl TrajectoryArgs {
         let account =
             TrajectoryAccount::new(&self.name, captured.as_ref().map(|c| c.kind), &made, camera, warnings);
         self.write(&made)?;
-        account.tell(console);
+        account.report(console);
         console.result(&account.to_json(self.files()));
         Ok(ExitKind::Done)
     }
@@ -79,7 +79,7 @@ impl TrajectoryArgs {
         std::iter::once(("out", self.out.as_path())).chain(given)
     }
 
-    fn write(&self, made: &MadeTrajectory) -> Result<(), VerbError> {
+    fn write(&self, made: &TrajectoryBuild) -> Result<(), VerbError> {
         let fill = |option: &'static str| {
             move |out: &mut dyn io::Write| match option {
                 "report" => {

@@ -9,7 +9,7 @@ use gs2e_store::Store;
 use gs2e_store::record::StoredOutput;
 
 /// Maximum number of findings that are shown one by one; a build of many scenes repeats itself.
-const MAX_SHOWN: usize = 20;
+const MAX_LISTED: usize = 20;
 
 /// The findings on a scene or on one of its trajectories, from the outputs of their step.
 pub(super) fn findings_of_step(
@@ -47,35 +47,35 @@ pub(super) fn count_line(findings: &[Finding]) -> String {
 }
 
 /// Says how many findings have each verdict.
-pub(super) fn tell_count(findings: &[Finding], console: &Console) {
+pub(super) fn report_count(findings: &[Finding], console: &Console) {
     if !findings.is_empty() {
-        console.say(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
+        console.note(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
     }
 }
 
 /// Shows each warning, fault and accepted fault, with what to do about it. Returns the
 /// number of warnings and faults.
-pub(super) fn show_findings(findings: &[Finding], console: &Console) -> usize {
+pub(super) fn report_findings(findings: &[Finding], console: &Console) -> usize {
     let rank = |finding: &&Finding| match finding.verdict {
         Verdict::Fail => 0,
         Verdict::Warn => 1,
         _ => 2,
     };
-    let mut shown: Vec<&Finding> =
+    let mut listed: Vec<&Finding> =
         findings.iter().filter(|f| !matches!(f.verdict, Verdict::Pass | Verdict::NotRun)).collect();
-    shown.sort_by_key(rank);
-    for (number, finding) in shown.iter().enumerate() {
+    listed.sort_by_key(rank);
+    for (number, finding) in listed.iter().enumerate() {
         let message = to_message(finding);
         console.result(&message.to_json());
         // A quiet build shows failures only.
-        if number < MAX_SHOWN && (!console.quiet || finding.verdict == Verdict::Fail) {
-            console.show(&message);
+        if number < MAX_LISTED && (!console.quiet || finding.verdict == Verdict::Fail) {
+            console.report_to_people(&message);
         }
     }
-    if shown.len() > MAX_SHOWN {
-        console.say(&format!("and {} more findings", shown.len() - MAX_SHOWN));
+    if listed.len() > MAX_LISTED {
+        console.note(&format!("and {} more findings", listed.len() - MAX_LISTED));
     }
-    shown.iter().filter(|finding| finding.verdict != Verdict::Waived).count()
+    listed.iter().filter(|finding| finding.verdict != Verdict::Waived).count()
 }
 
 fn to_message(finding: &Finding) -> UserMessage {

@@ -33,7 +33,7 @@ impl WhyArgs {
         let edits = edits_since(&plan.scenes()[scene], &store);
         // Programs get the edits with the record of each step.
         if !edits.is_empty() && !console.json {
-            tell_edits(&plan, scene, &edits, &assessed, console);
+            report_edits(&plan, scene, &edits, &assessed, console);
         }
         let pairs = plan.steps().iter().zip(&assessed).filter(|(step, _)| chosen(step));
         for (step, assessed) in pairs {
@@ -41,7 +41,7 @@ impl WhyArgs {
             if console.json {
                 console.result(&to_json(&why, &edits));
             } else {
-                show_explanation(&why, &edits, console);
+                report_explanation(&why, &edits, console);
             }
         }
         Ok(ExitKind::Done)
@@ -49,7 +49,7 @@ impl WhyArgs {
 }
 
 /// Prints the edited values, and the steps that will or may run because of them.
-fn tell_edits(
+fn report_edits(
     plan: &Plan,
     scene: usize,
     edits: &[RecipeEdit],
@@ -143,7 +143,7 @@ fn to_json(why: &StepExplanation<'_>, edits: &[RecipeEdit]) -> Value {
     })
 }
 
-fn show_explanation(why: &StepExplanation<'_>, edits: &[RecipeEdit], console: &Console) {
+fn report_explanation(why: &StepExplanation<'_>, edits: &[RecipeEdit], console: &Console) {
     let StepExplanation { scene, step, assessed, lines, changes } = why;
     let edits = edits_of_step(edits, step);
     console.print(&format!("{scene}/{step}: {}", edited_words(&assessed.reason, &edits)));

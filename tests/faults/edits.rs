@@ -28,7 +28,7 @@ const RESTS: [usize; 2] = [4, 8];
 /// The settings of a scene. Sequences draw from few values, so that clean builds repeat and can be
 /// kept.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-struct Wish {
+struct SceneSettings {
     name: &'static str,
     /// Number of the source files.
     number: u32,
@@ -38,7 +38,7 @@ struct Wish {
     seed: u32,
 }
 
-impl Wish {
+impl SceneSettings {
     fn any(name: &'static str, random: &mut Random) -> Self {
         Self {
             name,
@@ -78,10 +78,10 @@ impl Wish {
 
 /// Products of clean builds of single scenes, each built once.
 #[derive(Debug, Default)]
-struct Clean(BTreeMap<Wish, Products>);
+struct Clean(BTreeMap<SceneSettings, Products>);
 
 impl Clean {
-    fn products(&mut self, wishes: &BTreeMap<&str, Wish>) -> Result<Products, String> {
+    fn products(&mut self, wishes: &BTreeMap<&str, SceneSettings>) -> Result<Products, String> {
         let mut all = Products::new();
         for wish in wishes.values() {
             if !self.0.contains_key(wish) {
@@ -107,8 +107,8 @@ pub(crate) fn run(size: Size) -> Tally {
 fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result<(), String> {
     let place = Place::in_memory();
     (0..3).for_each(|number| scenes::sources(&place, number));
-    let mut wishes: BTreeMap<&str, Wish> =
-        NAMES[..2].iter().map(|name| (*name, Wish::any(name, random))).collect();
+    let mut wishes: BTreeMap<&str, SceneSettings> =
+        NAMES[..2].iter().map(|name| (*name, SceneSettings::any(name, random))).collect();
     wishes.values().for_each(|wish| wish.write(&place));
     let mut found = Vec::new();
     for round in 0..EDITS {
@@ -132,7 +132,11 @@ fn sequence(clean: &mut Clean, random: &mut Random, tally: &mut Tally) -> Result
 }
 
 /// Changes the recipes or the store, and returns a description of the change.
-fn edit(place: &Place, wishes: &mut BTreeMap<&str, Wish>, random: &mut Random) -> Result<String, String> {
+fn edit(
+    place: &Place,
+    wishes: &mut BTreeMap<&str, SceneSettings>,
+    random: &mut Random,
+) -> Result<String, String> {
     let name = *random.pick(&NAMES);
     Ok(match random.below(13) {
         0..4 => change(place, wishes, name, random),
@@ -158,13 +162,13 @@ fn edit(place: &Place, wishes: &mut BTreeMap<&str, Wish>, random: &mut Random) -
 
 fn change(
     place: &Place,
-    wishes: &mut BTreeMap<&str, Wish>,
+    wishes: &mut BTreeMap<&str, SceneSettings>,
     name: &'static str,
     random: &mut Random,
 ) -> String {
     let wish = match wishes.get(name) {
         Some(wish) => wish.edited(random),
-        None => Wish::any(name, random),
+        None => SceneSettings::any(name, random),
     };
     wish.write(place);
     let text = format!("{wish:?}");
@@ -173,7 +177,7 @@ fn change(
 }
 
 /// Rewrites a recipe or a source with its own bytes.
-fn touch(place: &Place, wishes: &BTreeMap<&str, Wish>, random: &mut Random) -> String {
+fn touch(place: &Place, wishes: &BTreeMap<&str, SceneSettings>, random: &mut Random) -> String {
     if random.once_in(2) {
         wishes.values().for_each(|wish| wish.write(place));
         return "recipes touched".to_owned();

@@ -21,7 +21,7 @@ use std::sync::atomic::AtomicBool;
 struct Silent;
 
 impl RunObserver for Silent {
-    fn tell(&self, _: &RunEvent<'_>) {}
+    fn observe(&self, _: &RunEvent<'_>) {}
 }
 
 /// Steps by `scene/step`, with their outputs.
@@ -29,7 +29,7 @@ pub(crate) type Outputs = Vec<(String, Vec<StoredOutput>)>;
 
 /// Outcome of a build within this process.
 #[derive(Debug)]
-pub(crate) enum Built {
+pub(crate) enum BuildOutcome {
     /// The build reports that everything is there.
     Done {
         outputs: Outputs,
@@ -75,19 +75,19 @@ impl Engine {
     }
 
     /// Builds on one core, as `gs2e build -j 1` does.
-    pub(crate) fn build(&self, place: &Place) -> Built {
+    pub(crate) fn build(&self, place: &Place) -> BuildOutcome {
         match catch_unwind(AssertUnwindSafe(|| self.build_unguarded(place))) {
-            Err(_) => Built::Panicked,
-            Ok(built) => built.unwrap_or_else(Built::Failed),
+            Err(_) => BuildOutcome::Panicked,
+            Ok(built) => built.unwrap_or_else(BuildOutcome::Failed),
         }
     }
 
-    fn build_unguarded(&self, place: &Place) -> Result<Built, String> {
+    fn build_unguarded(&self, place: &Place) -> Result<BuildOutcome, String> {
         let store = self.store(place, StoreAccess::Write)?;
         let (PlanSurvey { settled, plan, .. }, mut outputs) = self.survey(&store)?;
         let settled = settled.len();
         if plan.steps().is_empty() {
-            return Ok(Built::Done { outputs, made: 0, settled });
+            return Ok(BuildOutcome::Done { outputs, made: 0, settled });
         }
         // As in the command, missing or unreadable inputs are reported before any step runs.
         assess_plan(&plan, &store).map_err(|e| e.to_string())?;
@@ -111,7 +111,7 @@ impl Engine {
                 summary.products.get(&id).ok_or_else(|| format!("{} was not reached", step.name))?;
             outputs.push((format!("{}/{}", plan.scene_of(step), step.name), product.outputs.clone()));
         }
-        Ok(Built::Done { outputs, made: summary.made, settled })
+        Ok(BuildOutcome::Done { outputs, made: summary.made, settled })
     }
 
     /// The products that a read-only look at the store reports as up to date. Each product is read.
@@ -131,7 +131,7 @@ fn tag() -> Digest {
     Digest::of_bytes(b"the fault tests")
 }
 
-impl Built {
+impl BuildOutcome {
     /// Reads the products of a build that must have ended well.
     pub(crate) fn products(&self, place: &Place) -> Result<Products, String> {
         match self {

@@ -26,7 +26,7 @@ pub(crate) enum Kind {
 
 /// Ways in which an operation can fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum How {
+pub(crate) enum FailureMode {
     NoSpace,
     Io,
     Interrupted,
@@ -36,7 +36,7 @@ pub(crate) enum How {
     Denied,
 }
 
-impl How {
+impl FailureMode {
     pub(crate) const ALL: [Self; 5] = [Self::NoSpace, Self::Io, Self::Interrupted, Self::Short, Self::Denied];
 
     /// Returns true if an operation of this kind can fail in this way.
@@ -69,7 +69,7 @@ impl How {
 pub(crate) struct Injection {
     /// The number of the operation.
     pub(crate) at: usize,
-    pub(crate) how: How,
+    pub(crate) how: FailureMode,
     /// True if every later operation that can fail in this way fails too.
     pub(crate) forever: bool,
 }
@@ -112,7 +112,7 @@ impl Failing {
     }
 
     /// Counts the operation. Returns its fault, if it has one.
-    fn meets(&self, kind: Kind, path: &Path) -> Option<How> {
+    fn meets(&self, kind: Kind, path: &Path) -> Option<FailureMode> {
         let mut log = self.log.lock().unwrap();
         let number = log.kinds.len();
         log.kinds.push(kind);
@@ -139,9 +139,9 @@ impl Fs for Failing {
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
         match self.meets(Kind::Write, path) {
             None => SystemFs.write(path, bytes),
-            Some(How::Short) => {
+            Some(FailureMode::Short) => {
                 SystemFs.write(path, &bytes[..bytes.len() / 2])?;
-                Err(How::Short.error())
+                Err(FailureMode::Short.error())
             }
             Some(how) => Err(how.error()),
         }
@@ -150,10 +150,10 @@ impl Fs for Failing {
     fn copy(&self, from: &Path, to: &Path) -> io::Result<()> {
         match self.meets(Kind::Copy, to) {
             None => SystemFs.copy(from, to),
-            Some(How::Short) => {
+            Some(FailureMode::Short) => {
                 let bytes = SystemFs.read(from)?;
                 SystemFs.write(to, &bytes[..bytes.len() / 2])?;
-                Err(How::Short.error())
+                Err(FailureMode::Short.error())
             }
             Some(how) => Err(how.error()),
         }
@@ -162,10 +162,10 @@ impl Fs for Failing {
     fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
         match self.meets(Kind::Copy, to) {
             None => SystemFs.copy_foreign(from, to, size),
-            Some(How::Short) => {
+            Some(FailureMode::Short) => {
                 let bytes = SystemFs.read(from)?;
                 SystemFs.write(to, &bytes[..bytes.len() / 2])?;
-                Err(How::Short.error())
+                Err(FailureMode::Short.error())
             }
             Some(how) => Err(how.error()),
         }

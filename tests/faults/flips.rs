@@ -2,7 +2,7 @@
 //! each flip and names file, scene and repair. A build finds each flip and makes the blob again.
 
 use crate::damage::Flip;
-use crate::engine::{Built, Engine};
+use crate::engine::{BuildOutcome, Engine};
 use crate::frozen::Frozen;
 use crate::place::{Place, Products, same};
 use crate::random::Random;
@@ -120,5 +120,9 @@ fn rotten(fixture: &Fixture, path: &Path, flip: Flip) -> Result<(), String> {
     let engine = Engine { verify: true, ..Engine::new(&fixture.place, frozen) };
     let built = engine.build(&fixture.place);
     same(&built.products(&fixture.place)?, &fixture.truth)?;
-    if let Built::Done { made: 0, .. } = built { Err("the build made nothing".to_owned()) } else { Ok(()) }
+    if let BuildOutcome::Done { made: 0, .. } = built {
+        Err("the build made nothing".to_owned())
+    } else {
+        Ok(())
+    }
 }

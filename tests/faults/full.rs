@@ -5,8 +5,8 @@
 //! it needs privileges. Without them the program restarts itself in a name space of its own. Where
 //! that is impossible too, the store's file operations fail in its place.
 
-use crate::engine::{Built, Engine};
-use crate::failing::{Failing, How, Injection};
+use crate::engine::{BuildOutcome, Engine};
+use crate::failing::{Failing, FailureMode, Injection};
 use crate::place::{Place, Products, same, sound, within};
 use crate::random::Random;
 use crate::tally::Tally;
@@ -131,12 +131,12 @@ fn fail_and_mend(truth: &Products, random: &mut Random, tally: &mut Tally) -> Re
     scenes::write(&place, SCENES, 5);
     loop {
         let at = random.below(1500);
-        let full = Failing::new(Injection { at, how: How::NoSpace, forever: true });
+        let full = Failing::new(Injection { at, how: FailureMode::NoSpace, forever: true });
         match Engine::new(&place, Arc::new(full)).build(&place) {
-            Built::Failed(why) if why.to_lowercase().contains("no space") => {}
-            Built::Failed(why) => return Err(format!("operation {at}: {why}")),
-            Built::Panicked => return Err(format!("operation {at}: a panic")),
-            done @ Built::Done { .. } => return same(&done.products(&place)?, truth),
+            BuildOutcome::Failed(why) if why.to_lowercase().contains("no space") => {}
+            BuildOutcome::Failed(why) => return Err(format!("operation {at}: {why}")),
+            BuildOutcome::Panicked => return Err(format!("operation {at}: a panic")),
+            done @ BuildOutcome::Done { .. } => return same(&done.products(&place)?, truth),
         }
         tally.count("builds that met a full disk", 1);
         let sound = Engine::new(&place, Arc::new(SystemFs));

@@ -23,7 +23,7 @@ const CORES: usize = 2;
 const MOST_AT_WORK: usize = CORES * scenes::EVENT_OUTPUTS.len();
 
 /// The result of a build that was not killed.
-struct Undisturbed {
+struct ReferenceBuild {
     products: Products,
     release: BTreeMap<PathBuf, Digest>,
     /// The longest time before a kill.
@@ -53,21 +53,21 @@ pub(crate) fn run(size: Size) -> Tally {
     tally
 }
 
-fn undisturbed(count: u32, part: f64) -> Undisturbed {
+fn undisturbed(count: u32, part: f64) -> ReferenceBuild {
     let place = Place::in_memory();
     scenes::write(&place, count, 10);
     let started = Instant::now();
     let products = place.build("").unwrap();
     let patience = started.elapsed().mul_f64(part);
     place.ok("release --to out").unwrap();
-    Undisturbed { products, release: tree(&place.path("out")), patience }
+    ReferenceBuild { products, release: tree(&place.path("out")), patience }
 }
 
 /// Builds with kills until the build and the release after it are done, or until the number of
 /// kills is reached.
 fn until_done(
     place: &Place,
-    undisturbed: &Undisturbed,
+    undisturbed: &ReferenceBuild,
     random: &mut Random,
     kills: u64,
     tally: &mut Tally,
@@ -101,7 +101,7 @@ fn until_done(
 /// finds no fault.
 fn released(
     place: &Place,
-    undisturbed: &Undisturbed,
+    undisturbed: &ReferenceBuild,
     random: &mut Random,
     kills: u64,
     tally: &mut Tally,
@@ -132,7 +132,7 @@ fn released(
 }
 
 /// The run after a kill must succeed without help.
-fn orderly(ended: &crate::program::Ended, tally: &mut Tally) -> Result<(), String> {
+fn orderly(ended: &crate::program::RunOutcome, tally: &mut Tally) -> Result<(), String> {
     if ended.code == Some(0) {
         return Ok(());
     }
@@ -151,7 +151,7 @@ fn note_made(made: &[String], finished: &mut BTreeSet<String>, tally: &mut Tally
 /// Compares the store's state after a kill with an undisturbed build.
 fn after_kill(
     place: &Place,
-    undisturbed: &Undisturbed,
+    undisturbed: &ReferenceBuild,
     finished: &mut BTreeSet<String>,
     tally: &mut Tally,
 ) -> Result<(), String> {

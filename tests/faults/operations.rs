@@ -5,8 +5,8 @@
 //! that are up to date may count as up to date. A build without faults then finishes with the right
 //! products.
 
-use crate::engine::{Built, Engine};
-use crate::failing::{Failing, How, Injection};
+use crate::engine::{BuildOutcome, Engine};
+use crate::failing::{Failing, FailureMode, Injection};
 use crate::place::{Place, Products, same, within};
 use crate::random::Random;
 use crate::tally::Tally;
@@ -76,7 +76,9 @@ impl Fixture {
         };
         let recipes = self.recipes[..known].to_vec();
         let engine = Engine { recipes, verify: false, ..self.engine(Arc::new(SystemFs), scenario) };
-        let Built::Done { outputs, .. } = engine.build(&self.place) else { panic!("a sound build failed") };
+        let BuildOutcome::Done { outputs, .. } = engine.build(&self.place) else {
+            panic!("a sound build failed")
+        };
         if let Scenario::Adopting = scenario {
             fs::remove_dir_all(self.place.store()).unwrap();
         }
@@ -141,7 +143,7 @@ fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> 
             undisturbed(&fixture, scenario, &built).map_err(|why| format!("{scenario:?}, no fault: {why}")),
         );
         for (at, kind) in counting.kinds().into_iter().enumerate() {
-            for how in How::ALL.into_iter().filter(|how| how.can_meet(kind)) {
+            for how in FailureMode::ALL.into_iter().filter(|how| how.can_meet(kind)) {
                 all.extend([false, true].map(|forever| (scenario, Injection { at, how, forever })));
             }
         }
@@ -151,9 +153,9 @@ fn all_injections(scenes: u32, tally: &mut Tally) -> Vec<(Scenario, Injection)> 
 
 /// Checks a build without faults: right products, no unnecessary steps, and unchanged scenes known
 /// at a glance.
-fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &Built) -> Result<(), String> {
+fn undisturbed(fixture: &Fixture, scenario: Scenario, built: &BuildOutcome) -> Result<(), String> {
     same(&built.products(&fixture.place)?, &fixture.truth)?;
-    let Built::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
+    let BuildOutcome::Done { made, settled, .. } = *built else { return Err(format!("{built:?}")) };
     let scenes = fixture.recipes.len();
     let wanted = match scenario {
         Scenario::Cold | Scenario::Sharing => (6 * scenes, 0),
@@ -177,27 +179,29 @@ fn trial(
     let failing = Arc::new(Failing::new(injection));
     let built = fixture.engine(failing.clone(), scenario).build(&fixture.place);
     tally.count("errors injected", failing.hits());
-    let is_retried = injection.how == How::Interrupted && !injection.forever;
+    let is_retried = injection.how == FailureMode::Interrupted && !injection.forever;
     let verdict = match &built {
-        Built::Panicked => {
+        BuildOutcome::Panicked => {
             tally.count("panics", 1);
             Err("a panic".to_owned())
         }
-        Built::Done { .. } if failing.hits() > 0 && !is_retried => {
+        BuildOutcome::Done { .. } if failing.hits() > 0 && !is_retried => {
             tally.count("success despite an error", 1);
             Err(format!("success although {} failed", failing.message()))
         }
-        Built::Failed(why) if is_retried => Err(format!("an interruption is tried again, not text: {why}")),
-        Built::Done { .. } | Built::Failed(_) => Ok(()),
+        BuildOutcome::Failed(why) if is_retried => {
+            Err(format!("an interruption is tried again, not text: {why}"))
+        }
+        BuildOutcome::Done { .. } | BuildOutcome::Failed(_) => Ok(()),
     };
     let state = after(fixture, &built, scenario).inspect_err(|_| tally.count("wrong states", 1));
     verdict.and(state)
 }
 
 /// Checks that steps that count as up to date are, and that the next build finishes.
-fn after(fixture: &Fixture, built: &Built, scenario: Scenario) -> Result<(), String> {
+fn after(fixture: &Fixture, built: &BuildOutcome, scenario: Scenario) -> Result<(), String> {
     let Fixture { place, truth, .. } = fixture;
-    if let Built::Done { .. } = built {
+    if let BuildOutcome::Done { .. } = built {
         same(&built.products(place)?, truth)?;
     }
     let meets = if scenario.is_shared() { scenario } else { Scenario::Idle };
@@ -211,7 +215,9 @@ fn after(fixture: &Fixture, built: &Built, scenario: Scenario) -> Result<(), Str
     // Another machine, which has only the shared store.
     fs::remove_dir_all(place.store()).unwrap();
     match sound.build(place) {
-        Built::Done { made, .. } if made > 0 => Err(format!("{made} steps are not in the shared store")),
+        BuildOutcome::Done { made, .. } if made > 0 => {
+            Err(format!("{made} steps are not in the shared store"))
+        }
         other => other.products(place).and_then(|products| same(&products, truth)),
     }
 }

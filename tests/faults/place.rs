@@ -1,6 +1,6 @@
 //! A temporary folder in which the program runs, and the contents of its store.
 
-use crate::program::{self, Ended};
+use crate::program::{self, RunOutcome};
 use gs2e_store::Digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -58,12 +58,12 @@ impl Place {
     }
 
     /// Runs the program here to its end, with `args` separated by spaces.
-    pub(crate) fn run(&self, args: &str) -> Result<Ended, String> {
+    pub(crate) fn run(&self, args: &str) -> Result<RunOutcome, String> {
         program::run(self.root(), args)
     }
 
     /// Runs the program, which must end with 0.
-    pub(crate) fn ok(&self, args: &str) -> Result<Ended, String> {
+    pub(crate) fn ok(&self, args: &str) -> Result<RunOutcome, String> {
         let ended = self.run(args)?;
         if ended.code == Some(0) { Ok(ended) } else { Err(format!("`gs2e {args}`: {ended}")) }
     }
@@ -74,7 +74,7 @@ impl Place {
     }
 
     /// Parses the output of `plan --json`.
-    pub(crate) fn read_plan(&self, ended: &Ended) -> Result<Plan, String> {
+    pub(crate) fn read_plan(&self, ended: &RunOutcome) -> Result<Plan, String> {
         let list: Vec<Value> =
             serde_json::from_str(&ended.stdout).map_err(|e| format!("plan --json: {e}"))?;
         let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();

@@ -9,7 +9,7 @@
 mod disk;
 mod recorder;
 
-use crate::engine::{Built, Engine};
+use crate::engine::{BuildOutcome, Engine};
 use crate::frozen::Frozen;
 use crate::place::{Place, Products, same, within};
 use crate::random::Random;
@@ -110,7 +110,9 @@ fn trial(recording: &Recording, prefix: usize, loss: Loss, random: &mut Random) 
     }
     let other = recording.engine(Arc::new(SystemFs)).build(place);
     match other {
-        Built::Done { made, .. } if made > 0 => Err(format!("{made} steps are not in the shared store")),
+        BuildOutcome::Done { made, .. } if made > 0 => {
+            Err(format!("{made} steps are not in the shared store"))
+        }
         other => other.products(place).and_then(|products| same(&products, truth)),
     }
 }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// Outcome of a run.
 #[derive(Debug)]
-pub(crate) struct Ended {
+pub(crate) struct RunOutcome {
     /// The exit code; `None` if a signal ended the program.
     pub(crate) code: Option<i32>,
     pub(crate) signal: Option<i32>,
@@ -19,7 +19,7 @@ pub(crate) struct Ended {
     pub(crate) stderr: String,
 }
 
-impl Ended {
+impl RunOutcome {
     fn of(output: Output) -> Self {
         let text = |bytes: Vec<u8>| String::from_utf8_lossy(&bytes).into_owned();
         Self {
@@ -48,7 +48,7 @@ impl Ended {
     }
 }
 
-impl fmt::Display for Ended {
+impl fmt::Display for RunOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lines: Vec<&str> = self.stderr.lines().collect();
         let tail = lines[lines.len().saturating_sub(12)..].join("\n");
@@ -69,12 +69,12 @@ pub(crate) fn start(folder: &Path, args: &str) -> Child {
 }
 
 /// Waits for the program's end.
-pub(crate) fn end(child: Child) -> Ended {
-    Ended::of(child.wait_with_output().unwrap())
+pub(crate) fn end(child: Child) -> RunOutcome {
+    RunOutcome::of(child.wait_with_output().unwrap())
 }
 
 /// Runs the program to its end, which must be orderly.
-pub(crate) fn run(folder: &Path, args: &str) -> Result<Ended, String> {
+pub(crate) fn run(folder: &Path, args: &str) -> Result<RunOutcome, String> {
     let ended = end(start(folder, args));
     ended.is_orderly().map_err(|why| format!("`gs2e {args}` ended out of order: {why}"))?;
     Ok(ended)
@@ -82,7 +82,7 @@ pub(crate) fn run(folder: &Path, args: &str) -> Result<Ended, String> {
 
 /// Runs the program, and sends its process group a signal after a time, unless it ended before. The
 /// second value is true if the signal was sent.
-pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Signal) -> (Ended, bool) {
+pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Signal) -> (RunOutcome, bool) {
     let started = Instant::now();
     let mut child = start(folder, args);
     let pid = Pid::from_child(&child);
@@ -98,7 +98,7 @@ pub(crate) fn run_until(folder: &Path, args: &str, after: Duration, signal: Sign
         (message.join().unwrap(), errors.join().unwrap())
     });
     let status = child.wait().unwrap();
-    let ended = Ended::of(Output { status, stdout: message, stderr: errors });
+    let ended = RunOutcome::of(Output { status, stdout: message, stderr: errors });
     let was_hit = ended.code.is_none() || ended.code == Some(130);
     (ended, was_hit)
 }

@@ -6,7 +6,7 @@ mod member;
 use crate::damage::Flip;
 use crate::full::Disk;
 use crate::place::{Place, Products, same};
-use crate::program::{Ended, run_until};
+use crate::program::{RunOutcome, run_until};
 use crate::random::Random;
 use crate::scenes;
 use crate::tally::Tally;
@@ -96,7 +96,7 @@ fn killed(
 }
 
 /// Checks that no step is made that some machine had reported as made.
-fn note_made(ended: &Ended, finished: &mut BTreeSet<String>, tally: &mut Tally) -> Result<(), String> {
+fn note_made(ended: &RunOutcome, finished: &mut BTreeSet<String>, tally: &mut Tally) -> Result<(), String> {
     for step in ended.made() {
         if !finished.insert(step.clone()) {
             tally.count("finished steps redone", 1);

@@ -1,7 +1,7 @@
 //! Two coordinators on one store, and eight writers to one shared store.
 
 use crate::place::{Place, Products, same};
-use crate::program::{Ended, end, start};
+use crate::program::{RunOutcome, end, start};
 use crate::random::Random;
 use crate::tally::Tally;
 use crate::{Size, is_over, scenes};
@@ -70,7 +70,7 @@ fn two_coordinators(truth: &Products, random: &mut Random, tally: &mut Tally) ->
     same(&place.finished()?, truth)
 }
 
-fn succeeded(ended: &Ended) -> Result<(), String> {
+fn succeeded(ended: &RunOutcome) -> Result<(), String> {
     ended.is_orderly()?;
     if ended.code == Some(0) { Ok(()) } else { Err(ended.to_string()) }
 }

@@ -107,7 +107,7 @@ pub(crate) fn read(line: &[u8]) -> bool {
         words.retain(|word| word != "--");
         words.push("--no-such-option".into());
     }
-    let (results, notes) = (Kept::default(), Kept::default());
+    let (results, notes) = (SharedBuffer::default(), SharedBuffer::default());
     let name = OsString::from("gs2e");
     let exit = run_on(
         ConsoleStreams::of(results.clone(), notes.clone()),
@@ -238,7 +238,7 @@ fn furnish(home: &Path) {
     }
     for line in ["build -q tiny.yaml", "release -q --to out --copy tiny.yaml"] {
         let words = std::iter::once("gs2e").chain(line.split(' ')).map(OsString::from);
-        let notes = Kept::default();
+        let notes = SharedBuffer::default();
         let exit = run_on(ConsoleStreams::of(io::sink(), notes.clone()), Environment::of_process(), words);
         assert_eq!(exit, ExitKind::Done, "{line}: {}", notes.text());
     }
@@ -246,15 +246,15 @@ fn furnish(home: &Path) {
 
 /// A stream whose contents can be read afterwards.
 #[derive(Clone, Default)]
-struct Kept(Arc<Mutex<Vec<u8>>>);
+struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
 
-impl Kept {
+impl SharedBuffer {
     fn text(&self) -> String {
         String::from_utf8(self.0.lock().unwrap().clone()).expect("it speaks UTF-8")
     }
 }
 
-impl Write for Kept {
+impl Write for SharedBuffer {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.lock().unwrap().extend(bytes);
         Ok(bytes.len())

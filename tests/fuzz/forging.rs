@@ -99,14 +99,14 @@ pub(crate) fn read(input: &[u8]) -> bool {
     assert!(
         same || !sound || unknowable,
         "{path} was changed, and the audit found nothing:\n{}\nwas\n{}",
-        around_difference(bytes, before),
-        around_difference(before, bytes)
+        difference_excerpt(bytes, before),
+        difference_excerpt(before, bytes)
     );
     sound
 }
 
 /// The text of `shown` from shortly before its first difference to `other`.
-fn around_difference(shown: &[u8], other: &[u8]) -> String {
+fn difference_excerpt(shown: &[u8], other: &[u8]) -> String {
     let first = shown.iter().zip(other).take_while(|(a, b)| a == b).count();
     String::from_utf8_lossy(&shown[first.saturating_sub(80)..shown.len().min(first + 80)]).into_owned()
 }

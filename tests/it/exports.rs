@@ -39,11 +39,11 @@ use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// An export in a folder of its own.
-struct Exported {
+struct TestExport {
     folder: TempDir,
 }
 
-impl Exported {
+impl TestExport {
     /// Exports the trajectory of a plane; it must succeed.
     fn of(plane: &Plane, format: &str, more: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();

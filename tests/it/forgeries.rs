@@ -21,7 +21,7 @@ use std::path::Path;
 
 /// The means by which a forgery is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Found {
+enum FindingMeans {
     /// The audit, with a fault of this code.
     Audit(&'static str),
     /// A comparison with the scene made again from its recipe; the tree alone does not show it.
@@ -36,14 +36,14 @@ struct Forgery {
     forge: Box<dyn Fn(&Path) + Send + Sync>,
     /// True if the manifest is rewritten too; false if only the sums are.
     whole: bool,
-    found: Found,
+    found: FindingMeans,
 }
 
 /// The faults of an audit, and the differences from a release that was made from the recipes.
 fn judge(forgery: &Forgery) -> (Vec<AuditFault>, Vec<AuditFault>) {
     let folder = copy();
     (forgery.forge)(folder.path());
-    if forgery.found == Found::Rebuild {
+    if forgery.found == FindingMeans::Rebuild {
         assert_eq!(unlisted(folder.path()), [""; 0], "{}: docs/publish.md does not list it", forgery.name);
     }
     if forgery.whole {
@@ -81,9 +81,9 @@ fn misjudged(forgery: &Forgery) -> Option<String> {
     let judged = catch_unwind(AssertUnwindSafe(|| judge(forgery)));
     let Ok((audited, compared)) = judged else { return Some(format!("{}: a panic", forgery.name)) };
     let held = match forgery.found {
-        Found::Audit(code) => audited.iter().any(|fault| fault.code.name() == code),
-        Found::Rebuild => audited.is_empty() && !compared.is_empty(),
-        Found::Never(_) => audited.is_empty() && compared.is_empty(),
+        FindingMeans::Audit(code) => audited.iter().any(|fault| fault.code.name() == code),
+        FindingMeans::Rebuild => audited.is_empty() && !compared.is_empty(),
+        FindingMeans::Never(_) => audited.is_empty() && compared.is_empty(),
     };
     (!held).then(|| {
         let seen =
@@ -114,9 +114,9 @@ fn every_forgery_is_found_as_the_table_states() {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for row in &rows {
         let by = match row.found {
-            Found::Audit(_) => "by the audit",
-            Found::Rebuild => "by --rebuild alone",
-            Found::Never(_) => "by nothing",
+            FindingMeans::Audit(_) => "by the audit",
+            FindingMeans::Rebuild => "by --rebuild alone",
+            FindingMeans::Never(_) => "by nothing",
         };
         *counts.entry(by).or_default() += 1;
     }

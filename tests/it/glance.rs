@@ -20,7 +20,7 @@ use std::time::Duration;
 struct Silent;
 
 impl RunObserver for Silent {
-    fn tell(&self, _: &RunEvent<'_>) {}
+    fn observe(&self, _: &RunEvent<'_>) {}
 }
 
 fn open(place: &Workspace) -> Store {

@@ -2,7 +2,7 @@
 //! hides, or starts a line of its own.
 
 use crate::support::given::{self, sound};
-use crate::support::workspace::{Ended, TINY, Workspace};
+use crate::support::workspace::{RunOutcome, TINY, Workspace};
 use serde_json::Value;
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -23,7 +23,7 @@ pub(crate) fn acts(c: char) -> bool {
 
 /// Runs the program, whose output must be inert. Arguments are separated by spaces.
 #[track_caller]
-pub(crate) fn inert(place: &Workspace, arguments: &str) -> Ended {
+pub(crate) fn inert(place: &Workspace, arguments: &str) -> RunOutcome {
     let ended = place.gs2e(arguments);
     for text in [&ended.stdout, &ended.stderr] {
         assert!(!text.contains(acts), "gs2e {arguments}: {text:?}");
@@ -38,7 +38,7 @@ fn quoted(text: &str) -> String {
 }
 
 /// The objects that were printed.
-pub(crate) fn objects(ended: &Ended) -> Vec<Value> {
+pub(crate) fn objects(ended: &RunOutcome) -> Vec<Value> {
     ended
         .stdout
         .lines()

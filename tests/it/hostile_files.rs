@@ -7,7 +7,7 @@ mod release_tree;
 
 use crate::command::{COPY, trained_by};
 use crate::support::given::{GIVEN, ply, sound, transforms};
-use crate::support::workspace::{Ended, TINY, Workspace};
+use crate::support::workspace::{RunOutcome, TINY, Workspace};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
@@ -44,7 +44,7 @@ fn plant(kind: &str, path: &Path) {
 }
 
 /// Runs the program in `folder`. A hung program is killed, and fails the test.
-fn run(folder: &Path, args: &str) -> Ended {
+fn run(folder: &Path, args: &str) -> RunOutcome {
     let outputs = tempfile::tempdir().unwrap();
     let file = |name: &str| File::create(outputs.path().join(name)).unwrap();
     let limited = format!("ulimit -v {MEMORY_KIB}; exec \"$0\" \"$@\"");
@@ -68,7 +68,7 @@ fn run(folder: &Path, args: &str) -> Ended {
     let text =
         |name: &str| String::from_utf8_lossy(&fs::read(outputs.path().join(name)).unwrap()).into_owned();
     let code = status.code().unwrap_or_else(|| panic!("gs2e {args}: {status}: {}", text("err")));
-    Ended { code, stdout: text("out"), stderr: text("err") }
+    RunOutcome { code, stdout: text("out"), stderr: text("err") }
 }
 
 /// Puts each kind of entry at `file`, one after the other, and runs the program, which must end
@@ -79,7 +79,7 @@ fn refused(place: &Workspace, args: &str, file: &str, kinds: &[&str], codes: &[i
     for kind in kinds {
         let before = fs::read(place.path(file)).ok();
         plant(kind, &place.path(file));
-        let Ended { code, stdout, stderr } = run(&place.path(""), args);
+        let RunOutcome { code, stdout, stderr } = run(&place.path(""), args);
         let message = format!("{stdout}{stderr}");
         let context = format!("{kind} at {file}, gs2e {args}: exit {code}\n{message}");
         assert!(codes.contains(&code), "{context}");

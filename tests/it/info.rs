@@ -100,7 +100,7 @@ fn each_scene_format_is_named() {
 }
 
 /// The recipe at the end of what people see.
-fn shown_recipe(place: &Workspace) -> String {
+fn printed_recipe(place: &Workspace) -> String {
     let shown = place.ok("info scene.ply").stdout;
     let (_, recipe) = shown.split_once("# A first recipe").unwrap();
     assert!(info_of(place, "scene.ply")["recipe"].as_str().unwrap().ends_with(recipe));
@@ -111,7 +111,7 @@ fn shown_recipe(place: &Workspace) -> String {
 fn the_suggested_recipe_is_a_recipe_and_shows_the_scene() {
     let place = Workspace::new();
     place.write("scene.ply", ply(&planted(), false));
-    place.write("first.yaml", shown_recipe(&place));
+    place.write("first.yaml", printed_recipe(&place));
     let steps = place.plan("first.yaml");
     assert!(steps.iter().any(|(step, _)| step == "my-scene/orbit/events"), "{steps:?}");
 

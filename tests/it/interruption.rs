@@ -3,7 +3,7 @@
 
 mod instants;
 
-use crate::support::workspace::{Ended, TINY, Workspace, same_tree};
+use crate::support::workspace::{RunOutcome, TINY, Workspace, same_tree};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
@@ -42,11 +42,11 @@ fn signal(child: &Child, signal: Signal) {
     kill_process(pid, signal).expect("it is ours");
 }
 
-fn ended((mut child, mut message): (Child, BufReader<std::process::ChildStderr>)) -> Ended {
+fn ended((mut child, mut message): (Child, BufReader<std::process::ChildStderr>)) -> RunOutcome {
     let mut stderr = String::new();
     message.read_to_string(&mut stderr).expect("it speaks UTF-8");
     let status = child.wait().expect("it can be waited for");
-    Ended { code: status.code().unwrap_or(-1), stdout: String::new(), stderr }
+    RunOutcome { code: status.code().unwrap_or(-1), stdout: String::new(), stderr }
 }
 
 #[test]

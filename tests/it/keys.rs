@@ -35,7 +35,7 @@ fn parse(value: &Value) -> Recipe {
 }
 
 /// The key of each stage. Every input from another step is the digest of its role.
-fn own_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
+fn stage_keys(recipe: Recipe) -> BTreeMap<&'static str, Key> {
     let nowhere = tempfile::tempdir().unwrap();
     let store = Store::open(&nowhere.path().join("store"), StoreAccess::Read, &mut |_| {}).unwrap();
     let plan = Plan::new(vec![recipe], &Backend::Cpu);
@@ -130,15 +130,15 @@ const FIXED: [&str; 4] =
 fn a_field_rekeys_the_stages_that_read_it_and_no_other() {
     let base = parse(&recipe("tiny"));
     let full = base.meta.merged.clone();
-    let before = own_keys(base);
-    assert_eq!(before, own_keys(parse(&full)), "a recipe with its defaults written out");
+    let before = stage_keys(base);
+    assert_eq!(before, stage_keys(parse(&full)), "a recipe with its defaults written out");
     for (field, value, stages) in table() {
         let mut edited = full.clone();
         *edited.pointer_mut(field).unwrap_or_else(|| panic!("{field} is no field")) = value.clone();
         assert_ne!(edited, full, "{field}: {value} is what it was");
         let mut stages = stages;
         stages.sort_unstable();
-        assert_eq!(rekeyed(&before, &own_keys(parse(&edited))), stages, "{field}: {value}");
+        assert_eq!(rekeyed(&before, &stage_keys(parse(&edited))), stages, "{field}: {value}");
     }
 }
 
@@ -171,11 +171,11 @@ fn walk(pointer: &str, value: &Value, leaves: &mut Vec<String>) {
 /// and sharp frames.
 #[test]
 fn outputs_decide_which_steps_exist() {
-    let both = own_keys(parse(&recipe("tiny")));
+    let both = stage_keys(parse(&recipe("tiny")));
     let t = |outputs: Value, rekeys: &[&str]| {
         let mut edited = recipe("tiny");
         edited["outputs"] = outputs.clone();
-        assert_eq!(rekeyed(&both, &own_keys(parse(&edited))), rekeys, "{outputs}");
+        assert_eq!(rekeyed(&both, &stage_keys(parse(&edited))), rekeys, "{outputs}");
     };
     t(json!(["sharp", "events"]), &[]);
     t(json!(["events"]), &[CHECKS, SHARP]);
@@ -184,12 +184,12 @@ fn outputs_decide_which_steps_exist() {
 
 #[test]
 fn a_preset_is_keyed_by_its_numbers() {
-    let by_name = own_keys(parse(&recipe("tiny")));
+    let by_name = stage_keys(parse(&recipe("tiny")));
     let mut edited = recipe("tiny");
     // The set published with DVS-Voltmeter for the DAVIS346.
     let k = json!([5.265, 20, 1e-4, 1e-7, 5e-9, 1e-5]);
     edited["sensor"] = json!({ "voltmeter": { "k": k, "units": { "time": "us", "brightness": 255 } } });
-    assert_eq!(own_keys(parse(&edited)), by_name);
+    assert_eq!(stage_keys(parse(&edited)), by_name);
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn numbers_are_keyed_by_value_and_not_by_spelling() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("recipe.yaml");
         std::fs::write(&path, text).unwrap();
-        own_keys(read(&path).remove(0))
+        stage_keys(read(&path).remove(0))
     };
     let plain = of(&text("0.5", "2400", "7"));
     for (arc, rate) in
@@ -228,7 +228,7 @@ fn sources_are_keyed_by_bytes_and_not_by_paths() {
         value["source"] = json!({ "nerfstudio": { "path": poses } });
         value["reconstruct"] = json!({ "given": { "path": scene } });
         place.write("recipe.yaml", value.to_string());
-        own_keys(read(&place.path("recipe.yaml")).remove(0))
+        stage_keys(read(&place.path("recipe.yaml")).remove(0))
     };
     let before = captured("in/transforms.json", "in/scene.ply");
     place.write("elsewhere/t.json", "{ \"frames\": [] }");

@@ -60,7 +60,7 @@ fn lenses() -> [(Distortion, Model); 2] {
     ]
 }
 
-fn seen(model: Model, point: DVec3) -> [f64; 2] {
+fn project(model: Model, point: DVec3) -> [f64; 2] {
     let [x, y] = model(point.x / point.z, point.y / point.z);
     [CAMERA.fx * x + CAMERA.cx, CAMERA.fy * y + CAMERA.cy]
 }
@@ -139,7 +139,7 @@ fn centroid(image: &Image<f32>, model: Model, [u, v]: [f64; 2]) -> Option<[f64; 
             sums = [sums[0] + value * x, sums[1] + value * y, sums[2] + value];
         }
     }
-    Some(seen(model, DVec3::new(sums[0] / sums[2], sums[1] / sums[2], 1.0)))
+    Some(project(model, DVec3::new(sums[0] / sums[2], sums[1] / sums[2], 1.0)))
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn points_lie_where_the_models_put_them() {
         let image = rendered(&mut *through, Some(lens), CameraVelocity::default(), want).luminance.unwrap();
         let (mut count, mut worst) = (0, 0.0f64);
         for point in points() {
-            let wanted = seen(model, DVec3::from(point.map(f64::from)));
+            let wanted = project(model, DVec3::from(point.map(f64::from)));
             let Some(found) = centroid(&image, model, wanted) else { continue };
             count += 1;
             worst = worst.max(libm::hypot(found[0] - wanted[0], found[1] - wanted[1]));
@@ -193,7 +193,7 @@ fn flow_is_that_of_the_distorted_picture() {
             let h = 1e-5;
             let at = |t: f64| {
                 let turn = DQuat::from_scaled_axis(velocity.angular * t);
-                seen(model, turn.conjugate() * (point - velocity.linear * t))
+                project(model, turn.conjugate() * (point - velocity.linear * t))
             };
             let (before, after) = (at(-h), at(h));
             for axis in [0, 1] {
@@ -341,8 +341,8 @@ fn opencv_agrees() {
     let asked = json!({
         "fx": fx, "fy": fy, "cx": cx, "cy": cy, "opencv": RADIAL, "fisheye": FISHEYE,
         "points": positions.clone().map(|p| p.to_array()).collect::<Vec<_>>(),
-        "seen_opencv": positions.clone().map(|p| seen(radial, p)).collect::<Vec<_>>(),
-        "seen_fisheye": positions.map(|p| seen(fisheye, p)).collect::<Vec<_>>(),
+        "seen_opencv": positions.clone().map(|p| project(radial, p)).collect::<Vec<_>>(),
+        "seen_fisheye": positions.map(|p| project(fisheye, p)).collect::<Vec<_>>(),
         "straight": place.path("straight.png"), "bent": place.path("bent.png"),
     });
     place.write("asked.json", asked.to_string());

@@ -5,7 +5,7 @@ use crate::command::trained_by;
 use crate::support::absent::not_run;
 use crate::support::given::sound;
 use crate::support::steps::steps;
-use crate::support::workspace::{Ended, TINY, Workspace, hidden_gpus};
+use crate::support::workspace::{RunOutcome, TINY, Workspace, hidden_gpus};
 use gs2e_store::record::{StepProvenance, StepRecord};
 use gs2e_store::{Digest, Key, LockClaim, Store, StoreAccess, StoreOptions};
 use rustix::process::{Pid, Signal, kill_process};
@@ -21,7 +21,7 @@ fn is_count(line: &str) -> bool {
 
 /// Snapshots the result of a run: its exit code, its messages, and their objects.
 #[track_caller]
-pub(crate) fn check(place: &Workspace, name: &str, ended: &Ended) {
+pub(crate) fn check(place: &Workspace, name: &str, ended: &RunOutcome) {
     let mut text = format!("exit {}\n", ended.code);
     let mut in_message = false;
     for line in ended.stderr.lines() {
@@ -185,7 +185,7 @@ fn locked() {
     message.read_to_string(&mut stderr).unwrap();
     let code = child.wait().unwrap().code().unwrap();
     let stderr = stderr.lines().filter(|line| !is_count(line)).collect::<Vec<_>>().join("\n");
-    check(&place, "locked", &Ended { code, stdout: String::new(), stderr });
+    check(&place, "locked", &RunOutcome { code, stdout: String::new(), stderr });
 }
 
 #[test]
@@ -262,7 +262,7 @@ fn interrupted() {
     message.read_to_string(&mut stderr).unwrap();
     let code = child.wait().unwrap().code().unwrap();
     let stderr = after(&stderr, "interrupted: ", "N", |c| c.is_ascii_digit());
-    check(&place, "interrupted", &Ended { code, stdout: String::new(), stderr });
+    check(&place, "interrupted", &RunOutcome { code, stdout: String::new(), stderr });
 }
 
 #[test]
@@ -315,5 +315,5 @@ fn disk_full() {
         *text = after(text, "(tmpfs); ", "N", |c| c.is_ascii_digit());
     }
     stderr = stderr.lines().filter(|line| !is_count(line)).collect::<Vec<_>>().join("\n");
-    check(&place, "disk-full", &Ended { code, stdout, stderr });
+    check(&place, "disk-full", &RunOutcome { code, stdout, stderr });
 }

@@ -1,6 +1,6 @@
 //! Objects that move: rates and flow against differences of pictures and places, harmonics against a scene
-//! that was rotated by this test, masks against renderings of each object alone, and events against the
-//! masks.
+//! that was rotated by this test, segmentation against renderings of each object alone, and events against
+//! the segmentation.
 
 #![expect(clippy::cast_possible_truncation, reason = "scenes hold 32 bits")]
 
@@ -16,7 +16,7 @@ use gs2e_render::reference::ReferenceRenderer;
 use gs2e_render::{ChannelSet, LayerOrder, RenderRules, RenderStyle, RenderedImages, Renderer};
 use gs2e_scene::blobs::{ColourBlob, ScatterDraws, blob_scene, view_ahead};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
-use gs2e_scene::motion::{PartKeyframe, PartPath, PartRecord, SceneMotion};
+use gs2e_scene::motion::{ObjectKeyframe, ObjectPath, ObjectRecord, SceneMotion};
 use gs2e_scene::{Gaussians, sh};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -31,7 +31,7 @@ pub(crate) const ALL: ChannelSet = ChannelSet {
     alpha: true,
     depth: true,
     flow: true,
-    segments: true,
+    segmentation: true,
     ..ChannelSet::NONE
 };
 
@@ -58,8 +58,8 @@ pub(crate) fn crowd(count: usize) -> Gaussians {
     scene
 }
 
-fn record(name: &str, first: usize, path: PartPath) -> PartRecord {
-    PartRecord {
+fn record(name: &str, first: usize, path: ObjectPath) -> ObjectRecord {
+    ObjectRecord {
         name: name.into(),
         first,
         shift: DVec3::ZERO,
@@ -73,14 +73,14 @@ fn record(name: &str, first: usize, path: PartPath) -> PartRecord {
 /// A third of the crowd is still, a third moves on keyframes, and a third turns and drifts.
 fn moving_crowd() -> Gaussians {
     let key =
-        |at, shift: [f64; 3], turn: [f64; 3]| PartKeyframe { at, shift: shift.into(), turn: turn.into() };
-    let keyframes = PartPath::Keyframes(vec![
+        |at, shift: [f64; 3], turn: [f64; 3]| ObjectKeyframe { at, shift: shift.into(), turn: turn.into() };
+    let keyframes = ObjectPath::Keyframes(vec![
         key(0.0, [0.0; 3], [0.0; 3]),
         key(0.3, [0.2, 0.1, 0.3], [0.0, 40.0, 10.0]),
         key(0.8, [0.5, -0.2, 0.1], [20.0, 90.0, 0.0]),
     ]);
     let drift =
-        PartPath::Straight { velocity: DVec3::new(0.5, -0.3, 0.4), spin: DVec3::new(30.0, 80.0, -50.0) };
+        ObjectPath::Straight { velocity: DVec3::new(0.5, -0.3, 0.4), spin: DVec3::new(30.0, 80.0, -50.0) };
     let mut scene = crowd(240);
     let records = vec![record("keyed", 80, keyframes), record("adrift", 160, drift)];
     scene.motion = Some(Arc::new(SceneMotion::prepare(records).unwrap()));
@@ -157,24 +157,24 @@ fn flow_is_the_way_of_points_that_move_with_their_object() {
         let mut out = RenderedImages::default();
         renderer.render(&view, ALL, &mut out).unwrap();
         let (depth, flow) = (out.depth.unwrap(), out.flow.unwrap());
-        let segments = out.segments.unwrap();
+        let segmentation = out.segmentation.unwrap();
         let mut counts = [0; 3];
         let mut pairs = Vec::new();
-        for (i, segment) in segments.pixels().iter().enumerate() {
+        for (i, number) in segmentation.pixels().iter().enumerate() {
             let z = f64::from(depth.pixels()[i]);
             if z.is_nan() {
                 assert!(flow.pixels()[i][0].is_nan());
                 continue;
             }
-            counts[usize::from(*segment)] += 1;
+            counts[usize::from(*number)] += 1;
             let pixel = [(i % 96) as f64 + 0.5, (i / 96) as f64 + 0.5];
             let Se3 { rotation, translation } = view.world_from_camera;
             let world = rotation * view.camera.unproject(pixel, z) + translation;
             // The point stays at its place in the axes of its object.
             let place = |seconds: f64| {
-                let Some(part) = usize::from(*segment).checked_sub(1) else { return world };
+                let Some(object) = usize::from(*number).checked_sub(1) else { return world };
                 let [now, then] =
-                    [view.seconds, view.seconds + seconds].map(|t| motion.parts[part].at(t).pose);
+                    [view.seconds, view.seconds + seconds].map(|t| motion.objects[object].at(t).pose);
                 let own = now.inverse();
                 then.rotation * (own.rotation * world + own.translation) + then.translation
             };
@@ -191,7 +191,7 @@ fn flow_is_the_way_of_points_that_move_with_their_object() {
         }
         let found = errors(&pairs);
         println!("flow of {}: {found:?}, pixels {counts:?}", renderer.fingerprint());
-        assert!(counts.iter().all(|count| *count > 200), "every part is seen: {counts:?}");
+        assert!(counts.iter().all(|count| *count > 200), "every object is seen: {counts:?}");
         // Flow is rounded to 32 bits.
         assert!(found[0] < 1e-6 && found[1] < 1e-4, "{found:?}");
     }
@@ -262,12 +262,12 @@ fn an_object_that_turned_looks_like_a_scene_whose_harmonics_were_turned() {
         let still = rotated_scene(&centred, turn, about);
         let mut moving = centred;
         let degrees = gs2e_num::se3::rotation::log_vector(turn) * 180.0 / std::f64::consts::PI;
-        let path = PartPath::Keyframes(vec![
-            PartKeyframe { at: 0.0, shift: DVec3::ZERO, turn: DVec3::ZERO },
-            PartKeyframe { at: 1.0, shift: about, turn: degrees },
+        let path = ObjectPath::Keyframes(vec![
+            ObjectKeyframe { at: 0.0, shift: DVec3::ZERO, turn: DVec3::ZERO },
+            ObjectKeyframe { at: 1.0, shift: about, turn: degrees },
         ]);
-        let part = PartRecord { pivot: DVec3::ZERO, ..record("all", 0, path) };
-        moving.motion = Some(Arc::new(SceneMotion::prepare(vec![part]).unwrap()));
+        let object = ObjectRecord { pivot: DVec3::ZERO, ..record("all", 0, path) };
+        moving.motion = Some(Arc::new(SceneMotion::prepare(vec![object]).unwrap()));
         let view = view_ahead(96, 64, 80.0).at_time(1.0);
         let colours = |scene: Gaussians| {
             ReferenceRenderer::new(Arc::new(scene), style(RenderRules::Soft))
@@ -287,8 +287,8 @@ fn an_object_that_turned_looks_like_a_scene_whose_harmonics_were_turned() {
 }
 
 #[test]
-fn masks_follow_the_order_along_each_ray() {
-    // Groups in ranges of depth of their own, front to back: what is still, a part, another part.
+fn segmentations_follow_the_order_along_each_ray() {
+    // Groups in ranges of depth of their own, front to back: what is still, an object, another object.
     let depths = [4.0, 3.0, 5.5];
     let mut draws = ScatterDraws(5);
     let mut draw = |low: f64, high: f64| low + (high - low) * f64::from(draws.next());
@@ -302,7 +302,7 @@ fn masks_follow_the_order_along_each_ray() {
         })
         .collect();
     let mut scene = blob_scene(&blobs);
-    let still = PartPath::Straight { velocity: DVec3::ZERO, spin: DVec3::ZERO };
+    let still = ObjectPath::Straight { velocity: DVec3::ZERO, spin: DVec3::ZERO };
     let alone: Vec<Vec<f32>> = (0..3)
         .map(|group| {
             let own = Arc::new(blob_scene(&blobs[30 * group..30 * (group + 1)]));
@@ -324,11 +324,11 @@ fn masks_follow_the_order_along_each_ray() {
     for renderer in &mut renderers {
         let mut out = RenderedImages::default();
         renderer.render(&view_ahead(96, 64, 80.0), ALL, &mut out).unwrap();
-        let segments = out.segments.unwrap();
+        let segmentation = out.segmentation.unwrap();
         let mut counts = [0; 3];
-        for (i, found) in segments.pixels().iter().enumerate() {
+        for (i, found) in segmentation.pixels().iter().enumerate() {
             let [still, near, far] = [0, 1, 2].map(|group| f64::from(alone[group][i]));
-            // The near part is in front of all, the far one behind.
+            // The near object is in front of all, the far one behind.
             let weights = [near, far * (1.0 - near) * (1.0 - still)];
             let rest = 1.0 - weights[0] - weights[1];
             let ordered = [rest, weights[0], weights[1]];
@@ -347,12 +347,12 @@ fn masks_follow_the_order_along_each_ray() {
 }
 
 #[test]
-fn a_scene_whose_parts_rest_has_the_pictures_of_the_scene() {
+fn a_scene_whose_objects_rest_has_the_pictures_of_the_scene() {
     // No two of these depths are equal, so the order of the file decides nothing.
     let scene = crowd(200);
-    let mut parted = scene.clone();
-    let still = PartPath::Straight { velocity: DVec3::ZERO, spin: DVec3::ZERO };
-    parted.motion = Some(Arc::new(
+    let mut resting = scene.clone();
+    let still = ObjectPath::Straight { velocity: DVec3::ZERO, spin: DVec3::ZERO };
+    resting.motion = Some(Arc::new(
         SceneMotion::prepare(vec![record("a", 70, still.clone()), record("b", 150, still)]).unwrap(),
     ));
     let render = |scene: Gaussians| {
@@ -364,7 +364,7 @@ fn a_scene_whose_parts_rest_has_the_pictures_of_the_scene() {
         let values = out.luminance.unwrap().into_pixels().into_iter().chain(rate);
         values.map(f32::to_bits).collect::<Vec<u32>>()
     };
-    assert!(render(scene) == render(parted));
+    assert!(render(scene) == render(resting));
 }
 
 /// A still camera in front of the still life, of which the orange on top of the bowl moves.

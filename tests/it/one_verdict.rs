@@ -3,7 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 
-use crate::support::workspace::{Ended, Workspace};
+use crate::support::workspace::{RunOutcome, Workspace};
 use gs2e_release::ReleaseManifest;
 use gs2e_store::record::{StepProvenance, StepRecord};
 use gs2e_store::{Key, Store, StoreAccess, StoreError, StoreOptions};
@@ -30,7 +30,7 @@ outputs: [events, sharp, blur, depth, flow, segmentation]
 blur: { frames: 5, subframes: literal }
 ";
 
-fn released(recipe: &str) -> (Workspace, Ended) {
+fn released(recipe: &str) -> (Workspace, RunOutcome) {
     let place = Workspace::new();
     place.write("scene.yaml", recipe);
     let ended = place.gs2e("release --copy --to out scene.yaml");

@@ -1,6 +1,6 @@
 //! Releases of some scenes, where a check of others fails.
 
-use crate::support::workspace::{Ended, TINY, Workspace};
+use crate::support::workspace::{RunOutcome, TINY, Workspace};
 use serde_json::Value;
 use std::fs;
 
@@ -28,7 +28,7 @@ fn scenes(place: &Workspace, tree: &str) -> Vec<String> {
 }
 
 /// Ends with 3.
-fn faulty(place: &Workspace, args: &str) -> Ended {
+fn faulty(place: &Workspace, args: &str) -> RunOutcome {
     let ended = place.gs2e(args);
     assert_eq!(ended.code, 3, "{args}: {}", ended.stderr);
     ended

@@ -240,13 +240,13 @@ fn a_speed_in_pixels_is_that_of_the_first_camera() {
 }
 
 /// A camera of this test, in the pixels of `scene.json`, with k1, k2, p1, p2 of its lens.
-struct Seen {
+struct StatedCamera {
     f: [f64; 2],
     c: [f64; 2],
     k: [f64; 4],
 }
 
-impl Seen {
+impl StatedCamera {
     fn of(part: &Value) -> Self {
         let number = |key: &str| part[key].as_f64().unwrap();
         let k = |i: usize| part["lens"]["opencv"][i].as_f64().unwrap_or(0.0);
@@ -289,7 +289,7 @@ fn sampled(map: &[f32], channels: usize, channel: usize, [x, y]: [f64; 2]) -> Op
 fn the_rectified_pair_reprojects_within_a_twentieth_of_a_pixel() {
     let place = released();
     let scene = place.json("tree/tiny/scene.json");
-    let part = |i: usize| Seen::of(&scene["trajectories"][i]["mounted"]["camera"]);
+    let part = |i: usize| StatedCamera::of(&scene["trajectories"][i]["mounted"]["camera"]);
     let (left, right) = (part(1), part(2));
     let maps = ["left", "right"].map(|name| {
         array(&place.path(&format!("tree/tiny/base/calibration/{name}_rectify_map.npy")), &[48, 64, 2])

@@ -1,6 +1,6 @@
 //! Several sensors that see one rendering.
 
-use crate::support::workspace::{Ended, Workspace, tiny_with};
+use crate::support::workspace::{RunOutcome, Workspace, tiny_with};
 use gs2e_event::h5;
 use serde_json::Value;
 use std::fs;
@@ -145,7 +145,7 @@ fn ambiguous_and_invalid_sensors_are_refused() {
     let place = Workspace::new();
     let refused = |sensors: &str, wanted: &str| {
         place.write("tiny.yaml", tiny_with(sensors));
-        let Ended { code, stderr, .. } = place.gs2e("build tiny.yaml");
+        let RunOutcome { code, stderr, .. } = place.gs2e("build tiny.yaml");
         assert_eq!(code, 2, "{stderr}");
         assert!(stderr.contains(wanted), "{sensors}: {stderr}");
     };

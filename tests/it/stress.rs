@@ -3,13 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on panics")]
 #![expect(clippy::print_stdout, reason = "the table")]
 
-use crate::support::workspace::{Ended, Workspace};
+use crate::support::workspace::{RunOutcome, Workspace};
 use crate::support::{gpu, shared};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The rows of a run, printed as a table.
-fn rows(ended: &Ended) -> Vec<Value> {
+fn rows(ended: &RunOutcome) -> Vec<Value> {
     let rows: Vec<Value> =
         ended.stdout.lines().map(|line| serde_json::from_str(line).expect("a record a line")).collect();
     for row in &rows {
@@ -29,11 +29,15 @@ fn rows(ended: &Ended) -> Vec<Value> {
     rows
 }
 
-fn run(args: &str) -> Ended {
+fn run(args: &str) -> RunOutcome {
     let place = Workspace::new();
     let output = place.command_with_gpu(args).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Ended { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    RunOutcome {
+        code: output.status.code().unwrap(),
+        stdout: text(output.stdout),
+        stderr: text(output.stderr),
+    }
 }
 
 /// Runs an area in a process of its own, so that the tests of several areas run in parallel.

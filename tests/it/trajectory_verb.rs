@@ -5,7 +5,7 @@ mod paths;
 use crate::support::given::{GIVEN, sound};
 use crate::support::shared;
 use crate::support::steps::steps;
-use crate::support::workspace::{Ended, Workspace, tree};
+use crate::support::workspace::{RunOutcome, Workspace, tree};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_num::se3::Se3;
 use gs2e_num::units::Hertz;
@@ -16,7 +16,7 @@ use gs2e_trajectory::sample::SummationRule;
 use gs2e_trajectory::speed::SpeedChoice;
 use gs2e_trajectory::speed::function::SpeedExpression;
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, Trajectory, picture};
+use gs2e_trajectory::{NamedPose, PoseTiming, Trajectory, TrajectoryBuild, picture};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
@@ -32,7 +32,7 @@ trajectories:
 ";
 
 /// The trajectory `base` of [`MINE`], made by the library.
-fn base(views: &[(String, Se3)]) -> MadeTrajectory {
+fn base(views: &[(String, Se3)]) -> TrajectoryBuild {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     let speed = SpeedChoice::Function(SpeedExpression::parse("1 + t").unwrap());
@@ -322,7 +322,7 @@ fn mistakes_are_reported_and_leave_no_file() {
 fn mistakes_are_objects_for_programs() {
     let place = workspace();
     let t = |change: [&str; 2], code: &str| {
-        let ended: Ended = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
+        let ended: RunOutcome = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
         let found: Value = serde_json::from_str(&ended.stdout).unwrap();
         assert_eq!(
             (found["level"].as_str(), found["code"].as_str()),

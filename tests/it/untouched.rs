@@ -248,7 +248,7 @@ impl Place {
     }
 
     /// Differences from the state before, apart from those that were asked for; then restores the state.
-    fn changes(&self, asked: &Asked) -> Vec<String> {
+    fn changes(&self, asked: &PathOption) -> Vec<String> {
         let now = content(self.person.parent().unwrap());
         let mut changes = Vec::new();
         for path in self.before.keys().chain(now.keys().filter(|path| !self.before.contains_key(*path))) {
@@ -268,7 +268,7 @@ impl Place {
 }
 
 /// The path that an option names, and what the option may do there.
-struct Asked {
+struct PathOption {
     target: PathBuf,
     /// The target where it is a link.
     real: PathBuf,
@@ -277,7 +277,7 @@ struct Asked {
     existed: bool,
 }
 
-impl Asked {
+impl PathOption {
     fn new(verb: &str, id: &str, target: &Path) -> Self {
         let is_in = |list: &[(&str, &str)]| list.contains(&(verb, id));
         let existed = target.symlink_metadata().is_ok();
@@ -398,7 +398,7 @@ fn files_of_a_person_stay_as_they_are() {
                 {
                     let path = place.person.join(&target);
                     let args = words(sound, &verb, &arg, path.to_str().unwrap());
-                    let asked = Asked::new(&name, &argument_name(&arg), &path);
+                    let asked = PathOption::new(&name, &argument_name(&arg), &path);
                     let output = place.run(&args);
                     runs += 1;
                     let changes = place.changes(&asked);

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// A crate, its example, the features that it needs, and the arguments of a run in the folder of
 /// [`write_inputs`].
-struct Taken {
+struct CrateExample {
     name: &'static str,
     example: &'static str,
     features: &'static str,
@@ -18,7 +18,7 @@ struct Taken {
     makes: &'static str,
 }
 
-const TAKEN: [Taken; 7] = [
+const TAKEN: [CrateExample; 7] = [
     taken("num", "draws", ["7 3 4", "", "draws.txt"]),
     taken("image", "luminance", ["picture.png", "", "luminance.npy"]),
     taken("event", "evt3_to_h5", ["recording.raw", "", "recording.h5"]),
@@ -29,8 +29,8 @@ const TAKEN: [Taken; 7] = [
     taken("tree", "events_to_png", ["small.release", "0 5000", "events.png"]),
 ];
 
-const fn taken(name: &'static str, example: &'static str, arguments: [&'static str; 3]) -> Taken {
-    Taken { name, example, features: "hdf5", arguments, makes: arguments[2] }
+const fn taken(name: &'static str, example: &'static str, arguments: [&'static str; 3]) -> CrateExample {
+    CrateExample { name, example, features: "hdf5", arguments, makes: arguments[2] }
 }
 
 /// Builds and runs every example as a package of its own.
@@ -59,7 +59,7 @@ pub(crate) fn run() -> Outcome {
 }
 
 /// Writes a package with the example as its program. Its dependencies are the crates that the example names.
-fn write_package(of: &Taken, package: &Path) -> std::io::Result<()> {
+fn write_package(of: &CrateExample, package: &Path) -> std::io::Result<()> {
     let text = fs::read_to_string(root().join(format!("crates/{}/examples/{}.rs", of.name, of.example)))?;
     let mut manifest = format!(
         "[package]\nname = \"takes-{}\"\nversion = \"0.1.0\"\nedition = \"2024\"\n\n[workspace]\n\n[dependencies]\n",

@@ -53,7 +53,7 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     say(&format!("{frames} frames of 346x260, 8 bits; one thread; the least CPU time of {runs} runs"));
     say("| simulator | core-s | events | Mpx/s | Mev/s | ratio |\n|---|---|---|---|---|---|");
     for (sensor, peer) in SENSORS {
-        let own = own_cost(&gs2e, sensor, [&stack, &stamps, &at("events.npz")], runs)?;
+        let own = command_cost(&gs2e, sensor, [&stack, &stamps, &at("events.npz")], runs)?;
         let events = call(&["count", &at("events.npz")]).capture()?;
         let events = String::from_utf8_lossy(&events.stdout).trim().parse::<f64>().unwrap_or(0.0);
         row(&format!("`gs2e simulate --sensor {sensor}`"), (own, events, frames), own);
@@ -85,7 +85,7 @@ fn make_frames(gs2e: &Path, folder: &Path) -> Outcome {
 
 /// The least CPU time of the whole command: it starts, reads the frames, and writes a file, which the peers
 /// need not do.
-fn own_cost(gs2e: &Path, sensor: &str, [frames, stamps, out]: [&String; 3], runs: usize) -> Outcome<f64> {
+fn command_cost(gs2e: &Path, sensor: &str, [frames, stamps, out]: [&String; 3], runs: usize) -> Outcome<f64> {
     let args = [
         "simulate", "-q", "-j", "1", "--frames", frames, "--stamps", stamps, "--sensor", sensor, "--out", out,
     ];

@@ -53,7 +53,7 @@ fn measure_one(gaussians: u32, photos: &Photos) -> MemoryPoint {
         command.args([name, &value.to_string()]);
     }
     let needed = training::memory_needed(&settings, &photos.capture.views);
-    let estimate = StepNeed::for_parts([needed]).memory;
+    let estimate = StepNeed::for_memory([needed]).memory;
     MemoryPoint { gaussians, size: photos.size, peak: peak_of(command), estimate }
 }
 

@@ -18,7 +18,7 @@ use std::process::{Command, ExitCode, Stdio};
 use std::rc::Rc;
 
 /// A release of the demo, removed when the last workload is dropped.
-struct Given {
+struct DemoRelease {
     /// Keeps the folder alive: dropping it removes the folder.
     _folder: tempfile::TempDir,
     tree: PathBuf,
@@ -31,7 +31,7 @@ struct Given {
 pub(super) fn workloads() -> Vec<Workload> {
     let given = Rc::new(release());
     let size = format!("{} files, {:.0} MB", given.files.len(), given.bytes as f64 * 1e-6);
-    let work = |what: &str, rival, evicted, run: fn(&Given)| {
+    let work = |what: &str, rival, evicted, run: fn(&DemoRelease)| {
         let (given, what) = (given.clone(), format!("{what} ({size})"));
         let run = move || {
             if evicted {
@@ -41,7 +41,8 @@ pub(super) fn workloads() -> Vec<Workload> {
         };
         Workload { part: "audit", what, rival, run: Box::new(run) }
     };
-    let whole = |given: &Given| assert_eq!(audit_release(&given.tree).expect("it can be read").faults, []);
+    let whole =
+        |given: &DemoRelease| assert_eq!(audit_release(&given.tree).expect("it can be read").faults, []);
     let mut all = vec![
         work("sums alone, from the disk", false, true, first_pass),
         work("plain reading by one thread, from the disk", true, true, plain),
@@ -52,7 +53,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     } else {
         eprintln!("not run: b3sum is absent");
     }
-    let contents = |given: &Given| {
+    let contents = |given: &DemoRelease| {
         let report = audit_release(&given.foreign).expect("it can be read");
         assert!(report.written_by.is_some(), "nothing is composed for another version");
     };
@@ -61,7 +62,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-fn release() -> Given {
+fn release() -> DemoRelease {
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let tree = folder.path().join("out");
     let recipe = Path::new(env!("CARGO_MANIFEST_DIR")).join("recipes/demo.yaml");
@@ -77,7 +78,7 @@ fn release() -> Given {
     let bytes = usize::try_from(files.iter().map(size).sum::<u64>()).expect("a demo fits into memory");
     let foreign = folder.path().join("foreign");
     copy_as_foreign(&tree, &files, &foreign);
-    Given { _folder: folder, tree, foreign, files, bytes }
+    DemoRelease { _folder: folder, tree, foreign, files, bytes }
 }
 
 /// Copies a release, states another version as its author, and corrects the sums.
@@ -101,19 +102,19 @@ fn copy_as_foreign(tree: &Path, files: &[PathBuf], to: &Path) {
     }
 }
 
-fn done(given: &Given, run: fn(&Given)) -> Run {
+fn done(given: &DemoRelease, run: fn(&DemoRelease)) -> Run {
     timed(|| -> Vec<Amount> {
         run(given);
         vec![amount(given.bytes, "MB")]
     })
 }
 
-fn first_pass(given: &Given) {
+fn first_pass(given: &DemoRelease) {
     let bytes = read_tree(&given.tree).expect("it can be read");
     assert_eq!(bytes, given.bytes as u64);
 }
 
-fn plain(given: &Given) {
+fn plain(given: &DemoRelease) {
     let mut piece = vec![0; 1 << 20];
     for path in &given.files {
         let mut file = File::open(path).expect("it is there");
@@ -121,7 +122,7 @@ fn plain(given: &Given) {
     }
 }
 
-fn b3sum(given: &Given) {
+fn b3sum(given: &DemoRelease) {
     let mut command = Command::new("b3sum");
     let ended = command.args(&given.files).stdin(Stdio::null()).stdout(Stdio::null()).status();
     assert!(ended.is_ok_and(|ended| ended.success()), "b3sum reads them");

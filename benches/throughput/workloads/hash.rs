@@ -11,7 +11,7 @@ use std::rc::Rc;
 const BYTES: usize = 512_000_000;
 
 /// The file, removed when the last workload is dropped.
-struct Given {
+struct HashedFile {
     /// Keeps the folder alive: dropping it removes the folder.
     _folder: tempfile::TempDir,
     path: PathBuf,
@@ -23,7 +23,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     let mut bytes = vec![0; BYTES];
     blake3::Hasher::new().finalize_xof().fill(&mut bytes);
     std::fs::write(&path, bytes).expect("the temporary folder has room");
-    let given = Rc::new(Given { _folder: folder, path });
+    let given = Rc::new(HashedFile { _folder: folder, path });
     let file = format!("a file of {} MB in the page cache", BYTES / 1_000_000);
     let (ours, what) = (given.clone(), format!("digest of {file}"));
     let ours = move || timed(|| read(Digest::of_file(&ours.path).map(drop)));
@@ -37,7 +37,7 @@ pub(super) fn workloads() -> Vec<Workload> {
     vec![ours, theirs]
 }
 
-fn theirs(given: &Given) -> Run {
+fn theirs(given: &HashedFile) -> Run {
     timed(|| {
         let ended = b3sum().arg(&given.path).status().expect("b3sum was there");
         assert!(ended.success(), "b3sum ended with {ended}");

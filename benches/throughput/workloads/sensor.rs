@@ -90,10 +90,10 @@ fn workload(
     );
     let simulate = move || {
         let mut pixels = model.start(SIZE, [0, 0], Seed(1)).expect("the preset is valid");
-        let mut settled = Counted(0);
+        let mut settled = EventCounter(0);
         advance(&mut *pixels, &frames[..2], &mut settled);
         timed(|| {
-            let mut events = Counted(0);
+            let mut events = EventCounter(0);
             advance(&mut *pixels, &frames[2..], &mut events);
             vec![amount(steps * SIZE.pixels(), "Mpixel-frame"), amount(events.0, "Mevent")]
         })
@@ -102,14 +102,14 @@ fn workload(
     Workload { part: "sensor", what, rival: false, run: Box::new(run) }
 }
 
-fn advance(pixels: &mut dyn SensorPixels, frames: &[DenseFrame], sink: &mut Counted) {
+fn advance(pixels: &mut dyn SensorPixels, frames: &[DenseFrame], sink: &mut EventCounter) {
     frames.iter().for_each(|frame| pixels.advance(frame, sink).expect("the rate is far below the cap"));
 }
 
 /// Counts events and drops them.
-struct Counted(usize);
+struct EventCounter(usize);
 
-impl EventSink for Counted {
+impl EventSink for EventCounter {
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
         self.0 += events.len();
         Ok(())

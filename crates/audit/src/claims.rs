@@ -1,6 +1,6 @@
 //! Comparison of the tree's own descriptions with each other.
 
-use super::{AuditFault, FaultCode, TrustedTree, again};
+use super::{AuditFault, FaultCode, TrustedTree, recompose};
 use gs2e_files as files;
 use gs2e_files::budget;
 use gs2e_release::manifest::{ManifestScene, ReleaseManifest};
@@ -18,7 +18,7 @@ pub(super) fn parse_claims<T: DeserializeOwned + Serialize>(
     faults: &mut Vec<AuditFault>,
 ) -> Option<T> {
     let value: T = read(tree, path, faults)?;
-    faults.extend(again::spelling(tree, path, &value));
+    faults.extend(recompose::spelling(tree, path, &value));
     Some(value)
 }
 

@@ -4,7 +4,7 @@ mod events;
 mod motion;
 mod pictures;
 
-use super::again::files_of;
+use super::recompose::files_of;
 use super::{AuditFault, FaultCode, TrustedTree, claims};
 use events::StatedStream;
 use gs2e_check::{Finding, Verdict};
@@ -27,7 +27,7 @@ struct TrajectoryFolder<'a> {
     files: TrajectoryFiles<'a>,
     part: &'a TrajectoryPart,
     /// True if this version of the program wrote the scene.
-    is_own: bool,
+    is_current: bool,
 }
 
 impl TrajectoryFolder<'_> {
@@ -63,8 +63,8 @@ pub(super) fn audit_scene(tree: &TrustedTree<'_>, scene: &SceneRecord) -> Vec<Au
                 continue;
             }
         };
-        let is_own = scene.gs2e_version == env!("CARGO_PKG_VERSION");
-        let folder = TrajectoryFolder { tree, files, part, is_own };
+        let is_current = scene.gs2e_version == env!("CARGO_PKG_VERSION");
+        let folder = TrajectoryFolder { tree, files, part, is_current };
         faults.extend(missing_files(&folder, scene));
         let streams = stated_streams(part, recipe.as_ref()).into_par_iter();
         let streams = streams.filter(|stream| folder.has(&stream.name));

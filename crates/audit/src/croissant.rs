@@ -56,7 +56,7 @@ pub(super) fn audit_croissant(
 }
 
 impl<'a> CroissantAudit<'a> {
-    fn say(&mut self, code: FaultCode, message: String) {
+    fn report(&mut self, code: FaultCode, message: String) {
         self.faults.push(AuditFault::of_file(code, NAME, message));
     }
 
@@ -80,18 +80,18 @@ impl<'a> CroissantAudit<'a> {
         };
         let file = self.file;
         for name in REQUIRED.into_iter().filter(|name| is_empty(&file[*name])) {
-            self.say(FaultCode::CroissantField, format!("it has no {name}"));
+            self.report(FaultCode::CroissantField, format!("it has no {name}"));
         }
         let fixed =
             [("@type", "sc:Dataset".into()), ("conformsTo", CONFORMS_TO.into()), (SYNTHETIC, true.into())];
         for (name, wanted) in
             fixed.into_iter().filter(|(name, wanted): &(&str, Value)| file[*name] != *wanted)
         {
-            self.say(FaultCode::CroissantField, format!("its {name} is {}, wanted {wanted}", file[name]));
+            self.report(FaultCode::CroissantField, format!("its {name} is {}, wanted {wanted}", file[name]));
         }
         let keys = file.as_object().into_iter().flat_map(|fields| fields.keys());
         for key in keys.filter(|key| key.starts_with("rai:") && !RESPONSIBLE.contains(&key.as_str())) {
-            self.say(FaultCode::CroissantUnknown, format!("it has the unknown field {key}"));
+            self.report(FaultCode::CroissantUnknown, format!("it has the unknown field {key}"));
         }
         let ReleaseManifest { name, version, licence, .. } = self.manifest;
         for (code, key, wanted) in [
@@ -101,7 +101,7 @@ impl<'a> CroissantAudit<'a> {
         ] {
             // An absent field is reported with the required ones.
             if !file[key].is_null() && file[key] != wanted.as_str() {
-                self.say(code, format!("its {key} is {}, {} says {wanted:?}", file[key], manifest::NAME));
+                self.report(code, format!("its {key} is {}, {} says {wanted:?}", file[key], manifest::NAME));
             }
         }
     }
@@ -112,7 +112,7 @@ impl<'a> CroissantAudit<'a> {
         let nodes = self.distribution().iter().chain(self.record_sets()).chain(fields);
         let mut seen = BTreeSet::new();
         for id in nodes.map(node_id).filter(|id| !seen.insert(*id)) {
-            self.say(FaultCode::CroissantReference, format!("two nodes have the id {id:?}"));
+            self.report(FaultCode::CroissantReference, format!("two nodes have the id {id:?}"));
         }
     }
 
@@ -123,7 +123,7 @@ impl<'a> CroissantAudit<'a> {
                 Some("cr:FileObject") if node_id(node) == ROOT => {}
                 Some("cr:FileObject") => self.judge_object(node),
                 Some("cr:FileSet") => self.judge_set(node),
-                kind => self.say(FaultCode::CroissantField, format!("`{}` is a {kind:?}", node_id(node))),
+                kind => self.report(FaultCode::CroissantField, format!("`{}` is a {kind:?}", node_id(node))),
             }
         }
     }
@@ -132,15 +132,15 @@ impl<'a> CroissantAudit<'a> {
     fn judge_object(&mut self, node: &Value) {
         let name = node_id(node);
         let Some(stated) = node["sha256"].as_str() else {
-            return self.say(FaultCode::CroissantField, format!("{name} has no sha256"));
+            return self.report(FaultCode::CroissantField, format!("{name} has no sha256"));
         };
         let path = node["contentUrl"].as_str().unwrap_or_default();
         let Some(sha256) = self.tree.intact.get(path) else {
             return self
-                .say(FaultCode::CroissantSum, format!("{name} is `{path}`, which is missing or damaged"));
+                .report(FaultCode::CroissantSum, format!("{name} is `{path}`, which is missing or damaged"));
         };
         if stated != *sha256 {
-            self.say(
+            self.report(
                 FaultCode::CroissantSum,
                 format!("the sha256 of {path} is {stated}, the file's is {sha256}"),
             );
@@ -148,7 +148,7 @@ impl<'a> CroissantAudit<'a> {
         let size = content_size(std::fs::metadata(self.tree.path_of(path)).map_or(0, |file| file.len()));
         let stated = &node["contentSize"];
         if *stated != size.as_str() {
-            self.say(
+            self.report(
                 FaultCode::CroissantSum,
                 format!("the size of {path} is {stated}, the file's is {size}"),
             );
@@ -160,17 +160,17 @@ impl<'a> CroissantAudit<'a> {
         let (name, container) = (node_id(node), node_id(&node["containedIn"]));
         if self.distribution().iter().all(|other| node_id(other) != container) {
             let message = format!("{name} is contained in {container:?}, which is not defined");
-            self.say(FaultCode::CroissantReference, message);
+            self.report(FaultCode::CroissantReference, message);
         }
         let patterns = node_list(&node["includes"]);
         for pattern in patterns.iter().map(|pattern| pattern.as_str().unwrap_or_default()) {
             // Its list reports a file that is not whole, so a listed path is enough here.
             if !self.manifest.paths().any(|path| glob_matches(pattern, path)) {
-                self.say(FaultCode::CroissantFiles, format!("no file matches `{pattern}` of {name}"));
+                self.report(FaultCode::CroissantFiles, format!("no file matches `{pattern}` of {name}"));
             }
         }
         if patterns.is_empty() {
-            self.say(FaultCode::CroissantFiles, format!("{name} includes nothing"));
+            self.report(FaultCode::CroissantFiles, format!("{name} includes nothing"));
         }
     }
 }

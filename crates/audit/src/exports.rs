@@ -130,7 +130,7 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
     let wrong = claims.into_iter().filter(|(_, found, wanted)| found != wanted);
     wrong
         .map(|(name, found, wanted)| {
-            let message = format!("its {name} is `{}`, wanted `{wanted}`", super::again::brief(&found));
+            let message = format!("its {name} is `{}`, wanted `{wanted}`", super::recompose::brief(&found));
             fault(FaultCode::ClaimsDisagree, message)
         })
         .collect()
@@ -141,7 +141,7 @@ fn description_faults(tree: &TrustedTree<'_>, scene: &str, place: &ExportPlace<'
 ///
 /// # Errors
 /// The folder cannot be written. An export that cannot be made is a fault.
-pub(super) fn compare_again(
+pub(super) fn compare_reexports(
     tree: &TrustedTree<'_>,
     manifest: &ReleaseManifest,
     scenes: Option<&[PublishedScene]>,
@@ -159,7 +159,7 @@ pub(super) fn compare_again(
         let composed = Arc::new(ComposedScene::released(manifest, &scene.file, files));
         for ExportPlace { folder, trajectory, include } in folders(manifest, &scene.file) {
             let order = ExportOrder { scene: &composed, trajectory, include };
-            let found = MadeExport { tree, folder: &folder }.compare(order, exporter)?;
+            let found = Reexport { tree, folder: &folder }.compare(order, exporter)?;
             faults.extend(found.into_iter().map(|fault| fault.in_scene(id)));
         }
     }
@@ -167,12 +167,12 @@ pub(super) fn compare_again(
 }
 
 /// An export of the tree that is made again.
-struct MadeExport<'a> {
+struct Reexport<'a> {
     tree: &'a TrustedTree<'a>,
     folder: &'a str,
 }
 
-impl MadeExport<'_> {
+impl Reexport<'_> {
     fn compare(&self, order: ExportOrder<'_>, exporter: &dyn ReleaseExporter) -> io::Result<Vec<AuditFault>> {
         let format = &order.include.format;
         // The exporter panics on a format that it lacks, and a manifest is input that anyone may have
@@ -187,7 +187,7 @@ impl MadeExport<'_> {
         // are measured.
         let made = scratch.path().join("export");
         let room = FolderRoom::new(scratch.path(), self.size());
-        match exporter.write_again(order, &made, &|| room.is_over()) {
+        match exporter.rewrite(order, &made, &|| room.is_over()) {
             Ok(()) => self.differences(&made),
             // The disk of the auditor is at fault here, so the release must not be blamed.
             Err(refusal) if refusal.kind == IncludeFailure::Unwritten => Err(unwritten(refusal)),

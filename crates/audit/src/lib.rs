@@ -27,7 +27,6 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod again;
 mod bytes;
 mod claims;
 mod contents;
@@ -40,6 +39,7 @@ mod names;
 mod parts;
 pub mod rebuilt;
 pub mod recheck;
+mod recompose;
 mod splits;
 mod steps;
 mod sums;
@@ -82,7 +82,7 @@ pub struct AuditReport {
     /// Number of scenes of the release.
     pub scenes: usize,
     /// Number of scenes that were made again from their recipes and compared.
-    pub made_again: usize,
+    pub rebuilt_scenes: usize,
     /// Identifier of the key that the release is signed with, as the signature states it.
     pub signed_by: Option<String>,
     /// True if [`AuditReport::verify`] found the signature to be right.
@@ -136,7 +136,7 @@ impl AuditReport {
             ),
             None => "It is not signed: the publisher is unknown, and".to_owned(),
         };
-        vec![match (self.made_again, self.scenes) {
+        vec![match (self.rebuilt_scenes, self.scenes) {
             (0, _) => format!(
                 "{publisher} a consistent forgery is found only by `gs2e audit --rebuild` from the \
                  recipes; `gs2e check --tree` judges the events, frames and poses."
@@ -249,7 +249,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
     let listed = options.takedown.map(|_| "scenes against the takedown list");
     let covers = COVERS.into_iter().chain(exports).chain(listed).collect();
     let size = read.map(|hashes| hashes.size).sum();
-    let (made_again, verified) = (0, false);
+    let (rebuilt_scenes, verified) = (0, false);
     let files = bytes.len();
     Ok(AuditReport {
         faults,
@@ -258,7 +258,7 @@ fn audit_all(dir: &Path, options: AuditOptions<'_>, mut parts: PartsFound) -> io
         covers,
         written_by,
         scenes,
-        made_again,
+        rebuilt_scenes,
         signed_by,
         verified,
     })
@@ -328,7 +328,7 @@ fn audit_scenes(
     // After the other checks, since it skips every scene that has a fault by now.
     let published = published(tree, manifest, &scenes, &mut faults);
     if let Some(exporter) = options.exporter {
-        faults.extend(exports::compare_again(tree, manifest, published.as_deref(), exporter)?);
+        faults.extend(exports::compare_reexports(tree, manifest, published.as_deref(), exporter)?);
     }
     faults.extend(top(tree, manifest, &scenes, published.as_deref(), &faults));
     Ok(faults)
@@ -354,8 +354,8 @@ fn published(
         let sound = faults.iter().all(|fault| !fault.concerns(&listed.id, owners));
         let Some(scene) = scenes.get(listed.id.as_str()).filter(|_| sound) else { return (None, Vec::new()) };
         let mut found = Vec::new();
-        let read = again::read(tree, listed, scene, &mut found);
-        found.extend(read.iter().flat_map(|scene| again::scene(tree, listed, scene)));
+        let read = recompose::read(tree, listed, scene, &mut found);
+        found.extend(read.iter().flat_map(|scene| recompose::scene(tree, listed, scene)));
         (read.filter(|_| found.is_empty()), found)
     };
     let (read, found): (Vec<Option<PublishedScene>>, Vec<Vec<AuditFault>>) =
@@ -377,12 +377,12 @@ fn top(
     let mut faults = terms::text_faults(manifest, tree);
     // The loader and the licence texts do not depend on the scenes, so they are always compared.
     if manifest.tool == gs2e_release::TOOL {
-        faults.extend(again::constants(tree));
+        faults.extend(recompose::constants(tree));
     }
     // Card and report follow from the manifest too, so its faults would show up again in them.
     let is_of_manifest = |fault: &AuditFault| fault.file.as_deref() == Some(gs2e_release::manifest::NAME);
     let is_sound = !known.iter().chain(&faults).any(is_of_manifest);
-    let composed = published.filter(|_| is_sound).map(|scenes| again::top(tree, manifest, scenes));
+    let composed = published.filter(|_| is_sound).map(|scenes| recompose::top(tree, manifest, scenes));
     let is_composed = composed.as_ref().is_some_and(Vec::is_empty);
     faults.extend(composed.into_iter().flatten());
     if !is_composed {

@@ -63,7 +63,7 @@ fn stray(path: &str, place: &str) -> AuditFault {
 /// Returns every path that a scene can have.
 fn of_scene(tree: &TrustedTree<'_>, scene: &SceneRecord, owners: &FileOwners<'_>) -> BTreeSet<String> {
     let listed = owners.scene(&scene.id);
-    let made = listed.and_then(|listed| layout::made_of_scene(|step| listed.own_outputs(step)));
+    let made = listed.and_then(|listed| layout::made_of_scene(|step| listed.scene_outputs(step)));
     let own = [layout::SCENE, layout::CHECKS].into_iter().chain(made.map(|(name, _)| name));
     let own = own.map(|name| format!("{}/{name}", scene.id));
     let paths = scene.trajectories.iter().flat_map(|part| {

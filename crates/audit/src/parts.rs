@@ -70,7 +70,7 @@ impl AuditPart {
     /// The folder cannot be listed.
     pub fn audit(dir: &Path, number: u32, of: u32) -> io::Result<Self> {
         let listed = walk::walk_tree(dir)?.files;
-        let own = own_files(dir, &listed, number, of);
+        let own = files_of_part(dir, &listed, number, of);
         let files = bytes::hash_files(dir, &own);
         // Faults of the lists are those of the verdict.
         let stated = sums::read_sums(dir, &mut Vec::new()).unwrap_or_default();
@@ -158,7 +158,7 @@ fn scene_of(path: &str) -> Option<&str> {
 }
 
 /// The files of a part. The largest scene goes first, each to the part with the fewest bytes.
-fn own_files(dir: &Path, listed: &BTreeSet<String>, number: u32, of: u32) -> BTreeSet<String> {
+fn files_of_part(dir: &Path, listed: &BTreeSet<String>, number: u32, of: u32) -> BTreeSet<String> {
     let scenes: BTreeSet<&str> = listed.iter().filter_map(|path| scene_of(path)).collect();
     let mut units: BTreeMap<&str, (u64, Vec<&String>)> = BTreeMap::new();
     for path in listed {

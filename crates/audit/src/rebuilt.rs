@@ -22,9 +22,9 @@ pub fn read_manifest(dir: &Path) -> Result<ReleaseManifest, TreeError> {
 ///
 /// # Errors
 /// A manifest cannot be read, or does not have the scene. A file that cannot be read is a fault.
-pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> Result<Vec<AuditFault>, TreeError> {
-    let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
-    let (stated, made) = (of_scene(&stated, scene, dir)?, of_scene(&made, scene, again)?);
+pub fn compare_scenes(dir: &Path, rebuilt: &Path, scene: &str) -> Result<Vec<AuditFault>, TreeError> {
+    let [stated, made] = [read_manifest(dir)?, read_manifest(rebuilt)?];
+    let (stated, made) = (of_scene(&stated, scene, dir)?, of_scene(&made, scene, rebuilt)?);
     let because = key_cause(stated, made);
     let fault = |path: &str, what: &str| {
         AuditFault::of_file(FaultCode::RebuiltDiffers, path, format!("{what}{because}")).in_scene(scene)
@@ -42,7 +42,7 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> Result<Vec<Audit
     }
     for path in listed.keys().filter(|path| there.contains_key(*path)) {
         // The bytes themselves are hashed, since digests in a manifest are only claims.
-        let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
+        let both = [dir, rebuilt].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
             [Ok(_), Ok(_)] => faults.push(fault(path, "its bytes differ after a rebuild")),
@@ -63,8 +63,8 @@ pub fn compare_scenes(dir: &Path, again: &Path, scene: &str) -> Result<Vec<Audit
 ///
 /// # Errors
 /// A manifest cannot be read.
-pub fn compare_tops(dir: &Path, again: &Path) -> Result<Vec<AuditFault>, TreeError> {
-    let [stated, made] = [read_manifest(dir)?, read_manifest(again)?];
+pub fn compare_tops(dir: &Path, rebuilt: &Path) -> Result<Vec<AuditFault>, TreeError> {
+    let [stated, made] = [read_manifest(dir)?, read_manifest(rebuilt)?];
     let fault = |path: &str, message: &str| AuditFault::of_file(FaultCode::RebuiltDiffers, path, message);
     let words =
         |of: &ReleaseManifest| (of.name.clone(), of.version.clone(), of.publisher.clone(), of.splits.clone());
@@ -80,7 +80,7 @@ pub fn compare_tops(dir: &Path, again: &Path) -> Result<Vec<AuditFault>, TreeErr
     let whole = ids(&stated) == ids(&made) && absent(&stated) == absent(&made);
     let paths = |of: &ReleaseManifest| of.files.iter().map(|file| file.path.clone()).collect::<BTreeSet<_>>();
     for path in paths(&stated).union(&paths(&made)).filter(|path| whole || *path == loader::NAME) {
-        let both = [dir, again].map(|dir| checksum::hash_file(&dir.join(path)));
+        let both = [dir, rebuilt].map(|dir| checksum::hash_file(&dir.join(path)));
         match both {
             [Ok(a), Ok(b)] if a == b => {}
             [Ok(_), Ok(_)] => faults.push(fault(path, "its bytes differ after a rebuild")),
@@ -123,16 +123,16 @@ fn of_scene<'a>(
 /// same the text says so: the difference is then in the making.
 fn key_cause(stated: &ManifestScene, made: &ManifestScene) -> String {
     let other = |step: &&ManifestStep| {
-        let again = made.steps.iter().find(|other| other.step == step.step);
-        again.is_none_or(|again| again.key != step.key)
+        let other = made.steps.iter().find(|other| other.step == step.step);
+        other.is_none_or(|other| other.key != step.key)
     };
     let Some(step) = stated.steps.iter().find(other) else {
         return ", although every step has the same key".into();
     };
-    let again = made.steps.iter().find(|other| other.step == step.step);
-    match (again, &step.made_of) {
+    let other = made.steps.iter().find(|other| other.step == step.step);
+    match (other, &step.made_of) {
         (None, _) => format!("; the recipe no longer has step {}", step.step),
-        (Some(again), Some(then)) => match &again.made_of {
+        (Some(other), Some(then)) => match &other.made_of {
             Some(now) => format!("; its step {} differs in {}", step.step, differing_line(then, now)),
             None => String::new(),
         },

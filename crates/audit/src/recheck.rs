@@ -128,7 +128,7 @@ fn names_in(composed: Mutex<BTreeSet<String>>) -> BTreeSet<String> {
 /// The findings that a folder of the release states; none without the file.
 fn stated(files: &dyn ReleaseFiles, folder: &str) -> Result<Vec<Finding>, TreeError> {
     let name = format!("{folder}/{}", layout::CHECKS);
-    let is_there = files.has(&name).map_err(|e| TreeError::new(files.shown(&name), e))?;
+    let is_there = files.has(&name).map_err(|e| TreeError::new(files.display_path(&name), e))?;
     if is_there { json_of(files, &name) } else { Ok(Vec::new()) }
 }
 

@@ -66,7 +66,7 @@ fn outputs(listed: &ManifestScene, scene: &SceneRecord) -> Vec<AuditFault> {
         Some(_) => Some(step_disagrees(path, "manifest.json lists other bytes than its step made")),
         None => Some(step_disagrees(path, "its step made it, but manifest.json does not list it")),
     };
-    let own = layout::made_of_scene(|step| listed.own_outputs(step)).filter(|of| is_released(of.0));
+    let own = layout::made_of_scene(|step| listed.scene_outputs(step)).filter(|of| is_released(of.0));
     faults.extend(own.and_then(|(name, output)| compare(&format!("{}/{name}", scene.id), output)));
     for part in &scene.trajectories {
         let made = layout::made(|step| listed.outputs(&part.name, step), &stream_names(part));

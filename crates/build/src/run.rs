@@ -138,7 +138,7 @@ pub enum StepOrigin {
 /// step.
 pub trait RunObserver: Sync {
     /// Takes one event.
-    fn tell(&self, event: &RunEvent<'_>);
+    fn observe(&self, event: &RunEvent<'_>);
 }
 
 /// A step that failed.

@@ -90,7 +90,7 @@ pub trait StageFacts {
     /// Resources needed, by the sizes of the inputs. `files` are those of the present inputs, in
     /// order.
     fn need(&self, files: &[ArtifactFiles]) -> StepNeed {
-        StepNeed::for_parts([small_stage_memory(files)])
+        StepNeed::for_memory([small_stage_memory(files)])
     }
 
     /// The length of the path that the stage makes, if its parameters state it.

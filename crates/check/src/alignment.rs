@@ -15,7 +15,7 @@
 
 pub mod places;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use places::{PlaceSums, Placement};
 use serde::{Deserialize, Serialize};
@@ -94,7 +94,7 @@ fn judge_correlation(subject: &TrajectorySubject<'_>, in_place: f64) -> Judgemen
     Judgement::at_least(in_place, limit, "1", because)
 }
 
-fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> Judged {
+fn judge_shift(subject: &TrajectorySubject<'_>, places: &PlaceSums) -> JudgementResult {
     subject.compared_at_once()?;
     // A smooth image fits at several places nearly as well, so the right one has an advantage.
     let shifts = places.correlations.iter().filter_map(|(placement, r)| match placement {
@@ -136,7 +136,7 @@ fn peak_along(places: &PlaceSums, best: [i64; 2], axis: [i64; 2]) -> f64 {
     }
 }
 
-fn judge_orientation(places: &PlaceSums, in_place: f64) -> Judged {
+fn judge_orientation(places: &PlaceSums, in_place: f64) -> JudgementResult {
     let turned =
         places.correlations.iter().filter(|(placement, _)| matches!(placement, Placement::Turned(_)));
     let Some((placement, r)) = turned.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {

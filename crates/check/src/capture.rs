@@ -13,7 +13,7 @@
 //!   the median of such distances is about R.
 //! - `registered`: the share of photos with a pose, at least 0.9.
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{SceneSubject, limits};
 use gs2e_source::colmap::ReprojectionStats;
 use gs2e_trajectory::knots::GAP;
@@ -94,7 +94,7 @@ fn largest_beyond(mut named: Vec<(String, f64)>, limit: f64) -> Option<(f64, Str
     Some((measured, phrase))
 }
 
-fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.gap, LimitSide::warning(GAP));
     let steps = walk.steps.iter().map(|s| (format!("`{}` to `{}`", s.after, s.before), s.times_median));
@@ -104,7 +104,7 @@ fn judge_gap(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let walk = subject.walk.as_ref()?;
     let limit = LimitSide::limit_or(limits.outlier, LimitSide::warning(OUTLIER));
     let detours = walk.detours.iter().map(|d| (format!("`{}`", d.name), d.times_median));
@@ -115,7 +115,7 @@ fn judge_outlier(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> Judged {
+fn judge_registered(subject: &SceneSubject<'_>, limits: &Limits) -> JudgementResult {
     let photos = subject.photos.as_ref()?;
     if photos.there == 0 {
         return Err("there are no photos".into());
@@ -142,7 +142,7 @@ mod tests {
 
     /// Verdict, value and sentence of a statement about a walk of 30 evenly spaced views, after
     /// `plant`.
-    fn found(part: &str, limits: &str, plant: impl FnOnce(&mut Vec<DVec3>)) -> (Verdict, f64, String) {
+    fn found(statement: &str, limits: &str, plant: impl FnOnce(&mut Vec<DVec3>)) -> (Verdict, f64, String) {
         let mut centres: Vec<DVec3> = (0..30u8).map(|i| DVec3::X * f64::from(i)).collect();
         plant(&mut centres);
         let names: Vec<String> = (0..centres.len()).map(|i| format!("{i}.jpg")).collect();
@@ -165,7 +165,7 @@ mod tests {
             fidelity: Some(&PhotoFidelity::default()),
             limits: &limits,
         };
-        let found = judge_scene(&subject).into_iter().find(|f| f.subject.statement == part).unwrap();
+        let found = judge_scene(&subject).into_iter().find(|f| f.subject.statement == statement).unwrap();
         (found.verdict, found.measured.unwrap(), found.because)
     }
 
@@ -175,9 +175,9 @@ mod tests {
 
     #[test]
     fn an_even_walk_is_sound() {
-        for (part, wanted) in [("gap", 1.0), ("outlier", 0.0)] {
-            let (verdict, measured, _) = found(part, "{}", |_| ());
-            assert_eq!(verdict, Verdict::Pass, "{part}");
+        for (statement, wanted) in [("gap", 1.0), ("outlier", 0.0)] {
+            let (verdict, measured, _) = found(statement, "{}", |_| ());
+            assert_eq!(verdict, Verdict::Pass, "{statement}");
             close(measured, wanted);
         }
     }
@@ -226,8 +226,9 @@ mod tests {
 
     #[test]
     fn a_recipes_limit_is_a_gate_and_can_be_waived() {
-        let t =
-            |part: &str, limits: &str, wanted| assert_eq!(found(part, limits, |_| ()).0, wanted, "{limits}");
+        let t = |statement: &str, limits: &str, wanted| {
+            assert_eq!(found(statement, limits, |_| ()).0, wanted, "{limits}")
+        };
         t("reprojection", r#"{"capture": {"reprojection": 1.4}}"#, Verdict::Fail);
         t("reprojection", r#"{"capture": {"reprojection": 1.6}}"#, Verdict::Pass);
         t("registered", r#"{"capture": {"registered": 0.8}}"#, Verdict::Fail);

@@ -15,7 +15,7 @@
 
 pub mod intervals;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use intervals::TileSums;
 use serde::{Deserialize, Serialize};
@@ -47,31 +47,31 @@ impl ValidationPass for CompletenessPass {
     }
 }
 
-fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn judge_time(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     let intervals = &tally.compared.intervals;
-    let parts = intervals.iter().map(|interval| {
+    let sums = intervals.iter().map(|interval| {
         let [from, to] = interval.span_us;
         (interval.sums, format!("between {from} and {to} us"))
     });
-    judge_least(subject, parts, "intervals between kept frames")
+    judge_least(subject, sums, "intervals between kept frames")
 }
 
-fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn judge_place(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     // Parts are numbered row by row.
     let side = tally.compared.tiles.len().isqrt().max(1);
-    let parts = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
+    let tiles = tally.compared.tiles.iter().enumerate().map(|(i, sums)| {
         (*sums, format!("in part ({}, {}) of {side}x{side} of the sensor", i % side, i / side))
     });
-    judge_least(subject, parts, "parts of the sensor")
+    judge_least(subject, tiles, "parts of the sensor")
 }
 
 fn judge_least(
     subject: &TrajectorySubject<'_>,
-    parts: impl Iterator<Item = (TileSums, String)>,
+    all: impl Iterator<Item = (TileSums, String)>,
     what: &str,
-) -> Judged {
+) -> JudgementResult {
     // A part with few pixels may miss half of its drift by chance.
-    let enough: Vec<(TileSums, String)> = parts.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
+    let enough: Vec<(TileSums, String)> = all.filter(|(sums, _)| sums.pixels >= MIN_PIXELS).collect();
     let least = enough.iter().min_by(|a, b| a.0.share().total_cmp(&b.0.share()));
     let Some((sums, at)) = least else {
         return Err(format!(

@@ -80,7 +80,7 @@ impl DriftLaw {
             Some(bus) => {
                 // The longest wait: a full queue, or an event of each pixel of a usual sensor. Millions of
                 // events per second are events per microsecond.
-                let waiting = bus.queue.map_or(USUAL_PIXELS, |queue| queue as f64) + 1.0;
+                let waiting = bus.queue.map_or(TYPICAL_PIXELS, |queue| queue as f64) + 1.0;
                 Self { loose: Some(READ_LATE), delay_us: law.delay_us.max(waiting / bus.rate_mev_s), ..law }
             }
             None => law,
@@ -230,7 +230,7 @@ const HOT: &str = "not applicable with hot pixels: they fire without a brightnes
 const DELAYED: &str =
     "not applicable with a low-pass filter: events follow the frames with a delay of their own";
 /// Pixels of a sensor whose size is not known, rounded: a DAVIS346 has 89,960.
-const USUAL_PIXELS: f64 = 1e5;
+const TYPICAL_PIXELS: f64 = 1e5;
 const READ_LATE: &str = "not applicable behind a readout of limited rate: events are late, and some are lost";
 const LATE: &str = "not applicable with a latency: events are late, by different times";
 const DEAD: &str = "not applicable with a dead time: events need not match the brightness change";

@@ -48,7 +48,7 @@
 pub mod fit;
 
 use super::drift::DriftLaw;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use fit::{AnchorFit, EventEdge, SlopeSums, SpoiltPixels};
 use serde::{Deserialize, Serialize};
@@ -114,7 +114,7 @@ impl ValidationPass for EventFrame {
 /// A number of pixels among others.
 #[derive(Debug, Clone, Copy)]
 struct PixelShare {
-    part: u64,
+    count: u64,
     of: u64,
     /// All pixels that are compared.
     compared: u64,
@@ -124,7 +124,7 @@ struct PixelShare {
 
 impl PixelShare {
     fn measured(&self) -> f64 {
-        self.part as f64 / self.of as f64
+        self.count as f64 / self.of as f64
     }
 }
 
@@ -139,7 +139,7 @@ impl EventFramePass<'_> {
         self.subject.limits.event_frame.unwrap_or_default()
     }
 
-    fn gain(&self, of: impl Fn(&AnchorFit) -> SlopeSums) -> Judged {
+    fn gain(&self, of: impl Fn(&AnchorFit) -> SlopeSums) -> JudgementResult {
         let most = self.law.most_residual();
         let tolerance = self.limits().gain.unwrap_or(GAIN);
         // Instants differ in what residuals allow, so they are compared by the excess.
@@ -163,7 +163,7 @@ impl EventFramePass<'_> {
 
     /// The largest threshold over the instants. A lower one may only mean that no pixel was about
     /// to fire, but no pixel can show a threshold that is too large.
-    fn threshold(&self, side: usize) -> Judged {
+    fn threshold(&self, side: usize) -> JudgementResult {
         if !self.law.from_zero {
             return Err("the threshold cannot be measured, because pixel voltages do not start at 0".into());
         }
@@ -173,39 +173,39 @@ impl EventFramePass<'_> {
         let edges = self.tally.compared.fits.iter().filter_map(|fit| fit.edges[side]);
         let least = if self.law.spread > 0.0 { MIN_ANSWER } else { MIN_REACHABLE };
         let usable = edges.filter(|edge| edge.reachable >= least);
-        let EventEdge { pixels, shown, within: [low, high], .. } = usable
-            .max_by(|a, b| a.shown.total_cmp(&b.shown))
+        let EventEdge { pixels, measured, within: [low, high], .. } = usable
+            .max_by(|a, b| a.measured.total_cmp(&b.measured))
             .ok_or("too few pixels with a well-known brightness change were close to firing")?;
         let [least, most] = [low * (1.0 - tolerance), high * (1.0 + tolerance)];
-        let (verdict, limit) = if shown < 1.0 {
-            (LimitSide::gate(least).at_least(shown), least)
+        let (verdict, limit) = if measured < 1.0 {
+            (LimitSide::gate(least).at_least(measured), least)
         } else {
-            (LimitSide::gate(most).at_most(shown), most)
+            (LimitSide::gate(most).at_most(measured), most)
         };
         let what = if self.law.spread > 0.0 { "mean threshold" } else { "threshold" };
         let because = format!(
             "the events of {pixels} pixels imply a {what} of {:.3}; the recipe states {}",
-            shown * stated,
+            measured * stated,
             // Four digits: the OFF threshold of a preset may have no short form.
             (1e4 * stated).round() / 1e4
         );
-        Ok(self.judgement(verdict, shown * stated, limit * stated, because))
+        Ok(self.judgement(verdict, measured * stated, limit * stated, because))
     }
 
-    fn residual(&self) -> Judged {
+    fn residual(&self) -> JudgementResult {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
-            part: fit.possible,
+            count: fit.possible,
             of: fit.slopes[0].pixels + fit.slopes[1].pixels,
             compared: fit.compared,
             spoilt: fit.maybe_impossible,
         });
-        let usual = (self.limits().residual, RESIDUAL);
-        self.share(usual, shares, "have events that match it to within the thresholds")
+        let limits = (self.limits().residual, RESIDUAL);
+        self.share(limits, shares, "have events that match it to within the thresholds")
     }
 
-    fn sign(&self) -> Judged {
+    fn sign(&self) -> JudgementResult {
         let shares = self.tally.compared.fits.iter().map(|fit| PixelShare {
-            part: fit.doubled[1],
+            count: fit.doubled[1],
             of: fit.doubled[0],
             compared: fit.compared,
             spoilt: fit.turned_by_floor,
@@ -220,12 +220,12 @@ impl EventFramePass<'_> {
         limit: (Option<f64>, f64),
         shares: impl Iterator<Item = PixelShare>,
         what: &str,
-    ) -> Judged {
+    ) -> JudgementResult {
         self.require_calm()?;
-        let (asked, usual) = limit;
+        let (asked, default) = limit;
         let least = |share: &PixelShare| {
             let noise = 2.0 * self.disturbed() + share.spoilt.most(share.of);
-            asked.unwrap_or_else(|| usual - noise - self.beyond_tolerance(share))
+            asked.unwrap_or_else(|| default - noise - self.beyond_tolerance(share))
         };
         let mut enough: Vec<PixelShare> = shares.filter(|share| share.of >= MIN_PIXELS).collect();
         if enough.is_empty() {
@@ -240,7 +240,7 @@ impl EventFramePass<'_> {
             .min_by(|a, b| (a.measured() - least(a)).total_cmp(&(b.measured() - least(b))))
             .ok_or("the noise floor spoils more than a fifth of the pixels with a brightness change")?;
         let (measured, limit) = (worst.measured(), least(&worst));
-        let mut because = format!("{} of {} pixels with a brightness change {what}", worst.part, worst.of);
+        let mut because = format!("{} of {} pixels with a brightness change {what}", worst.count, worst.of);
         let spoilt = worst.spoilt.share(worst.of);
         if spoilt > 0.0 {
             let cause = match (self.law.has_floor(), self.law.spread > 0.0) {

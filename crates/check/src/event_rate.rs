@@ -8,7 +8,7 @@
 //! gets a warning for every sensor: it may be right, but it is of no use.
 
 use super::drift::DriftLaw;
-use super::subject::{Judged, Judgement, LimitSide, Statements, between_bounds};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements, between_bounds};
 use super::{StreamTally, TrajectorySubject, ValidationPass, Verdict, limits};
 use gs2e_sensor::SensorChoice;
 use serde::{Deserialize, Serialize};
@@ -89,7 +89,7 @@ fn empty(seconds: f64) -> String {
     format!("no events: no pixel crossed its threshold in {seconds:.4} s")
 }
 
-fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn per_flow(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     if tally.events == 0 {
         return Err(empty(subject.seconds()));
     }

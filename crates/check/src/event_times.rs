@@ -17,7 +17,7 @@
 pub mod crossing;
 pub mod grid;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass};
 use crossing::{CrossingFit, ErrorBar, FAR_US, StreamClock};
 use grid::StampGrid;
@@ -57,7 +57,7 @@ impl ValidationPass for EventTimes {
     }
 }
 
-fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
+fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.offset_us;
     let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
@@ -83,7 +83,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged 
     Ok(judged.detecting(detects.unwrap_or(f64::INFINITY), "us"))
 }
 
-fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judged {
+fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.scale;
     let limit = LimitSide::gate(SCALE + SURE * deviation);
@@ -193,7 +193,7 @@ fn excess_of_errors(freedom: f64) -> f64 {
     libm::exp(POWER / (freedom - 1.0).max(0.0).sqrt())
 }
 
-fn judge_grid(grid: StampGrid) -> Judged {
+fn judge_grid(grid: StampGrid) -> JudgementResult {
     if grid.stamps < MIN_STAMPS {
         return Err(format!("fewer than {MIN_STAMPS} distinct times"));
     }
@@ -245,7 +245,7 @@ mod tests {
         for response in [[0.5, 0.1], [-0.1, 0.0], [0.0, 0.0], [f64::NAN, 0.0]] {
             assert_eq!(power(0.0, 1.0, response, 60.0).smallest_fault(), None, "{response:?}");
         }
-        // A single part of the picture.
+        // A single block of the picture.
         assert_eq!(power(0.0, 1.0, [1.0, 0.0], 1.0).smallest_fault(), None);
     }
 
@@ -264,7 +264,7 @@ mod tests {
         }
     }
 
-    /// Trials by random numbers: estimates and limits of normal errors in parts of unequal shares.
+    /// Trials by random numbers: estimates and limits of normal errors in blocks of unequal shares.
     #[test]
     fn faults_of_the_stated_size_are_found_in_95_percent_of_trials() {
         let mut draws = SplitMixDraws(5);
@@ -275,7 +275,7 @@ mod tests {
         {
             let total: f64 = shares.iter().sum();
             let freedom = 1.0 / shares.iter().map(|share| share / total * (share / total)).sum::<f64>();
-            // The estimate is the sum of the parts' errors, of variances in proportion to their shares, and
+            // The estimate is the sum of the blocks' errors, of variances in proportion to their shares, and
             // its standard error the root of the sum of their squares.
             let mut trial = || {
                 let errors: Vec<f64> =

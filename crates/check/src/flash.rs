@@ -15,9 +15,9 @@
 pub mod blocks;
 pub mod course;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
-use course::{ChangeCourse, UnusualChange};
+use course::{AtypicalChange, ChangeCourse};
 use gs2e_trajectory::Trajectory;
 use gs2e_trajectory::metric::MixedMetric;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ pub struct PictureFlash {
     /// Poses at these times: the nearest ones.
     pub poses: [usize; 2],
     /// The change, its usual value, and their quotient.
-    pub change: UnusualChange,
+    pub change: AtypicalChange,
 }
 
 impl ValidationPass for FlashPass {
@@ -71,15 +71,15 @@ impl ValidationPass for FlashPass {
     }
 }
 
-fn judge_frames(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_frames(subject: &TrajectorySubject<'_>) -> JudgementResult {
     let Some(frames) = subject.blocks else {
         subject.changes_one_by_one()?;
         return Err("there are no frames to compare".into());
     };
     let found = in_frames(subject, frames).ok_or("there are too few frames to know their usual change")?;
-    let UnusualChange { change, usual, ratio } = found.change;
+    let AtypicalChange { change, typical, ratio } = found.change;
     let because = format!(
-        "from pose {} to {}, {}, a fifth of the picture changes by {change:.2} grey or more: {ratio:.1} times the usual {usual:.2}",
+        "from pose {} to {}, {}, a fifth of the picture changes by {change:.2} grey or more: {ratio:.1} times the usual {typical:.2}",
         found.poses[0],
         found.poses[1],
         time_of(found.span_us)
@@ -87,13 +87,13 @@ fn judge_frames(subject: &TrajectorySubject<'_>) -> Judged {
     Ok(judge_ratio(subject, ratio, because))
 }
 
-fn judge_events(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_events(subject: &TrajectorySubject<'_>) -> JudgementResult {
     subject.changes_one_by_one()?;
     let tally = subject.events()?;
     let (found, polarity) = in_events(subject).ok_or("there is too little time to know the usual rate")?;
-    let UnusualChange { change, usual, ratio } = found.change;
+    let AtypicalChange { change, typical, ratio } = found.change;
     let because = format!(
-        "{}, near pose {}, {change:.0} {polarity} events, {:.3} per pixel: {ratio:.1} times the usual {usual:.0}",
+        "{}, near pose {}, {change:.0} {polarity} events, {:.3} per pixel: {ratio:.1} times the usual {typical:.0}",
         time_of(found.span_us),
         found.poses[0],
         change / tally.size.pixels() as f64
@@ -121,7 +121,7 @@ pub fn in_frames(subject: &TrajectorySubject<'_>, frames: &[blocks::FrameBlocks]
             changes: pairs().map(|(from, to)| from.change(to)).collect(),
             motions: pairs().map(|(from, to)| path.between_poses(from.pose, to.pose)).collect(),
         };
-        let (at, change) = course.most_unusual(*stride, LEAST_GREY)?;
+        let (at, change) = course.most_atypical(*stride, LEAST_GREY)?;
         let poses = [frames[at].pose, frames[at + stride].pose];
         Some(PictureFlash { span_us: poses.map(|pose| subject.trajectory.stamps_us[pose]), poses, change })
     });
@@ -143,7 +143,7 @@ pub fn in_events(subject: &TrajectorySubject<'_>) -> Option<(PictureFlash, &'sta
             changes: spans().map(|(_, bins)| bins.iter().map(|bin| f64::from(bin[of])).sum()).collect(),
             motions: spans().map(|(at, _)| path.within(span_us(at))).collect(),
         };
-        let (at, change) = course.most_unusual(stride, least)?;
+        let (at, change) = course.most_atypical(stride, least)?;
         let span_us = span_us(at);
         let poses = span_us.map(|t_us| nearest_pose(subject.trajectory, t_us));
         Some((PictureFlash { span_us, poses, change }, polarity))

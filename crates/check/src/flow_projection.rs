@@ -11,7 +11,7 @@
 pub mod objects;
 
 use super::photometric::NO_PICTURES;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass};
 use gs2e_image::Image;
 
@@ -59,10 +59,10 @@ impl FlowDifference {
         })
     }
 
-    /// Difference as a share of the flow; a still image is compared with `usual` px/s.
-    fn share(&self, usual: f64) -> f64 {
+    /// Difference as a share of the flow; a still image is compared with `typical_px` px/s.
+    fn share(&self, typical_px: f64) -> f64 {
         // Without a difference, there is no share of a flow that may be 0.
-        if self.off_px_s > 0.0 { self.off_px_s / self.median_px_s.max(usual) } else { 0.0 }
+        if self.off_px_s > 0.0 { self.off_px_s / self.median_px_s.max(typical_px) } else { 0.0 }
     }
 }
 
@@ -80,26 +80,26 @@ impl ValidationPass for FlowProjection {
     }
 }
 
-fn judge_flows(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_flows(subject: &TrajectorySubject<'_>) -> JudgementResult {
     const NONE: &str = "no flow image has a pixel with flow and depth";
     let flows = subject.geometry.map(|g| &g.flows).ok_or(NO_PICTURES)?.as_ref()?;
     // A camera that slows down to rest has images without flow, whose rounding is no fault.
-    let usual = 0.01 * rank(flows.iter().map(|f| f.median_px_s).collect(), 50).ok_or(NONE)?;
-    let fault = |f: &FlowDifference| (f.share(usual) / SHARE).max(f.unpaired / MOST_UNPAIRED);
+    let typical_px = 0.01 * rank(flows.iter().map(|f| f.median_px_s).collect(), 50).ok_or(NONE)?;
+    let fault = |f: &FlowDifference| (f.share(typical_px) / SHARE).max(f.unpaired / MOST_UNPAIRED);
     let worst = flows.iter().max_by(|a, b| fault(a).total_cmp(&fault(b))).ok_or(NONE)?;
-    if usual <= 0.0 && fault(worst) <= 0.0 {
+    if typical_px <= 0.0 && fault(worst) <= 0.0 {
         return Err("the camera does not move".into());
     }
     let verdict = LimitSide::gate(SHARE).at_most(fault(worst) * SHARE);
     let because = format!(
         "at pose {}, 99 % of the pixels differ from the flow of depth and poses by at most {:.2e} of {:.1} px/s, and {:.2} % have only one of both: the worst of {} images",
         worst.pose,
-        worst.share(usual),
+        worst.share(typical_px),
         worst.median_px_s,
         100.0 * worst.unpaired,
         flows.len()
     );
-    Ok(Judgement::new(verdict, worst.share(usual), SHARE, "1", because).detecting(SHARE, "1"))
+    Ok(Judgement::new(verdict, worst.share(typical_px), SHARE, "1", because).detecting(SHARE, "1"))
 }
 
 #[cfg(test)]

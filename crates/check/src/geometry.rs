@@ -10,32 +10,32 @@ use super::photometric::align::PairAlignment;
 use super::photometric::order::FrameTriple;
 
 /// A measurement, or the reason for its absence.
-pub type Measured<T> = Result<T, String>;
+pub type Measurement<T> = Result<T, String>;
 
 /// The measurements on the pictures of a trajectory.
 #[derive(Debug, Clone)]
 pub struct GeometryMeasures {
     /// Frames against frames.
-    pub pictures: Measured<AlignedPairs>,
+    pub pictures: Measurement<AlignedPairs>,
     /// Differences of frames in a row.
-    pub order: Measured<Vec<FrameTriple>>,
+    pub order: Measurement<Vec<FrameTriple>>,
     /// Depth images against depth images.
-    pub depths: Measured<AlignedPairs>,
+    pub depths: Measurement<AlignedPairs>,
     /// Flow images against the flow of depth and poses, one per image.
-    pub flows: Measured<Vec<FlowDifference>>,
+    pub flows: Measurement<Vec<FlowDifference>>,
     /// Flow images against the motion of objects; `None` if nothing moves by itself.
-    pub objects: Option<Measured<Vec<ObjectFlow>>>,
+    pub objects: Option<Measurement<Vec<ObjectFlow>>>,
 }
 
 /// The measurements that need no flow images.
 #[derive(Debug, Clone)]
 pub struct PictureMeasures {
     /// Frames against frames.
-    pub pictures: Measured<AlignedPairs>,
+    pub pictures: Measurement<AlignedPairs>,
     /// Differences of frames in a row.
-    pub order: Measured<Vec<FrameTriple>>,
+    pub order: Measurement<Vec<FrameTriple>>,
     /// Depth images against depth images.
-    pub depths: Measured<AlignedPairs>,
+    pub depths: Measurement<AlignedPairs>,
 }
 
 /// Alignments of some pairs of pictures.

@@ -10,7 +10,7 @@
 //! clusters that fire too slowly to be hot, and pixels that lose many of their events.
 
 use super::event_frame::fit::STRAY;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
@@ -88,7 +88,7 @@ fn judge_stray(subject: &TrajectorySubject<'_>) -> Option<Judgement> {
     Some(Judgement::at_most(share(fit), limit, "1", because).detecting(limit.value, "1"))
 }
 
-fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> Judged {
+fn judge_dead(subject: &TrajectorySubject<'_>, tally: &StreamTally) -> JudgementResult {
     subject.compared_at_once()?;
     let [changed, silent] = tally.compared.must_fire;
     if changed < MIN_PIXELS {

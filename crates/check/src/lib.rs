@@ -77,7 +77,7 @@ pub use finding_subject::FindingSubject;
 pub use joined::join_findings;
 pub use limits::{CheckWaiver, Limits, REASON};
 pub use scene_subject::{CapturePhotos, SceneSubject};
-pub use subject::{Judged, Judgement, TrajectorySubject};
+pub use subject::{Judgement, JudgementResult, TrajectorySubject};
 pub use tally::StreamTally;
 
 use serde::{Deserialize, Serialize};

@@ -93,8 +93,8 @@ fn judge_median(subject: &TrajectorySubject<'_>, windows: &[&WarpSharpness]) -> 
     // The median is at most as noisy as its noisiest window.
     let noise = windows.iter().map(|s| s.noise()).fold(0.0, f64::max);
     let gate = LimitSide::gate(1.0 - CERTAIN * noise);
-    let usual = if windows.len() < MIN_WINDOWS { 1.0 } else { 1.0 + (MEDIAN - 1.0) * sharp_share(subject) };
-    let default = LimitSide::warning(usual);
+    let most = if windows.len() < MIN_WINDOWS { 1.0 } else { 1.0 + (MEDIAN - 1.0) * sharp_share(subject) };
+    let default = LimitSide::warning(most);
     let wanted = LimitSide::limit_or(subject.limits.motion.and_then(|l| l.median), default);
     // The gate holds even where the recipe asks for less.
     let (verdict, limit) = match gate.at_least(measured) {

@@ -13,7 +13,7 @@ mod labels;
 pub mod still;
 
 use super::drift::DriftLaw;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 use still::StillPixelCounts;
@@ -90,7 +90,7 @@ fn judge_rate(subject: &TrajectorySubject<'_>, still: &StillPixelCounts) -> Judg
     Judgement::new(verdict, events, limit, "events", because)
 }
 
-fn judge_rhythm(still: &StillPixelCounts) -> Judged {
+fn judge_rhythm(still: &StillPixelCounts) -> JudgementResult {
     if still.events < MIN_EVENTS {
         return Err(format!("{} events at static pixels are too few to test for a rhythm", still.events));
     }

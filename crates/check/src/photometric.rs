@@ -11,14 +11,14 @@
 //!   errors and 0.02 px. It finds single frames and poses in another place.
 //! - `order`: the order of the frames, which needs no depth, see [`order`].
 //!
-//! The standard error of a pair is that of a jackknife over 16 parts of the picture. In small
+//! The standard error of a pair is that of a jackknife over 16 blocks of the picture. In small
 //! pictures of few Gaussians it is as large as the motion; the limit and the stated power follow it.
 
 pub mod align;
 pub mod order;
 
-use super::geometry::{AlignedPairs, Measured};
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::geometry::{AlignedPairs, Measurement};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass};
 use align::PairAlignment;
 use gs2e_num::stats::mean_median;
@@ -77,7 +77,7 @@ pub(crate) const FRAME_SHARE: f64 = SHARE;
 
 /// The statements on the pairs of one kind of picture.
 pub(super) fn judge_pairs(
-    measured: Option<&Measured<AlignedPairs>>,
+    measured: Option<&Measurement<AlignedPairs>>,
     shares: PairShares,
     what: &str,
 ) -> Statements {
@@ -93,7 +93,7 @@ pub(super) fn judge_pairs(
 /// The reason why a build does not compare pictures.
 pub(super) const NO_PICTURES: &str = "it needs the released pictures: `gs2e check --tree` reads them";
 
-fn judge_motion(pairs: &AlignedPairs, shares: PairShares, what: &str) -> Judged {
+fn judge_motion(pairs: &AlignedPairs, shares: PairShares, what: &str) -> JudgementResult {
     let Some(pair) = typical(&pairs.apart) else {
         return Err(format!("no two {what} share enough of the scene"));
     };
@@ -113,7 +113,7 @@ fn judge_motion(pairs: &AlignedPairs, shares: PairShares, what: &str) -> Judged 
     Ok(Judgement::at_most(left_px, limit, "px", because).detecting(detects, "px"))
 }
 
-fn judge_frames(pairs: &AlignedPairs, shares: PairShares, what: &str) -> Judged {
+fn judge_frames(pairs: &AlignedPairs, shares: PairShares, what: &str) -> JudgementResult {
     let Some(usual) = typical(&pairs.neighbours) else {
         return Err(format!("no two neighbouring {what} share enough of the scene"));
     };

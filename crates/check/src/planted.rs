@@ -162,7 +162,7 @@ impl PlantedWorld {
         let sensor = self.stated.clone().unwrap_or_else(|| SensorChoice::Voltmeter(self.sensor.clone()));
         let end = *self.trajectory.stamps_us.last().unwrap();
         let against = TallyReference {
-            seen: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
+            observed: Some((DriftLaw::for_sensor(&sensor), &self.anchors)),
             flows: &self.flows,
             dead_us: sensor.dead_us(),
             hot_hz: &[],
@@ -193,21 +193,22 @@ impl PlantedWorld {
         judge_trajectory(&subject, &[subject])
     }
 
-    /// `check#part` of the findings that are neither passed nor not run.
+    /// `check#statement` of the findings that are neither passed nor not run.
     pub(super) fn faults(&self) -> Vec<String> {
         let unsound = |f: &Finding| !matches!(f.verdict, Verdict::Pass | Verdict::NotRun);
         let name = |f: Finding| match f.subject.text_without("world/base").as_str() {
             "" => f.check,
-            part => format!("{}#{part}", f.check),
+            statement => format!("{}#{statement}", f.check),
         };
         self.findings().into_iter().filter(unsound).map(name).collect()
     }
 
-    /// The finding `check#part`.
+    /// The finding `check#statement`.
     pub(super) fn finding(&self, name: &str) -> Finding {
-        let (check, part) = name.split_once('#').unwrap_or((name, ""));
+        let (check, statement) = name.split_once('#').unwrap_or((name, ""));
         let found = self.findings();
-        let wanted = |f: &&Finding| f.check == check && f.subject == FindingSubject::new("world/base", part);
+        let wanted =
+            |f: &&Finding| f.check == check && f.subject == FindingSubject::new("world/base", statement);
         found.iter().find(wanted).unwrap_or_else(|| panic!("{name} not in {found:#?}")).clone()
     }
 }

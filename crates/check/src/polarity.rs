@@ -15,7 +15,7 @@
 //! Such a pixel changes steadily, so that all of its events have one polarity.
 
 use super::event_frame::fit::AnchorFit;
-use super::subject::{Judged, Judgement, LimitSide, Statements, between_bounds};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements, between_bounds};
 use super::{StreamTally, TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
@@ -58,7 +58,7 @@ impl ValidationPass for OnShare {
     }
 }
 
-fn judge_contrary(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_contrary(subject: &TrajectorySubject<'_>) -> JudgementResult {
     let (tally, law) = subject.compared_at_once()?;
     subject.changes_steadily()?;
     // Over longer intervals a pixel may brighten and darken, and have events of both polarities.

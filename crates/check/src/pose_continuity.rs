@@ -14,7 +14,7 @@
 
 mod noise;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_num::se3::rotation::{relative_angle, same_hemisphere};
 use gs2e_num::stats::mean_median;
@@ -64,7 +64,7 @@ impl ValidationPass for PoseContinuity {
 const PER_VIEW: [f64; 2] = [2.0, 4.0];
 
 /// The noise of translation and rotation.
-fn judge_noise(subject: &TrajectorySubject<'_>) -> [Judged; 2] {
+fn judge_noise(subject: &TrajectorySubject<'_>) -> [JudgementResult; 2] {
     if let Err(because) = is_sampled_densely(subject) {
         return [Err(because.clone()), Err(because)];
     }

@@ -13,7 +13,7 @@
 //! finds in pictures with the stated motion. They are less precise: two views determine a motion
 //! less well than twenty do (`pose_colmap`).
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_num::stats::upper_median;
 use gs2e_source::foreign::opencv::{OpencvGeometry, ProjectionAgreement, RelativeMotion};
@@ -53,7 +53,7 @@ impl ValidationPass for PoseOpencv {
     }
 }
 
-fn judge_projection(geometry: &OpencvGeometry) -> Judged {
+fn judge_projection(geometry: &OpencvGeometry) -> JudgementResult {
     let files = [("poses.txt", geometry.poses_txt), ("transforms.json", geometry.transforms_json)];
     let (name, ProjectionAgreement { px, pose, points }) =
         if files[1].1.px > files[0].1.px { files[1] } else { files[0] };
@@ -69,7 +69,7 @@ fn judge_projection(geometry: &OpencvGeometry) -> Judged {
     Ok(Judgement::at_most(px, LimitSide::gate(PX), "px", because))
 }
 
-fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) -> [Judged; 2] {
+fn judge_relative(subject: &TrajectorySubject<'_>, geometry: &OpencvGeometry) -> [JudgementResult; 2] {
     let OpencvGeometry { program, tried, pairs, .. } = geometry;
     let limits = subject.limits.pose_opencv.unwrap_or_default();
     let judge = |value: fn(&RelativeMotion) -> f64, limit: LimitSide| {

@@ -2,7 +2,7 @@
 //! by OpenCV. A gate: each must read exactly the same values. The pass runs if the recipe requests
 //! it.
 
-use super::subject::{Judged, Judgement, Statements};
+use super::subject::{Judgement, JudgementResult, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use gs2e_source::foreign;
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ impl ValidationPass for ReadbackPass {
 
 const NO_EVENTS: &str = "there are no events";
 
-fn judge_events(read: &foreign::readback::ReadbackReport) -> Judged {
+fn judge_events(read: &foreign::readback::ReadbackReport) -> JudgementResult {
     if read.streams.is_empty() {
         return Err(NO_EVENTS.into());
     }
@@ -49,7 +49,7 @@ fn judge_events(read: &foreign::readback::ReadbackReport) -> Judged {
     Ok(Judgement::none_of(differing as f64, "1", because))
 }
 
-fn judge_index(read: &foreign::readback::ReadbackReport) -> Judged {
+fn judge_index(read: &foreign::readback::ReadbackReport) -> JudgementResult {
     if read.streams.is_empty() {
         return Err(NO_EVENTS.into());
     }
@@ -59,7 +59,7 @@ fn judge_index(read: &foreign::readback::ReadbackReport) -> Judged {
     Ok(Judgement::none_of(wrong as f64, "1", because))
 }
 
-fn judge_pictures(read: &foreign::readback::ReadbackReport) -> Judged {
+fn judge_pictures(read: &foreign::readback::ReadbackReport) -> JudgementResult {
     let pictures = read.pictures.as_ref()?;
     let differing = &pictures.differing;
     let first = differing.first().map_or_else(String::new, |pose| format!(", the first of pose {pose}"));
@@ -106,8 +106,12 @@ mod tests {
         let read = world.foreign.readback.as_mut().unwrap().as_mut().unwrap();
         read.streams.clear();
         read.pictures = Err("there are no pictures".into());
-        for part in ["events", "index", "pictures"] {
-            assert_eq!(world.finding(&format!("readback#{part}")).verdict, Verdict::NotRun, "{part}");
+        for statement in ["events", "index", "pictures"] {
+            assert_eq!(
+                world.finding(&format!("readback#{statement}")).verdict,
+                Verdict::NotRun,
+                "{statement}"
+            );
         }
     }
 }

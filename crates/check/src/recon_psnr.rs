@@ -7,7 +7,7 @@
 //! - `mean`: at least 25 dB: warning, a gate where the recipe sets it.
 //! - `ssim`: the mean, reported only; a gate where the recipe sets a limit.
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{SceneSubject, Verdict, limits};
 use gs2e_train::fidelity::{HeldOutViews, PhotoFidelity, PsnrFigures};
 use serde::{Deserialize, Serialize};
@@ -38,7 +38,7 @@ pub(super) fn judge_photos(subject: &SceneSubject<'_>) -> Statements {
     ["drop", "mean", "ssim"].into_iter().zip(judged).collect()
 }
 
-fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
+fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[JudgementResult; 3], String> {
     let fidelity = subject.fidelity.ok_or("there is no scene to render")?;
     let (Some(psnr), Some(similarity)) = (fidelity.psnr(), fidelity.ssim()) else {
         return Err(match fidelity.not_compared.first() {
@@ -54,10 +54,10 @@ fn judge_fidelity(subject: &SceneSubject<'_>) -> Result<[Judged; 3], String> {
     ])
 }
 
-fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> Judged {
+fn judge_drop(fidelity: &PhotoFidelity, limits: &Limits) -> JudgementResult {
     let limit = LimitSide::limit_or(limits.drop, LimitSide::warning(DROP_DB));
-    let seen = fidelity.trained_on();
-    let (Some(psnr), Some(worst)) = (seen.psnr(), seen.worst()) else {
+    let trained = fidelity.trained_on();
+    let (Some(psnr), Some(worst)) = (trained.psnr(), trained.worst()) else {
         return Err("all photos that can be compared were held out from training".into());
     };
     let measured = psnr.mean - psnr.min;
@@ -108,11 +108,11 @@ mod tests {
     use gs2e_train::fidelity::{ComparedView, NotCompared, PhotoFidelity};
 
     /// The finding of a statement on views with this PSNR.
-    fn found(part: &str, limits: &str, psnr: &[f64]) -> Finding {
-        found_by(HeldOutViews::Unknown, part, limits, psnr)
+    fn found(statement: &str, limits: &str, psnr: &[f64]) -> Finding {
+        found_by(HeldOutViews::Unknown, statement, limits, psnr)
     }
 
-    fn found_by(held_out: HeldOutViews, part: &str, limits: &str, psnr: &[f64]) -> Finding {
+    fn found_by(held_out: HeldOutViews, statement: &str, limits: &str, psnr: &[f64]) -> Finding {
         let view = |(i, psnr): (usize, &f64)| ComparedView {
             name: format!("{i}.jpg"),
             psnr: *psnr,
@@ -132,7 +132,7 @@ mod tests {
             fidelity: Some(&fidelity),
             limits: &limits,
         };
-        judge_scene(&subject).into_iter().find(|f| f.subject.statement == part).unwrap()
+        judge_scene(&subject).into_iter().find(|f| f.subject.statement == statement).unwrap()
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn the_drop_is_that_of_views_that_were_trained_on() {
         let psnr = [20.0, 30.0, 31.0, 21.0, 32.0, 31.0];
-        let found = |by, part| found_by(by, part, "{}", &psnr);
+        let found = |by, statement| found_by(by, statement, "{}", &psnr);
         let [every, nothing] = [3, 0].map(HeldOutViews::by_training);
         // 31 without the first and the fourth; 27.5 with all.
         assert_eq!((found(every, "drop").verdict, found(every, "drop").measured), (Verdict::Pass, Some(1.0)));
@@ -182,8 +182,8 @@ mod tests {
 
     #[test]
     fn without_photos_nothing_is_judged() {
-        for part in ["drop", "mean", "ssim"] {
-            let finding = found(part, "{}", &[]);
+        for statement in ["drop", "mean", "ssim"] {
+            let finding = found(statement, "{}", &[]);
             assert_eq!((finding.verdict, finding.measured), (Verdict::NotRun, None));
             assert!(finding.because.contains("`9.jpg`: neither JPEG nor PNG"), "{}", finding.because);
         }

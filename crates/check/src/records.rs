@@ -22,13 +22,13 @@ const BLUR_SHARE: f64 = 0.01;
 
 /// The finding on files of one kind: their faults, one sentence each. `what` names the files.
 #[must_use]
-pub fn judge_agreement(subject: &str, part: &str, what: &str, faults: &[String]) -> Finding {
+pub fn judge_agreement(subject: &str, statement: &str, what: &str, faults: &[String]) -> Finding {
     let because = match faults {
         [] => format!("{what} agree with the other files"),
         [fault] => fault.clone(),
         [fault, others @ ..] => format!("{fault}; and {} more faults of this kind", others.len()),
     };
-    Judgement::none_of(faults.len() as f64, "faults", because).finding(subject, NAME, part)
+    Judgement::none_of(faults.len() as f64, "faults", because).finding(subject, NAME, statement)
 }
 
 /// The finding on the blurred frames of a trajectory: the worst of those that were compared.

@@ -12,7 +12,7 @@ mod resampled;
 
 pub use resampled::ResampledIntervals;
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, Verdict, limits};
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ fn judge_count(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> J
     Judgement::at_most(measured, limit, "1", because)
 }
 
-fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> Judged {
+fn judge_shift(subject: &TrajectorySubject<'_>, tried: &ResampledIntervals) -> JudgementResult {
     let measured = tried.shift_us.ok_or("no event occurs in both streams")?;
     let because =
         format!("doubling the frame rate shifts events by {measured:.2} us (median of {})", tried.paired);

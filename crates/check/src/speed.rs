@@ -8,7 +8,7 @@
 //! need not follow the law, and are reported. The law of a rig is that of its body, so nothing is asked of
 //! its cameras.
 
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, Verdict, limits};
 use gs2e_trajectory::CourseKind;
 use gs2e_trajectory::report::{ChordFollow, FollowError, SpeedReport};
@@ -58,7 +58,11 @@ impl ValidationPass for SpeedPass {
 }
 
 /// Compares the length of the chords with that of the curve.
-fn judge_length(subject: &TrajectorySubject<'_>, report: &SpeedReport, chords: &ChordFollow) -> Judged {
+fn judge_length(
+    subject: &TrajectorySubject<'_>,
+    report: &SpeedReport,
+    chords: &ChordFollow,
+) -> JudgementResult {
     let curve = report.length_ratio.map(|ratio| ratio * report.length).filter(|length| *length > 0.0);
     let curve = curve.ok_or(STILL)?;
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::gate(CHORD));
@@ -70,7 +74,7 @@ fn judge_length(subject: &TrajectorySubject<'_>, report: &SpeedReport, chords: &
     Ok(Judgement::at_most(measured, limit, "1", because))
 }
 
-fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Judged {
+fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> JudgementResult {
     if subject.is_release {
         return Err("the fitted curve is not in a release; `chord` and `length` judge the poses".into());
     }
@@ -82,20 +86,20 @@ fn judge_arc(subject: &TrajectorySubject<'_>, report: &SpeedReport) -> Judged {
     Ok(judge_follow("arc", follow, limit, ""))
 }
 
-fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> Judged {
+fn judge_chord(subject: &TrajectorySubject<'_>, chords: &ChordFollow) -> JudgementResult {
     let follow = chords.mixed.ok_or(STILL)?;
     let limit = LimitSide::limit_or(subject.limits.speed.and_then(|l| l.chord), LimitSide::warning(CHORD));
     let phrase = |name: &str, follow: Option<FollowError>| {
         follow.map_or_else(String::new, |f| format!("; {name} speed {:.3} to {:.3}", f.min, f.max))
     };
-    let parts = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
-    Ok(judge_follow("chord", follow, limit, &parts))
+    let split = phrase("linear", chords.linear) + &phrase("angular", chords.angular);
+    Ok(judge_follow("chord", follow, limit, &split))
 }
 
-fn judge_follow(part: &str, follow: FollowError, limit: LimitSide, more: &str) -> Judgement {
+fn judge_follow(measure: &str, follow: FollowError, limit: LimitSide, more: &str) -> Judgement {
     let measured = (follow.min - 1.0).abs().max((follow.max - 1.0).abs());
     let because = format!(
-        "steps measured by {part} length are {:.7} to {:.7} times what the speed law requires{more}",
+        "steps measured by {measure} length are {:.7} to {:.7} times what the speed law requires{more}",
         follow.min, follow.max
     );
     Judgement::at_most(measured, limit, "1", because)

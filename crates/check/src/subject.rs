@@ -2,7 +2,7 @@
 
 mod judgement;
 
-pub use judgement::{Judged, Judgement};
+pub use judgement::{Judgement, JudgementResult};
 pub(super) use judgement::{LimitSide, Statements, between_bounds, findings_of};
 
 use super::coverage::ViewCoverage;
@@ -10,7 +10,7 @@ use super::depth_consistency::disparity::DisparityDifference;
 use super::drift::DriftLaw;
 use super::event_times::crossing::StreamClock;
 use super::flash::blocks::FrameBlocks;
-use super::geometry::{GeometryMeasures, Measured};
+use super::geometry::{GeometryMeasures, Measurement};
 use super::sampling::ResampledIntervals;
 use super::{Limits, StreamTally};
 use gs2e_num::units::Hertz;
@@ -21,7 +21,7 @@ use gs2e_trajectory::flow::FlowQuantiles;
 use gs2e_trajectory::report::SpeedReport;
 
 /// The reason why a release tree may not allow a comparison with frames.
-pub(super) const NOT_SEEN: &str =
+pub(super) const NO_FRAMES: &str =
     "there are fewer than two frames to compare with: the recipe asks for no sharp frames, or for too few";
 
 /// One trajectory and its products. Values that were not requested or not kept are `None`; the
@@ -61,7 +61,7 @@ pub struct TrajectorySubject<'a> {
     /// Brightness of the blocks of the sharp frames, if they were read.
     pub blocks: Option<&'a [FrameBlocks]>,
     /// Disparity images compared with depth images, if the trajectory has some.
-    pub disparities: Option<&'a Measured<Vec<DisparityDifference>>>,
+    pub disparities: Option<&'a Measurement<Vec<DisparityDifference>>>,
     /// Times of the events compared with those that the released frames predict, if they were
     /// read. An error is the reason why they cannot be compared.
     pub crossings: Option<&'a Result<StreamClock, String>>,
@@ -70,7 +70,7 @@ pub struct TrajectorySubject<'a> {
     /// True if the light of the scene changes.
     pub light_changes: bool,
     /// True if things move on paths of their own, or the scene changes with time.
-    pub own_motion: bool,
+    pub moves_by_itself: bool,
     /// True if the files of a release are all that is known.
     pub is_release: bool,
     /// The recipe's limits.
@@ -102,7 +102,7 @@ impl<'a> TrajectorySubject<'a> {
             crossings: None,
             foreign: None,
             light_changes: false,
-            own_motion: false,
+            moves_by_itself: false,
             is_release: false,
             limits,
         }
@@ -147,7 +147,7 @@ impl<'a> TrajectorySubject<'a> {
         match (tally.compared.fits.is_empty(), self.trajectory.stamps_us.len() < 2) {
             (false, _) => Ok(tally),
             (true, true) => Err("there is only one frame, so nothing changes"),
-            (true, false) => Err(NOT_SEEN),
+            (true, false) => Err(NO_FRAMES),
         }
     }
 
@@ -170,7 +170,7 @@ impl<'a> TrajectorySubject<'a> {
     pub(super) fn changes_steadily(&self) -> Result<(), &'static str> {
         let because =
             "things move on paths of their own, and pixels that they pass may brighten and darken in turn";
-        if self.own_motion { Err(because) } else { Ok(()) }
+        if self.moves_by_itself { Err(because) } else { Ok(()) }
     }
 }
 

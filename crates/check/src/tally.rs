@@ -87,7 +87,7 @@ pub struct StreamTally {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TallyReference<'a> {
     /// The sensor's law, and some of its frames.
-    pub seen: Option<(DriftLaw, &'a AnchorFrames)>,
+    pub observed: Option<(DriftLaw, &'a AnchorFrames)>,
     /// The image motion at some instants.
     pub flows: &'a [FlowAt],
     /// Dead time of a pixel after an event, in whole microseconds.
@@ -168,9 +168,9 @@ impl<'a> StreamObserver<'a> {
     /// An anchor or a flow has another size.
     #[must_use]
     pub fn new(size: Size, rate: Hertz, end_us: i64, against: TallyReference<'a>) -> Self {
-        let TallyReference { seen, flows, dead_us, hot_hz, labelled } = against;
+        let TallyReference { observed, flows, dead_us, hot_hz, labelled } = against;
         let pixels = size.pixels();
-        let mut balance = seen.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz));
+        let mut balance = observed.and_then(|(law, anchors)| DriftBalance::new(size, law, anchors, hot_hz));
         if let (Some(balance), Some(px_s)) = (&mut balance, warp::median_speed(flows)) {
             balance.moves_at(px_s);
         }
@@ -195,9 +195,9 @@ impl<'a> StreamObserver<'a> {
             hot_hz,
             balance,
             windows: WarpWindows::new(size, end_us, flows),
-            watch: seen
+            watch: observed
                 .and_then(|(law, anchors)| StillPixelWatch::new(size, end_us, &law, anchors, &against)),
-            labels: seen
+            labels: observed
                 .filter(|_| labelled)
                 .map(|(law, anchors)| LabelWatch::new(end_us, &law, anchors, hot_hz)),
         }

@@ -8,7 +8,7 @@
 //! threshold on average only if pixels change one by one, so the pass is not run where the light changes.
 
 use super::event_frame::fit::LagSums;
-use super::subject::{Judged, Judgement, LimitSide, Statements};
+use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ impl ValidationPass for TimeOffset {
     }
 }
 
-fn judge_offset(subject: &TrajectorySubject<'_>) -> Judged {
+fn judge_offset(subject: &TrajectorySubject<'_>) -> JudgementResult {
     // Pixels that change in step have equal residuals, and their mean is not half of a threshold.
     subject.changes_one_by_one()?;
     let tally = subject.compared()?;

@@ -132,9 +132,9 @@ impl FrameBursts {
         slowed
     }
 
-    /// Mean change of the logarithm per pixel and us in a part of the recording, and in all runs. `None` if
-    /// no run lies in that part.
-    pub(super) fn activity(&self, part_us: [f64; 2]) -> Option<[f64; 2]> {
+    /// Mean change of the logarithm per pixel and us in a window of the recording, and in all runs. `None` if
+    /// no run lies in that window.
+    pub(super) fn activity(&self, window_us: [f64; 2]) -> Option<[f64; 2]> {
         let (mut within, mut all) = (Vec::new(), Vec::new());
         for interval in self.runs.iter().flat_map(Clone::clone) {
             let change =
@@ -142,7 +142,7 @@ impl FrameBursts {
             let changes: Vec<f64> = (0..self.pixels.len()).filter_map(change).collect();
             let rate = changes.iter().sum::<f64>() / changes.len().max(1) as f64 / self.length_us(interval);
             all.push(rate);
-            if self.stamps_us[interval + 1] > part_us[0] && self.stamps_us[interval] < part_us[1] {
+            if self.stamps_us[interval + 1] > window_us[0] && self.stamps_us[interval] < window_us[1] {
                 within.push(rate);
             }
         }

@@ -20,7 +20,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::samples::DatasetFrames;
 use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
-use gs2e_check::{Finding, Judged, Judgement, Verdict};
+use gs2e_check::{Finding, Judgement, JudgementResult, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Largest speed difference of the clocks that is searched for.
@@ -34,7 +34,7 @@ const MAX_PAIRS: usize = 50_000;
 /// Minimum number of pairs of a statement.
 const MIN_PAIRS: usize = 100;
 /// Threshold where no pair of two events of a polarity shows it.
-const USUAL: f64 = 0.2;
+const DEFAULT_THRESHOLD: f64 = 0.2;
 /// Largest deviation of a pair from its threshold, as a share of it.
 const MAX_DEVIATION: f64 = 0.25;
 /// Number of rounds of least squares.
@@ -124,8 +124,8 @@ impl EventClock {
         let interval_us = frames.interval_us() as f64;
         let ends = frames.stamps_us.last().zip(frames.stamps_us.first());
         let whole_us = ends.map_or(1, |(last, first)| last - first) as f64;
-        let part = if interval_us >= CAMERA_US { 0.5 } else { 0.25 };
-        let limit = part * interval_us;
+        let share = if interval_us >= CAMERA_US { 0.5 } else { 0.25 };
+        let limit = share * interval_us;
         let [offset, error] = self.offset_us;
         let side = if offset < 0.0 { "earlier" } else { "later" };
         let (size, pairs) = (offset.abs(), self.pairs);
@@ -136,8 +136,8 @@ impl EventClock {
         let because =
             format!("the clock of the events runs {drift:.3} +- {error:.3} % slower than that of the frames");
         let of_drift = judge_time(self.drift, TimeLimit { value: limit / whole_us, unit: "1" }, because);
-        let finding = |part, judged: Judged| {
-            dataset.finding("time_offset", part, judged.map(|judged| self.explain(judged)))
+        let finding = |statement, judged: JudgementResult| {
+            dataset.finding("time_offset", statement, judged.map(|judged| self.explain(judged)))
         };
         [finding("", of_offset), finding("drift", of_drift)]
     }
@@ -164,7 +164,7 @@ struct TimeLimit {
 }
 
 /// Judges an estimate with its standard error.
-fn judge_time([value, error]: [f64; 2], limit: TimeLimit, because: String) -> Judged {
+fn judge_time([value, error]: [f64; 2], limit: TimeLimit, because: String) -> JudgementResult {
     // An error of several limits could hide any offset.
     if error.is_nan() || error >= 4.0 * limit.value {
         return Err(format!("{because}; this is too uncertain to judge"));
@@ -242,9 +242,14 @@ fn thresholds(samples: &[PairSample]) -> [f64; 2] {
         let signed = |s: &PairSample| if rising { s.change } else { -s.change };
         let alike = samples.iter().filter(|s| s.pair.rising == [rising; 2]);
         // Pairs without a change are noise.
-        let mut changes: Vec<f64> = alike.map(signed).filter(|change| *change > 0.1 * USUAL).collect();
+        let mut changes: Vec<f64> =
+            alike.map(signed).filter(|change| *change > 0.1 * DEFAULT_THRESHOLD).collect();
         let middle = changes.len() / 2;
-        if changes.len() < 20 { USUAL } else { *changes.select_nth_unstable_by(middle, f64::total_cmp).1 }
+        if changes.len() < 20 {
+            DEFAULT_THRESHOLD
+        } else {
+            *changes.select_nth_unstable_by(middle, f64::total_cmp).1
+        }
     })
 }
 
@@ -382,18 +387,18 @@ fn solve_clock(pairs: &[EventPair], bursts: &FrameBursts, start: ClockLine) -> O
     let unit = RowUnit { rate: 1e4, time: 0.5 * (bursts.span_us(last)[1] - bursts.span_us(0)[0]) };
     let mut line = start;
     for _ in 0..ROUNDS {
-        let parts = sum_parts(&sound_samples(pairs, bursts, line), bursts, line, unit);
-        let [offset, drift] = total_without(&parts, usize::MAX).solve(unit);
+        let blocks = sum_blocks(&sound_samples(pairs, bursts, line), bursts, line, unit);
+        let [offset, drift] = total_without(&blocks, usize::MAX).solve(unit);
         line = ClockLine { offset: line.offset + offset, drift: line.drift + drift, ..line };
     }
     let samples = sound_samples(pairs, bursts, line);
     if samples.len() < MIN_PAIRS || !line.offset.is_finite() || !line.drift.is_finite() {
         return None;
     }
-    let parts = sum_parts(&samples, bursts, line, unit);
-    let used: Vec<usize> = (0..parts.len()).filter(|part| parts[*part] != NormalSums::EMPTY).collect();
+    let blocks = sum_blocks(&samples, bursts, line, unit);
+    let used: Vec<usize> = (0..blocks.len()).filter(|block| blocks[*block] != NormalSums::EMPTY).collect();
     let error = |which: usize| {
-        jackknife_error(used.len(), &|skip| total_without(&parts, used[skip]).solve(unit)[which])
+        jackknife_error(used.len(), &|skip| total_without(&blocks, used[skip]).solve(unit)[which])
     };
     Some(EventClock {
         offset_us: [line.offset, error(0)],
@@ -429,28 +434,28 @@ fn sound_samples(pairs: &[EventPair], bursts: &FrameBursts, line: ClockLine) -> 
 }
 
 /// The sums of each quadrant of each run.
-fn sum_parts(
+fn sum_blocks(
     samples: &[PairSample],
     bursts: &FrameBursts,
     line: ClockLine,
     unit: RowUnit,
 ) -> Vec<NormalSums> {
-    let mut parts = vec![NormalSums::EMPTY; 4 * RUNS];
+    let mut blocks = vec![NormalSums::EMPTY; 4 * RUNS];
     for sample in samples {
         let rate = sample.rate * unit.rate;
         let [on, off] = if sample.pair.rising[1] { [1.0, 0.0] } else { [0.0, -1.0] };
         let late = (sample.pair.middle() - line.centre) / unit.time;
         let apart = (sample.pair.times_us[1] - sample.pair.times_us[0]) / unit.rate;
-        let part = 4 * sample.pair.run + bursts.quadrant(sample.pair.place);
-        parts[part].add_sample([on, off, rate, rate * late, apart], sample.change);
+        let block = 4 * sample.pair.run + bursts.quadrant(sample.pair.place);
+        blocks[block].add_sample([on, off, rate, rate * late, apart], sample.change);
     }
-    parts
+    blocks
 }
 
-fn total_without(parts: &[NormalSums], skip: usize) -> NormalSums {
+fn total_without(blocks: &[NormalSums], skip: usize) -> NormalSums {
     let mut total = NormalSums::EMPTY;
-    for (_, part) in parts.iter().enumerate().filter(|(number, _)| *number != skip) {
-        total.add(part);
+    for (_, block) in blocks.iter().enumerate().filter(|(number, _)| *number != skip) {
+        total.add(block);
     }
     total
 }

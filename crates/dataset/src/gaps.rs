@@ -14,20 +14,20 @@ use gs2e_event::EventFileError;
 
 /// Number of the longest pauses that are looked at.
 const LONGEST: usize = 32;
-/// Parts of the time on each side.
-const PARTS: usize = 4;
+/// Quarters of the time on each side.
+const QUARTERS: usize = 4;
 /// Length of each side, pauses.
 const SIDE: i64 = 2;
 /// Minimum number of events on each side.
 const MIN_EVENTS: u64 = 40;
-/// Share of the mean of the parts that each part needs.
+/// Share of the mean of the quarters that each quarter needs.
 const EVEN: f64 = 0.25;
 /// A pause that is this part of the hole makes a stream of bursts.
 const OTHER: i64 = 3;
-/// Share of the usual motion below which the scene stands still.
+/// Share of the mean motion below which the scene stands still.
 const STANDS: f64 = 0.2;
 /// Share of the time in which pauses are shorter than the stated one.
-const USUAL: f64 = 0.99;
+const PAUSE_QUANTILE: f64 = 0.99;
 /// Bins of the lengths of pauses: a quarter of an octave each.
 const BINS: usize = 160;
 
@@ -66,12 +66,12 @@ impl StreamPauses {
     }
 
     /// The length below which pauses hold 99 % of the time, us.
-    fn usual_us(&self) -> f64 {
+    fn pause_quantile_us(&self) -> f64 {
         let all: f64 = self.time_us.iter().sum();
         let mut below = 0.0;
         let bin = self.time_us.iter().position(|time| {
             below += time;
-            below >= USUAL * all
+            below >= PAUSE_QUANTILE * all
         });
         libm::exp2((bin.unwrap_or(0) as f64 + 1.0) / 4.0)
     }
@@ -113,7 +113,8 @@ impl StreamPauses {
         let longest = wrong.first().map_or(0, length) as f64;
         let even = (span_us[1] - span_us[0]) as f64 / self.events.max(1) as f64;
         // A hole in a part with half of the mean rate.
-        let size = (OTHER as f64 * self.usual_us()).max(2.0 * even * MIN_EVENTS as f64 / SIDE as f64);
+        let size =
+            (OTHER as f64 * self.pause_quantile_us()).max(2.0 * even * MIN_EVENTS as f64 / SIDE as f64);
         let judged = Judgement::new(verdict, longest, 0.0, "us", because).detecting(size, "us");
         Ok(dataset.finding("completeness", "gaps", Ok(judged)))
     }
@@ -121,7 +122,7 @@ impl StreamPauses {
     /// The pauses among the longest between steady parts.
     fn find_holes(&self, events: OpenEvents<'_>, span_us: [i64; 2]) -> Result<Vec<[i64; 2]>, EventFileError> {
         let mut sides: Vec<[PauseSide; 2]> =
-            self.longest.iter().map(|pause| PauseSide::around(*pause, span_us)).collect();
+            self.longest.iter().map(|pause| PauseSide::both(*pause, span_us)).collect();
         for_each_event(events, |_, t_us| {
             sides.iter_mut().flatten().for_each(|side| side.see(t_us));
         })?;
@@ -136,7 +137,7 @@ impl StreamPauses {
 struct PauseSide {
     from_us: i64,
     to_us: i64,
-    parts: [u64; PARTS],
+    quarters: [u64; QUARTERS],
     last_us: i64,
     longest_us: i64,
     most_us: i64,
@@ -144,12 +145,12 @@ struct PauseSide {
 
 impl PauseSide {
     /// Both sides, within the stream.
-    fn around([start, end]: [i64; 2], [first, last]: [i64; 2]) -> [Self; 2] {
+    fn both([start, end]: [i64; 2], [first, last]: [i64; 2]) -> [Self; 2] {
         let length = end - start;
         let side = |from_us: i64, to_us: i64| Self {
             from_us,
             to_us,
-            parts: [0; PARTS],
+            quarters: [0; QUARTERS],
             last_us: from_us,
             longest_us: 0,
             most_us: length / OTHER,
@@ -165,25 +166,27 @@ impl PauseSide {
             return;
         }
         let share = (t_us - self.from_us) as f64 / (self.to_us - self.from_us).max(1) as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a part from 0 to 3")]
-        let part = ((share * PARTS as f64) as usize).min(PARTS - 1);
-        self.parts[part] += 1;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a quarter from 0 to 3")]
+        let quarter = ((share * QUARTERS as f64) as usize).min(QUARTERS - 1);
+        self.quarters[quarter] += 1;
         self.longest_us = self.longest_us.max(t_us - self.last_us);
         self.last_us = t_us;
     }
 
     fn is_steady(&self) -> bool {
-        let all: u64 = self.parts.iter().sum();
-        let least = EVEN * all as f64 / PARTS as f64;
+        let all: u64 = self.quarters.iter().sum();
+        let least = EVEN * all as f64 / QUARTERS as f64;
         let longest = self.longest_us.max(self.to_us - self.last_us);
-        all >= MIN_EVENTS && longest <= self.most_us && self.parts.iter().all(|part| *part as f64 >= least)
+        all >= MIN_EVENTS
+            && longest <= self.most_us
+            && self.quarters.iter().all(|quarter| *quarter as f64 >= least)
     }
 }
 
 /// Returns true unless the frames show that the scene stands still.
 fn moves_within(frames: &DatasetFrames, hole: [i64; 2]) -> bool {
     let activity = frames.bursts.activity(hole.map(|t| t as f64));
-    activity.is_none_or(|[within, usual]| within >= STANDS * usual)
+    activity.is_none_or(|[within, overall]| within >= STANDS * overall)
 }
 
 fn counted(number: usize) -> String {

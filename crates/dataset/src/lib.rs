@@ -57,7 +57,7 @@ pub mod views;
 pub use alignment::AlignmentCurve;
 use gs2e_check::motion::warp::FlowAt;
 use gs2e_check::tally::{StreamObserver, TallyReference};
-use gs2e_check::{Finding, Judged, Judgement, Limits, TrajectorySubject, Verdict, judge_trajectory};
+use gs2e_check::{Finding, Judgement, JudgementResult, Limits, TrajectorySubject, Verdict, judge_trajectory};
 use gs2e_event::survey::EventSurvey;
 use gs2e_event::{Event, EventFileError, EventSource};
 use gs2e_image::Size;
@@ -94,9 +94,9 @@ pub struct EventDataset<'a> {
 }
 
 impl EventDataset<'_> {
-    /// The finding of a check; `part` names the statement if the check makes several.
-    fn finding(&self, check: &str, part: &str, judged: Judged) -> Finding {
-        judged.unwrap_or_else(Judgement::not_run).finding(self.name, check, part)
+    /// The finding of a check, with the name of the statement if the check makes several.
+    fn finding(&self, check: &str, statement: &str, judged: JudgementResult) -> Finding {
+        judged.unwrap_or_else(Judgement::not_run).finding(self.name, check, statement)
     }
 }
 
@@ -360,9 +360,9 @@ fn align(
     Ok(Some(alignment.curve))
 }
 
-/// Standard error of a statistic, from its values without each part in turn (the jackknife).
-fn jackknife_error(parts: usize, without: &dyn Fn(usize) -> f64) -> f64 {
-    let values: Vec<f64> = (0..parts).map(without).filter(|value| value.is_finite()).collect();
+/// Standard error of a statistic, from its values without each block in turn (the jackknife).
+fn jackknife_error(blocks: usize, without: &dyn Fn(usize) -> f64) -> f64 {
+    let values: Vec<f64> = (0..blocks).map(without).filter(|value| value.is_finite()).collect();
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();

@@ -12,7 +12,7 @@
 use super::bursts::{FrameBursts, RUNS};
 use super::clock::EventClock;
 use super::{EventDataset, OpenEvents, for_each_event, jackknife_error};
-use gs2e_check::{Finding, Judged, Judgement, Verdict};
+use gs2e_check::{Finding, Judgement, JudgementResult, Verdict};
 use gs2e_event::{EventFileError, Polarity};
 
 /// Distances of the frames that show whether a pixel is steady or still.
@@ -56,7 +56,7 @@ struct StateCounts {
 /// The noise of a stream.
 #[derive(Debug, Clone)]
 pub(super) struct StreamNoise {
-    parts: Vec<StateCounts>,
+    blocks: Vec<StateCounts>,
     /// Events per pixel and us of the whole stream.
     rate: f64,
 }
@@ -70,12 +70,12 @@ impl StreamNoise {
         rate: f64,
     ) -> Result<Self, EventFileError> {
         let states = find_states(bursts, clock.thresholds);
-        let mut parts = vec![StateCounts::default(); 4 * RUNS];
+        let mut blocks = vec![StateCounts::default(); 4 * RUNS];
         for (run, intervals) in bursts.runs.iter().enumerate() {
             for interval in intervals.clone() {
                 let length = bursts.length_us(interval);
                 for (place, state) in states[interval].iter().enumerate() {
-                    parts[4 * run + bursts.quadrant(place)].pass(*state, length);
+                    blocks[4 * run + bursts.quadrant(place)].pass(*state, length);
                 }
             }
         }
@@ -85,10 +85,10 @@ impl StreamNoise {
             let t = t_us as f64 - clock.offset_at(t_us as f64);
             let state = bursts.interval_at(t).and_then(|interval| states[interval].get(place));
             let Some(state) = state else { return };
-            let part = &mut parts[4 * bursts.run_at(t) + bursts.quadrant(place)];
-            part.count(*state, event.polarity == Polarity::On);
+            let block = &mut blocks[4 * bursts.run_at(t) + bursts.quadrant(place)];
+            block.count(*state, event.polarity == Polarity::On);
         })?;
-        Ok(Self { parts, rate })
+        Ok(Self { blocks, rate })
     }
 
     /// The findings: the share of noise, and that of contrary events.
@@ -107,7 +107,7 @@ impl StreamNoise {
         Ok(())
     }
 
-    fn judge_share(&self) -> Judged {
+    fn judge_share(&self) -> JudgementResult {
         self.require_steady()?;
         let by_contrary = self.estimate(&|sum| 2.0 * sum.contrary / sum.steady[1] / self.rate);
         let by_still = self.estimate(&|sum| sum.still[0] / sum.still[1] / self.rate);
@@ -129,7 +129,7 @@ impl StreamNoise {
         Ok(detecting(judged, most + SIGMAS[1] * error))
     }
 
-    fn judge_contrary(&self) -> Judged {
+    fn judge_contrary(&self) -> JudgementResult {
         self.require_steady()?;
         let [share, error] = self.estimate(&|sum| sum.contrary / sum.steady[0]);
         let most = MAX_CONTRARY + SIGMAS[0] * error;
@@ -143,18 +143,18 @@ impl StreamNoise {
         Ok(detecting(judged, most + SIGMAS[1] * error))
     }
 
-    /// A statistic of all parts, with its standard error.
+    /// A statistic of all blocks, with its standard error.
     fn estimate(&self, of: &dyn Fn(&StateCounts) -> f64) -> [f64; 2] {
         let used: Vec<usize> =
-            (0..self.parts.len()).filter(|part| self.parts[*part].steady[1] > 0.0).collect();
+            (0..self.blocks.len()).filter(|block| self.blocks[*block].steady[1] > 0.0).collect();
         [of(&self.sum(usize::MAX)), jackknife_error(used.len(), &|skip| of(&self.sum(used[skip])))]
     }
 
     fn sum(&self, skip: usize) -> StateCounts {
         let mut sum = StateCounts::default();
-        for (_, part) in self.parts.iter().enumerate().filter(|(number, _)| *number != skip) {
-            sum.contrary += part.contrary;
-            for (of, value) in [(&mut sum.steady, part.steady), (&mut sum.still, part.still)] {
+        for (_, block) in self.blocks.iter().enumerate().filter(|(number, _)| *number != skip) {
+            sum.contrary += block.contrary;
+            for (of, value) in [(&mut sum.steady, block.steady), (&mut sum.still, block.still)] {
                 of[0] += value[0];
                 of[1] += value[1];
             }

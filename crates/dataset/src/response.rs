@@ -75,13 +75,13 @@ impl SensorResponse {
     /// The findings; `other` is the response under the other decoding.
     pub(super) fn findings(&self, other: Option<&Self>, dataset: &EventDataset<'_>) -> Vec<Finding> {
         let estimate = |value: f64, because| Judgement::new(Verdict::Pass, value, None, "1", because);
-        let state = |part: &str, name: &str, [value, error]: [f64; 2]| {
+        let state = |statement: &str, name: &str, [value, error]: [f64; 2]| {
             let because = format!(
                 "{name} events are {value:.4} +- {error:.4} apart in the logarithm of {}, from {} samples",
                 self.decode.name(),
                 self.samples
             );
-            dataset.finding("event_frame", part, Ok(estimate(value, because)))
+            dataset.finding("event_frame", statement, Ok(estimate(value, because)))
         };
         let other = other.filter(|other| other.uneven.is_finite()).map_or_else(String::new, |other| {
             format!(", and by {:.1} % in {}", 100.0 * other.uneven, other.decode.name())
@@ -132,11 +132,11 @@ fn describe(
 ) -> Option<SensorResponse> {
     let instants = frames.instants();
     let pairs = instants.len() - 1;
-    let parts = 4 * pairs;
+    let blocks = 4 * pairs;
     let without = |skip: usize, which: usize| {
-        solve(samples.iter().filter(|sample| sample.part != skip)).map_or(f64::NAN, |found| found[which])
+        solve(samples.iter().filter(|sample| sample.block != skip)).map_or(f64::NAN, |found| found[which])
     };
-    let error = |which: usize| jackknife_error(parts, &|skip| without(skip, which));
+    let error = |which: usize| jackknife_error(blocks, &|skip| without(skip, which));
     Some(SensorResponse {
         decode,
         on: [on, error(0)],
@@ -150,7 +150,7 @@ fn describe(
 #[derive(Debug, Clone, Copy)]
 struct SteadySample {
     /// Quadrant of a pair of instants.
-    part: usize,
+    block: usize,
     /// Change of the logarithm.
     change: f64,
     /// ON and OFF events, with the halves of both ends.
@@ -252,8 +252,8 @@ fn steady_samples(
                 f64::from(*off) + half(b, false) - half(a, false),
             ];
             let grey = 0.5 * (frames.grey(pair[0], place) + frames.grey(pair[1], place));
-            let part = 4 * number + frames.quadrant(place);
-            samples.push(SteadySample { part, change, steps, rate: b - a, grey });
+            let block = 4 * number + frames.quadrant(place);
+            samples.push(SteadySample { block, change, steps, rate: b - a, grey });
         }
     }
     Ok(samples)

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 const SPANS: usize = 8;
 /// A span is this part of the whole time, unless that exceeds [`MAX_SPAN_US`] or is below a frame
 /// interval.
-const PART: i64 = 16;
+const SPANS_PER_RECORDING: i64 = 16;
 /// Longest span, us, where frames are closer together.
 const MAX_SPAN_US: i64 = 100_000;
 /// Number of instants for the offset.
@@ -73,7 +73,7 @@ pub struct DatasetFrames {
     /// Runs of consecutive frames at fewer pixels.
     pub(super) bursts: FrameBursts,
     /// Stamp and picture of the frame in the middle.
-    pub shown: Option<(i64, Image<f32>)>,
+    pub middle: Option<(i64, Image<f32>)>,
 }
 
 impl DatasetFrames {
@@ -82,15 +82,15 @@ impl DatasetFrames {
     pub fn new(size: Size, stamps_us: Vec<i64>) -> Self {
         let pixels = mirrored_lattice(size);
         let bursts = FrameBursts::new(size, &stamps_us, &pixels);
-        Self { size, stamps_us, pixels, kept: BTreeMap::new(), bursts, shown: None }
+        Self { size, stamps_us, pixels, kept: BTreeMap::new(), bursts, middle: None }
     }
 
     /// Indices of the frames to keep, ascending.
     #[must_use]
     pub fn needed(&self) -> Vec<usize> {
-        let around = self.instants().into_iter().flat_map(|instant| self.frames_around(instant));
+        let near = self.instants().into_iter().flat_map(|instant| self.frames_near(instant));
         let mut needed: Vec<usize> =
-            self.spans().into_iter().flatten().chain(around).chain(self.bursts.needed()).collect();
+            self.spans().into_iter().flatten().chain(near).chain(self.bursts.needed()).collect();
         needed.push(self.stamps_us.len() / 2);
         needed.sort_unstable();
         needed.dedup();
@@ -109,13 +109,13 @@ impl DatasetFrames {
         }
         self.bursts.keep(index, &frame);
         if index == self.stamps_us.len() / 2 {
-            self.shown = Some((self.stamps_us[index], frame));
+            self.middle = Some((self.stamps_us[index], frame));
         }
     }
 
     /// Returns true if a frame belongs to a span or to an instant.
     fn is_compared(&self, index: usize) -> bool {
-        let of_instant = |instant: &usize| self.frames_around(*instant).binary_search(&index).is_ok();
+        let of_instant = |instant: &usize| self.frames_near(*instant).binary_search(&index).is_ok();
         self.spans().as_flattened().contains(&index) || self.instants().iter().any(of_instant)
     }
 
@@ -135,7 +135,7 @@ impl DatasetFrames {
     }
 
     /// An instant and the frames around it that exist, ascending.
-    pub(super) fn frames_around(&self, instant: usize) -> Vec<usize> {
+    pub(super) fn frames_near(&self, instant: usize) -> Vec<usize> {
         let before = LADDER.iter().rev().filter_map(|step| instant.checked_sub(*step));
         let after = LADDER.iter().map(|step| instant + step).filter(|index| *index < self.stamps_us.len());
         before.chain([instant]).chain(after).collect()
@@ -213,7 +213,7 @@ fn choose_spans(stamps_us: &[i64]) -> Vec<[usize; 2]> {
     let whole = last - first;
     // A part of the recording, so that the spans of a short one differ; and short enough that a
     // pixel's noise does not outweigh its change.
-    let length = (whole / PART).min(MAX_SPAN_US);
+    let length = (whole / SPANS_PER_RECORDING).min(MAX_SPAN_US);
     let mut spans: Vec<[usize; 2]> = (0..SPANS as i64)
         .filter_map(|number| {
             let start = first + (whole - length) * number / (SPANS as i64 - 1);

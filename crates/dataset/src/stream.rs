@@ -10,7 +10,7 @@
 //!   bound of the noise, because a slow edge makes some as well.
 
 use super::EventDataset;
-use gs2e_check::{Finding, Judged, Judgement, Verdict};
+use gs2e_check::{Finding, Judgement, JudgementResult, Verdict};
 use gs2e_event::Event;
 use gs2e_image::Size;
 
@@ -157,7 +157,7 @@ impl StreamFacts {
         ]
     }
 
-    fn judge_grid(&self) -> Judged {
+    fn judge_grid(&self) -> JudgementResult {
         if self.events < MIN_EVENTS {
             return Err(format!("{} events are too few to show the grid of their stamps", self.events));
         }
@@ -175,7 +175,7 @@ impl StreamFacts {
         Ok(Judgement::new(verdict, grid as f64, 1.0, "us", because))
     }
 
-    fn judge_pause(&self) -> Judged {
+    fn judge_pause(&self) -> JudgementResult {
         let pause = self.shortest_pause_us().ok_or("fewer than 1000 pairs of events share a pixel")?;
         let because = format!(
             "one pause of a pixel in 1000 is shorter than {pause:.0} us: an upper bound of its dead time"

@@ -1,7 +1,7 @@
 //! A stack of books and, on top of it, an armillary sphere of brass.
 
-use super::object::{
-    Look, ObjectPart, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet,
+use super::primitive::{
+    Look, ScenePrimitive, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet,
     table_point, turn_sine,
 };
 use super::shape::{Sheet, SurfelSpot};
@@ -73,7 +73,7 @@ impl ClosedBook {
 
     fn add(self, seed: u64, into: &mut TableArrangement) {
         let mut side = |sheet: Sheet, look: Look| {
-            into.parts.push(ObjectPart::sheet("books", sheet, look).detail(1.9));
+            into.primitives.push(ScenePrimitive::sheet("books", sheet, look).detail(1.9));
         };
         let (left_right, right_left) = (|u| mix_values(-1.0, 1.0, u), |u| mix_values(1.0, -1.0, u));
         side(Box::new(move |u, v| self.point(left_right(u), left_right(v), 1.0)), self.lid(seed));
@@ -137,16 +137,17 @@ fn add_armillary(foot: DVec3, into: &mut TableArrangement) {
         let shore = smooth_step(0.48, 0.54, cloud_noise(31, 5.0 * s.u, 3.0 * s.v));
         SurfaceFinish::glossy(blend_colours(display_colour(0x2a_5a7e), display_colour(0xb8_a468), shore), 0.4)
     };
-    into.parts.push(
-        ObjectPart::sheet("armillary", ball_sheet(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2),
+    into.primitives.push(
+        ScenePrimitive::sheet("armillary", ball_sheet(middle, 0.10, |_, _| 1.0), Box::new(land)).detail(2.2),
     );
     let axis = Box::new(move |t: f64| middle + table_point(0.16, 0.36, 0.0) * mix_values(-1.0, 1.0, t));
-    into.parts.push(ObjectPart::strand("armillary", axis, 0.008, brass_look()).detail(1.5));
+    into.primitives.push(ScenePrimitive::strand("armillary", axis, 0.008, brass_look()).detail(1.5));
     let stand = |v: f64| {
         let knob = smooth_step(0.45, 0.55, v) * (1.0 - smooth_step(0.6, 0.7, v));
         (0.14 * (1.0 - smooth_step(0.05, 0.25, v)) + 0.022 + 0.028 * knob, 0.18 * v)
     };
-    into.parts.push(ObjectPart::sheet("armillary", revolved_sheet(foot, stand), brass_look()).detail(2.5));
+    into.primitives
+        .push(ScenePrimitive::sheet("armillary", revolved_sheet(foot, stand), brass_look()).detail(2.5));
     into.shadow("armillary", middle, 0.1);
 }
 
@@ -171,7 +172,7 @@ fn add_rings(middle: DVec3, into: &mut TableArrangement) {
             let (sin, cos) = turn_sine(t);
             middle + radius * (a * cos + b * sin)
         });
-        into.parts.push(ObjectPart::strand("armillary", ring, 0.0125, brass_look()).detail(1.8));
+        into.primitives.push(ScenePrimitive::strand("armillary", ring, 0.0125, brass_look()).detail(1.8));
     }
 }
 

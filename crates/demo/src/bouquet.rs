@@ -1,8 +1,8 @@
 //! A striped vase with flowers, leaves and bare twigs.
 
 use super::draw::SceneDraws;
-use super::object::{
-    ObjectPart, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet, smooth_path,
+use super::primitive::{
+    ScenePrimitive, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet, smooth_path,
     table_point, turn_sine,
 };
 use super::shape::SurfelSpot;
@@ -82,11 +82,11 @@ fn add_vase(into: &mut TableArrangement) {
         );
         SurfaceFinish::glossy(clay, 0.36)
     };
-    into.parts
-        .push(ObjectPart::sheet("vase", revolved_sheet(FOOT, vase_profile), Box::new(glaze)).detail(2.4));
+    into.primitives
+        .push(ScenePrimitive::sheet("vase", revolved_sheet(FOOT, vase_profile), Box::new(glaze)).detail(2.4));
     let dark = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x2a_2622));
     let inside = revolved_sheet(FOOT, |v| (0.13 + 0.03 * v, HEIGHT - 0.12 * (1.0 - v) - 0.01));
-    into.parts.push(ObjectPart::sheet("vase", inside, Box::new(dark)).detail(0.5));
+    into.primitives.push(ScenePrimitive::sheet("vase", inside, Box::new(dark)).detail(0.5));
     for (height, radius) in [(0.14, 0.18), (0.34, 0.27), (0.52, 0.2), (0.68, 0.15)] {
         into.shadow("vase", FOOT + table_point(0.0, height, 0.0), radius);
     }
@@ -105,7 +105,8 @@ fn add_stalk(head: DVec3, into: &mut TableArrangement) {
     let green = |s: &SurfelSpot| {
         SurfaceFinish::matt(blend_colours(display_colour(0x3c_5a26), display_colour(0x6d_8f3c), s.u))
     };
-    into.parts.push(ObjectPart::strand("flowers", smooth_path(points), 0.010, Box::new(green)).detail(1.5));
+    into.primitives
+        .push(ScenePrimitive::strand("flowers", smooth_path(points), 0.010, Box::new(green)).detail(1.5));
 }
 
 /// The axes along and across a petal of a flower facing `lean`, at `turns` around it.
@@ -137,7 +138,7 @@ fn add_daisy(head: DVec3, lean: DVec3, draws: &mut SceneDraws, into: &mut TableA
                 ),
             )
         };
-        into.parts.push(ObjectPart::sheet("flowers", petal, Box::new(white)).detail(2.2).thin());
+        into.primitives.push(ScenePrimitive::sheet("flowers", petal, Box::new(white)).detail(2.2).thin());
     }
     let yolk = |s: &SurfelSpot| {
         SurfaceFinish::matt(
@@ -145,7 +146,7 @@ fn add_daisy(head: DVec3, lean: DVec3, draws: &mut SceneDraws, into: &mut TableA
         )
     };
     let disc = ball_sheet(head + lean * 0.012, 0.05, |_, _| 1.0);
-    into.parts.push(ObjectPart::sheet("flowers", disc, Box::new(yolk)).detail(2.5));
+    into.primitives.push(ScenePrimitive::sheet("flowers", disc, Box::new(yolk)).detail(2.5));
 }
 
 /// Five wide petals as a cup, dark in the middle.
@@ -164,14 +165,14 @@ fn add_poppy(head: DVec3, lean: DVec3, draws: &mut SceneDraws, into: &mut TableA
             let red = blend_colours(display_colour(0xc8_2f12), display_colour(0xe0_5a1e), veins);
             SurfaceFinish::matt(blend_colours(display_colour(0x20_1018), red, smooth_step(0.10, 0.34, s.v)))
         };
-        into.parts.push(ObjectPart::sheet("flowers", petal, Box::new(silk)).detail(1.8).thin());
+        into.primitives.push(ScenePrimitive::sheet("flowers", petal, Box::new(silk)).detail(1.8).thin());
     }
     let heart = ball_sheet(head + lean * 0.03, 0.035, |_, _| 1.0);
     let dark = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x1c_1a14));
-    into.parts.push(ObjectPart::sheet("flowers", heart, Box::new(dark)).detail(2.5));
+    into.primitives.push(ScenePrimitive::sheet("flowers", heart, Box::new(dark)).detail(2.5));
 }
 
-/// A bare twig with buds: the thinnest object of the scene.
+/// A bare twig with buds: the thinnest item of the scene.
 fn add_twig(tip: DVec3, draws: &mut SceneDraws, into: &mut TableArrangement) {
     let mouth = FOOT + table_point(0.0, HEIGHT - 0.05, 0.0);
     let way = tip - mouth;
@@ -186,13 +187,14 @@ fn add_twig(tip: DVec3, draws: &mut SceneDraws, into: &mut TableArrangement) {
     for &fork in &points[2..5] {
         let bud = fork + DVec3::new(draws.bell(0.03), -0.03 + draws.bell(0.02), draws.bell(0.03));
         let twiglet = smooth_path(vec![fork, (fork + bud) * 0.5 + table_point(0.01, 0.01, 0.0), bud]);
-        into.parts.push(ObjectPart::strand("flowers", twiglet, 0.005, Box::new(bark)).detail(2.0));
+        into.primitives.push(ScenePrimitive::strand("flowers", twiglet, 0.005, Box::new(bark)).detail(2.0));
         let red = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x9c_3a3a));
-        into.parts.push(
-            ObjectPart::sheet("flowers", ball_sheet(bud, 0.017, |_, _| 1.0), Box::new(red)).detail(4.0),
+        into.primitives.push(
+            ScenePrimitive::sheet("flowers", ball_sheet(bud, 0.017, |_, _| 1.0), Box::new(red)).detail(4.0),
         );
     }
-    into.parts.push(ObjectPart::strand("flowers", smooth_path(points), 0.007, Box::new(bark)).detail(2.0));
+    into.primitives
+        .push(ScenePrimitive::strand("flowers", smooth_path(points), 0.007, Box::new(bark)).detail(2.0));
 }
 
 /// A long leaf that bends from the vase's mouth to its tip.
@@ -211,5 +213,6 @@ fn add_leaf(from: DVec3, tip: DVec3, seed: u64, into: &mut TableArrangement) {
         let tone = blend_colours(display_colour(0x2c_5220), display_colour(0x5f_8a38), veins);
         SurfaceFinish::glossy(blend_colours(tone, display_colour(0x9f_b96a), 0.7 * rib), 0.12)
     };
-    into.parts.push(ObjectPart::sheet("flowers", Box::new(blade), Box::new(green)).detail(1.8).thin());
+    into.primitives
+        .push(ScenePrimitive::sheet("flowers", Box::new(blade), Box::new(green)).detail(1.8).thin());
 }

@@ -2,7 +2,7 @@
 
 use super::StillLife;
 use super::draw::SceneDraws;
-use super::object::{table_point, turn_sine};
+use super::primitive::{table_point, turn_sine};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;

@@ -18,7 +18,7 @@ pub const GRAVITY: DVec3 = DVec3::new(0.0, 4.0, 0.0);
 const NOZZLE: DVec3 = DVec3::new(-0.35, -0.1, -0.75);
 /// Time in which the opacity of a drop falls by a factor of e, s. Drops rise for 0.35 to 0.6 s.
 const WIDTH_S: f64 = 0.3;
-/// Stream of draws, beyond those of the parts of the table.
+/// Stream of draws, beyond those of the primitives on the table.
 const STREAM: u64 = 1 << 32;
 
 /// Parameters of the fountain.

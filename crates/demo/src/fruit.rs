@@ -1,7 +1,7 @@
 //! A bowl of fruit, and fruit that has rolled out of it.
 
-use super::object::{
-    ObjectPart, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet, smooth_path,
+use super::primitive::{
+    ScenePrimitive, SurfaceFinish, TableArrangement, ball_sheet, display_colour, revolved_sheet, smooth_path,
     table_point, turn_sine,
 };
 use super::shape::SurfelSpot;
@@ -47,27 +47,30 @@ fn add_bowl(into: &mut TableArrangement) {
         let white = display_colour(0xdc_dcd2);
         SurfaceFinish::glossy(blend_colours(white, display_colour(0x1f_4f7a), rim.max(frieze)), 0.34)
     };
-    into.parts.push(ObjectPart::sheet("bowl", revolved_sheet(BOWL, outside), Box::new(painted)).detail(1.5));
+    into.primitives
+        .push(ScenePrimitive::sheet("bowl", revolved_sheet(BOWL, outside), Box::new(painted)).detail(1.5));
     let plain = |_: &SurfelSpot| SurfaceFinish::glossy(display_colour(0xb9_c4c4), 0.25);
-    into.parts.push(ObjectPart::sheet("bowl", revolved_sheet(BOWL, inside), Box::new(plain)).detail(0.5));
+    into.primitives
+        .push(ScenePrimitive::sheet("bowl", revolved_sheet(BOWL, inside), Box::new(plain)).detail(0.5));
     let rim = |t: f64| {
         let (sin, cos) = turn_sine(t);
         BOWL + table_point(0.98 * BOWL_RADIUS * cos, BOWL_HEIGHT + 0.005, 0.98 * BOWL_RADIUS * sin)
     };
     let gold = |_: &SurfelSpot| SurfaceFinish::glossy(display_colour(0xb0_8a4a), 0.3);
-    into.parts.push(ObjectPart::strand("bowl", Box::new(rim), 0.018, Box::new(gold)).detail(1.2));
+    into.primitives.push(ScenePrimitive::strand("bowl", Box::new(rim), 0.018, Box::new(gold)).detail(1.2));
     for k in 0..6 {
         let (sin, cos) = turn_sine(f64::from(k) / 6.0);
         into.shadow("bowl", BOWL + table_point(0.36 * cos, 0.2, 0.36 * sin), 0.24);
     }
 }
 
-fn add_stem(object: &'static str, points: Vec<DVec3>, radius: f64, into: &mut TableArrangement) {
+fn add_stem(item: &'static str, points: Vec<DVec3>, radius: f64, into: &mut TableArrangement) {
     let wood = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x4a_3218));
-    into.parts.push(ObjectPart::strand(object, smooth_path(points), radius, Box::new(wood)).detail(2.5));
+    into.primitives
+        .push(ScenePrimitive::strand(item, smooth_path(points), radius, Box::new(wood)).detail(2.5));
 }
 
-fn add_apple(object: &'static str, centre: DVec3, radius: f64, seed: u64, into: &mut TableArrangement) {
+fn add_apple(item: &'static str, centre: DVec3, radius: f64, seed: u64, into: &mut TableArrangement) {
     let swell = |_: f64, v: f64| {
         let dent = |d: f64| 0.22 * libm::exp(-d * d / 0.012);
         1.0 - dent(1.0 - v) - 0.5 * dent(v)
@@ -80,18 +83,19 @@ fn add_apple(object: &'static str, centre: DVec3, radius: f64, seed: u64, into: 
         let freckle = smooth_step(0.80, 0.90, value_noise(seed.wrapping_add(9), 60.0 * s.u, 34.0 * s.v));
         SurfaceFinish::glossy(blend_colours(skin, display_colour(0xe6_c070), 0.6 * freckle), 0.42)
     };
-    into.parts.push(ObjectPart::sheet(object, ball_sheet(centre, radius, swell), Box::new(skin)).detail(1.6));
+    into.primitives
+        .push(ScenePrimitive::sheet(item, ball_sheet(centre, radius, swell), Box::new(skin)).detail(1.6));
     let top = centre + table_point(0.0, 0.72 * radius, 0.0);
     add_stem(
-        object,
+        item,
         vec![top, top + table_point(0.02, 0.08, 0.0), top + table_point(0.06, 0.16, -0.02)],
         0.012,
         into,
     );
-    into.shadow(object, centre, 0.95 * radius);
+    into.shadow(item, centre, 0.95 * radius);
 }
 
-fn add_orange(object: &'static str, centre: DVec3, radius: f64, seed: u64, into: &mut TableArrangement) {
+fn add_orange(item: &'static str, centre: DVec3, radius: f64, seed: u64, into: &mut TableArrangement) {
     let peel = move |s: &SurfelSpot| {
         let pores = value_noise(seed, 46.0 * s.u, 26.0 * s.v);
         let tone = cloud_noise(seed.wrapping_add(5), 5.0 * s.u, 3.0 * s.v);
@@ -102,9 +106,10 @@ fn add_orange(object: &'static str, centre: DVec3, radius: f64, seed: u64, into:
             0.26,
         )
     };
-    into.parts
-        .push(ObjectPart::sheet(object, ball_sheet(centre, radius, |_, _| 1.0), Box::new(peel)).detail(1.6));
-    into.shadow(object, centre, 0.97 * radius);
+    into.primitives.push(
+        ScenePrimitive::sheet(item, ball_sheet(centre, radius, |_, _| 1.0), Box::new(peel)).detail(1.6),
+    );
+    into.shadow(item, centre, 0.97 * radius);
 }
 
 /// A lemon on its side.
@@ -124,7 +129,7 @@ fn add_lemon(centre: DVec3, radius: f64, seed: u64, into: &mut TableArrangement)
         let peel = blend_colours(display_colour(0xe2_bd2a), display_colour(0x9a_9a2e), 0.7 * ends);
         SurfaceFinish::glossy(peel * mix_values(0.78, 1.1, pores), 0.28)
     };
-    into.parts.push(ObjectPart::sheet("lemon", sheet, Box::new(peel)).detail(1.8));
+    into.primitives.push(ScenePrimitive::sheet("lemon", sheet, Box::new(peel)).detail(1.8));
     into.shadow("lemon", centre + table_point(0.06, 0.0, 0.03), 0.92 * radius);
     into.shadow("lemon", centre - table_point(0.06, 0.0, 0.03), 0.92 * radius);
 }
@@ -159,8 +164,9 @@ fn add_grapes(into: &mut TableArrangement) {
             let purple = blend_colours(display_colour(0x4d_1f4a), display_colour(0x6e_2f50), tone);
             SurfaceFinish::glossy(blend_colours(purple, display_colour(0x8c_7f9c), 0.35 * bloom), 0.5)
         };
-        into.parts.push(
-            ObjectPart::sheet("grapes", ball_sheet(centre, 0.088, |_, _| 1.0), Box::new(skin)).detail(2.2),
+        into.primitives.push(
+            ScenePrimitive::sheet("grapes", ball_sheet(centre, 0.088, |_, _| 1.0), Box::new(skin))
+                .detail(2.2),
         );
     }
     let vine = [[0.40, 0.50, -0.12], [0.56, 0.46, -0.28], [0.70, 0.32, -0.40], [0.78, 0.22, -0.46]];
@@ -182,15 +188,16 @@ fn add_cherries(into: &mut TableArrangement) {
                 0.5,
             )
         };
-        into.parts.push(
-            ObjectPart::sheet("cherry", ball_sheet(centre, 0.075, |_, _| 1.0), Box::new(skin)).detail(2.4),
+        into.primitives.push(
+            ScenePrimitive::sheet("cherry", ball_sheet(centre, 0.075, |_, _| 1.0), Box::new(skin))
+                .detail(2.4),
         );
         let top = centre + table_point(0.0, 0.07, 0.0);
         let points =
             vec![top, top + table_point(0.4 * lean, 0.10, 0.02), top + table_point(lean, 0.21, 0.08)];
         let green = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x5c_7a2c));
-        into.parts
-            .push(ObjectPart::strand("cherry", smooth_path(points), 0.008, Box::new(green)).detail(2.5));
+        into.primitives
+            .push(ScenePrimitive::strand("cherry", smooth_path(points), 0.008, Box::new(green)).detail(2.5));
         into.shadow("cherry", centre, 0.072);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Fruit, flowers, books and brass on a table in front of a tiled wall, as surfels: flattened
 //! Gaussians that follow the surfaces, with a size that depends on their number. Light is computed
-//! once and stored as colour; the harmonics of glossy objects contain the reflection of the lamp.
+//! once and stored as colour; the harmonics of glossy items contain the reflection of the lamp.
 //! The same parameters give the same bits on every machine: all arithmetic is in 64 bits,
 //! transcendental functions come from `libm`, and every draw from ChaCha12.
 //!
@@ -30,7 +30,7 @@ mod draw;
 mod fountain;
 mod fruit;
 mod light;
-mod object;
+mod primitive;
 mod room;
 mod shape;
 mod texture;
@@ -43,9 +43,9 @@ use gs2e_scene::dynamic::{SplatCourse, SplatTrack};
 use gs2e_scene::{Gaussians, sh};
 use gs2e_source::Capture;
 use light::LitPoint;
-use object::{ObjectPart, SurfaceFinish, TableArrangement};
+use primitive::{ScenePrimitive, SurfaceFinish, TableArrangement};
 use serde::{Deserialize, Serialize};
-use shape::{PartShape, SurfelSpot};
+use shape::{PrimitiveShape, SurfelSpot};
 
 /// Parameters of the still life.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -108,16 +108,18 @@ impl StillLife {
 pub fn still_life(life: &StillLife) -> Gaussians {
     life.validate().expect("the parameters were validated where they were read");
     let arrangement = arrange_table(life.seed);
-    let weights: Vec<f64> = arrangement.parts.iter().map(|p| p.detail * p.shape.area()).collect();
+    let weights: Vec<f64> = arrangement.primitives.iter().map(|p| p.detail * p.shape.area()).collect();
     let counts = shape::split_count(life.gaussians as usize, &weights);
     let drops = life.fountain.map_or(0, |fountain| fountain.drops as usize);
     let mut collector = GaussianCollector::new(light::DEGREE, life.gaussians as usize + drops)
         .expect("a valid still life has few Gaussians");
-    // Each part draws from its own stream, so the number of surfels of one part changes no draw of
+    // Each primitive draws from its own stream, so the number of surfels of one changes no draw of
     // another.
-    for (stream, (part, count)) in (0_u64..).zip(arrangement.parts.iter().zip(counts)) {
+    for (stream, (primitive, count)) in (0_u64..).zip(arrangement.primitives.iter().zip(counts)) {
         let mut draws = SceneDraws::new(life.seed, stream);
-        part.shape.spots(count, &mut draws, |spot| paint_spot(part, spot, &arrangement, &mut collector));
+        primitive
+            .shape
+            .spots(count, &mut draws, |spot| paint_spot(primitive, spot, &arrangement, &mut collector));
     }
     let tracks = life.fountain.map(|fountain| {
         // Tracks go by position: the surfels are in the collector already, and the drops follow them.
@@ -152,33 +154,36 @@ fn arrange_table(seed: u64) -> TableArrangement {
     books::add_books(seed.wrapping_add(400), &mut arrangement);
     // A part draws from the stream of its place in this list, so the order of the groups belongs to the
     // scene.
-    arrangement.parts.push(dust_part());
+    arrangement.primitives.push(dust_primitive());
     arrangement
 }
 
 /// Floaters: faint blobs in the air in front of the table, as in every captured scene.
-fn dust_part() -> ObjectPart {
-    let shape =
-        PartShape::Blobs { low: DVec3::new(-1.8, -1.5, -1.3), high: DVec3::new(1.9, -0.3, 1.2), share: 0.05 };
+fn dust_primitive() -> ScenePrimitive {
+    let shape = PrimitiveShape::Blobs {
+        low: DVec3::new(-1.8, -1.5, -1.3),
+        high: DVec3::new(1.9, -0.3, 1.2),
+        share: 0.05,
+    };
     let look = |s: &SurfelSpot| {
         let warm = DVec3::new(0.62, 0.58, 0.50);
         SurfaceFinish { albedo: warm * (0.4 + 0.6 * s.u), gloss: 0.0, opacity: 0.05 + 0.13 * s.v }
     };
-    ObjectPart { object: "dust", shape, look: Box::new(look), detail: 1.0, thin: true }
+    ScenePrimitive { item: "dust", shape, look: Box::new(look), detail: 1.0, thin: true }
 }
 
 /// Lights a spot, and passes it on as a Gaussian.
 fn paint_spot(
-    part: &ObjectPart,
+    primitive: &ScenePrimitive,
     spot: &SurfelSpot,
     arrangement: &TableArrangement,
     collector: &mut GaussianCollector,
 ) {
-    let finish = (part.look)(spot);
+    let finish = (primitive.look)(spot);
     // The side towards the lamp and the viewer is lit.
-    let away = part.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
+    let away = primitive.thin && spot.normal.dot(DVec3::new(0.1, -0.5, -0.85)) < 0.0;
     let normal = if away { -spot.normal } else { spot.normal };
-    let lit = LitPoint { object: part.object, position: spot.position, normal };
+    let lit = LitPoint { item: primitive.item, position: spot.position, normal };
     let colour = light::display_light(light::shade_point(lit, finish.albedo, &arrangement.occluders));
     let mut coefficients = [DVec3::ZERO; sh::function_count(light::DEGREE)];
     coefficients[0] = (colour - DVec3::splat(0.5)) / sh::C0;

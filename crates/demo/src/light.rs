@@ -5,10 +5,10 @@ use glam::DVec3;
 use gs2e_image::srgb;
 use gs2e_scene::sh;
 
-/// An occluder of light: a sphere that belongs to the object with this name.
+/// An occluder of light: a sphere that belongs to the item with this name.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SphereOccluder {
-    pub(super) object: &'static str,
+    pub(super) item: &'static str,
     pub(super) centre: DVec3,
     pub(super) radius: f64,
 }
@@ -16,7 +16,7 @@ pub(super) struct SphereOccluder {
 /// A point of a surface, with the properties that lighting needs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LitPoint {
-    pub(super) object: &'static str,
+    pub(super) item: &'static str,
     pub(super) position: DVec3,
     /// Unit normal, outwards.
     pub(super) normal: DVec3,
@@ -43,8 +43,8 @@ pub(super) fn shade_point(lit: LitPoint, albedo: DVec3, occluders: &[SphereOcclu
     let (direction, distance) = to_lamp(lit.position);
     let facing = lit.normal.dot(direction).max(0.0);
     let falloff = 30.0 / (distance * distance);
-    // The spheres of an object would cast shadows on its own surface.
-    let strangers = || occluders.iter().filter(|o| o.object != lit.object);
+    // The spheres of an item would cast shadows on its own surface.
+    let strangers = || occluders.iter().filter(|o| o.item != lit.item);
     let shadow: f64 = strangers().map(|o| lamp_share(lit.position, direction, o)).product();
     let open: f64 = strangers().map(|o| sky_share(lit, o)).product();
     let up = 0.5 - 0.5 * lit.normal.y;
@@ -104,11 +104,11 @@ pub(super) fn add_gloss(
     if strength <= 0.0 || facing <= 0.0 {
         return;
     }
-    let strangers = occluders.iter().filter(|o| o.object != lit.object);
-    let seen: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
+    let strangers = occluders.iter().filter(|o| o.item != lit.item);
+    let visible: f64 = strangers.map(|o| lamp_share(lit.position, direction, o)).product();
     let mirrored = lit.normal * (2.0 * facing) - direction;
     // The reflection fades out towards grazing light, where it ends.
-    let strength = strength * seen * smooth_step(0.0, 0.15, facing);
+    let strength = strength * visible * smooth_step(0.0, 0.15, facing);
     for (c, y) in coefficients.iter_mut().zip(lobe_coefficients((-mirrored).to_array())) {
         *c += DVec3::splat(strength * y);
     }

@@ -1,6 +1,8 @@
 //! The room: a tiled wall, a table of planks, and a chequered cloth.
 
-use super::object::{ObjectPart, SurfaceFinish, TableArrangement, display_colour, table_point, turn_sine};
+use super::primitive::{
+    ScenePrimitive, SurfaceFinish, TableArrangement, display_colour, table_point, turn_sine,
+};
 use super::shape::{SurfelCover, SurfelSpot};
 use super::texture::{
     blend_colours, cloud_noise, lattice_value, mix_values, smooth_step, stripe_share, value_noise,
@@ -40,11 +42,13 @@ fn add_wall(seed: u64, into: &mut TableArrangement) {
         Box::new(move |u: f64, v: f64| table_point(mix_values(left, right, u), mix_values(-0.06, TOP, v), z))
     };
     let look = move || Box::new(move |s: &SurfelSpot| tile_finish(seed, s));
-    into.parts
-        .push(ObjectPart::covered("wall", face(-NEAR, NEAR, WALL_Z), SurfelCover::CRISP, look()).detail(0.8));
-    into.parts.push(ObjectPart::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
+    into.primitives.push(
+        ScenePrimitive::covered("wall", face(-NEAR, NEAR, WALL_Z), SurfelCover::CRISP, look()).detail(0.8),
+    );
+    into.primitives.push(ScenePrimitive::sheet("wall", face(-NEAR, NEAR, WALL_Z + 0.1), look()).detail(0.08));
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
-        into.parts.push(ObjectPart::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
+        into.primitives
+            .push(ScenePrimitive::sheet("wall", face(left, right, WALL_Z + 0.3), look()).detail(0.02));
     }
     // Rings and grout lie slightly in front of the wall, because layers are blended in the order of
     // their centres.
@@ -70,13 +74,13 @@ fn add_ring(centre: DVec3, into: &mut TableArrangement) {
         centre + RING * TILE * table_point(cos, sin, 0.0)
     });
     let blue = |_: &SurfelSpot| SurfaceFinish::glossy(display_colour(0x25_5684), 0.10);
-    into.parts.push(ObjectPart::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
+    into.primitives.push(ScenePrimitive::strand("wall", circle, 0.055 * TILE, Box::new(blue)).detail(1.2));
 }
 
 fn add_grout(from: DVec3, to: DVec3, into: &mut TableArrangement) {
     let line = Box::new(move |t: f64| from.lerp(to, t));
     let grey = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x5a_554c));
-    into.parts.push(ObjectPart::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
+    into.primitives.push(ScenePrimitive::strand("wall", line, 0.011, Box::new(grey)).detail(0.4));
 }
 
 /// Glazed tiles in the style of azulejos: a blue ring around each corner, and a diamond in each
@@ -118,17 +122,17 @@ fn add_table(seed: u64, into: &mut TableArrangement) {
     };
     let look = move || Box::new(move |s: &SurfelSpot| plank_finish(seed, s));
     let grain = SurfelCover { aspect: 5.0, ..SurfelCover::CRISP };
-    into.parts.push(ObjectPart::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
-    into.parts.push(ObjectPart::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
+    into.primitives.push(ScenePrimitive::covered("table", top(-NEAR, NEAR, 0.0), grain, look()).detail(0.75));
+    into.primitives.push(ScenePrimitive::sheet("table", top(-NEAR, NEAR, -0.1), look()).detail(0.09));
     // The wings begin inside the edge of the sharp part, and lie deeper, so they leave no gap.
     for (left, right) in [(-FAR, -INNER), (INNER, FAR)] {
-        into.parts.push(ObjectPart::sheet("table", top(left, right, -0.2), look()).detail(0.02));
+        into.primitives.push(ScenePrimitive::sheet("table", top(left, right, -0.2), look()).detail(0.02));
     }
     for k in -4..=3 {
         let z = f64::from(k) * PLANK;
         let seam = Box::new(move |t: f64| table_point(mix_values(-NEAR, NEAR, t), 0.004, z));
         let dark = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x2c_180c));
-        into.parts.push(ObjectPart::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
+        into.primitives.push(ScenePrimitive::strand("table", seam, 0.012, Box::new(dark)).detail(0.6));
     }
 }
 
@@ -157,7 +161,7 @@ fn add_cloth(into: &mut TableArrangement) {
             0.5 * (p + q),
         ))
     });
-    into.parts.push(ObjectPart::sheet("cloth", Box::new(linen_colour), look).detail(2.4).thin());
+    into.primitives.push(ScenePrimitive::sheet("cloth", Box::new(linen_colour), look).detail(2.4).thin());
     let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
     for (from, to) in corners.iter().zip(&corners[1..]).map(|(&a, &b)| (a, b)) {
         let edge = Box::new(move |t: f64| {
@@ -165,7 +169,7 @@ fn add_cloth(into: &mut TableArrangement) {
                 - table_point(0.0, 0.01, 0.0)
         });
         let red = |_: &SurfelSpot| SurfaceFinish::matt(display_colour(0x8c_1a1c));
-        into.parts.push(ObjectPart::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
+        into.primitives.push(ScenePrimitive::strand("cloth", edge, 0.012, Box::new(red)).detail(1.0));
     }
 }
 

@@ -16,8 +16,8 @@ pub(super) type Sheet = Box<dyn Fn(f64, f64) -> DVec3>;
 /// A map from the unit interval onto a curve.
 pub(super) type Path = Box<dyn Fn(f64) -> DVec3>;
 
-/// Shape of a part of an object.
-pub(super) enum PartShape {
+/// Shape of a primitive.
+pub(super) enum PrimitiveShape {
     /// A surface and its coverage.
     Sheet(Sheet, SurfelCover),
     /// A thin tube along a curve, of this radius.
@@ -26,7 +26,7 @@ pub(super) enum PartShape {
     Blobs { low: DVec3, high: DVec3, share: f64 },
 }
 
-impl fmt::Debug for PartShape {
+impl fmt::Debug for PrimitiveShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Sheet(..) => "Sheet",
@@ -74,7 +74,7 @@ const UNREST: f64 = 0.18;
 /// Number of rows and columns at which areas and lengths are measured.
 const MEASURED: u32 = 48;
 
-impl PartShape {
+impl PrimitiveShape {
     /// Area of the surface. For a strand, its visible area plus [`BENDS`] per unit of length.
     pub(super) fn area(&self) -> f64 {
         match self {
@@ -177,7 +177,7 @@ fn cover_sheet(
     }
 }
 
-/// `count` divided by weights: exact in total, and each part within one of its share.
+/// `count` divided by weights: exact in total, and each number within one of its share.
 pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
     let total: f64 = weights.iter().sum();
     let mut so_far = 0.0;
@@ -186,7 +186,7 @@ pub(super) fn split_count(count: usize, weights: &[f64]) -> Vec<usize> {
         .iter()
         .map(|w| {
             so_far += w;
-            // Rounding the running sum, and not each part, makes the total exact.
+            // Rounding the running sum, and not each share, makes the total exact.
             let upto = if total > 0.0 { (count as f64 * (so_far / total)).round() as usize } else { 0 };
             let share = upto.min(count) - given;
             given += share;

@@ -68,7 +68,7 @@ impl BrightnessFormula {
 impl BrightnessFactor {
     /// Compares a formula with a sensor.
     pub(super) fn between(sensor: &SensorChoice, formula: BrightnessFormula) -> Self {
-        let own = |grey: f64| own_brightness(sensor.as_model(), grey);
+        let own = |grey: f64| sensor_brightness(sensor.as_model(), grey);
         let slope = |of: &dyn Fn(f64) -> f64, grey: f64| of(grey + STEP) - of(grey - STEP);
         let mut ratios: Vec<f64> = (0..=COUNT)
             .map(|i| GREYS[0] + (GREYS[1] - GREYS[0]) * f64::from(i) / f64::from(COUNT))
@@ -100,12 +100,12 @@ pub(super) fn thresholds_in(sensor: &SensorChoice, formula: BrightnessFormula) -
 }
 
 /// Brightness of an encoded grey from 0 to 1, as thresholds compare it.
-pub(super) fn own_brightness(model: &dyn SensorModel, grey: f64) -> f64 {
+pub(super) fn sensor_brightness(model: &dyn SensorModel, grey: f64) -> f64 {
     let front = model.front_end();
     // All three channels of a grey are equal, so the weights of the colours have no effect.
     let light = if front.decode == ChannelDecode::Srgb { srgb::decode(grey) } else { grey };
-    let seen = (WHITE * front.exposure * light).max(front.range.min);
-    model.brightness(front.range.max.map_or(seen, |max| seen.min(max)))
+    let exposed = (WHITE * front.exposure * light).max(front.range.min);
+    model.brightness(front.range.max.map_or(exposed, |max| exposed.min(max)))
 }
 
 /// The offset `o` of a sensor with brightness `ln(light + o)`, where the light of white is 1. For

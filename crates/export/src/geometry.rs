@@ -57,7 +57,7 @@ pub(super) fn unmet_depth(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
 
 /// Points of the scene, lifted from the depth of some frames through the pixel centres, with the
 /// colours of their sharp pictures. Empty without depth.
-pub(super) fn seen_points(plan: &ExportPlan<'_>) -> Result<(Vec<ColmapPoint>, Vec<f64>), ExportError> {
+pub(super) fn lifted_points(plan: &ExportPlan<'_>) -> Result<(Vec<ColmapPoint>, Vec<f64>), ExportError> {
     let subject = plan.subject;
     let (mut points, mut depths) = (Vec::new(), Vec::new());
     let spread = subject.depth.len().div_ceil(FRAMES).max(1);
@@ -92,7 +92,7 @@ fn lattice(size: Size) -> usize {
 
 /// The extent of the scene.
 pub(super) fn scene_box(plan: &ExportPlan<'_>) -> Result<SceneBox, ExportError> {
-    let (points, mut depth) = seen_points(plan)?;
+    let (points, mut depth) = lifted_points(plan)?;
     let (places, basis): (Vec<DVec3>, _) = match plan.subject.depth_range {
         _ if !points.is_empty() => (points.iter().map(|point| point.xyz).collect(), "depth"),
         Some([near, far]) => {

@@ -74,7 +74,7 @@ impl ReleaseExporter for IncludedExporter<'_> {
         export(ExportOrder { scene, trajectory, include }, to, self.progress)
     }
 
-    fn write_again(
+    fn rewrite(
         &self,
         order: ExportOrder<'_>,
         to: &Path,
@@ -166,7 +166,7 @@ fn promised_subject(
         return Err(ExportError::Selection(format!("{} has no trajectory `{trajectory}`", recipe.scene)));
     }
     let size = Size { width: 640, height: 480 };
-    let usual = Camera { size, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0, lens: None };
+    let default = Camera { size, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0, lens: None };
     let sensors = recipe.sensors_of(trajectory);
     let names: Vec<&str> = sensors.iter().filter_map(|(name, _)| name).collect();
     let chosen = match (sensor, names.as_slice()) {
@@ -190,7 +190,7 @@ fn promised_subject(
     // apart.
     let exposed = (1..PROMISED_POSES - 1).step_by(3).filter(|_| has("blur")).map(exposure);
     let still = Se3 { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
-    let camera = choose_camera(recipe.camera_along(trajectory), Some(&usual)).unwrap_or(usual);
+    let camera = choose_camera(recipe.camera_along(trajectory), Some(&default)).unwrap_or(default);
     let no_files = Arc::new(ListedFiles::default());
     Ok(ExportSubject {
         release: Value::Null,

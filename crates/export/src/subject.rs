@@ -208,8 +208,8 @@ impl ExportSubject {
 /// The index of the chosen name.
 fn choose(names: &[&str], asked: Option<&str>, what: &str, of: &str) -> Result<usize, ExportError> {
     let listed = || {
-        let shown = names.iter().take(12).copied().collect::<Vec<_>>().join(", ");
-        if names.len() > 12 { format!("{shown} and {} more", names.len() - 12) } else { shown }
+        let listed = names.iter().take(12).copied().collect::<Vec<_>>().join(", ");
+        if names.len() > 12 { format!("{listed} and {} more", names.len() - 12) } else { listed }
     };
     match asked {
         Some(asked) => names.iter().position(|name| *name == asked).ok_or_else(|| {

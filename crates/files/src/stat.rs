@@ -58,7 +58,7 @@ const RACY_NS: i64 = 2_000_000_000;
 impl StatSighting {
     /// Observes fields now. Call it before the file is read.
     #[must_use]
-    pub fn seen_now(stat: FileStat) -> Self {
+    pub fn observed_now(stat: FileStat) -> Self {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         // The largest number is `SETTLED`, which no clock may reach.
         Self { stat, observed_ns: i64::try_from(since.as_nanos()).unwrap_or(i64::MAX - 1) }
@@ -94,8 +94,8 @@ mod tests {
 
     #[test]
     fn fields_hold_if_they_agree_and_were_old_when_seen() {
-        let t = |seen: StatSighting, now: FileStat, holds: bool| {
-            assert_eq!(seen.holds_for(&now), holds, "{seen:?} {now:?}")
+        let t = |sighting: StatSighting, now: FileStat, holds: bool| {
+            assert_eq!(sighting.holds_for(&now), holds, "{sighting:?} {now:?}")
         };
         let old = stat(0, 0);
         let seen = |stat: FileStat, observed_ns: i64| StatSighting { stat, observed_ns };

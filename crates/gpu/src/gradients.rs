@@ -50,7 +50,7 @@ pub struct GpuGradientRenderer {
     buffers: Option<GradientBuffers>,
     images: RenderedImages,
     /// The view whose trace is kept.
-    seen: Option<CameraView>,
+    traced_view: Option<CameraView>,
 }
 
 /// The backward passes.
@@ -87,7 +87,7 @@ impl GpuGradientRenderer {
             pipelines: BackwardPipelines { backward, gather, chain },
             buffers: None,
             images: RenderedImages::default(),
-            seen: None,
+            traced_view: None,
         })
     }
 
@@ -98,7 +98,7 @@ impl GpuGradientRenderer {
     }
 
     /// Renders one region of a view again.
-    fn trace_again(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
+    fn retrace(&mut self, view: &CameraView, region: TileRegion) -> Result<(), RenderError> {
         let renderer = &mut self.renderer;
         let mut pending = PendingView { view: *view, want: COLOUR, shots: Vec::new() };
         renderer.shoot(&mut pending, region)?;
@@ -106,7 +106,7 @@ impl GpuGradientRenderer {
         renderer.finish(pending, &mut self.images)?;
         // The region was rendered with these capacities or less before.
         match renderer.traced.as_deref() {
-            Some([again]) if again.region == region => Ok(()),
+            Some([traced]) if traced.region == region => Ok(()),
             _ => Err(renderer.device.too_small("gradients").into()),
         }
     }

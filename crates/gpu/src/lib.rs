@@ -147,7 +147,7 @@ impl GpuRenderer {
             let because = "this gs2e renders blended orders only on the CPU: --backend cpu or reference";
             return Err(RenderError::Style(because.to_owned()));
         }
-        if scene.part_count() > 0 {
+        if scene.object_count() > 0 {
             let because = "this gs2e renders moving objects only on the CPU: --backend cpu or reference";
             return Err(RenderError::Scene(because.to_owned()));
         }
@@ -254,7 +254,7 @@ impl GpuRenderer {
                         traced.push(TracedRegion { region, splats: totals.of_count(Total::Splats) });
                     }
                 }
-                None => self.again(&mut pending, region, &totals)?,
+                None => self.resubmit(&mut pending, region, &totals)?,
             }
         }
         checked.map_err(|()| self.device.not_finite())?;
@@ -262,7 +262,7 @@ impl GpuRenderer {
         out.flow = if want.flow { out.depth.as_ref().map(|depth| flow_rates(depth, &view)) } else { None };
         out.depth = out.depth.take().filter(|_| want.depth);
         // Nothing moves in the scenes of this back end.
-        out.segments = want.segments.then(|| Image::filled(view.camera.size, 0));
+        out.segmentation = want.segmentation.then(|| Image::filled(view.camera.size, 0));
         out.drift = want.drift.then(|| Image::filled(view.camera.size, [0.0; 3]));
         Ok(work.unwrap_or_default())
     }
@@ -325,7 +325,7 @@ impl GpuRenderer {
     }
 
     /// Submits a region again that exceeded the capacity: with more, or in halves.
-    fn again(
+    fn resubmit(
         &mut self,
         pending: &mut PendingView,
         region: TileRegion,

@@ -64,8 +64,8 @@ pub fn psnr_db(mean_square: f64) -> f64 {
 pub fn ssim(a: &Image<[f32; 3]>, b: &Image<[f32; 3]>) -> f64 {
     let window = window_weights();
     mean_of_rows(a, b, |row| {
-        let seen = column_moments(a, b, row, &window).map(|column| along_row(&column, &window));
-        let at = |i: usize| similarity(seen.each_ref().map(|moment| moment[i]));
+        let moments = column_moments(a, b, row, &window).map(|column| along_row(&column, &window));
+        let at = |i: usize| similarity(moments.each_ref().map(|moment| moment[i]));
         (0..a.size().width as usize).map(|x| (3 * x..3 * x + 3).map(at).sum::<f64>()).sum()
     })
 }

@@ -235,7 +235,7 @@ impl SweptSensor {
 impl ThresholdSweep {
     /// Two sensors per threshold.
     fn pairs(&self, size: Size) -> Result<Vec<[SweptSensor; 2]>, SensorError> {
-        let seen = |threshold: f64| {
+        let swept = |threshold: f64| {
             let sensor =
                 VoltmeterModel { threshold_on: threshold, threshold_off: threshold, ..self.sensor.clone() };
             Ok::<_, SensorError>(SweptSensor {
@@ -243,7 +243,7 @@ impl ThresholdSweep {
                 events: Vec::new(),
             })
         };
-        self.thresholds.iter().map(|&t| Ok([seen(t)?, seen(t)?])).collect()
+        self.thresholds.iter().map(|&t| Ok([swept(t)?, swept(t)?])).collect()
     }
 }
 

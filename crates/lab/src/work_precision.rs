@@ -241,7 +241,7 @@ pub(crate) fn judge_pass(
     rules: &str,
     costs: &RuleCosts,
 ) -> Vec<SettingRow> {
-    let row = |fed: &pass::FedSetting| {
+    let row = |fed: &pass::SettingRun| {
         let grid = &grids[fed.grid];
         let (frames, cost) = (grid.places.len(), costs.of(fed.between));
         SettingRow {

@@ -155,17 +155,17 @@ fn scene_files(scene: &BuiltScene<'_>, file: &SceneRecord, store: &Store) -> Rel
     if let Some(photographed) = &scene.photographed {
         tree.add(format!("{id}/{}", layout::CHECKS), FileContent::json(&photographed.findings));
     }
-    let shown =
+    let is_released =
         |name: &str| scene.licence.passing != Redistributability::Withheld || products::is_metadata(name);
     if let Some((name, output)) =
-        layout::made_of_scene(|step| scene.own_outputs(step)).filter(|of| shown(of.0))
+        layout::made_of_scene(|step| scene.scene_outputs(step)).filter(|of| is_released(of.0))
     {
         tree.add(format!("{id}/{name}"), stored_file(output, store));
     }
     for (trajectory, part) in scene.trajectories.iter().zip(&file.trajectories) {
         let at = |name: &str| format!("{id}/{}/{name}", trajectory.name);
         for (name, content) in trajectory_files(scene, file, trajectory, part, store) {
-            if shown(&name) {
+            if is_released(&name) {
                 tree.add(at(&name), content);
             }
         }

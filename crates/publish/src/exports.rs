@@ -1,7 +1,7 @@
 //! The exports that a release includes, made once.
 
 use super::ReleaseError;
-use super::made_once::{MadeOf, digest_of_files};
+use super::made_once::{FileInputs, digest_of_files};
 use gs2e_recipe::IncludedExport;
 use gs2e_release::composed::{FileContent, ReleaseTree};
 use gs2e_release::include::{ComposedScene, ReleaseExporter, export_name};
@@ -83,7 +83,7 @@ impl ReleaseExports<'_> {
         let parameters =
             ExportParameters { trajectory, include, consumer, release, version, tool: scene.tool };
         let made_of =
-            MadeOf { stage: STAGE, revision, parameters: describe_value(&parameters), files: inputs };
+            FileInputs { stage: STAGE, revision, parameters: describe_value(&parameters), files: inputs };
         made_of.outputs(self.store, |folder| {
             // An export is written to a folder that must not exist yet, and the workspace exists.
             Ok(self.exporter.write(scene, trajectory, include, &folder.join(MADE))?)

@@ -3,7 +3,7 @@
 //! Their verdicts are stored under the digests of the files, so a release that repeats a scene does not
 //! judge it again.
 
-use super::made_once::{MadeOf, digest_of_files};
+use super::made_once::{FileInputs, digest_of_files};
 use super::{ReleaseError, failed};
 use gs2e_audit::recheck::{FileVerdicts, RecheckError, judge_unwritten};
 use gs2e_build::artifact::write_json;
@@ -29,7 +29,7 @@ pub(super) fn judge_files(
     store: &Store,
     cancel: &AtomicBool,
 ) -> Result<(Key, FileVerdicts), ReleaseError> {
-    let made_of = MadeOf {
+    let made_of = FileInputs {
         stage: STAGE,
         revision: REVISION,
         parameters: describe_value(&TOOL),

@@ -19,7 +19,7 @@ pub(super) fn digest_of_files(files: &ReleaseTree) -> Digest {
 
 /// Everything that decides the bytes of the files that are made.
 #[derive(Debug)]
-pub(super) struct MadeOf {
+pub(super) struct FileInputs {
     pub(super) stage: &'static str,
     pub(super) revision: u32,
     pub(super) parameters: DescribedValue,
@@ -27,7 +27,7 @@ pub(super) struct MadeOf {
     pub(super) files: Digest,
 }
 
-impl MadeOf {
+impl FileInputs {
     /// The stored files and the key of their record. If they are not stored, `make` writes them to a
     /// workspace.
     pub(super) fn outputs(

@@ -281,7 +281,7 @@ impl ReleaseLists {
             checksum::NAME => true,
             // A signature that a person made stays theirs.
             signature::NAME => ReleaseSignature::read(folder).is_ok_and(|read| {
-                read.is_some_and(|parsed| parsed.is_ok_and(|signature| signature.is_own()))
+                read.is_some_and(|parsed| parsed.is_ok_and(|signature| signature.is_by_this_program()))
             }),
             checksum::B3_NAME => self.sums.get(path) == Some(&hashes.sha256),
             _ => {
@@ -300,6 +300,6 @@ impl ReleaseLists {
 fn parse(text: &str) -> Option<BTreeMap<String, String>> {
     let line = |line: &str| line.split_once("  ").map(|(sum, path)| (path.to_owned(), sum.to_owned()));
     let sums: BTreeMap<String, String> = text.lines().map(line).collect::<Option<_>>()?;
-    let again = checksum::sums_text(sums.iter().map(|(path, sum)| (path.as_str(), sum.clone())));
-    (again == text).then_some(sums)
+    let rewritten = checksum::sums_text(sums.iter().map(|(path, sum)| (path.as_str(), sum.clone())));
+    (rewritten == text).then_some(sums)
 }

@@ -44,7 +44,7 @@ pub struct TargetClaim<'a> {
 #[derive(Debug)]
 pub struct ReleaseTarget {
     /// The path as the user named it.
-    shown: PathBuf,
+    named: PathBuf,
     /// The path without links in its parents.
     path: PathBuf,
     replace: bool,
@@ -53,7 +53,7 @@ pub struct ReleaseTarget {
     notes: Vec<String>,
     // Dropped in this order: a parent is empty only after the lock has removed its file.
     _lock: StoreLock,
-    _parents: MadeFolders,
+    _parents: NewFolders,
 }
 
 impl ReleaseTarget {
@@ -77,7 +77,7 @@ impl ReleaseTarget {
         if let Some(because) = guarded.iter().find_map(|guarded| guarded.forbids(&path)) {
             return Err(foreign(because));
         }
-        let parents = MadeFolders::make(path.parent().expect("a resolved path has a parent"))?;
+        let parents = NewFolders::make(path.parent().expect("a resolved path has a parent"))?;
         let lock_path = path.with_file_name(lock_name(&path));
         let request = LockRequest { path: &lock_path, of: to, claim: &claim, wait, cancel };
         let lock = StoreLock::take_temporary(&request, waiting).map_err(|error| match error {
@@ -97,7 +97,7 @@ impl ReleaseTarget {
         if let Some(because) = refusal {
             return Err(foreign(because));
         }
-        Ok(Self { shown: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
+        Ok(Self { named: to.to_owned(), path, replace, standing, notes, _lock: lock, _parents: parents })
     }
 
     /// Takes the notes on the place since the last call, one line each.
@@ -136,13 +136,13 @@ impl ReleaseTarget {
     /// there be replaced.
     fn change(&self) -> Result<Option<String>, ReleaseError> {
         let change = match &self.standing {
-            Some(standing) => standing.changed().map_err(failed(&self.shown))?,
+            Some(standing) => standing.changed().map_err(failed(&self.named))?,
             None if matches!(stands(&self.path), Ok(false)) => None,
             None => Some("something is there now".to_owned()),
         };
         match change {
             Some(change) if !self.replace => Err(ReleaseError::Foreign {
-                path: self.shown.clone(),
+                path: self.named.clone(),
                 because: format!("changed while the release was made: {change}"),
             }),
             change => Ok(change),
@@ -171,11 +171,11 @@ impl GuardedPath {
 /// The reason why a release may not replace this tree; `None` if it may.
 fn refusal(standing: &StandingTree) -> Option<String> {
     /// Oddities that a message names.
-    const SHOWN: usize = 5;
+    const MAX_LISTED: usize = 5;
     let oddities = standing.oddities();
-    let mut because = oddities.iter().take(SHOWN).cloned().collect::<Vec<_>>().join("; ");
-    if oddities.len() > SHOWN {
-        because.push_str(&format!("; and {} more", oddities.len() - SHOWN));
+    let mut because = oddities.iter().take(MAX_LISTED).cloned().collect::<Vec<_>>().join("; ");
+    if oddities.len() > MAX_LISTED {
+        because.push_str(&format!("; and {} more", oddities.len() - MAX_LISTED));
     }
     match (oddities.is_empty(), standing.is_release()) {
         (true, _) => None,
@@ -244,9 +244,9 @@ fn lock_name(target: &Path) -> OsString {
 
 /// Folders that were made for a target. Those that stay empty are removed with it.
 #[derive(Debug)]
-struct MadeFolders(Vec<PathBuf>);
+struct NewFolders(Vec<PathBuf>);
 
-impl MadeFolders {
+impl NewFolders {
     fn make(folder: &Path) -> Result<Self, ReleaseError> {
         // The deepest first, in which order they can be removed again.
         let absent = folder.ancestors().take_while(|folder| !is_there(folder)).map(Path::to_owned);
@@ -256,7 +256,7 @@ impl MadeFolders {
     }
 }
 
-impl Drop for MadeFolders {
+impl Drop for NewFolders {
     fn drop(&mut self) {
         for folder in &self.0 {
             // One with the release in it stays.
@@ -311,9 +311,9 @@ mod tests {
     fn folders_made_for_nothing_go_again() {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("a/b/c");
-        drop(MadeFolders::make(&folder).unwrap());
+        drop(NewFolders::make(&folder).unwrap());
         assert!(!place.path().join("a").exists());
-        let made = MadeFolders::make(&folder).unwrap();
+        let made = NewFolders::make(&folder).unwrap();
         fs::write(folder.join("release"), "").unwrap();
         drop(made);
         assert!(folder.join("release").exists());

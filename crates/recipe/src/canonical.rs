@@ -169,7 +169,7 @@ fn add_constants(raw: Option<&schema::VoltmeterSection>, out: &mut Value) {
         }
         None => {
             let named = raw.and_then(|raw| VoltmeterPreset::by_name(written_text(&raw.preset)?));
-            out["preset"] = json!(named.unwrap_or(VoltmeterPreset::USUAL).name());
+            out["preset"] = json!(named.unwrap_or(VoltmeterPreset::DEFAULT).name());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Detection of scenes that would write into each other's folders.
 
-use super::fault::{RecipeFault, shown_path};
+use super::fault::{RecipeFault, displayed_path};
 use super::load::ReadRecipe;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -52,8 +52,10 @@ impl ReadRecipe {
     fn fault(&self, other: &Self, message: &str) -> RecipeFault {
         let text = &other.texts[other.scene.file as usize];
         let (line, column) = text.position(other.scene.start as usize);
-        let help =
-            format!("the other one is at {}:{line}:{column}; change one of the ids", shown_path(&text.path));
+        let help = format!(
+            "the other one is at {}:{line}:{column}; change one of the ids",
+            displayed_path(&text.path)
+        );
         let message = format!("the scene id \"{}\" {message}", self.recipe.scene);
         RecipeFault::new(
             message,

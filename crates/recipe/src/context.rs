@@ -12,7 +12,7 @@ pub use include::{EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport};
 pub use release::ReleaseInfo;
 pub use sources::{RedistributionStatement, SourceTerms};
 pub use splits::{SplitPlan, SplitUnit};
-pub use takedown::{TakedownList, TakenDown, read_takedown, takedown_of};
+pub use takedown::{TakedownEffect, TakedownList, read_takedown, takedown_of};
 
 use super::fault::{RecipeFault, RecipeFaults};
 use super::find::{self, RELEASE, SOURCES};
@@ -62,7 +62,7 @@ fn find_single(paths: &[PathBuf], name: &str) -> Result<Option<PathBuf>, Vec<Rec
         [] => Ok(None),
         [path] => Ok(Some(path.clone())),
         [first, second, ..] => {
-            let message = format!("there is another one: {}", super::fault::shown_path(first));
+            let message = format!("there is another one: {}", super::fault::displayed_path(first));
             let help =
                 format!("a release has one {name}: release the folders separately, or keep one of the files");
             Err(vec![RecipeFault::of_file(second, &message, Some(&help))])

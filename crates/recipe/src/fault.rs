@@ -93,7 +93,7 @@ impl RecipeFault {
             "message": self.message,
             "scene": null,
             "step": null,
-            "path": shown_path(self.file()),
+            "path": displayed_path(self.file()),
             "line": position.map(|p| p.0),
             "column": position.map(|p| p.1),
             "help": self.help,
@@ -103,7 +103,7 @@ impl RecipeFault {
     /// Returns `file:line:column`, or the file alone.
     #[must_use]
     pub fn location(&self) -> String {
-        let file = shown_path(self.file());
+        let file = displayed_path(self.file());
         self.position().map_or_else(|| file.clone(), |(line, column)| format!("{file}:{line}:{column}"))
     }
 
@@ -135,7 +135,7 @@ fn printable_char(c: char) -> char {
 }
 
 /// A path for messages. Bytes that are no text have their visible form.
-pub(super) fn shown_path(path: &Path) -> String {
+pub(super) fn displayed_path(path: &Path) -> String {
     escape::path(path)
 }
 

@@ -73,13 +73,13 @@ pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
     read_after(files, Vec::new())
 }
 
-/// Reads a recipe from a text that is in no file, without defaults. Faults name the text as `shown`.
+/// Reads a recipe from a text that is in no file, without defaults. Faults name the text as `display_path`.
 ///
 /// # Errors
 /// The recipe has faults; see [`read_all`].
-pub fn read_recipe_text(text: String, shown: &Path) -> Result<Recipe, RecipeFaults> {
-    let file = RecipeFile { path: shown.to_owned(), defaults: None };
-    let read = RecipeParts::of_text(shown, text).and_then(|parts| parts.with_presets().recipe(&file));
+pub fn read_recipe_text(text: String, display_path: &Path) -> Result<Recipe, RecipeFaults> {
+    let file = RecipeFile { path: display_path.to_owned(), defaults: None };
+    let read = RecipeParts::of_text(display_path, text).and_then(|parts| parts.with_presets().recipe(&file));
     read.map(|read| read.recipe).map_err(RecipeFaults::new)
 }
 

@@ -57,12 +57,12 @@ pub fn read_fragment(path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
 }
 
 /// Reads trajectories from a text with the same content as a file of [`read_fragment`]. Faults name
-/// the text as `shown`.
+/// the text as `display_path`.
 ///
 /// # Errors
 /// The fragment has faults.
-pub fn fragment_from_text(text: String, shown: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
-    let read = || trajectories_of(RecipeParts::of_text(shown, text)?.with_presets());
+pub fn fragment_from_text(text: String, display_path: &Path) -> Result<TrajectoryFragment, RecipeFaults> {
+    let read = || trajectories_of(RecipeParts::of_text(display_path, text)?.with_presets());
     read().map_err(RecipeFaults::new)
 }
 
@@ -193,9 +193,10 @@ mod tests {
 
     #[test]
     fn one_of_several_sensors_is_named() {
-        let shown = Path::new("dict");
-        let read =
-            |text: &str, name| sensor_from_text(text.to_owned(), shown, name).map_err(|f| f.to_string());
+        let display_path = Path::new("dict");
+        let read = |text: &str, name| {
+            sensor_from_text(text.to_owned(), display_path, name).map_err(|f| f.to_string())
+        };
         let several = "version: 1\nscene: 5\nsensors:\n  a: { esim: {} }\n  b: { v2e: { preset: noisy } }\n";
         assert_eq!(read(several, Some("b")), read("v2e: { preset: noisy }", None));
         assert_eq!(read(several, Some("a")), read("{\"esim\": {}}", None), "JSON is YAML");

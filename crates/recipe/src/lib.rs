@@ -54,7 +54,8 @@ mod upstream;
 
 pub use context::{
     EXPORT_FORMATS, HELD_OUT_EVERY, IncludedExport, RedistributionStatement, ReleaseInfo, SourceTerms,
-    SplitPlan, SplitUnit, TakedownList, TakenDown, read_release, read_sources, read_takedown, takedown_of,
+    SplitPlan, SplitUnit, TakedownEffect, TakedownList, read_release, read_sources, read_takedown,
+    takedown_of,
 };
 pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};
@@ -185,7 +186,7 @@ pub struct RecipeMeta {
     /// The recipe file and its defaults file.
     pub file: RecipeFile,
     /// Both files as they were before they were read.
-    pub seen: Vec<(PathBuf, StatSighting)>,
+    pub sightings: Vec<(PathBuf, StatSighting)>,
     /// Places where the recipe names things that may turn out to be missing.
     pub named_at: NamedAt,
     /// Sections of the recipe's own file for outputs that it does not ask for.

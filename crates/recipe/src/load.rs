@@ -1,7 +1,7 @@
 //! Loading of one recipe from its file and the defaults file under it.
 
 use super::drawn::{SensorDraws, expand_contrast, for_each_sensor, take_preset};
-use super::fault::{RecipeFault, shown_path};
+use super::fault::{RecipeFault, displayed_path};
 use super::field::Field;
 use super::find::{RecipeFile, parent_folder};
 use super::merge::merge_nodes;
@@ -36,7 +36,7 @@ struct ParsedFile {
     /// The tree; absent if the file is empty.
     tree: Option<TreeNode>,
     /// State of the file before it was read.
-    seen: StatSighting,
+    sighting: StatSighting,
 }
 
 /// The defaults files of some recipes. Many recipes can share one file.
@@ -68,8 +68,9 @@ impl DefaultsLibrary {
             let help = "a recipe has at least version, scene, source and trajectories";
             vec![RecipeFault::of_file(path, "the file is empty", Some(help))]
         })?;
-        let seen = vec![(path.clone(), own.seen)];
-        let mut parts = RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, seen };
+        let sightings = vec![(path.clone(), own.sighting)];
+        let mut parts =
+            RecipeParts { texts: vec![own.text], folders: vec![parent_folder(path)], tree, sightings };
         // Asked before the merge: a preset that the defaults name is one of them, and does not remove their
         // keys.
         let has_preset = preset::names_paper(&parts.tree);
@@ -77,7 +78,7 @@ impl DefaultsLibrary {
             // Each recipe has the faults of its defaults; repeated faults are dropped when they are
             // listed.
             let under = self.defaults[path].clone()?;
-            parts.seen.push((path.clone(), under.seen));
+            parts.sightings.push((path.clone(), under.sighting));
             parts.texts.push(under.text);
             parts.folders.push(parent_folder(path));
             if let Some(mut under) = under.tree {
@@ -97,16 +98,16 @@ pub(super) struct RecipeParts {
     folders: Vec<PathBuf>,
     tree: TreeNode,
     /// State of the files before they were read.
-    seen: Vec<(PathBuf, StatSighting)>,
+    sightings: Vec<(PathBuf, StatSighting)>,
 }
 
 impl RecipeParts {
     /// Reads one file without merging.
     pub(super) fn without_defaults(file: &Path) -> Result<Self, Vec<RecipeFault>> {
-        let ParsedFile { text, tree, seen } = parse_file(file, 0)?;
-        let seen = vec![(file.to_owned(), seen)];
+        let ParsedFile { text, tree, sighting } = parse_file(file, 0)?;
+        let sightings = vec![(file.to_owned(), sighting)];
         let tree = tree.unwrap_or_else(empty_tree);
-        Ok(Self { texts: vec![text], folders: vec![parent_folder(file)], tree, seen })
+        Ok(Self { texts: vec![text], folders: vec![parent_folder(file)], tree, sightings })
     }
 
     /// Parses a text that is in no file. Faults name it as `name`.
@@ -117,7 +118,7 @@ impl RecipeParts {
         }
         let text = Arc::new(SourceText { path: name.to_owned(), body });
         let tree = parse_text(&text, 0)?.unwrap_or_else(empty_tree);
-        Ok(Self { texts: vec![text], folders: vec![PathBuf::new()], tree, seen: Vec::new() })
+        Ok(Self { texts: vec![text], folders: vec![PathBuf::new()], tree, sightings: Vec::new() })
     }
 
     /// Returns true if the tree is a mapping with this key.
@@ -254,7 +255,7 @@ impl RecipeParts {
         let mut merged = canonical::canonical_recipe(&raw, &recipe);
         draws.write_laws(&mut merged);
         let unused = unused_sections(&raw, &recipe);
-        recipe.meta = RecipeMeta { file: file.clone(), seen: self.seen, named_at, unused, merged };
+        recipe.meta = RecipeMeta { file: file.clone(), sightings: self.sightings, named_at, unused, merged };
         Ok(ReadRecipe { recipe, texts: self.texts, scene })
     }
 
@@ -282,7 +283,7 @@ impl RecipeParts {
     fn position(&self, place: TextSpan) -> RecipePosition {
         let text = &self.texts[place.file as usize];
         let (line, column) = text.position(place.start as usize);
-        RecipePosition { file: shown_path(&text.path), line, column }
+        RecipePosition { file: displayed_path(&text.path), line, column }
     }
 }
 
@@ -300,10 +301,10 @@ fn empty_tree() -> TreeNode {
 
 /// Reads and parses a file. Its places carry the number `index`.
 fn parse_file(file: &Path, index: u32) -> Result<ParsedFile, Vec<RecipeFault>> {
-    let (body, seen) = read_file(file).map_err(|fault| vec![fault])?;
+    let (body, sighting) = read_file(file).map_err(|fault| vec![fault])?;
     let text = Arc::new(SourceText { path: file.to_owned(), body });
     let tree = parse_text(&text, index)?;
-    Ok(ParsedFile { text, tree, seen })
+    Ok(ParsedFile { text, tree, sighting })
 }
 
 /// Parses a text. Its places carry the number `index`.
@@ -321,7 +322,7 @@ fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {
     let opened = files::open(file).map_err(unreadable)?;
     let about = opened.metadata().map_err(unreadable)?;
     // Taken before the bytes are read, so that a change in between leaves another state.
-    let seen = StatSighting::seen_now(FileStat::from(&about));
+    let sighting = StatSighting::observed_now(FileStat::from(&about));
     if about.len() > MAX_BYTES as u64 {
         let message = format!("the file has {} bytes, wanted at most {MAX_BYTES}", about.len());
         return Err(RecipeFault::of_file(file, &message, Some("is it a recipe?")));
@@ -338,7 +339,7 @@ fn read_file(file: &Path) -> Result<(String, StatSighting), RecipeFault> {
         let problem = FieldProblem::new("a byte that is not UTF-8").help("save the file as UTF-8");
         problem.at(TextSpan { file: 0, start, end: start + 1 }).fault(&vec![Arc::new(text)], None)
     })?;
-    Ok((text, seen))
+    Ok((text, sighting))
 }
 
 /// Reads the text of a file next to the recipes that is not YAML.

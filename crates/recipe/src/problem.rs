@@ -130,12 +130,12 @@ pub(super) fn quote_text(text: &str) -> String {
 
 /// Like [`quote_text`], without the quotes.
 pub(super) fn bare_text(text: &str) -> String {
-    const SHOWN: usize = 60;
+    const MAX_CHARS: usize = 60;
     let mut short = String::new();
-    for c in text.chars().take(SHOWN) {
+    for c in text.chars().take(MAX_CHARS) {
         if is_hidden(c) || c == '"' { short.extend(c.escape_debug()) } else { short.push(c) }
     }
-    if text.chars().nth(SHOWN).is_some() {
+    if text.chars().nth(MAX_CHARS).is_some() {
         short.push('…');
     }
     short

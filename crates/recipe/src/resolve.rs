@@ -95,7 +95,11 @@ impl Resolver<'_> {
             scale: self.scene_scale(&raw.attributes),
             imu: self.imu(raw, source.as_ref(), outputs.as_ref(), trajectories.as_deref()),
             lights: self.lights(raw, rate, outputs.as_ref()),
-            objects: self.objects_and_masks(raw, outputs.as_ref(), changes(source.as_ref(), &reconstruct)),
+            objects: self.objects_and_segmentation(
+                raw,
+                outputs.as_ref(),
+                changes(source.as_ref(), &reconstruct)
+            ),
             render: self.render_along(raw, source.as_ref(), &reconstruct),
             checks: raw.checks.or_default(),
             licence: self.licence(&raw.licence, source.as_ref()),
@@ -114,7 +118,7 @@ impl Resolver<'_> {
         source: Option<&SceneSource>,
         reconstruct: &Option<Option<ReconstructMethod>>,
     ) -> Option<RenderChoice> {
-        let render = self.render(&raw.render, usual_rules(&raw.sampling))?;
+        let render = self.render(&raw.render, default_rules(&raw.sampling))?;
         if render.near.is_some() && changes(source, reconstruct) {
             let place = raw.render.given().map_or(self.root, |(_, place)| place);
             let problem = FieldProblem::new("render.near needs a scene that does not change with time")
@@ -234,7 +238,7 @@ fn changes(source: Option<&SceneSource>, reconstruct: &Option<Option<Reconstruct
 /// Default rules of rendering. If the recipe asks for an error, the rules have no jumps at cuts of
 /// alpha (docs/design/numerics-path.md, "Jumps of the renderer"). Otherwise they are the rules
 /// of the reference implementation.
-fn usual_rules(sampling: &Field<schema::SamplingSection>) -> RenderRules {
+fn default_rules(sampling: &Field<schema::SamplingSection>) -> RenderRules {
     let tolerant = sampling.given().is_some_and(|(raw, _)| !raw.tolerance.is_absent());
     if tolerant { RenderRules::Soft } else { RenderRules::Official }
 }

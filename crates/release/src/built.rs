@@ -248,11 +248,11 @@ impl BuiltScene<'_> {
 
     /// The outputs of a step of a trajectory; empty if there is no step of that name.
     pub fn outputs(&self, trajectory: &str, step: &str) -> &[StoredOutput] {
-        self.own_outputs(&format!("{trajectory}/{step}"))
+        self.scene_outputs(&format!("{trajectory}/{step}"))
     }
 
     /// The outputs of a step of the scene, by its whole name.
-    pub fn own_outputs(&self, name: &str) -> &[StoredOutput] {
+    pub fn scene_outputs(&self, name: &str) -> &[StoredOutput] {
         self.steps.iter().find(|step| step.name == name).map_or(&[], |step| &step.outputs)
     }
 

@@ -34,8 +34,8 @@ pub fn names(scene: &SceneRecord, part: &TrajectoryPart) -> BTreeSet<String> {
     let texts = [KALIBR, DSEC].map(str::to_owned);
     let pairs = scene.recipe.pointer("/rig/stereo").and_then(Value::as_array);
     let paired = pairs.into_iter().flatten().filter_map(Value::as_array).flatten().filter_map(Value::as_str);
-    let shown = paired.filter(|_| !scene.licence.withheld);
-    let maps = shown.flat_map(|name| MAPS.map(|end| format!("{name}{end}")));
+    let included = paired.filter(|_| !scene.licence.withheld);
+    let maps = included.flat_map(|name| MAPS.map(|end| format!("{name}{end}")));
     texts.into_iter().chain(maps).map(|name| format!("{FOLDER}/{name}")).collect()
 }
 

@@ -48,7 +48,7 @@ pub trait ReleaseExporter: std::fmt::Debug + Sync {
     ///
     /// # Errors
     /// As [`ReleaseExporter::write`]; [`IncludeFailure::Interrupted`] if `is_over` became true.
-    fn write_again(
+    fn rewrite(
         &self,
         order: ExportOrder<'_>,
         to: &Path,

@@ -9,7 +9,7 @@ mod plain;
 pub use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
-use super::report::{PictureRequest, ShownPicture};
+use super::report::{PictureRequest, Preview};
 use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_recipe::OutputKind;
 use gs2e_sampling::exposure;
@@ -39,7 +39,7 @@ pub struct ReleaseProduct {
 }
 
 /// Makes the picture of a product for the report.
-pub(super) type PictureMaker = fn(PictureRequest<'_>) -> Option<ShownPicture>;
+pub(super) type PictureMaker = fn(PictureRequest<'_>) -> Option<Preview>;
 
 /// Form of a product's files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,8 +57,8 @@ pub enum ProductForm {
         /// The poses that have a file.
         poses: PictureNumbers,
     },
-    /// Masks of 8-bit grey, PNG, and the places of the objects.
-    Masks(PictureNumbers),
+    /// Segmentations of 8-bit grey, PNG, and the places of the objects.
+    Segmentations(PictureNumbers),
     /// Inertial data, with the names of [`imu::files`].
     Samples,
 }
@@ -164,7 +164,7 @@ impl ReleaseProduct {
                 return names.map(|name| format!("{}/{name}", self.name())).to_vec();
             }
             ProductForm::Colours(numbers)
-            | ProductForm::Masks(numbers)
+            | ProductForm::Segmentations(numbers)
             | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
@@ -175,7 +175,8 @@ impl ReleaseProduct {
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
         let (folder, end) = (self.name(), self.form.extensions()[0]);
-        let places = matches!(self.form, ProductForm::Masks(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
+        let places =
+            matches!(self.form, ProductForm::Segmentations(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
         kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(places).collect()
     }
 }
@@ -187,7 +188,7 @@ impl ProductForm {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],
             Self::Numbers { .. } => &[".npy"],
-            Self::Masks(_) => &[".png", ".csv"],
+            Self::Segmentations(_) => &[".png", ".csv"],
             Self::Samples => &[".csv", ".yaml"],
         }
     }

@@ -14,17 +14,17 @@ mod findings;
 mod gallery;
 mod inertia;
 mod maps;
-mod masks;
 mod overview;
 mod path_views;
+mod previews;
 mod section;
-mod seen;
+mod segmentation;
 mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
-pub(super) use masks::mask_picture;
-pub(super) use seen::{PictureRequest, ShownPicture, blurred_picture, sharp_picture};
+pub(super) use segmentation::segmentation_picture;
+pub(super) use previews::{PictureRequest, Preview, blurred_picture, sharp_picture};
 
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;

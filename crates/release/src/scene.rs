@@ -1,10 +1,10 @@
 //! `scene.json`, schema version 1: contents, origin and making of a scene. Photos are named and
 //! hashed, never copied. Nothing here is a guess: unknown values are `null`.
 
-mod again;
 mod attributes;
 mod compose;
 mod licence;
+mod recompose;
 mod trajectory;
 use compose::{
     draw_seeds, kind_of_gaussians, sensor_seed, source_part, training_command, training_iterations,
@@ -12,9 +12,9 @@ use compose::{
 
 pub use compose::compose_scene;
 
-pub use again::again;
 pub(super) use attributes::SceneAttributes;
 use attributes::scene_attributes;
+pub use recompose::recompose;
 
 pub use gs2e_tree::CameraPart;
 pub use licence::{LicencePart, LicensedTool, OWNER};

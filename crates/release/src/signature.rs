@@ -245,7 +245,7 @@ impl ReleaseSignature {
     }
 
     /// Returns true if this program made it, as far as its comment says.
-    pub fn is_own(&self) -> bool {
+    pub fn is_by_this_program(&self) -> bool {
         self.parsed.trusted_comment().is_ok_and(|comment| comment == COMMENT)
     }
 

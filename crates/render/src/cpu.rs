@@ -47,7 +47,7 @@ mod level;
 mod project;
 mod raster;
 mod resolve;
-mod segments;
+mod segmentation;
 mod sort;
 mod splat;
 mod unseen;
@@ -57,7 +57,7 @@ pub use level::InstructionSet;
 use super::sample::TileSample;
 use super::{
     ChannelSet, OmissionPolicy, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
-    parts,
+    objects,
 };
 use activate::{GaussianBlock, PROMISES};
 use bin::{OrderedSplats, TileGrid, TileLists};
@@ -73,7 +73,7 @@ use project::{ProjectedSplats, ProjectionInput};
 use raster::RasterInput;
 use rayon::prelude::*;
 use resolve::BlendedTiles;
-use segments::{BlendBuffers, SegmentPass};
+use segmentation::{BlendBuffers, SegmentationPass};
 use sort::DepthSorter;
 use std::sync::Arc;
 
@@ -226,7 +226,7 @@ impl CpuRenderer {
     ) -> Result<RenderWork, RenderError> {
         super::check_view(view)?;
         let asked = ChannelSet { depth: want.depth || want.flow, ..want };
-        let views = parts::part_views(&self.scene, view)?;
+        let views = objects::object_views(&self.scene, view)?;
         self.advance(view.seconds);
         let mut work = self.project(&views, asked);
         done(PassKind::Project);
@@ -249,7 +249,7 @@ impl CpuRenderer {
         });
         let blended = BlendedTiles { tiles, features, grid };
         resolve::resolve_tiles(blended, asked, self.style.background, out);
-        let pass = SegmentPass {
+        let pass = SegmentationPass {
             scene: &self.scene,
             views: &views,
             moment: self.scene.at(view.seconds),
@@ -266,7 +266,7 @@ impl CpuRenderer {
         Ok(work)
     }
 
-    /// Projects the scene for a view, from what is still and from each part.
+    /// Projects the scene for a view, from what is still and from each object.
     fn project(&mut self, views: &[CameraView], want: ChannelSet) -> RenderWork {
         let CameraView { camera, seconds, .. } = views[0];
         let eyes = self.eyes(views);
@@ -375,13 +375,13 @@ impl Renderer for CpuRenderer {
 
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
         if self.omit == OmissionPolicy::Needless {
-            self.keep(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
+            self.keep(&unseen::visible_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
         if self.omit == OmissionPolicy::Needless {
-            self.keep_more(&unseen::seen_indices(&self.scene, self.style.rules, camera, poses));
+            self.keep_more(&unseen::visible_indices(&self.scene, self.style.rules, camera, poses));
         }
     }
 
@@ -393,8 +393,8 @@ impl Renderer for CpuRenderer {
         ChannelSet::of_motion(&self.scene)
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        parts::held_part_views(&self.scene, view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        objects::held_object_views(&self.scene, view)
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {

@@ -179,7 +179,7 @@ impl LensMap {
         image
     }
 
-    /// The value of the nearest pixel: a depth, or a part.
+    /// The value of the nearest pixel: a depth, or the number of an object.
     fn nearest<T: Copy + Default + Send + Sync>(&self, wide: &Image<T>) -> Image<T> {
         let width = self.wide.size.width as usize;
         self.each(|i| {
@@ -189,12 +189,13 @@ impl LensMap {
     }
 
     /// Image velocity of the point at each pixel's depth, px/s of the distorted image. The point rests in the
-    /// axes of its part, which has one of `views`; without parts, it is still. What changes adds its
+    /// axes of its object, which has one of `views`; without objects, it is still. What changes adds its
     /// velocity.
-    fn flow(&self, depth: &Image<f32>, seen: &RenderedImages, views: &[CameraView]) -> Image<[f32; 2]> {
-        let (segments, drift) = (seen.segments.as_ref(), seen.drift.as_ref());
+    fn flow(&self, depth: &Image<f32>, images: &RenderedImages, views: &[CameraView]) -> Image<[f32; 2]> {
+        let (segmentation, drift) = (images.segmentation.as_ref(), images.drift.as_ref());
         self.each(|i| {
-            let velocity = views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))].velocity;
+            let velocity =
+                views[segmentation.map_or(0, |segmentation| usize::from(segmentation.pixels()[i]))].velocity;
             let point = self.rays[i].extend(1.0) * f64::from(depth.pixels()[i]);
             let own = drift.map_or(DVec3::ZERO, |drift| DVec3::from_array(drift.pixels()[i].map(f64::from)));
             let moving = own - velocity.linear - velocity.angular.cross(point);
@@ -258,7 +259,7 @@ pub struct LensRenderer {
     map: Option<LensMap>,
     /// The promised sample of later frames.
     sample: Option<Arc<TileSample>>,
-    seen: RenderedImages,
+    wide_images: RenderedImages,
 }
 
 impl fmt::Debug for LensRenderer {
@@ -272,7 +273,7 @@ impl LensRenderer {
     /// The views of this renderer, which knows pinhole cameras.
     #[must_use]
     pub fn new(inner: Box<dyn Renderer>) -> Self {
-        Self { inner, map: None, sample: None, seen: RenderedImages::default() }
+        Self { inner, map: None, sample: None, wide_images: RenderedImages::default() }
     }
 
     /// Makes the map of a camera, unless it has no lens.
@@ -294,7 +295,7 @@ impl LensRenderer {
 
     /// The pinhole camera that is rendered for a camera; the camera itself if no picture can be made with its
     /// lens, which rendering reports.
-    fn seen_by(&mut self, camera: &Camera) -> Camera {
+    fn rendered_camera(&mut self, camera: &Camera) -> Camera {
         match self.map_of(*camera) {
             Ok(Some(map)) => map.wide,
             Ok(None) | Err(_) => Camera { lens: None, ..*camera },
@@ -318,13 +319,13 @@ impl Renderer for LensRenderer {
     }
 
     fn keep_to(&mut self, camera: &Camera, poses: &[Se3]) {
-        let seen = self.seen_by(camera);
-        self.inner.keep_to(&seen, poses);
+        let pinhole = self.rendered_camera(camera);
+        self.inner.keep_to(&pinhole, poses);
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
-        let seen = self.seen_by(camera);
-        self.inner.keep_also(&seen, poses);
+        let pinhole = self.rendered_camera(camera);
+        self.inner.keep_also(&pinhole, poses);
     }
 
     fn work_within(&self, work: RenderWork) -> RenderWork {
@@ -344,15 +345,15 @@ impl Renderer for LensRenderer {
         self.inner.motion_channels()
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        self.inner.part_views(view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.object_views(view)
     }
 
     fn expect(&mut self, view: &CameraView, want: ChannelSet) {
         if view.camera.lens.is_none() {
             return self.inner.expect(view, want);
         }
-        let wide = CameraView { camera: self.seen_by(&view.camera), ..*view };
+        let wide = CameraView { camera: self.rendered_camera(&view.camera), ..*view };
         let asked = self.asked(want);
         self.inner.expect(&wide, asked);
     }
@@ -367,23 +368,26 @@ impl Renderer for LensRenderer {
             return self.inner.render(view, want, out);
         }
         let asked = self.asked(want);
-        let Self { inner, map, seen, .. } = self;
+        let Self { inner, map, wide_images, .. } = self;
         let map = map.as_ref().expect("it was made above");
         let wide = CameraView { camera: map.wide, ..*view };
-        let work = inner.render(&wide, asked, seen)?;
+        let work = inner.render(&wide, asked, wide_images)?;
         *out = RenderedImages {
-            rgb: seen.rgb.as_ref().map(|rgb| Image::from_vec(map.camera.size, map.resampled(rgb.pixels()))),
-            luminance: seen.luminance.as_ref().map(|image| map.single_resampled(image)),
-            alpha: seen.alpha.as_ref().map(|image| map.share_resampled(image)),
+            rgb: wide_images
+                .rgb
+                .as_ref()
+                .map(|rgb| Image::from_vec(map.camera.size, map.resampled(rgb.pixels()))),
+            luminance: wide_images.luminance.as_ref().map(|image| map.single_resampled(image)),
+            alpha: wide_images.alpha.as_ref().map(|image| map.share_resampled(image)),
             flow: None,
-            depth: seen.depth.as_ref().map(|depth| map.nearest(depth)),
-            luminance_rate: seen.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
-            doubtful: seen.doubtful.as_ref().map(|image| map.share_resampled(image)),
-            segments: seen.segments.as_ref().map(|segments| map.nearest(segments)),
-            drift: seen.drift.as_ref().map(|drift| map.nearest(drift)),
+            depth: wide_images.depth.as_ref().map(|depth| map.nearest(depth)),
+            luminance_rate: wide_images.luminance_rate.as_ref().map(|image| map.single_resampled(image)),
+            doubtful: wide_images.doubtful.as_ref().map(|image| map.share_resampled(image)),
+            segmentation: wide_images.segmentation.as_ref().map(|segmentation| map.nearest(segmentation)),
+            drift: wide_images.drift.as_ref().map(|drift| map.nearest(drift)),
         };
         let depth = out.depth.as_ref().filter(|_| want.flow);
-        out.flow = depth.map(|depth| map.flow(depth, out, &inner.part_views(&wide)));
+        out.flow = depth.map(|depth| map.flow(depth, out, &inner.object_views(&wide)));
         out.clear_all_but(want);
         Ok(work)
     }

@@ -37,7 +37,7 @@ mod gpu_error;
 pub mod lens;
 pub mod lights;
 pub mod near;
-pub mod parts;
+pub mod objects;
 pub mod points;
 pub mod reference;
 pub mod sample;
@@ -205,8 +205,8 @@ pub struct ChannelSet {
     pub luminance_rate: bool,
     /// Share of each pixel that comes from Gaussians too deep for their distance.
     pub doubtful: bool,
-    /// The moving part that each pixel shows.
-    pub segments: bool,
+    /// The moving object that each pixel shows.
+    pub segmentation: bool,
     /// Velocity of the Gaussians that each pixel shows, of a scene that changes with time.
     pub drift: bool,
 }
@@ -221,7 +221,7 @@ impl ChannelSet {
         flow: false,
         luminance_rate: false,
         doubtful: false,
-        segments: false,
+        segmentation: false,
         drift: false,
     };
 
@@ -229,9 +229,9 @@ impl ChannelSet {
     pub const AT_REST: Self =
         Self { rgb: true, luminance: true, alpha: true, depth: true, doubtful: true, ..Self::NONE };
 
-    /// The moving parts and the velocities of a scene that has them.
+    /// The moving objects and the velocities of a scene that has them.
     pub(crate) fn of_motion(scene: &Gaussians) -> Self {
-        Self { segments: scene.part_count() > 0, drift: scene.dynamics().is_some(), ..Self::NONE }
+        Self { segmentation: scene.object_count() > 0, drift: scene.dynamics().is_some(), ..Self::NONE }
     }
 
     /// Returns true if no image is requested.
@@ -252,7 +252,7 @@ impl ChannelSet {
             flow: self.flow || other.flow,
             luminance_rate: self.luminance_rate || other.luminance_rate,
             doubtful: self.doubtful || other.doubtful,
-            segments: self.segments || other.segments,
+            segmentation: self.segmentation || other.segmentation,
             drift: self.drift || other.drift,
         }
     }
@@ -275,9 +275,9 @@ pub struct RenderedImages {
     pub luminance_rate: Option<Image<f32>>,
     /// Blended weight, 0..1, of the Gaussians counted by [`RenderWork::affine_doubtful`].
     pub doubtful: Option<Image<f32>>,
-    /// The moving part with the largest blended weight, from 1; 0 where what is still and what is behind have
-    /// more.
-    pub segments: Option<Image<u8>>,
+    /// The moving object with the largest blended weight, from 1; 0 where what is still and what is behind
+    /// have more.
+    pub segmentation: Option<Image<u8>>,
     /// `sum(w v) / sum(w)` of the velocities of the means, without the motion of the camera: camera axes,
     /// scene units per second. NaN where alpha is below 0.5.
     pub drift: Option<Image<[f32; 3]>>,
@@ -286,7 +286,7 @@ pub struct RenderedImages {
 impl RenderedImages {
     /// Removes the images that were not requested.
     pub fn clear_all_but(&mut self, want: ChannelSet) {
-        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, segments, drift } = self;
+        let Self { rgb, luminance, alpha, depth, flow, luminance_rate, doubtful, segmentation, drift } = self;
         rgb.take_if(|_| !want.rgb);
         flow.take_if(|_| !want.flow);
         luminance.take_if(|_| !want.luminance);
@@ -294,7 +294,7 @@ impl RenderedImages {
         depth.take_if(|_| !want.depth);
         luminance_rate.take_if(|_| !want.luminance_rate);
         doubtful.take_if(|_| !want.doubtful);
-        segments.take_if(|_| !want.segments);
+        segmentation.take_if(|_| !want.segmentation);
         drift.take_if(|_| !want.drift);
     }
 }
@@ -413,14 +413,14 @@ pub trait Renderer {
     }
 
     /// The images that say how the points of an image move, in addition to depth and the views of
-    /// [`Renderer::part_views`]; none if the scene is still.
+    /// [`Renderer::object_views`]; none if the scene is still.
     fn motion_channels(&self) -> ChannelSet {
         ChannelSet::NONE
     }
 
-    /// A view as it looks from what is still, and then from the axes of each moving part of the scene, in
+    /// A view as it looks from what is still, and then from the axes of each moving object of the scene, in
     /// order: with the pose and the velocity of the camera in those axes.
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
         vec![*view]
     }
 

@@ -79,8 +79,8 @@ struct PoseBlock {
     turned: f64,
 }
 
-/// Hides the Gaussians that pass the near plane within the picture along a path. Returns their numbers. Parts
-/// that move by themselves, and scenes that change with time, stay as they are.
+/// Hides the Gaussians that pass the near plane within the picture along a path. Returns their numbers.
+/// Objects, and scenes that change with time, stay as they are.
 pub fn hide_near(scene: &mut Gaussians, path: &NearPath<'_>) -> Vec<usize> {
     if scene.dynamics().is_some() {
         return Vec::new();
@@ -93,7 +93,7 @@ pub fn hide_near(scene: &mut Gaussians, path: &NearPath<'_>) -> Vec<usize> {
 }
 
 /// Depth of the renderer's own near plane.
-fn own_plane(rules: RenderRules) -> f64 {
+fn renderer_plane(rules: RenderRules) -> f64 {
     f64::from(if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR })
 }
 
@@ -105,7 +105,7 @@ impl NearPath<'_> {
         let passes = |i: &usize| {
             let mean = scene.position(*i);
             let mut near = blocks.iter().filter(|block| block.may_reach(mean, PASSING * self.plane()));
-            scene.part_of(*i) == 0 && near.any(|block| self.passes_in(scene, *i, block))
+            scene.object_of(*i) == 0 && near.any(|block| self.passes_in(scene, *i, block))
         };
         (0..scene.len()).into_par_iter().filter(passes).collect()
     }
@@ -115,7 +115,7 @@ impl NearPath<'_> {
     }
 
     fn plane(&self) -> f64 {
-        self.plane.max(own_plane(self.rules))
+        self.plane.max(renderer_plane(self.rules))
     }
 
     fn blocks(&self) -> Vec<PoseBlock> {

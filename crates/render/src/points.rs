@@ -51,7 +51,7 @@ impl PointFlowMeter {
         let mut cells: BTreeMap<[i64; 2], Vec<f32>> = BTreeMap::new();
         for point in &self.points {
             let at = camera_from_world * (*point - world_from_camera.translation);
-            let Some((cell, to_image)) = self.seen(at) else { continue };
+            let Some((cell, to_image)) = self.cell_of(at) else { continue };
             let moved = -velocity - twist.angular.cross(at);
             let px = to_image * (moved.truncate() - at.truncate() / at.z * moved.z);
             cells.entry(cell).or_default().push(px.length() as f32);
@@ -61,7 +61,7 @@ impl PointFlowMeter {
     }
 
     /// The cell in which a point in camera axes is seen, and the pixels of a unit across at its depth.
-    fn seen(&self, at: DVec3) -> Option<([i64; 2], DVec2)> {
+    fn cell_of(&self, at: DVec3) -> Option<([i64; 2], DVec2)> {
         let Camera { fx, fy, cx, cy, size, .. } = self.camera;
         let focal = DVec2::new(fx, fy);
         let place = (focal * at.truncate() / at.z + DVec2::new(cx, cy))

@@ -42,15 +42,15 @@ use super::dual::{DualNumber, RealNumber};
 use super::shared::{BLENDED_DEPTHS, DEPTH_MIN_ALPHA, MAX_ALPHA, STOP};
 use super::{
     ChannelSet, LayerOrder, RenderError, RenderRules, RenderStyle, RenderWork, RenderedImages, Renderer,
-    parts,
+    objects,
 };
 use glam::DVec3;
 use gs2e_image::{Image, Size};
 use gs2e_scene::Gaussians;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 pub use parameters::GaussianRates;
-use parameters::MovingGaussian;
+use parameters::RatedGaussian;
 use project::{CullReason, ReferenceLayer, ReferenceView, least_alpha};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -139,17 +139,17 @@ impl ReferenceRenderer {
         rates: impl Fn(usize) -> GaussianRates + Sync,
     ) -> Result<(Vec<ReferenceLayer>, RenderWork), RenderError> {
         super::check_view(view)?;
-        let views = parts::part_views(&self.scene, view)?;
+        let views = objects::object_views(&self.scene, view)?;
         let eyes: Vec<ReferenceView<'_>> =
             views.iter().map(|view| ReferenceView::new(view, self.style, self.scene.origin)).collect();
         let changing = self.scene.at(view.seconds);
         let gaussian = |i: usize| match changing {
-            Some(at) => MovingGaussian::at_moment(&self.scene, i, at),
-            None => MovingGaussian::new(&self.scene, i, &rates(i)),
+            Some(at) => RatedGaussian::at_moment(&self.scene, i, at),
+            None => RatedGaussian::new(&self.scene, i, &rates(i)),
         };
         let all: Vec<Result<ReferenceLayer, CullReason>> = (0..self.scene.len())
             .into_par_iter()
-            .map(|i| eyes[self.scene.part_of(i)].layer(&self.scene, i, &gaussian(i)))
+            .map(|i| eyes[self.scene.object_of(i)].layer(&self.scene, i, &gaussian(i)))
             .collect();
         let work = count_outcomes(&all);
         let mut layers: Vec<ReferenceLayer> = all.into_iter().flatten().collect();
@@ -190,8 +190,8 @@ impl Renderer for ReferenceRenderer {
         ChannelSet::of_motion(&self.scene)
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        parts::held_part_views(&self.scene, view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        objects::held_object_views(&self.scene, view)
     }
 
     fn render(
@@ -214,16 +214,16 @@ impl Renderer for ReferenceRenderer {
         out.alpha = want.alpha.then(|| image(&|p| 1.0 - p.rest.value));
         // Flow is computed from depth, so depth is made for it too.
         let depth = (want.depth || want.flow).then(|| image(&ReferencePixel::depth));
-        let segments = Image::from_vec(size, pixels.iter().map(|pixel| pixel.segment).collect());
-        let views = self.part_views(view);
+        let segmentation = Image::from_vec(size, pixels.iter().map(|pixel| pixel.object).collect());
+        let views = self.object_views(view);
         let drift = Image::from_vec(size, pixels.iter().map(ReferencePixel::drift).collect());
         let flow = |depth| {
-            let still = flow_of_parts(depth, Some(&segments), &views);
+            let still = flow_of_objects(depth, Some(&segmentation), &views);
             with_drift(still, depth, Some(&drift).filter(|_| self.scene.dynamics().is_some()), &view.camera)
         };
         out.flow = want.flow.then_some(()).and(depth.as_ref()).map(flow);
         out.drift = want.drift.then_some(drift);
-        out.segments = want.segments.then_some(segments);
+        out.segmentation = want.segmentation.then_some(segmentation);
         out.depth = depth.filter(|_| want.depth);
         Ok(work)
     }
@@ -236,8 +236,8 @@ struct ReferencePixel {
     depth: f64,
     doubtful: f64,
     drift: DVec3,
-    /// The part that the pixel shows.
-    segment: u8,
+    /// The object that the pixel shows.
+    object: u8,
     blended: u64,
     stopped: bool,
 }
@@ -269,31 +269,31 @@ impl ReferenceRenderer {
     }
 
     fn pixel(&self, layers: &[&ReferenceLayer], x: usize, y: usize) -> ReferencePixel {
-        let (seen, rest, stopped) = self.seen(layers, [x, y]);
+        let (blend, rest, stopped) = self.blended_layers(layers, [x, y]);
         let nothing = D::constant(0.0);
-        let blended = seen.len() as u64;
+        let blended = blend.len() as u64;
         let mut pixel = ReferencePixel {
             colour: [nothing; 3],
             rest,
             depth: 0.0,
             doubtful: 0.0,
             drift: DVec3::ZERO,
-            segment: 0,
+            object: 0,
             blended,
             stopped,
         };
-        let mut shares = vec![0.0; self.scene.part_count()];
-        for (layer, weight) in self.weights(&seen) {
+        let mut shares = vec![0.0; self.scene.object_count()];
+        for (layer, weight) in self.weights(&blend) {
             for (sum, c) in pixel.colour.iter_mut().zip(layer.colour) {
                 *sum = *sum + weight * c;
             }
             pixel.depth += weight.value * layer.depth.value;
             pixel.drift += layer.drift * weight.value;
             pixel.doubtful += if layer.doubtful { weight.value } else { 0.0 };
-            let part = self.scene.part_of(layer.order.1).checked_sub(1);
-            part.into_iter().for_each(|part| shares[part] += weight.value);
+            let object = self.scene.object_of(layer.order.1).checked_sub(1);
+            object.into_iter().for_each(|object| shares[object] += weight.value);
         }
-        pixel.segment = largest_part(&shares);
+        pixel.object = largest_object(&shares);
         for (sum, behind) in pixel.colour.iter_mut().zip(self.style.background) {
             *sum = *sum + pixel.rest * D::constant(f64::from(behind));
         }
@@ -302,47 +302,47 @@ impl ReferenceRenderer {
 
     /// The layers blended at a pixel with their opacities, front to back; the transmittance behind
     /// them; and true if the pixel stopped before the last layer.
-    fn seen<'a>(
+    fn blended_layers<'a>(
         &self,
         layers: &[&'a ReferenceLayer],
         [x, y]: [usize; 2],
     ) -> (Vec<(&'a ReferenceLayer, D)>, D, bool) {
         // The plain order decides which layers a pixel has and where it stops, also under the
         // blended order.
-        let mut seen = Vec::new();
+        let mut blend = Vec::new();
         let mut rest = D::constant(1.0);
         for &layer in layers.iter().filter(|layer| layer.columns.contains(&x)) {
             let Some(alpha) = self.alpha(layer, [x, y]) else { continue };
             let after = rest * (D::constant(1.0) - alpha);
             if self.stops(after.value) {
-                return (seen, rest, true);
+                return (blend, rest, true);
             }
-            seen.push((layer, alpha));
+            blend.push((layer, alpha));
             rest = after;
         }
-        (seen, rest, false)
+        (blend, rest, false)
     }
 
     /// The weight of each layer at the pixel: its opacity times the transmittance in front of it.
-    fn weights<'a>(&self, seen: &[(&'a ReferenceLayer, D)]) -> Vec<(&'a ReferenceLayer, D)> {
+    fn weights<'a>(&self, blend: &[(&'a ReferenceLayer, D)]) -> Vec<(&'a ReferenceLayer, D)> {
         let mut before = D::constant(1.0);
         let mut first = 0;
         let weight = |(i, &(layer, alpha)): (usize, &(&'a ReferenceLayer, D))| {
             // A layer that covers this one wholly also covers all deeper ones wholly, so its factor
             // is kept.
-            while first < i && self.cover(seen[first].0, layer).value >= 1.0 {
-                before = before * (D::constant(1.0) - seen[first].1);
+            while first < i && self.cover(blend[first].0, layer).value >= 1.0 {
+                before = before * (D::constant(1.0) - blend[first].1);
                 first += 1;
             }
             // The other layers, in front and behind. They are in order of depth, so the first one
             // that covers nothing ends the search.
             let near =
-                (first..seen.len()).filter(|j| *j != i).map(|j| (self.cover(seen[j].0, layer), seen[j].1));
+                (first..blend.len()).filter(|j| *j != i).map(|j| (self.cover(blend[j].0, layer), blend[j].1));
             let near = near.take_while(|(cover, _)| cover.value > 0.0);
             let light = near.fold(before, |light, (cover, alpha)| light * (D::constant(1.0) - cover * alpha));
             (layer, alpha * light)
         };
-        seen.iter().enumerate().map(weight).collect()
+        blend.iter().enumerate().map(weight).collect()
     }
 
     /// The share of its opacity with which one layer dims another.
@@ -375,11 +375,12 @@ impl ReferenceRenderer {
     }
 }
 
-/// The part with the largest of these shares, from 1; 0 if the rest of 1 is larger. Of equal ones, the first.
-fn largest_part(shares: &[f64]) -> u8 {
+/// The object with the largest of these shares, from 1; 0 if the rest of 1 is larger. Of equal ones, the
+/// first.
+fn largest_object(shares: &[f64]) -> u8 {
     let rest = 1.0 - shares.iter().sum::<f64>();
     let larger =
-        |most: (f64, u8), (share, part): (&f64, u8)| if *share > most.0 { (*share, part) } else { most };
+        |most: (f64, u8), (share, object): (&f64, u8)| if *share > most.0 { (*share, object) } else { most };
     shares.iter().zip(1..).fold((rest, 0), larger).1
 }
 

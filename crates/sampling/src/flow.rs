@@ -9,16 +9,16 @@ use gs2e_num::stats::nearest_ranks;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderError, RenderedImages, Renderer};
 use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_trajectory::sampled::SampledPath;
 use rayon::prelude::*;
 
-/// Bounds on the number of parts of a path, each with one flow. Within them it is the number of
+/// Bounds on the number of spans of a path, each with one flow. Within them it is the number of
 /// steps between the poses.
-const PARTS: [usize; 2] = [64, 2048];
-/// Places at which depth is rendered: one per this many parts, within these bounds.
-const PARTS_A_PLACE: usize = 64;
+const SPANS: [usize; 2] = [64, 2048];
+/// Places at which depth is rendered: one per this many spans, within these bounds.
+const SPANS_PER_PLACE: usize = 64;
 const PLACES: [usize; 2] = [9, 33];
 /// Width of the depth images, px. Enough for a quantile over their pixels.
 const WIDTH: u32 = 40;
@@ -32,7 +32,7 @@ const MIN_STEPS: i64 = 8;
 /// The flow along a path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PathFlow {
-    /// The highest flow in each of equal parts, px/s.
+    /// The highest flow in each of equal spans, px/s.
     px_s: Vec<f64>,
     end_us: i64,
 }
@@ -58,8 +58,8 @@ impl PathFlow {
         // The flow of the small image is in its own pixels. This factor converts it to the
         // camera's.
         let pixels = f64::from(width) / f64::from(columns);
-        let parts = intervals.clamp(PARTS[0], PARTS[1]);
-        let places = (parts / PARTS_A_PLACE).clamp(PLACES[0], PLACES[1]);
+        let spans = intervals.clamp(SPANS[0], SPANS[1]);
+        let places = (spans / SPANS_PER_PLACE).clamp(PLACES[0], PLACES[1]);
         let time = |share: f64| share * path.seconds();
         let place = |k: usize| k as f64 / (places - 1) as f64;
         renderer.keep_to(&small, &[]);
@@ -70,18 +70,18 @@ impl PathFlow {
             let view = CameraView::at_rest(small, path.at(seconds).0).at_time(seconds);
             renderer.render(&view, want, &mut rendered)?;
             let depth = rendered.depth.take().expect("depth was asked for");
-            depths.push(SeenDepth {
+            depths.push(PlaceDepth {
                 depth,
-                segments: rendered.segments.take(),
+                segmentation: rendered.segmentation.take(),
                 drift: rendered.drift.take(),
             });
         }
-        // At both ends and in the middle of each part.
-        let views = (0..=2 * parts).map(|m| {
-            let seconds = time(m as f64 / (2 * parts) as f64);
+        // At both ends and in the middle of each span.
+        let views = (0..=2 * spans).map(|m| {
+            let seconds = time(m as f64 / (2 * spans) as f64);
             let (world_from_camera, velocity) = path.at(seconds);
             let still = CameraView::at_rest(small, world_from_camera).at_time(seconds);
-            renderer.part_views(&CameraView { velocity, ..still })
+            renderer.object_views(&CameraView { velocity, ..still })
         });
         let views: Vec<Vec<CameraView>> = views.collect();
         let moments: Vec<f64> = views
@@ -90,44 +90,44 @@ impl PathFlow {
             .map(|(m, views)| {
                 // The place before the moment. The last place has none after it, so the last moment
                 // counts to the pair before.
-                let nearest = ((m * (places - 1)) / (2 * parts)).min(places - 2);
+                let nearest = ((m * (places - 1)) / (2 * spans)).min(places - 2);
                 pixels * quickest_flow(&depths[nearest..=nearest + 1], &views)
             })
             .collect();
-        let highest = |part: usize| moments[2 * part..=2 * part + 2].iter().copied().fold(0.0, f64::max);
-        Ok(Self { px_s: (0..parts).map(highest).collect(), end_us })
+        let highest = |span: usize| moments[2 * span..=2 * span + 2].iter().copied().fold(0.0, f64::max);
+        Ok(Self { px_s: (0..spans).map(highest).collect(), end_us })
     }
 
     /// Adds the equivalent of light that changes, so that steps of equal motion follow it too.
     #[must_use]
     pub fn lit_by(mut self, lights: Option<&SceneLights>) -> Self {
         let Some(lights) = lights else { return self };
-        let part_s = 1e-6 * self.part_us();
-        for (part, px_s) in self.px_s.iter_mut().enumerate() {
-            *px_s += lights.equivalent_px_s([part, part + 1].map(|border| border as f64 * part_s));
+        let span_s = 1e-6 * self.span_us();
+        for (span, px_s) in self.px_s.iter_mut().enumerate() {
+            *px_s += lights.equivalent_px_s([span, span + 1].map(|border| border as f64 * span_s));
         }
         self
     }
 
-    /// Length of a part, us.
-    fn part_us(&self) -> f64 {
+    /// Length of a span, us.
+    fn span_us(&self) -> f64 {
         self.end_us as f64 / self.px_s.len() as f64
     }
 
     /// The highest flow between two moments, px/us.
     fn highest(&self, from_us: f64, to_us: f64) -> f64 {
-        let part = |us: f64| us / self.part_us();
+        let span = |us: f64| us / self.span_us();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
-        let first = (part(from_us).max(0.0) as usize).min(self.px_s.len() - 1);
+        let first = (span(from_us).max(0.0) as usize).min(self.px_s.len() - 1);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]
-        let after = (libm::ceil(part(to_us)).max(0.0) as usize).clamp(first + 1, self.px_s.len());
+        let after = (libm::ceil(span(to_us)).max(0.0) as usize).clamp(first + 1, self.px_s.len());
         1e-6 * self.px_s[first..after].iter().copied().fold(0.0, f64::max)
     }
 
     /// Image motion from the first pose to the last, px.
     #[must_use]
     pub fn total_px(&self) -> f64 {
-        1e-6 * self.part_us() * self.px_s.iter().sum::<f64>()
+        1e-6 * self.span_us() * self.px_s.iter().sum::<f64>()
     }
 
     /// The last moment, us.
@@ -136,11 +136,11 @@ impl PathFlow {
         self.end_us
     }
 
-    /// The middle of the fastest part, us.
+    /// The middle of the fastest span, us.
     pub(crate) fn fastest_us(&self) -> f64 {
         let highest = self.px_s.iter().copied().fold(0.0, f64::max);
-        let part = self.px_s.iter().position(|flow| *flow >= highest).unwrap_or(0);
-        (part as f64 + 0.5) * self.part_us()
+        let span = self.px_s.iter().position(|flow| *flow >= highest).unwrap_or(0);
+        (span as f64 + 0.5) * self.span_us()
     }
 
     /// The moment at which this share of the motion is over, us.
@@ -150,11 +150,11 @@ impl PathFlow {
             return share * self.end_us as f64;
         }
         let (mut before, wanted) = (0.0, share * total);
-        // Parts without motion are skipped: a share of 0 falls where the motion begins, and nothing
+        // Spans without motion are skipped: a share of 0 falls where the motion begins, and nothing
         // is divided by 0.
-        for (part, flow) in self.px_s.iter().enumerate() {
+        for (span, flow) in self.px_s.iter().enumerate() {
             if before + flow >= wanted && *flow > 0.0 {
-                return (part as f64 + (wanted - before) / flow) * self.part_us();
+                return (span as f64 + (wanted - before) / flow) * self.span_us();
             }
             before += flow;
         }
@@ -197,18 +197,18 @@ impl PathFlow {
 
     /// The longest step from a moment on, in whole us.
     fn step_from(&self, at_us: i64, px: f64) -> i64 {
-        let (at, part) = (at_us as f64, self.part_us());
+        let (at, span) = (at_us as f64, self.span_us());
         let mut highest = 0.0f64;
         let mut end = at;
         while end < self.end_us as f64 {
             // Without the small addition, a border that is rounded down would be its own successor,
             // and the loop would not end.
-            let next = (libm::floor(end / part + 1e-9) + 1.0) * part;
-            // A thousandth of a microsecond inside, so that the parts next to this one do not
+            let next = (libm::floor(end / span + 1e-9) + 1.0) * span;
+            // A thousandth of a microsecond inside, so that the spans next to this one do not
             // count.
             highest = highest.max(self.highest(end + 1e-3, next - 1e-3));
             if highest * (next - at) > px {
-                // The step ends in this part, or at its start if its flow would make the step too
+                // The step ends in this span, or at its start if its flow would make the step too
                 // long.
                 end = end.max(at + px / highest);
                 break;
@@ -227,18 +227,18 @@ impl PathFlow {
     }
 }
 
-/// The depth at a place, with the parts and the velocities that its pixels show.
-struct SeenDepth {
+/// The depth at a place, with the objects and the velocities that its pixels show.
+struct PlaceDepth {
     depth: Image<f32>,
-    segments: Option<Image<u8>>,
+    segmentation: Option<Image<u8>>,
     drift: Option<Image<[f32; 3]>>,
 }
 
-/// The flow of a moving camera, px/s of its own pixels, from the depths and parts of the places before
+/// The flow of a moving camera, px/s of its own pixels, from the depths and objects of the places before
 /// and after: the higher of both.
-fn quickest_flow(depths: &[SeenDepth], views: &[CameraView]) -> f64 {
-    let of = |SeenDepth { depth, segments, drift }: &SeenDepth| {
-        let flow = flow_of_parts(depth, segments.as_ref(), views);
+fn quickest_flow(depths: &[PlaceDepth], views: &[CameraView]) -> f64 {
+    let of = |PlaceDepth { depth, segmentation, drift }: &PlaceDepth| {
+        let flow = flow_of_objects(depth, segmentation.as_ref(), views);
         let flow = with_drift(flow, depth, drift.as_ref(), &views[0].camera);
         let speeds = flow.pixels().iter().map(|[x, y]| (x * x + y * y).sqrt()).collect();
         nearest_ranks(speeds, [PERCENT]).map_or(0.0, |[speed]| f64::from(speed))
@@ -252,15 +252,15 @@ mod tests {
 
     /// 1 s: slow, then eight times as fast.
     fn uneven() -> PathFlow {
-        PathFlow::planted((0..100).map(|part| if part < 50 { 100.0 } else { 800.0 }).collect(), 1_000_000)
+        PathFlow::planted((0..100).map(|span| if span < 50 { 100.0 } else { 800.0 }).collect(), 1_000_000)
     }
 
     #[test]
     fn steps_go_by_the_highest_flow_within_them() {
         let flow = uneven();
         assert!((flow.total_px() - 450.0).abs() < 1e-9);
-        // 8 px take 80 ms of the slow part and 10 ms of the fast part. No step reaches too far into
-        // the fast part.
+        // 8 px take 80 ms of the slow span and 10 ms of the fast span. No step reaches too far into
+        // the fast span.
         let steps = flow.steps(8.0);
         for pair in steps.windows(2) {
             let highest = if pair[1] > 500_000 { 800.0 } else { 100.0 };
@@ -292,7 +292,7 @@ mod tests {
         assert!((flow.past_us(0.5) - (500_000.0 + 175.0 / 800.0 * 1e6)).abs() < 1.0);
         assert!((flow.length_about(250_000.0, 10.0) - 100_000.0).abs() < 1.0);
         assert!((flow.length_about(750_000.0, 10.0) - 12_500.0).abs() < 1.0);
-        // At the border, the fast part decides: half of 12.5 ms lies before it.
+        // At the border, the fast span decides: half of 12.5 ms lies before it.
         assert!((flow.length_about(500_000.0, 10.0) - 12_500.0).abs() < 1.0);
     }
 }

@@ -40,7 +40,7 @@ struct KeptState {
     limit: u64,
     /// The reason why nothing more is kept.
     refused: Option<String>,
-    shown: usize,
+    reused: usize,
     rendered: usize,
 }
 
@@ -48,7 +48,7 @@ struct KeptState {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct KeptSummary {
     /// Number of images that were shown again.
-    pub shown: usize,
+    pub reused: usize,
     /// Number of images that were rendered, of those that are kept.
     pub rendered: usize,
     /// Bytes of the new file; 0 without one.
@@ -69,8 +69,8 @@ impl KeptFrames {
             }
             files.push(file);
         }
-        let (written, writer, refused, shown, rendered) = (BTreeSet::new(), None, None, 0, 0);
-        let state = KeptState { files, places, written, writer, fresh, limit, refused, shown, rendered };
+        let (written, writer, refused, reused, rendered) = (BTreeSet::new(), None, None, 0, 0);
+        let state = KeptState { files, places, written, writer, fresh, limit, refused, reused, rendered };
         Self { state: Mutex::new(state) }
     }
 
@@ -92,8 +92,8 @@ impl KeptFrames {
             }
             None => 0,
         };
-        let KeptState { shown, rendered, ref refused, .. } = *state;
-        KeptSummary { shown, rendered, bytes, refused: refused.clone() }
+        let KeptState { reused, rendered, ref refused, .. } = *state;
+        KeptSummary { reused, rendered, bytes, refused: refused.clone() }
     }
 
     fn state(&self) -> MutexGuard<'_, KeptState> {
@@ -109,7 +109,7 @@ impl KeptState {
         // A file that was altered, or that cannot be read any more, holds nothing to show.
         self.files[*file].read(place, want, out).ok().flatten()?;
         out.clear_all_but(want);
-        self.shown += 1;
+        self.reused += 1;
         Some(place.head.work)
     }
 
@@ -157,8 +157,8 @@ pub struct KeptRenderer {
     /// Images of frames that are kept.
     keeps: ChannelSet,
     /// The policy of the product, and whether it is in force. Renderings under another one only measure time.
-    usual: OmissionPolicy,
-    is_usual: bool,
+    policy: OmissionPolicy,
+    in_force: bool,
     /// True while only a sample of the pixels is rendered. Such images are not kept.
     is_sampled: bool,
     /// Digest of the promised poses, on which counts depend.
@@ -175,21 +175,21 @@ impl std::fmt::Debug for KeptRenderer {
 const MEASURED: ChannelSet = ChannelSet { depth: true, alpha: true, doubtful: true, ..ChannelSet::NONE };
 
 impl KeptRenderer {
-    /// Keeps the images of this renderer, which leaves out `usual`: of views with luminance those in `keeps`,
-    /// and of others depth, opacity and doubt, if all three are rendered.
+    /// Keeps the images of this renderer, which leaves out `policy`: of views with luminance those in
+    /// `keeps`, and of others depth, opacity and doubt, if all three are rendered.
     #[must_use]
     pub fn new(
         inner: Box<dyn Renderer>,
         kept: Arc<KeptFrames>,
         keeps: ChannelSet,
-        usual: OmissionPolicy,
+        policy: OmissionPolicy,
     ) -> Self {
-        Self { inner, kept, keeps, usual, is_usual: true, is_sampled: false, promise: [0; 32] }
+        Self { inner, kept, keeps, policy, in_force: true, is_sampled: false, promise: [0; 32] }
     }
 
     /// The images of a rendering that are kept.
     fn kept_of(&self, want: ChannelSet) -> Vec<KeptChannel> {
-        if !self.is_usual || self.is_sampled {
+        if !self.in_force || self.is_sampled {
             return Vec::new();
         }
         if !want.luminance {
@@ -249,7 +249,7 @@ impl Renderer for KeptRenderer {
     }
 
     fn omit(&mut self, omit: OmissionPolicy) {
-        self.is_usual = omit == self.usual;
+        self.in_force = omit == self.policy;
         self.inner.omit(omit);
     }
 
@@ -265,8 +265,8 @@ impl Renderer for KeptRenderer {
         self.inner.motion_channels()
     }
 
-    fn part_views(&self, view: &CameraView) -> Vec<CameraView> {
-        self.inner.part_views(view)
+    fn object_views(&self, view: &CameraView) -> Vec<CameraView> {
+        self.inner.object_views(view)
     }
 
     fn keep_also(&mut self, camera: &Camera, poses: &[Se3]) {
@@ -283,7 +283,7 @@ impl Renderer for KeptRenderer {
     }
 
     fn expect(&mut self, view: &CameraView, want: ChannelSet) {
-        if !(self.is_usual && self.has(view, want)) {
+        if !(self.in_force && self.has(view, want)) {
             self.inner.expect(view, want);
         }
     }
@@ -294,16 +294,16 @@ impl Renderer for KeptRenderer {
         want: ChannelSet,
         out: &mut RenderedImages,
     ) -> Result<RenderWork, RenderError> {
-        let seen = self.view(view);
-        if self.is_usual
-            && let Some(work) = self.kept.state().show(&seen, want, out)
+        let key = self.view(view);
+        if self.in_force
+            && let Some(work) = self.kept.state().show(&key, want, out)
         {
             return Ok(work);
         }
         let work = self.inner.render(view, want, out)?;
         let channels = self.kept_of(want);
         if !channels.is_empty() {
-            self.kept.state().keep(seen, channels, out, work);
+            self.kept.state().keep(key, channels, out, work);
         }
         Ok(work)
     }

@@ -147,9 +147,9 @@ pub(crate) fn measure_intervals<V: PathViewer>(
     let rated = between.contains(&BetweenFrames::Hermite);
     viewer.show(&shots, rated, &mut |frames| {
         let shot = *coming.next().expect("as many frames as were asked for");
-        let seen =
+        let voltage =
             |scale: &SensorScale| SampledVoltage::new(&frames[scale.front_end], &pixels[shot.1], scale.k2);
-        held.insert(shot, scales.iter().map(seen).collect());
+        held.insert(shot, scales.iter().map(voltage).collect());
         while let Some(next) = intervals.get(squares.len()) {
             if !next.moments(between).all(|shot| held.contains_key(&shot)) {
                 break;
@@ -174,10 +174,10 @@ fn worst_square(
     held: &HeldFrames,
 ) -> f64 {
     let mean = |(number, scale): (usize, &SensorScale)| {
-        let seen = |moment: i64| held.get(&(moment, interval.sample)).map(|seen| &seen[number]);
-        let outer = interval.outer.map(|moment| moment.and_then(seen));
+        let voltage = |moment: i64| held.get(&(moment, interval.sample)).map(|voltage| &voltage[number]);
+        let outer = interval.outer.map(|moment| moment.and_then(voltage));
         let [from, to, middle] = [interval.ends[0], interval.ends[1], interval.middle()]
-            .map(|moment| seen(moment).expect("it is held"));
+            .map(|moment| voltage(moment).expect("it is held"));
         scale.thresholds * scale.thresholds * mean_square(between, outer, [from, to], middle)
     };
     scales.iter().enumerate().map(mean).fold(0.0, f64::max)
@@ -193,8 +193,8 @@ fn mean_square(
     middle: &SampledVoltage,
 ) -> f64 {
     let error = |i: usize| {
-        let outer = outer.map(|seen| seen.map(|seen| seen.knot(i)));
-        interpolated_value(between, outer, ends.map(|seen| seen.knot(i)), middle.seconds)
+        let outer = outer.map(|voltage| voltage.map(|voltage| voltage.knot(i)));
+        interpolated_value(between, outer, ends.map(|voltage| voltage.knot(i)), middle.seconds)
             - f64::from(middle.v[i])
     };
     let sum = |(chunk, values): (usize, &[f32])| -> f64 {
@@ -218,12 +218,12 @@ pub(super) mod planted {
         pub(crate) size: Size,
         pub(crate) signal: S,
         /// The moments that were requested.
-        pub(crate) shown: Vec<i64>,
+        pub(crate) requested: Vec<i64>,
     }
 
     impl<S: Fn(usize, f64) -> (f64, f64)> Planted<S> {
         pub(crate) fn new(size: Size, signal: S) -> Self {
-            Self { size, signal, shown: Vec::new() }
+            Self { size, signal, requested: Vec::new() }
         }
     }
 
@@ -252,7 +252,7 @@ pub(super) mod planted {
                     luminance: image(&|level, _| level - K2),
                     rate: rated.then(|| image(&|level, slope| level * slope)),
                 }]);
-                self.shown.push(*moment);
+                self.requested.push(*moment);
             }
             Ok(())
         }
@@ -299,11 +299,11 @@ mod tests {
             SampledInterval { ends: [500, 520], outer: [None, None], sample: 0 },
         ];
         measure_intervals(&mut viewer, &[SCALE], &nested, &whole(), &ALL).unwrap();
-        assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
+        assert_eq!(viewer.requested, [90, 110, 100, 70, 130, 10, 500, 520, 510]);
         let mut viewer = Planted::new(SIZE, |_, t| (4.0 + t, 1.0));
         let found =
             measure_intervals(&mut viewer, &[SCALE], &nested, &whole(), &[BetweenFrames::Linear]).unwrap();
-        assert_eq!(viewer.shown, [90, 110, 100, 70, 130, 500, 520, 510]);
+        assert_eq!(viewer.requested, [90, 110, 100, 70, 130, 500, 520, 510]);
         assert_eq!((found.squares.len(), found.squares[0].len()), (3, 1));
     }
 

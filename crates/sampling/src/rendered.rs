@@ -140,7 +140,7 @@ impl RenderedFrames {
 
     fn view(&self, index: usize) -> Option<CameraView> {
         let pose = self.trajectory.world_from_camera.get(index)?;
-        // As in a pass without frames, so that both see moving parts at the same places.
+        // As in a pass without frames, so that both see moving objects at the same places.
         let seconds = self.trajectory.seconds(index);
         let still = CameraView::at_rest(self.camera, *pose).at_time(seconds);
         Some(self.velocities.get(index).map_or(still, |velocity| CameraView { velocity: *velocity, ..still }))

@@ -15,7 +15,7 @@ use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation_spline::SplineDiverged;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_trajectory::sampled::SampledPath;
 use std::ops::Range;
@@ -111,9 +111,9 @@ impl RowRoller {
                 let want = ChannelSet { rgb: true, ..ChannelSet::NONE };
                 let work = renderer.render(&view, want, &mut rendered)?;
                 self.work += renderer.work_within(work);
-                let seen = rendered.rgb.as_ref().expect("colour was asked for").pixels();
+                let colours = rendered.rgb.as_ref().expect("colour was asked for").pixels();
                 let place = band.start as usize * width..band.end as usize * width;
-                picture.pixels_mut()[place.clone()].copy_from_slice(&seen[place]);
+                picture.pixels_mut()[place.clone()].copy_from_slice(&colours[place]);
             }
         }
         self.light(pose, &mut picture);
@@ -147,8 +147,8 @@ impl RowRoller {
         let at = seconds[pose] - seconds[0];
         let (_, velocity) = self.path.at(at);
         let still = CameraView::at_rest(self.course.camera, self.course.poses[pose]).at_time(at);
-        let views = renderer.part_views(&CameraView { velocity, ..still });
-        let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
+        let views = renderer.object_views(&CameraView { velocity, ..still });
+        let flow = flow_of_objects(depth, images.segmentation.as_ref(), &views);
         let flow = with_drift(flow, depth, images.drift.as_ref(), &self.course.camera);
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
         let fastest = f64::from(squares.fold(0.0, f32::max).sqrt());

@@ -308,7 +308,7 @@ impl SplatTrack {
 }
 
 impl Gaussians {
-    /// The change of the Gaussians; `None` if they are still, or move in rigid parts alone.
+    /// The change of the Gaussians; `None` if they are still, or move as rigid objects alone.
     #[must_use]
     pub fn dynamics(&self) -> Option<&SplatDynamics> {
         self.motion.as_ref()?.dynamics.as_ref()

@@ -75,7 +75,7 @@ pub struct Gaussians {
     pub antialiased: Option<bool>,
     /// Counts of what the reader dropped or repaired.
     pub screening: SceneScreening,
-    /// The parts that move; `None` for a scene at rest.
+    /// The objects that move, and the change of the Gaussians; `None` for a scene at rest.
     pub motion: Option<Arc<SceneMotion>>,
 }
 

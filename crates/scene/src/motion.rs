@@ -1,25 +1,25 @@
-//! Parts of a scene that move as rigid bodies, on paths that are functions of time.
+//! Objects of a scene that move as rigid bodies, on paths that are functions of time.
 //!
 //! ```text
-//! world_from_part(t) = [ about the pivot p: X -> R(t) (X - p) + p + d(t) ] after the part's own place
+//! world_from_object(t) = [ about the pivot p: X -> R(t) (X - p) + p + d(t) ] after the object's own place
 //! ```
-//! `d` and `R` are C2, and their derivatives are exact. Nothing of a part is ever rotated: a renderer sees
-//! each part from the camera's place in the part's own axes, where its means, covariances and harmonics are
-//! at rest.
+//! `d` and `R` are C2, and their derivatives are exact. Nothing of an object is ever rotated: a renderer sees
+//! each object from the camera's place in the object's own axes, where its means, covariances and harmonics
+//! are at rest.
 //!
 //! # Examples
 //!
 //! ```
 //! use glam::{DQuat, DVec3};
-//! use gs2e_scene::motion::{PartPath, PartRecord, SceneMotion};
+//! use gs2e_scene::motion::{ObjectPath, ObjectRecord, SceneMotion};
 //!
-//! // A part that begins at x = 1, and makes a quarter of a turn about the z axis in a second.
+//! // An object that begins at x = 1, and makes a quarter of a turn about the z axis in a second.
 //! let (name, rotation, translation) = ("moon".to_owned(), DQuat::IDENTITY, DVec3::X);
-//! let path = PartPath::Orbit { centre: DVec3::ZERO, axis: DVec3::Z, degrees_per_second: 90.0 };
+//! let path = ObjectPath::Orbit { centre: DVec3::ZERO, axis: DVec3::Z, degrees_per_second: 90.0 };
 //! let [shift, pivot] = [DVec3::ZERO; 2];
-//! let record = PartRecord { name, first: 0, shift, rotation, translation, pivot, path };
+//! let record = ObjectRecord { name, first: 0, shift, rotation, translation, pivot, path };
 //! let motion = SceneMotion::prepare(vec![record])?;
-//! let pose = motion.parts[0].at(1.0).pose;
+//! let pose = motion.objects[0].at(1.0).pose;
 //! assert!((pose.translation - DVec3::Y).length() < 1e-12);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -34,18 +34,18 @@ use gs2e_num::se3::spline::{CubicSpline, CurvePlace};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 
-/// Most parts of a scene: masks number them in 8 bits, and 0 is what is still.
-pub const MAX_PARTS: usize = 255;
+/// Most objects of a scene: a segmentation numbers them in 8 bits, and 0 is what is still.
+pub const MAX_OBJECTS: usize = 255;
 
 /// Excess over the last keyframe that a rounded stamp may have, s.
 const SLACK: f64 = 1e-6;
 
-/// The path of a part: its motion away from its place at rest.
+/// The path of an object: its motion away from its place at rest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub enum PartPath {
-    /// C2 splines through keyframes; the first is at 0 s. The part has no place after the last one.
-    Keyframes(Vec<PartKeyframe>),
+pub enum ObjectPath {
+    /// C2 splines through keyframes; the first is at 0 s. The object has no place after the last one.
+    Keyframes(Vec<ObjectKeyframe>),
     /// A rotation about a fixed axis, at a constant rate.
     Orbit {
         /// A point of the axis, world coordinates.
@@ -64,10 +64,10 @@ pub enum PartPath {
     },
 }
 
-/// A keyframe of a part.
+/// A keyframe of an object.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PartKeyframe {
+pub struct ObjectKeyframe {
     /// Time from the first pose of the trajectory, s.
     pub at: f64,
     /// Displacement of the pivot from its place at rest, world axes, scene units.
@@ -76,45 +76,45 @@ pub struct PartKeyframe {
     pub turn: DVec3,
 }
 
-/// A part as it is stored.
+/// An object as it is stored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PartRecord {
+pub struct ObjectRecord {
     /// Name.
     pub name: String,
-    /// Index of its first Gaussian. The parts are the last Gaussians of a scene, one after the other.
+    /// Index of its first Gaussian. The objects are the last Gaussians of a scene, one after the other.
     pub first: usize,
     /// Origin of the positions of its file minus that of the scene.
     pub shift: DVec3,
-    /// Rotation of its place at rest, world from part.
+    /// Rotation of its place at rest, world from object.
     pub rotation: DQuat,
     /// Translation of its place at rest.
     pub translation: DVec3,
     /// The point about which it turns, world coordinates, at rest.
     pub pivot: DVec3,
     /// Its path.
-    pub path: PartPath,
+    pub path: ObjectPath,
 }
 
-/// The moving parts of a scene.
+/// The moving objects of a scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneMotion {
-    /// The parts, in the order of their Gaussians.
-    pub parts: Vec<MovingPart>,
+    /// The objects, in the order of their Gaussians.
+    pub objects: Vec<MovingObject>,
     /// The change of the Gaussians themselves, if they change.
     pub dynamics: Option<SplatDynamics>,
 }
 
-/// A part with its path prepared.
+/// An object with its path prepared.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MovingPart {
+pub struct MovingObject {
     /// What is stored.
-    pub record: PartRecord,
-    curve: PartCurve,
+    pub record: ObjectRecord,
+    curve: ObjectCurve,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-enum PartCurve {
+enum ObjectCurve {
     Splines {
         seconds: Vec<f64>,
         shifts: CubicSpline,
@@ -127,24 +127,24 @@ enum PartCurve {
     },
 }
 
-/// Place and motion of a part at a moment.
+/// Place and motion of an object at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PartMotion {
-    /// Pose `world_from_part`.
+pub struct ObjectMotion {
+    /// Pose `world_from_object`.
     pub pose: Se3,
-    /// Velocity of the part's origin, world axes, scene units/s.
+    /// Velocity of the object's origin, world axes, scene units/s.
     pub velocity: DVec3,
     /// Angular velocity, world axes, rad/s.
     pub angular: DVec3,
 }
 
-/// The reason why a part has no path.
+/// The reason why an object has no path.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum PartError {
+pub enum ObjectPathError {
     /// A path cannot be laid through the keyframes.
     #[error("object {name}: {because}")]
     Path {
-        /// The part.
+        /// The object.
         name: String,
         /// The keyframe found and the one wanted.
         because: String,
@@ -154,7 +154,7 @@ pub enum PartError {
         "object {name} has keyframes from 0 to {end} s, found a view at {found} s; add a keyframe at its end"
     )]
     Ended {
-        /// The part.
+        /// The object.
         name: String,
         /// Its last keyframe.
         end: f64,
@@ -164,51 +164,53 @@ pub enum PartError {
 }
 
 impl SceneMotion {
-    /// Prepares the paths of stored parts.
+    /// Prepares the paths of stored objects.
     ///
     /// # Errors
-    /// No path leads through the keyframes of a part.
-    pub fn prepare(records: Vec<PartRecord>) -> Result<Self, PartError> {
-        let prepare = |record: PartRecord| {
-            let path = |because| PartError::Path { name: record.name.clone(), because };
-            let curve = PartCurve::new(&record.path).map_err(path)?;
-            Ok(MovingPart { record, curve })
+    /// No path leads through the keyframes of an object.
+    pub fn prepare(records: Vec<ObjectRecord>) -> Result<Self, ObjectPathError> {
+        let prepare = |record: ObjectRecord| {
+            let path = |because| ObjectPathError::Path { name: record.name.clone(), because };
+            let curve = ObjectCurve::new(&record.path).map_err(path)?;
+            Ok(MovingObject { record, curve })
         };
-        Ok(Self { parts: records.into_iter().map(prepare).collect::<Result<_, _>>()?, dynamics: None })
+        Ok(Self { objects: records.into_iter().map(prepare).collect::<Result<_, _>>()?, dynamics: None })
     }
 
-    /// What is stored of the parts.
-    pub fn records(&self) -> impl Iterator<Item = &PartRecord> {
-        self.parts.iter().map(|part| &part.record)
+    /// What is stored of the objects.
+    pub fn records(&self) -> impl Iterator<Item = &ObjectRecord> {
+        self.objects.iter().map(|object| &object.record)
     }
 
-    /// Checks that every part has a place at this time after the first pose, s.
+    /// Checks that every object has a place at this time after the first pose, s.
     ///
     /// # Errors
-    /// The keyframes of a part end before.
-    pub fn check(&self, seconds: f64) -> Result<(), PartError> {
-        let late =
-            self.parts.iter().find_map(|part| Some((part, part.end().filter(|end| seconds > end + SLACK)?)));
-        late.map_or(Ok(()), |(part, end)| {
-            Err(PartError::Ended { name: part.record.name.clone(), end, found: seconds })
+    /// The keyframes of an object end before.
+    pub fn check(&self, seconds: f64) -> Result<(), ObjectPathError> {
+        let late = self
+            .objects
+            .iter()
+            .find_map(|object| Some((object, object.end().filter(|end| seconds > end + SLACK)?)));
+        late.map_or(Ok(()), |(object, end)| {
+            Err(ObjectPathError::Ended { name: object.record.name.clone(), end, found: seconds })
         })
     }
 }
 
-impl PartPath {
+impl ObjectPath {
     /// Checks that there is a path.
     ///
     /// # Errors
     /// The keyframe found and the one wanted, or the reason why no spline leads through the keyframes.
     pub fn check(&self) -> Result<(), String> {
-        PartCurve::new(self).map(|_| ())
+        ObjectCurve::new(self).map(|_| ())
     }
 }
 
-impl PartCurve {
-    fn new(path: &PartPath) -> Result<Self, String> {
+impl ObjectCurve {
+    fn new(path: &ObjectPath) -> Result<Self, String> {
         Ok(match path {
-            PartPath::Keyframes(keys) => {
+            ObjectPath::Keyframes(keys) => {
                 check_keyframes(keys)?;
                 let seconds: Vec<f64> = keys.iter().map(|key| key.at).collect();
                 let steps: Vec<f64> = seconds.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -217,18 +219,18 @@ impl PartCurve {
                 let turns = RotationSpline::new(&steps, &turns).map_err(|e: SplineDiverged| e.to_string())?;
                 Self::Splines { shifts: CubicSpline::not_a_knot(&steps, &shifts), turns, seconds }
             }
-            PartPath::Orbit { axis, degrees_per_second, .. } => {
+            ObjectPath::Orbit { axis, degrees_per_second, .. } => {
                 let axis = axis.try_normalize().ok_or("the axis of its orbit has the length 0")?;
                 Self::Steady { velocity: DVec3::ZERO, spin: axis * degrees_per_second.to_radians() }
             }
-            PartPath::Straight { velocity, spin } => {
+            ObjectPath::Straight { velocity, spin } => {
                 Self::Steady { velocity: *velocity, spin: radians(*spin) }
             }
         })
     }
 }
 
-fn check_keyframes(keys: &[PartKeyframe]) -> Result<(), String> {
+fn check_keyframes(keys: &[ObjectKeyframe]) -> Result<(), String> {
     let first = keys.first().map(|key| key.at).filter(|_| keys.len() > 1);
     let Some(first) = first else { return Err(format!("found {} keyframes, wanted at least 2", keys.len())) };
     if first.abs() > 0.0 {
@@ -246,32 +248,32 @@ fn radians(degrees: DVec3) -> DVec3 {
     DVec3::from_array(degrees.to_array().map(f64::to_radians))
 }
 
-impl MovingPart {
-    /// The last moment at which the part has a place; `None` if it has one at all times.
+impl MovingObject {
+    /// The last moment at which the object has a place; `None` if it has one at all times.
     #[must_use]
     pub fn end(&self) -> Option<f64> {
         match &self.curve {
-            PartCurve::Splines { seconds, .. } => seconds.last().copied(),
-            PartCurve::Steady { .. } => None,
+            ObjectCurve::Splines { seconds, .. } => seconds.last().copied(),
+            ObjectCurve::Steady { .. } => None,
         }
     }
 
     /// Place and motion of the axes of its scene file, without the origin that the positions are stored
     /// relative to.
-    fn moved_origin(&self, seconds: f64) -> PartMotion {
-        let PartMotion { pose, velocity, angular } = self.at(seconds);
+    fn moved_origin(&self, seconds: f64) -> ObjectMotion {
+        let ObjectMotion { pose, velocity, angular } = self.at(seconds);
         // Positions are stored relative to an origin. The file's own zero is this far from it.
         let origin = pose.rotation * self.record.shift;
         let pose = Se3 { translation: pose.translation - origin, ..pose };
-        PartMotion { pose, velocity: velocity - angular.cross(origin), angular }
+        ObjectMotion { pose, velocity: velocity - angular.cross(origin), angular }
     }
 
     /// Place and motion at this time after the first pose, s. Times beyond the keyframes are those of the
     /// last one.
     #[must_use]
-    pub fn at(&self, seconds: f64) -> PartMotion {
+    pub fn at(&self, seconds: f64) -> ObjectMotion {
         let (shift, turn, moving, angular) = match &self.curve {
-            PartCurve::Splines { seconds: keys, shifts, turns } => {
+            ObjectCurve::Splines { seconds: keys, shifts, turns } => {
                 let last = keys.len() - 1;
                 let t = seconds.clamp(keys[0], keys[last]);
                 // Among the inner keyframes only, because no segment begins at the last one.
@@ -281,34 +283,35 @@ impl MovingPart {
                 // The spline gives the rate in the axes of the turning body.
                 (curve.value(at.x), turn, curve.slope(at.x), turn * turns.rate(at))
             }
-            PartCurve::Steady { velocity, spin } => {
+            ObjectCurve::Steady { velocity, spin } => {
                 (*velocity * seconds, exp_vector(*spin * seconds), *velocity, *spin)
             }
         };
-        let PartRecord { shift: origin, rotation, translation, pivot, .. } = self.record;
+        let ObjectRecord { shift: origin, rotation, translation, pivot, .. } = self.record;
         let rotation = turn * rotation;
-        // The place of the part's origin relative to the pivot, which turns about it.
+        // The place of the object's origin relative to the pivot, which turns about it.
         let arm = turn * (translation - pivot) + rotation * origin;
         let pose = Se3 { rotation, translation: pivot + shift + arm };
-        PartMotion { pose, velocity: moving + angular.cross(arm), angular }
+        ObjectMotion { pose, velocity: moving + angular.cross(arm), angular }
     }
 }
 
 /// Columns of [`write_places`].
 pub(crate) const PLACES_HEAD: &str = "#stamp_us,id,name,tx,ty,tz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
 
-/// Writes the motion of every part at these stamps: number and name, pose `world_from_part`, velocity of the
-/// part's origin and angular velocity, both in world axes. The axes of a part are those of its scene file.
+/// Writes the motion of every object at these stamps: number and name, pose `world_from_object`, velocity of
+/// the object's origin and angular velocity, both in world axes. The axes of an object are those of its scene
+/// file.
 ///
 /// # Errors
 /// `out` fails.
 pub fn write_places(motion: Option<&SceneMotion>, stamps_us: &[i64], mut out: impl Write) -> io::Result<()> {
     writeln!(out, "{PLACES_HEAD}")?;
     for stamp in stamps_us {
-        for (number, part) in motion.into_iter().flat_map(|motion| (1..).zip(&motion.parts)) {
-            let PartMotion { pose, velocity, angular } = part.moved_origin(*stamp as f64 * 1e-6);
+        for (number, object) in motion.into_iter().flat_map(|motion| (1..).zip(&motion.objects)) {
+            let ObjectMotion { pose, velocity, angular } = object.moved_origin(*stamp as f64 * 1e-6);
             let Se3 { rotation, translation } = pose;
-            write!(out, "{stamp},{number},{}", part.record.name)?;
+            write!(out, "{stamp},{number},{}", object.record.name)?;
             let vectors = [translation.to_array(), velocity.to_array(), angular.to_array()];
             let numbers =
                 vectors[0].into_iter().chain(rotation.to_array()).chain(vectors[1]).chain(vectors[2]);
@@ -325,7 +328,7 @@ pub fn write_places(motion: Option<&SceneMotion>, stamps_us: &[i64], mut out: im
 pub struct PlaceLine {
     /// Stamp of the pose.
     pub stamp_us: i64,
-    /// Number of the part, from 1.
+    /// Number of the object, from 1.
     pub number: u8,
     /// Its name.
     pub name: String,
@@ -383,23 +386,24 @@ pub fn is_canonical(bytes: &[u8]) -> Result<bool, String> {
 }
 
 impl Gaussians {
-    /// Number of parts that move.
+    /// Number of objects that move.
     #[must_use]
-    pub fn part_count(&self) -> usize {
-        self.motion.as_ref().map_or(0, |motion| motion.parts.len())
+    pub fn object_count(&self) -> usize {
+        self.motion.as_ref().map_or(0, |motion| motion.objects.len())
     }
 
-    /// Index after the last Gaussian of a part; part 0 is what is still.
+    /// Index after the last Gaussian of an object; object 0 is what is still.
     #[must_use]
-    pub fn part_end(&self, part: usize) -> usize {
-        let next = self.motion.as_ref().and_then(|motion| motion.parts.get(part));
+    pub fn object_end(&self, object: usize) -> usize {
+        let next = self.motion.as_ref().and_then(|motion| motion.objects.get(object));
         next.map_or(self.len(), |next| next.record.first)
     }
 
-    /// Mean of the means of a part, from 1, in its own axes, and the distance within which 95 % of them lie.
+    /// Mean of the means of an object, from 1, in its own axes, and the distance within which 95 % of them
+    /// lie.
     #[must_use]
-    pub fn part_ball(&self, part: usize) -> (DVec3, f64) {
-        let own = self.part_end(part - 1)..self.part_end(part);
+    pub fn object_ball(&self, object: usize) -> (DVec3, f64) {
+        let own = self.object_end(object - 1)..self.object_end(object);
         let count = own.len().max(1) as f64;
         let centre = own.clone().map(|i| self.position(i) / count).sum::<DVec3>();
         let mut distances: Vec<f64> = own.map(|i| (self.position(i) - centre).length()).collect();
@@ -407,11 +411,11 @@ impl Gaussians {
         (centre, distances.get(distances.len() * 95 / 100).copied().unwrap_or(0.0))
     }
 
-    /// The part of Gaussian `i`: 0 for what is still, and then the number of the part, from 1.
+    /// The object of Gaussian `i`: 0 for what is still, and then the number of the object, from 1.
     #[must_use]
-    pub fn part_of(&self, i: usize) -> usize {
+    pub fn object_of(&self, i: usize) -> usize {
         let Some(motion) = &self.motion else { return 0 };
-        motion.parts.partition_point(|part| part.record.first <= i)
+        motion.objects.partition_point(|object| object.record.first <= i)
     }
 }
 
@@ -419,8 +423,8 @@ impl Gaussians {
 mod tests {
     use super::*;
 
-    fn part(path: PartPath) -> MovingPart {
-        let record = PartRecord {
+    fn object(path: ObjectPath) -> MovingObject {
+        let record = ObjectRecord {
             name: "ball".into(),
             first: 0,
             shift: DVec3::new(0.2, -0.1, 0.4),
@@ -429,13 +433,16 @@ mod tests {
             pivot: DVec3::new(0.5, 0.0, 1.0),
             path,
         };
-        SceneMotion::prepare(vec![record]).unwrap().parts.remove(0)
+        SceneMotion::prepare(vec![record]).unwrap().objects.remove(0)
     }
 
-    fn keyframes() -> PartPath {
-        let key =
-            |at, shift: [f64; 3], turn: [f64; 3]| PartKeyframe { at, shift: shift.into(), turn: turn.into() };
-        PartPath::Keyframes(vec![
+    fn keyframes() -> ObjectPath {
+        let key = |at, shift: [f64; 3], turn: [f64; 3]| ObjectKeyframe {
+            at,
+            shift: shift.into(),
+            turn: turn.into(),
+        };
+        ObjectPath::Keyframes(vec![
             key(0.0, [0.0; 3], [0.0; 3]),
             key(0.4, [1.0, 0.2, 0.0], [0.0, 60.0, 10.0]),
             key(0.7, [1.5, -0.3, 0.4], [20.0, 110.0, 0.0]),
@@ -447,20 +454,20 @@ mod tests {
     /// rounding at 1e-16 / 1e-5.
     #[test]
     fn motions_are_the_derivatives_of_places() {
-        let orbit = PartPath::Orbit {
+        let orbit = ObjectPath::Orbit {
             centre: DVec3::new(0.0, 1.0, 0.0),
             axis: DVec3::new(0.0, 2.0, 1.0),
             degrees_per_second: 250.0,
         };
         let straight =
-            PartPath::Straight { velocity: DVec3::new(0.4, 0.0, -2.0), spin: DVec3::new(90.0, 0.0, 700.0) };
+            ObjectPath::Straight { velocity: DVec3::new(0.4, 0.0, -2.0), spin: DVec3::new(90.0, 0.0, 700.0) };
         for path in [keyframes(), orbit, straight] {
-            let part = part(path);
+            let object = object(path);
             for t in [0.05, 0.39, 0.5, 0.9, 1.3] {
                 let h = 1e-5;
-                let [before, now, after] = [t - h, t, t + h].map(|t| part.at(t));
+                let [before, now, after] = [t - h, t, t + h].map(|t| object.at(t));
                 for point in [DVec3::ZERO, DVec3::new(3.0, -1.0, 2.0)] {
-                    let place = |at: &PartMotion| at.pose.rotation * point + at.pose.translation;
+                    let place = |at: &ObjectMotion| at.pose.rotation * point + at.pose.translation;
                     let wanted = (place(&after) - place(&before)) / (2.0 * h);
                     let found = now.velocity + now.angular.cross(now.pose.rotation * point);
                     assert!((found - wanted).length() < 1e-6, "{t}: {found} for {wanted}");
@@ -472,41 +479,42 @@ mod tests {
     /// Both sides of a keyframe agree up to the second derivative, by differences of the exact first ones.
     #[test]
     fn keyframes_are_met_without_a_jump_of_acceleration() {
-        let part = part(keyframes());
+        let object = object(keyframes());
         let h = 1e-6;
         for t in [0.4, 0.7] {
-            let [a, b, c] = [t - h, t, t + h].map(|t| part.at(t));
+            let [a, b, c] = [t - h, t, t + h].map(|t| object.at(t));
             let [left, right] = [(b.velocity - a.velocity) / h, (c.velocity - b.velocity) / h];
             // A third derivative below 1e3 changes the acceleration by 1e-3 over 1e-6 s.
             assert!((left - right).length() < 1e-2 && (b.velocity - a.velocity).length() < 1e-3, "{t}");
             assert!((c.angular - b.angular - (b.angular - a.angular)).length() / h < 1e-2, "{t}");
         }
-        let end = part.at(1.5);
-        let turned = exp_vector(radians(DVec3::new(0.0, 200.0, -40.0))) * part.record.rotation;
+        let end = object.at(1.5);
+        let turned = exp_vector(radians(DVec3::new(0.0, 200.0, -40.0))) * object.record.rotation;
         assert!(end.pose.rotation.dot(turned).abs() > 1.0 - 1e-12);
     }
 
     #[test]
-    fn an_orbit_takes_the_part_about_its_axis() {
+    fn an_orbit_takes_the_object_about_its_axis() {
         // Half a turn about the vertical axis through (0.5, ., 1), the pivot of the record.
-        let orbit = PartPath::Orbit { centre: DVec3::ZERO, axis: DVec3::Y * 3.0, degrees_per_second: 90.0 };
-        let part = part(orbit);
-        let rest = part.at(0.0).pose.translation;
-        let half = part.at(2.0).pose.translation;
+        let orbit = ObjectPath::Orbit { centre: DVec3::ZERO, axis: DVec3::Y * 3.0, degrees_per_second: 90.0 };
+        let object = object(orbit);
+        let rest = object.at(0.0).pose.translation;
+        let half = object.at(2.0).pose.translation;
         assert!((half - DVec3::new(1.0 - rest.x, rest.y, 2.0 - rest.z)).length() < 1e-12, "{rest} {half}");
     }
 
     #[test]
     fn bad_keyframes_and_late_views_are_named() {
         let t = |times: &[f64], wanted: &str| {
-            let key = |at: &f64| PartKeyframe { at: *at, shift: DVec3::ZERO, turn: DVec3::ZERO };
-            let error = PartCurve::new(&PartPath::Keyframes(times.iter().map(key).collect())).unwrap_err();
+            let key = |at: &f64| ObjectKeyframe { at: *at, shift: DVec3::ZERO, turn: DVec3::ZERO };
+            let error =
+                ObjectCurve::new(&ObjectPath::Keyframes(times.iter().map(key).collect())).unwrap_err();
             assert_eq!(error, wanted);
         };
         t(&[0.0], "found 1 keyframes, wanted at least 2");
         t(&[0.5, 1.0], "the first keyframe is at 0.5 s, wanted 0");
         t(&[0.0, 1.0, 1.0], "a keyframe at 1 s follows one at 1 s, wanted a later one");
-        let motion = SceneMotion { parts: vec![part(keyframes())], dynamics: None };
+        let motion = SceneMotion { objects: vec![object(keyframes())], dynamics: None };
         assert_eq!(motion.check(1.500_000_5), Ok(()));
         let late = motion.check(1.6).unwrap_err().to_string();
         assert_eq!(

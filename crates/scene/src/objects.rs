@@ -1,11 +1,11 @@
-//! Scenes with objects: parts of a scene, or other scenes that are placed in it, become its moving parts.
+//! Scenes with objects: Gaussians of a scene, or other scenes that are placed in it, as its moving objects.
 //!
 //! # Examples
 //!
 //! ```
 //! # use glam::DVec3;
 //! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
-//! # use gs2e_scene::motion::PartPath;
+//! # use gs2e_scene::motion::ObjectPath;
 //! use gs2e_scene::objects::{ObjectSettings, ObjectSource, add_objects};
 //!
 //! # let mut collector = GaussianCollector::new(0, 3)?;
@@ -16,16 +16,16 @@
 //! # let scene = collector.finish(DVec3::ZERO, None)?;
 //! // `scene` has three Gaussians, at x = 0, 5 and 6. The first one rises.
 //! let from = ObjectSource::Sphere { centre: DVec3::ZERO, radius: 1.0 };
-//! let path = PartPath::Straight { velocity: DVec3::NEG_Y, spin: DVec3::ZERO };
+//! let path = ObjectPath::Straight { velocity: DVec3::NEG_Y, spin: DVec3::ZERO };
 //! let object = ObjectSettings { name: "balloon".into(), from, pivot: None, path };
 //! let scene = add_objects(&scene, &[object])?;
 //! // What moves comes last.
-//! assert_eq!([0, 1, 2].map(|i| scene.part_of(i)), [0, 0, 1]);
+//! assert_eq!([0, 1, 2].map(|i| scene.object_of(i)), [0, 0, 1]);
 //! assert_eq!(scene.position(2), DVec3::ZERO);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::motion::{MAX_PARTS, PartError, PartPath, PartRecord, SceneMotion};
+use super::motion::{MAX_OBJECTS, ObjectPath, ObjectPathError, ObjectRecord, SceneMotion};
 use super::{Gaussians, SceneError, read_file};
 use glam::{DQuat, DVec3};
 use gs2e_files as files;
@@ -47,7 +47,7 @@ pub struct ObjectSettings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pivot: Option<DVec3>,
     /// Its path.
-    pub path: PartPath,
+    pub path: ObjectPath,
 }
 
 /// The source of an object's Gaussians.
@@ -91,7 +91,7 @@ pub enum ObjectSource {
 }
 
 impl ObjectSettings {
-    /// Its place at rest, world from part, but for the origins that positions are stored relative to.
+    /// Its place at rest, world from object, but for the origins that positions are stored relative to.
     #[must_use]
     pub fn rest(&self) -> Se3 {
         match &self.from {
@@ -107,7 +107,7 @@ impl ObjectSettings {
     #[must_use]
     pub fn stated_pivot(&self) -> Option<DVec3> {
         match &self.path {
-            PartPath::Orbit { centre, .. } => Some(*centre),
+            ObjectPath::Orbit { centre, .. } => Some(*centre),
             _ => self.pivot,
         }
     }
@@ -156,20 +156,20 @@ pub enum ObjectError {
         count: usize,
     },
     /// Too many objects.
-    #[error("found {0} objects, wanted at most {MAX_PARTS}")]
+    #[error("found {0} objects, wanted at most {MAX_OBJECTS}")]
     TooMany(usize),
     /// A path is not one.
     #[error(transparent)]
-    Path(#[from] PartError),
+    Path(#[from] ObjectPathError),
 }
 
-/// The scene with its objects as moving parts. What is still keeps its order and comes first; the parts
-/// follow in the order of the objects.
+/// The scene with its objects, which move. What is still keeps its order and comes first; the objects
+/// follow in their order.
 ///
 /// # Errors
 /// A file cannot be read, an object is empty, two of them share Gaussians, or a path is not one.
 pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaussians, ObjectError> {
-    if objects.len() > MAX_PARTS {
+    if objects.len() > MAX_OBJECTS {
         return Err(ObjectError::TooMany(objects.len()));
     }
     let owners = owners_of(scene, objects)?;
@@ -199,7 +199,7 @@ pub fn add_objects(scene: &Gaussians, objects: &[ObjectSettings]) -> Result<Gaus
         let mean = (first..all.len()).map(|i| all.position(i) / count).sum::<DVec3>() + shift;
         let pivot = object.stated_pivot().unwrap_or(rotation * mean + translation);
         let (name, path) = (object.name.clone(), object.path.clone());
-        records.push(PartRecord { name, first, shift, rotation, translation, pivot, path });
+        records.push(ObjectRecord { name, first, shift, rotation, translation, pivot, path });
     }
     all.motion = Some(Arc::new(SceneMotion::prepare(records)?));
     Ok(all)
@@ -340,7 +340,7 @@ mod tests {
     }
 
     fn object(name: &str, from: ObjectSource) -> ObjectSettings {
-        let path = PartPath::Straight { velocity: DVec3::X, spin: DVec3::ZERO };
+        let path = ObjectPath::Straight { velocity: DVec3::X, spin: DVec3::ZERO };
         ObjectSettings { name: name.into(), from, pivot: None, path }
     }
 
@@ -355,13 +355,16 @@ mod tests {
         let inside = |i: &usize| scene.position(*i).length() <= 0.7;
         let (own, still): (Vec<usize>, Vec<usize>) = (0..scene.len()).partition(inside);
         assert!(!own.is_empty() && !still.is_empty());
-        assert_eq!((made.part_end(0), made.part_end(1), made.part_count()), (still.len(), scene.len(), 1));
+        assert_eq!(
+            (made.object_end(0), made.object_end(1), made.object_count()),
+            (still.len(), scene.len(), 1)
+        );
         for (k, i) in still.iter().chain(&own).enumerate() {
             assert_eq!((made.positions[k], made.sh_of(k)), (scene.positions[*i], scene.sh_of(*i)));
-            assert_eq!(made.part_of(k), usize::from(k >= still.len()));
+            assert_eq!(made.object_of(k), usize::from(k >= still.len()));
         }
-        // At rest, the part is where it was.
-        let rest = made.motion.as_ref().unwrap().parts[0].at(0.0).pose;
+        // At rest, the object is where it was.
+        let rest = made.motion.as_ref().unwrap().objects[0].at(0.0).pose;
         assert_eq!((rest.rotation, rest.translation.length() < 1e-15), (DQuat::IDENTITY, true));
     }
 
@@ -398,10 +401,10 @@ mod tests {
             file,
         };
         let made = add_objects(&scene(), &[object("cup", from)]).unwrap();
-        assert_eq!((made.len(), made.sh_degree, made.part_end(0)), (800, 2, 400));
+        assert_eq!((made.len(), made.sh_degree, made.object_end(0)), (800, 2, 400));
         assert!(made.sh_of(500)[1..].iter().all(|c| c.iter().all(|v| v.to_bits() == 0)));
         assert!((made.log_scales[400][0] - (cup.log_scales[0][0] - 2_f32.ln())).abs() < 1e-5);
-        let pose = made.motion.as_ref().unwrap().parts[0].at(0.0).pose;
+        let pose = made.motion.as_ref().unwrap().objects[0].at(0.0).pose;
         let [x, y, z] = cup.positions[0].map(|v| f64::from(v) * 0.5);
         // A quarter turn about y takes z to x and x to -z.
         let wanted = DVec3::new(z, y, 5.0 - x);

@@ -17,15 +17,15 @@ pub(super) struct FirstEvents {
     /// Index of the frame that ends the present interval.
     frame: usize,
     /// For each pixel, the interval of its last event and its number of events in it.
-    seen: Vec<(usize, u32)>,
+    counts: Vec<(usize, u32)>,
     selection: EventSelection,
 }
 
 impl FirstEvents {
     /// At most `cap` events of each pixel between two frames, from pixels without a cap of their own.
     pub(super) fn new(cap: u32, array: PixelArray) -> Self {
-        let seen = vec![(0, 0); array.size.pixels()];
-        Self { cap, array, stamps: Vec::new(), frame: 1, seen, selection: EventSelection::default() }
+        let counts = vec![(0, 0); array.size.pixels()];
+        Self { cap, array, stamps: Vec::new(), frame: 1, counts, selection: EventSelection::default() }
     }
 }
 
@@ -36,13 +36,13 @@ impl EventFilter for FirstEvents {
     }
 
     fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> std::io::Result<()> {
-        let Self { cap, array, stamps, frame: present, seen, selection } = self;
+        let Self { cap, array, stamps, frame: present, counts, selection } = self;
         selection.pass(events, sink, |event| {
             // Events come in file order, so the interval only moves forward.
             while stamps.get(*present).is_some_and(|&end| end < event.t.0) {
                 *present += 1;
             }
-            let (frame, count) = &mut seen[array.pixel(event)];
+            let (frame, count) = &mut counts[array.pixel(event)];
             if frame != present {
                 (*frame, *count) = (*present, 0);
             }

@@ -34,7 +34,7 @@ struct EventCause {
 
 /// Events that do not depend on brightness.
 #[derive(Debug)]
-pub(super) struct OwnEventKind<'a> {
+pub(super) struct SpontaneousKind<'a> {
     pub(super) train: &'a mut PoissonTrain,
     pub(super) rates: LinearRate,
     pub(super) site: PixelSite,
@@ -45,7 +45,7 @@ pub(super) struct OwnEventKind<'a> {
     pub(super) resets: bool,
 }
 
-impl OwnEventKind<'_> {
+impl SpontaneousKind<'_> {
     /// Time of the next event after `start`; infinite if it is not before the later frame.
     fn due(&mut self, start: f64) -> f64 {
         self.train.advance(&self.rates, start).unwrap_or(f64::INFINITY)
@@ -71,7 +71,7 @@ impl DetectorPixel {
         &mut self,
         course: &BrightnessCourse,
         refractory: &RefractoryPeriod,
-        sources: &mut [OwnEventKind<'_>; N],
+        sources: &mut [SpontaneousKind<'_>; N],
         writer: &mut PairWriter<'_>,
     ) -> ControlFlow<()> {
         let length = course.length();

@@ -49,7 +49,7 @@ pub use presets::TRAINABLE;
 
 use super::chain::{FilteredPixels, PixelArray};
 use super::course::BrightnessCourse;
-use super::detector::{DetectorPixel, OwnEventKind};
+use super::detector::{DetectorPixel, SpontaneousKind};
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{PixelSite, RedrawRule, ThresholdMismatch};
 use super::pairs::{FrameLaw, PairPixels, PairWriter, PixelPair};
@@ -117,7 +117,7 @@ impl EsimModel {
     }
 
     /// The brightness of one pixel.
-    fn seen(&self, luminance: f64) -> f64 {
+    fn brightness_of(&self, luminance: f64) -> f64 {
         let mut one = [luminance];
         self.to_brightness(&mut one);
         one[0]
@@ -155,8 +155,8 @@ pub(super) struct EsimPixel {
     /// Brightness at the first frame.
     first: f64,
     /// Present brightness.
-    seen: f64,
-    own: PoissonTrain,
+    brightness: f64,
+    hot: PoissonTrain,
 }
 
 impl FrameLaw for EsimModel {
@@ -172,31 +172,32 @@ impl FrameLaw for EsimModel {
         }
     }
 
-    fn begin(&self, site: PixelSite, _: f64, seen: f64) -> EsimPixel {
-        let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
-        EsimPixel { detector, first: seen, seen, own: self.settings.hot_pixels.train(site) }
+    fn begin(&self, site: PixelSite, _: f64, brightness: f64) -> EsimPixel {
+        let detector = DetectorPixel::new(self.threshold.at(site, 0), brightness);
+        EsimPixel { detector, first: brightness, brightness, hot: self.settings.hot_pixels.train(site) }
     }
 
     fn cross(&self, pixel: &mut EsimPixel, pair: &PixelPair, writer: &mut PairWriter<'_>) -> ControlFlow<()> {
-        let PixelPair { site, frame, length, brightness: seen, .. } = *pair;
+        let PixelPair { site, frame, length, brightness, .. } = *pair;
         if self.mismatch == RedrawRule::PerFrame {
             pixel.detector.thresholds = self.threshold.at(site, frame);
         }
-        if pixel.own.is_silent() && pixel.detector.rests(pixel.seen, seen) {
-            pixel.seen = seen;
+        if pixel.hot.is_silent() && pixel.detector.rests(pixel.brightness, brightness) {
+            pixel.brightness = brightness;
             return ControlFlow::Continue(());
         }
-        let course = BrightnessCourse::straight_line(pixel.seen, seen, length);
-        pixel.seen = seen;
+        let course = BrightnessCourse::straight_line(pixel.brightness, brightness, length);
+        pixel.brightness = brightness;
         let SensorSettings { hot_pixels, refractory, .. } = &self.settings;
         let rates = LinearRate { ends: [hot_pixels.per_ns(site); 2], length };
-        let train = &mut pixel.own;
-        let own = OwnEventKind { train, rates, site, space: DrawSpace::Hot, on_share: 1.0, resets: false };
-        pixel.detector.cross(&course, refractory, &mut [own], writer)
+        let train = &mut pixel.hot;
+        let hot = SpontaneousKind { train, rates, site, space: DrawSpace::Hot, on_share: 1.0, resets: false };
+        pixel.detector.cross(&course, refractory, &mut [hot], writer)
     }
 
     fn imbalance(&self, pixel: &EsimPixel, on: u32, off: u32) -> Option<f64> {
-        let balance = super::detector::event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off);
+        let balance =
+            super::detector::event_imbalance(&pixel.detector, pixel.brightness - pixel.first, on, off);
         self.keeps_balance().then_some(balance)
     }
 }

@@ -223,7 +223,7 @@ impl FrontEnd {
 
     /// Returns true if a recipe need not write it.
     #[must_use]
-    pub fn is_usual(&self) -> bool {
+    pub fn is_default(&self) -> bool {
         is_default(self)
     }
 
@@ -345,7 +345,7 @@ mod tests {
     }
 
     /// Brightness that is seen of a frame in one colour. 20 pixels are two eights and a rest.
-    fn seen(front_end: FrontEnd, rgb: [f32; 3]) -> f32 {
+    fn brightness_of(front_end: FrontEnd, rgb: [f32; 3]) -> f32 {
         let frame = front_end.see(&grey(ramp(), None), Some(&Image::filled(SIZE, rgb)));
         assert_eq!((frame.index, frame.t, frame.rate.is_none()), (3, Timestamp(7), true));
         let first = frame.luminance.pixels()[0];
@@ -360,7 +360,7 @@ mod tests {
                 luminance: LuminanceWeights::from_weights(weights).unwrap(),
                 ..FrontEnd::default()
             };
-            let found = seen(front_end, rgb);
+            let found = brightness_of(front_end, rgb);
             // Three products and two sums in 64 bits, then rounded to the 24 of a float below 512.
             assert!((found - wanted).abs() <= 512.0 * f32::EPSILON, "{weights:?} {rgb:?}: {found}");
         };
@@ -373,7 +373,7 @@ mod tests {
         for v in [0.0, 1.0, 77.0, 128.0, 255.0] {
             // Weights that sum to 1 make nothing of grey but itself, to the last bit.
             let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..FrontEnd::default() };
-            assert_eq!(seen(rec709, [v; 3]).to_bits(), f32::to_bits(v));
+            assert_eq!(brightness_of(rec709, [v; 3]).to_bits(), f32::to_bits(v));
         }
     }
 
@@ -381,7 +381,7 @@ mod tests {
     #[test]
     fn decoded_colours_are_weighed_as_light() {
         let t = |front_end: FrontEnd, rgb: [f32; 3], light: f32| {
-            let found = seen(front_end, rgb) / 255.0;
+            let found = brightness_of(front_end, rgb) / 255.0;
             assert!((found - light).abs() <= 0.5e-6 + f32::EPSILON, "{rgb:?}: {found}, wanted {light}");
         };
         let rec709 = FrontEnd { luminance: LuminanceWeights::Rec709, ..decoded() };

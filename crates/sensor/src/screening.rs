@@ -37,7 +37,7 @@ const NOISY_HZ: f64 = 20.0;
 /// Rate of noise events, in Hz, below which a polarity counts as absent.
 const RARE_HZ: f64 = 1e-3;
 /// Contrasts of one event, as differences of logarithms, outside which there is a warning.
-const USUAL_CONTRAST: [f64; 2] = [0.05, 2.0];
+const TYPICAL_CONTRAST: [f64; 2] = [0.05, 2.0];
 
 /// Noise at constant brightness: of one pixel, or the mean of all pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -153,14 +153,14 @@ impl fmt::Display for ScreeningWarning {
                     f,
                     "one event needs a contrast of {contrast:.4} in ln, which is above {most}: cameras have 0.1 to \
                      0.5; write contrast: 0.2",
-                    most = USUAL_CONTRAST[1]
+                    most = TYPICAL_CONTRAST[1]
                 )
             }
             Self::Sensitive { contrast } => write!(
                 f,
                 "one event needs a contrast of {contrast:.4} in ln only, which is below {least}: cameras have 0.1 to \
                  0.5; write contrast: 0.2",
-                least = USUAL_CONTRAST[0]
+                least = TYPICAL_CONTRAST[0]
             ),
             Self::Noisy { hz } => {
                 write!(f, "a static pixel of grey 128 makes {hz:.4} events per second, more than {NOISY_HZ}")
@@ -289,7 +289,7 @@ impl SensorScreening {
 
 /// The warnings for contrasts that no camera has.
 fn unusual([on, off]: [f64; 2]) -> impl Iterator<Item = ScreeningWarning> {
-    let ([smallest, largest], [least, most]) = ([on.min(off), on.max(off)], USUAL_CONTRAST);
+    let ([smallest, largest], [least, most]) = ([on.min(off), on.max(off)], TYPICAL_CONTRAST);
     let sensitive = (smallest < least).then_some(ScreeningWarning::Sensitive { contrast: smallest });
     let insensitive = (largest > most).then_some(ScreeningWarning::Insensitive { contrast: largest });
     sensitive.into_iter().chain(insensitive)

@@ -155,7 +155,7 @@ mod tests {
     }
 
     /// All members of the family, with noise.
-    fn usual() -> Vec<SensorChoice> {
+    fn noisy_family() -> Vec<SensorChoice> {
         let presets =
             voltmeter::VoltmeterPreset::ALL.map(|preset| voltmeter::VoltmeterModel::new(preset.k()));
         let official =
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn streams_are_in_file_order_within_the_clip_and_counted() {
-        for sensor in quiet().into_iter().chain(usual()) {
+        for sensor in quiet().into_iter().chain(noisy_family()) {
             let (events, account) = run(&sensor, moving());
             assert!(account.events > 100, "{sensor:?}");
             assert_eq!((events.len() as u64, account.on + account.off), (account.events, account.events));
@@ -225,14 +225,14 @@ mod tests {
 
     #[test]
     fn a_seed_is_a_stream() {
-        for sensor in usual() {
+        for sensor in noisy_family() {
             assert_eq!(run(&sensor, moving()), run(&sensor, moving()));
         }
     }
 
     #[test]
     fn sensors_that_share_their_frames_see_what_each_sees_alone() {
-        let sensors = usual();
+        let sensors = noisy_family();
         let mut streams: Vec<Vec<Event>> = vec![Vec::new(); sensors.len()];
         let size = moving().size();
         let start = |sensor: &SensorChoice| sensor.as_model().start(size, [0, 0], Seed(1)).unwrap();
@@ -300,7 +300,7 @@ mod tests {
         let mut seen: [Vec<f32>; 4] = Default::default();
         let mut watchers: Vec<_> =
             seen.iter_mut().map(|seen| |frame: &DenseFrame| seen.extend(frame.luminance.pixels())).collect();
-        let sensor = &usual()[0];
+        let sensor = &noisy_family()[0];
         let mut channels = Vec::new();
         for ((stream, watch), front_end) in streams.iter_mut().zip(&mut watchers).zip(front_ends) {
             let pixels = sensor.as_model().start(frames.size(), [0, 0], Seed(1)).unwrap();
@@ -321,7 +321,7 @@ mod tests {
 
     #[test]
     fn a_front_end_that_is_none_is_refused() {
-        let pixels = usual()[0].as_model().start(moving().size(), [0, 0], Seed(1)).unwrap();
+        let pixels = noisy_family()[0].as_model().start(moving().size(), [0, 0], Seed(1)).unwrap();
         let mut events = Vec::new();
         let front_end = FrontEnd { exposure: 0.0, ..FrontEnd::default() };
         let mut channel = [SensorChannel::new(pixels, &mut events).behind(front_end)];
@@ -337,7 +337,7 @@ mod tests {
             seen.push(frame.index);
             if frame.index == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let sensor = &usual()[0];
+        let sensor = &noisy_family()[0];
         let result = simulate_one(&mut moving(), sensor.as_model(), Seed(1), &mut Vec::new(), &mut stop);
         assert!(matches!(result, Err(SimulateError::Interrupted)));
         assert_eq!(seen, [0, 1, 2]);

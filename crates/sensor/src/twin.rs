@@ -36,16 +36,16 @@ pub struct NearTwin {
     pub differing: Vec<String>,
 }
 
-/// The name of the first sensor with noise that equals `own` without its noise. Sensors without a
+/// The name of the first sensor with noise that equals `sensor` without its noise. Sensors without a
 /// name are passed over.
 pub fn twin_of<'s>(
-    own: &SensorChoice,
+    sensor: &SensorChoice,
     mut all: impl Iterator<Item = (Option<&'s str>, &'s SensorChoice)>,
 ) -> Option<&'s str> {
-    let own = own.effective();
+    let quiet = sensor.effective();
     let is_twin = |other: &SensorChoice| {
         let noisy = other.effective();
-        noisy != own && noisy.without_noise().effective() == own
+        noisy != quiet && noisy.without_noise().effective() == quiet
     };
     all.find(|(_, other)| is_twin(other))?.0
 }

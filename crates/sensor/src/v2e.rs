@@ -54,7 +54,7 @@ pub use presets::V2ePreset;
 
 use super::chain::{FilteredPixels, PixelArray};
 use super::course::{BrightnessCourse, FilteredCourse};
-use super::detector::{DetectorPixel, OwnEventKind, event_imbalance};
+use super::detector::{DetectorPixel, SpontaneousKind, event_imbalance};
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{PixelSite, ThresholdMismatch};
 use super::pairs::{FrameLaw, PairPixels, PairWriter, PixelPair};
@@ -196,19 +196,23 @@ impl V2eModel {
     fn course(&self, pixel: &V2ePixel, input: f64, pair: &PixelPair) -> BrightnessCourse {
         let PixelPair { length, luminance: [before, after], .. } = *pair;
         if self.cutoff == 0.0 {
-            return BrightnessCourse::straight_line(pixel.seen, input, length);
+            return BrightnessCourse::straight_line(pixel.filtered, input, length);
         }
         let rate = |luminance| TAU * self.cutoff / NS * rate_intensity(luminance);
         match self.filter {
             FilterSteps::Exact => {
                 let rate = rate(0.5 * (before + after));
-                let filter = FilteredCourse { output: pixel.seen, input: [pixel.input, input], rate };
+                let filter = FilteredCourse { output: pixel.filtered, input: [pixel.input, input], rate };
                 BrightnessCourse::filter_output(&filter, length)
             }
             FilterSteps::Euler => {
                 // A longer step would go beyond the input.
                 let step = (rate(after) * length).min(1.0);
-                BrightnessCourse::straight_line(pixel.seen, pixel.seen + step * (input - pixel.seen), length)
+                BrightnessCourse::straight_line(
+                    pixel.filtered,
+                    pixel.filtered + step * (input - pixel.filtered),
+                    length,
+                )
             }
         }
     }
@@ -254,7 +258,7 @@ pub(super) struct V2ePixel {
     /// Output of the filter at the first frame.
     first: f64,
     /// Present output of the filter.
-    seen: f64,
+    filtered: f64,
     /// Input of the filter at the previous frame.
     input: f64,
     /// The pixel's leak, relative to the nominal leak.
@@ -264,7 +268,7 @@ pub(super) struct V2ePixel {
     /// Shot noise of ON and OFF, relative to that of nominal thresholds.
     shot_shares: [f64; 2],
     shot: PoissonTrain,
-    own: PoissonTrain,
+    hot: PoissonTrain,
 }
 
 impl FrameLaw for V2eModel {
@@ -278,8 +282,8 @@ impl FrameLaw for V2eModel {
         (self.leak.rate != 0.0 && self.leak.jitter != 0.0).then_some(DrawSpace::Leak)
     }
 
-    fn begin(&self, site: PixelSite, luminance: f64, seen: f64) -> V2ePixel {
-        let detector = DetectorPixel::new(self.threshold.at(site, 0), seen);
+    fn begin(&self, site: PixelSite, luminance: f64, filtered: f64) -> V2ePixel {
+        let detector = DetectorPixel::new(self.threshold.at(site, 0), filtered);
         // Shot noise is stronger in a pixel with a lower threshold, in proportion.
         let [on, off] = detector.thresholds;
         let shot_shares = [self.threshold.on / on, self.threshold.off / off];
@@ -290,9 +294,9 @@ impl FrameLaw for V2eModel {
         };
         V2ePixel {
             detector,
-            first: seen,
-            seen,
-            input: seen,
+            first: filtered,
+            filtered,
+            input: filtered,
             leakiness,
             shots: self.shot_rate(shot_shares, luminance),
             shot_shares,
@@ -301,7 +305,7 @@ impl FrameLaw for V2eModel {
             } else {
                 PoissonTrain::new(site, DrawSpace::Shot)
             },
-            own: self.settings.hot_pixels.train(site),
+            hot: self.settings.hot_pixels.train(site),
         }
     }
 
@@ -311,19 +315,19 @@ impl FrameLaw for V2eModel {
         let is_quiet = self.cutoff == 0.0 && self.leak.rate == 0.0;
         if is_quiet
             && pixel.shot.is_silent()
-            && pixel.own.is_silent()
-            && pixel.detector.rests(pixel.seen, input)
+            && pixel.hot.is_silent()
+            && pixel.detector.rests(pixel.filtered, input)
         {
-            (pixel.seen, pixel.input) = (input, input);
+            (pixel.filtered, pixel.input) = (input, input);
             return ControlFlow::Continue(());
         }
         let (plain, leaked) = (self.course(pixel, input, pair), self.leaked(pixel, pair));
         let [on, off] = pixel.shot_shares;
         let shots = [pixel.shots, self.shot_rate([on, off], luminance[1])];
         pixel.shots = shots[1];
-        let own = if pixel.own.is_silent() { [0.0; 2] } else { [self.settings.hot_pixels.per_ns(site); 2] };
+        let hot = if pixel.hot.is_silent() { [0.0; 2] } else { [self.settings.hot_pixels.per_ns(site); 2] };
         let mut sources = [
-            OwnEventKind {
+            SpontaneousKind {
                 train: &mut pixel.shot,
                 rates: LinearRate { ends: shots, length },
                 site,
@@ -331,9 +335,9 @@ impl FrameLaw for V2eModel {
                 on_share: on / (on + off),
                 resets: true,
             },
-            OwnEventKind {
-                train: &mut pixel.own,
-                rates: LinearRate { ends: own, length },
+            SpontaneousKind {
+                train: &mut pixel.hot,
+                rates: LinearRate { ends: hot, length },
                 site,
                 space: DrawSpace::Hot,
                 on_share: 1.0,
@@ -345,11 +349,11 @@ impl FrameLaw for V2eModel {
         // Tilting the brightness has the same effect as moving the level.
         pixel.detector.reference -= leaked;
         // The output without leak, because the next course adds the leak of its own interval.
-        (pixel.seen, pixel.input) = (plain.at(length), input);
+        (pixel.filtered, pixel.input) = (plain.at(length), input);
         flow
     }
 
     fn imbalance(&self, pixel: &V2ePixel, on: u32, off: u32) -> Option<f64> {
-        self.keeps_balance().then(|| event_imbalance(&pixel.detector, pixel.seen - pixel.first, on, off))
+        self.keeps_balance().then(|| event_imbalance(&pixel.detector, pixel.filtered - pixel.first, on, off))
     }
 }

@@ -11,7 +11,7 @@
 //! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
 //! event. It then returns to 0. The process has no refractory time and no bandwidth limit. Thresholds
 //! may differ between pixels (`thresholds.rs`). Hot pixels, a noise floor and a dead time act on the
-//! stream of the process (`own_events.rs`, `dead_time.rs`).
+//! stream of the process (`spontaneous.rs`, `dead_time.rs`).
 //!
 //! The published program takes the drift at the midpoint of two frames (`gain: midpoint`) and draws
 //! times as if there were one threshold (law `official`, `official.rs`). The law `exact` draws the
@@ -71,8 +71,8 @@ use super::cap::FirstEvents;
 use super::chain::{FilteredPixels, PixelArray};
 use super::dead_time::DeadTime;
 use super::noise::NoiseFloor;
-use super::own_events::OwnEvents;
 use super::pairs::PairPixels;
+use super::spontaneous::SpontaneousEvents;
 use super::{SensorModel, SensorSettings};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Serialize, Serializer};
@@ -233,7 +233,7 @@ impl VoltmeterModel {
         let pixels = FilteredPixels::new(exact::ExactSampler::new(self, own_cap, array));
         let first = allow_cap.then(|| FirstEvents::new(most, array));
         // Behind the cap, which counts the events of the law only.
-        pixels.behind(first).behind(OwnEvents::of_hot(&hot_pixels, array))
+        pixels.behind(first).behind(SpontaneousEvents::of_hot(&hot_pixels, array))
     }
 }
 
@@ -258,7 +258,7 @@ impl SensorModel for VoltmeterModel {
                 FilteredPixels::new(PairPixels::new(official::OfficialSampler::new(self), settings, array))
             }
         };
-        let floor = OwnEvents::of_floor(&self.floor, settings.front_end.white_lux(), array);
+        let floor = SpontaneousEvents::of_floor(&self.floor, settings.front_end.white_lux(), array);
         // Last, because the dead time follows every event of a pixel, whatever its cause.
         pixels.behind(floor).behind(DeadTime::new(&settings.refractory, array))
     }

@@ -68,7 +68,7 @@ fn photo_files(folder: &Path) -> Result<Vec<(String, PathBuf)>, SourceError> {
 
 /// The name of a photo, from its name within a source.
 #[must_use]
-pub fn own_name(listed: &str) -> &str {
+pub fn base_name(listed: &str) -> &str {
     listed.strip_prefix("images/").unwrap_or(listed)
 }
 

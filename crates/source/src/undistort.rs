@@ -33,7 +33,7 @@ pub fn undistort_photo<'a>(
     let rows = straight.pixels_mut().par_chunks_mut(camera.size.width as usize);
     rows.zip(0..camera.size.height).for_each(|(row, j)| {
         for (pixel, i) in row.iter_mut().zip(0..) {
-            *pixel = bilinear_colour(photo, seen_at(camera, lens, [i, j]));
+            *pixel = bilinear_colour(photo, photo_position(camera, lens, [i, j]));
         }
     });
     Cow::Owned(straight)
@@ -50,13 +50,13 @@ pub fn covered_pixels(camera: &Camera, lens: &LensModel) -> Option<Image<bool>> 
     // Between the outermost pixel centres all four neighbours lie in the photo.
     let within = |place: f64, side: u32| (0.5..=f64::from(side) - 0.5).contains(&place);
     let shows = |[u, v]: [f64; 2]| within(u, width) && within(v, height);
-    let row = |j| (0..width).map(move |i| shows(seen_at(camera, lens, [i, j])));
+    let row = |j| (0..width).map(move |i| shows(photo_position(camera, lens, [i, j])));
     Some(Image::from_vec(camera.size, (0..height).into_par_iter().flat_map_iter(row).collect()))
 }
 
 /// Returns the position in the photo, px, that corresponds to the centre of pixel `[i, j]` of the
 /// pinhole image.
-fn seen_at(camera: &Camera, lens: &LensModel, [i, j]: [u32; 2]) -> [f64; 2] {
+fn photo_position(camera: &Camera, lens: &LensModel, [i, j]: [u32; 2]) -> [f64; 2] {
     let x = (f64::from(i) + 0.5 - camera.cx) / camera.fx;
     let y = (f64::from(j) + 0.5 - camera.cy) / camera.fy;
     let [x, y] = lens.distort([x, y]);

@@ -178,9 +178,9 @@ impl Store {
     fn give_up(&self, key: &Key, held: &mut HeldFiles, shared: &SharedStore) -> Result<(), StoreError> {
         // A record that stays has no turn, so it is not asked for again.
         held.records.get_mut(key).into_iter().for_each(|record| record.turn = None);
-        let own = held.records.get(key).map(|record| &record.outputs);
+        let local = held.records.get(key).map(|record| &record.outputs);
         // Files that the shared store lacks, or has with other bytes, could not be copied back.
-        if shared.outputs(key)?.map(|outputs| large(&outputs)).as_ref() != own {
+        if shared.outputs(key)?.map(|outputs| large(&outputs)).as_ref() != local {
             return Ok(());
         }
         for digest in held.remove(key) {

@@ -52,13 +52,13 @@ struct SweepFile {
 }
 
 /// Prefix of a collection's own files in the trash.
-const OWN: &str = "gc.";
+const TRASH_PREFIX: &str = "gc.";
 
 /// Returns true for a file in the trash with a name that this program gives. The file of a folder that had
 /// a blob's name counts by the folder.
 fn is_trash_name(name: &str) -> bool {
     let name = name.split('/').next().unwrap_or_default();
-    is_database_aside(name) || is_fresh_name(name.strip_prefix(OWN).unwrap_or(name).as_ref())
+    is_database_aside(name) || is_fresh_name(name.strip_prefix(TRASH_PREFIX).unwrap_or(name).as_ref())
 }
 
 impl Store {
@@ -151,7 +151,7 @@ impl Store {
             // The ctime is the time of the move; the content may have any age.
             if let Ok(stat) = self.disk.stat(&path)
                 // A collection judged its own files before it moved them, so they need no second wait.
-                && (name.starts_with(OWN) || stat.ctime_ns <= until_ns)
+                && (name.starts_with(TRASH_PREFIX) || stat.ctime_ns <= until_ns)
             {
                 old.push((path, stat.size));
             }
@@ -208,7 +208,7 @@ impl Store {
         let mut moved = Vec::new();
         for (number, file) in files.enumerate() {
             // A killed collection leaves its files in the trash, where the next one removes them.
-            let to = self.root.join(TRASH).join(format!("{OWN}{}", fresh_name(number)));
+            let to = self.root.join(TRASH).join(format!("{TRASH_PREFIX}{}", fresh_name(number)));
             self.disk.rename(&file.path, &to)?;
             moved.push(to);
         }

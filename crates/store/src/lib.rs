@@ -72,7 +72,7 @@ pub use kept::KeptFiles;
 pub use lock::{LockClaim, LockRequest, StoreLock};
 pub use memo::MemoGround;
 pub use publish::StepWorkspace;
-pub use shared::{PLANS, SharedMismatch, SharedSweep, SharedSwept, is_bucket, sweep_shared};
+pub use shared::{PLANS, SharedMismatch, SharedSweep, SharedSweepSummary, is_bucket, sweep_shared};
 pub use unlike::OutputMismatch;
 
 use cache::StoreCache;
@@ -149,8 +149,8 @@ impl Store {
         let disk = StoreDisk::new(root, opening.fs.clone(), opening.sync_each);
         // Before anything is created: a folder of others stays as it is.
         let found = match opening.access {
-            StoreAccess::Read => marker::examine(root, StoreKind::Own)?,
-            StoreAccess::Write | StoreAccess::WriteNow => disk.claim(StoreKind::Own)?,
+            StoreAccess::Read => marker::examine(root, StoreKind::Local)?,
+            StoreAccess::Write | StoreAccess::WriteNow => disk.claim(StoreKind::Local)?,
         };
         let lock = match opening.access {
             StoreAccess::Read => None,
@@ -171,7 +171,7 @@ impl Store {
         let shared = opening.shared.as_deref().map(|place| SharedStore::open(place, &opening)).transpose()?;
         let mut state = StateDb::open(root, opening.index.as_deref(), disk.clone(), lock.is_some())?;
         if found == StoreFolder::Unmarked && lock.is_some() {
-            disk.mark_earlier(StoreKind::Own)?;
+            disk.mark_earlier(StoreKind::Local)?;
             state.note(format!("{} was made by an earlier version; {EARLIER}", root.display()));
         }
         let mut store = Self {
@@ -197,7 +197,7 @@ impl Store {
     #[must_use]
     pub fn is_store(folder: &Path) -> bool {
         matches!(
-            marker::examine(folder, StoreKind::Own),
+            marker::examine(folder, StoreKind::Local),
             Ok(StoreFolder::Marked | StoreFolder::Unmarked) | Err(StoreError::Newer { .. })
         )
     }
@@ -349,12 +349,12 @@ impl Store {
         let name = path.to_str().filter(|_| self.trusts(path));
         let known = name.and_then(|name| self.state().get(StateTable::Stat, name));
         let known = known.and_then(|row| postcard::from_bytes::<StatEntry>(&row).ok());
-        if let Some(entry) = known.filter(|entry| entry.seen.holds_for(&stat)) {
+        if let Some(entry) = known.filter(|entry| entry.sighting.holds_for(&stat)) {
             self.counts.trusted.fetch_add(1, Ordering::Relaxed);
             return Ok(entry);
         }
-        let seen = StatSighting::seen_now(stat);
-        let entry = StatEntry { seen, digest: self.disk.digest(path)? };
+        let sighting = StatSighting::observed_now(stat);
+        let entry = StatEntry { sighting, digest: self.disk.digest(path)? };
         self.counts.hashed.fetch_add(1, Ordering::Relaxed);
         self.enter(path, entry);
         Ok(entry)
@@ -365,7 +365,7 @@ impl Store {
     /// # Errors
     /// It does not exist.
     pub fn sight(&self, path: &Path) -> std::io::Result<StatSighting> {
-        self.disk.stat(path).map(StatSighting::seen_now)
+        self.disk.stat(path).map(StatSighting::observed_now)
     }
 
     /// Returns true if the recorded digest of a file can be trusted.
@@ -407,7 +407,7 @@ impl Store {
     pub(crate) fn settle(&self, digest: &Digest) -> Result<(), StoreError> {
         let path = self.blobs.path(digest);
         let stat = self.disk.stat(&path).map_err(disk::disk_error("reading", &path))?;
-        self.enter(&path, StatEntry { seen: StatSighting::settled_file(stat), digest: *digest });
+        self.enter(&path, StatEntry { sighting: StatSighting::settled_file(stat), digest: *digest });
         Ok(())
     }
 

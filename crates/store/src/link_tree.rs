@@ -47,7 +47,7 @@ impl<'a> LinkTree<'a> {
         let wanted: BTreeSet<PathBuf> = outputs.iter().map(|output| folder.join(&output.name)).collect();
         for entry in fs::read_dir(&folder).map_err(link_error(&folder))? {
             let path = entry.map_err(link_error(&folder))?.path();
-            if !wanted.contains(&path) && self.is_own(&path) {
+            if !wanted.contains(&path) && self.is_store_link(&path) {
                 files::remove(&path, Removal::File).map_err(link_error(&path))?;
             }
         }
@@ -81,7 +81,7 @@ impl<'a> LinkTree<'a> {
     }
 
     /// Returns true for a link into the store.
-    fn is_own(&self, path: &Path) -> bool {
+    fn is_store_link(&self, path: &Path) -> bool {
         fs::read_link(path).is_ok_and(|target| target.starts_with(&self.target))
     }
 
@@ -89,7 +89,7 @@ impl<'a> LinkTree<'a> {
         if fs::read_link(path).is_ok_and(|target| target == blob) {
             return Ok(());
         }
-        if self.is_own(path) {
+        if self.is_store_link(path) {
             files::remove(path, Removal::File).map_err(link_error(path))?;
         }
         symlink(blob, path).map_err(|error| match error.kind() {

@@ -55,7 +55,7 @@ impl StoreLock {
     ) -> Result<Self, StoreError> {
         let path = root.join(LOCK);
         // Until the lock is taken, the text is that of another holder.
-        let mut file = open_own(&path).map_err(disk::disk_error("opening", &path))?;
+        let mut file = open_lock_file(&path).map_err(disk::disk_error("opening", &path))?;
         let request = LockRequest { path: &path, of: root, claim, wait, cancel: &AtomicBool::new(false) };
         request.lock(&mut file, waiting)?;
         // Only under the lock: before it is taken, another holder may be in the middle of its text.
@@ -78,7 +78,7 @@ impl StoreLock {
     ) -> Result<Self, StoreError> {
         let path = request.path;
         loop {
-            let mut file = open_own(path).map_err(disk::disk_error("opening", path))?;
+            let mut file = open_lock_file(path).map_err(disk::disk_error("opening", path))?;
             request.lock(&mut file, waiting)?;
             // A holder removes the file before it lets go, so the awaited file may be gone by now.
             if !is_at(&file, path) {
@@ -154,7 +154,7 @@ impl LockRequest<'_> {
 
 /// Opens or creates a lock's own file. `O_NONBLOCK` keeps a FIFO of that name from blocking the
 /// call.
-fn open_own(path: &Path) -> io::Result<File> {
+fn open_lock_file(path: &Path) -> io::Result<File> {
     // The lock belongs to the open file: a child that inherited it would hold the lock after this process.
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let mode = Mode::from_raw_mode(0o644);
@@ -183,8 +183,8 @@ fn refuse_foreign(file: &mut File) -> io::Result<()> {
     // A lock has a few short lines, so a long file belongs to another program.
     let is_short =
         file.metadata()?.is_file() && file.take(MAX_LENGTH as u64).read_to_end(&mut text)? < MAX_LENGTH;
-    let is_own = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
-    if is_short && is_own {
+    let is_lock_text = text.starts_with(HOST.as_bytes()) || text.iter().all(|byte| *byte == 0);
+    if is_short && is_lock_text {
         return Ok(());
     }
     Err(io::Error::new(io::ErrorKind::InvalidInput, "the file is not a lock of gs2e; remove or rename it"))

@@ -27,7 +27,7 @@ const FORMAT_IS: &str = ", format ";
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum StoreKind {
     /// The store of one machine.
-    Own,
+    Local,
     /// A store that several machines share.
     Shared,
 }
@@ -36,7 +36,7 @@ impl StoreKind {
     /// The kind, as the marker and messages name it.
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::Own => "store",
+            Self::Local => "store",
             Self::Shared => "shared store",
         }
     }
@@ -84,7 +84,9 @@ pub(super) fn examine(root: &Path, kind: StoreKind) -> Result<StoreFolder, Store
             Ok(format) if format <= FORMAT => Ok(StoreFolder::Marked),
             _ => Err(newer(root, format)),
         },
-        Some((of, _)) if of == StoreKind::Own.name() => Err(StoreError::NotShared { path: root.to_owned() }),
+        Some((of, _)) if of == StoreKind::Local.name() => {
+            Err(StoreError::NotShared { path: root.to_owned() })
+        }
         Some((of, _)) => Err(foreign(format!("it is a {of} of gs2e"))),
         None => examine_unmarked(root, kind, &text),
     }
@@ -119,7 +121,7 @@ fn has_form(root: &Path, kind: StoreKind) -> bool {
         return false;
     }
     match kind {
-        StoreKind::Own => is_lock(&root.join(LOCK)),
+        StoreKind::Local => is_lock(&root.join(LOCK)),
         StoreKind::Shared => has_record(&root.join("ac")),
     }
 }
@@ -190,7 +192,7 @@ fn fresh_part(root: &Path) -> Result<NamedTempFile, StoreError> {
 fn is_part(path: &Path) -> bool {
     let is_named = path.file_name().is_some_and(|name| name.as_encoded_bytes().ends_with(PART.as_bytes()));
     let is_begun = |bytes: &[u8]| {
-        [StoreKind::Own, StoreKind::Shared].iter().any(|kind| kind.text().as_bytes().starts_with(bytes))
+        [StoreKind::Local, StoreKind::Shared].iter().any(|kind| kind.text().as_bytes().starts_with(bytes))
     };
     is_named && files::read_with(path, LinkRule::Refuse, MAX_TEXT).is_ok_and(|bytes| is_begun(&bytes))
 }

@@ -114,7 +114,7 @@ impl Store {
             // memo does not hold.
             let row = state.get(StateTable::Stat, self.blobs.path(digest).to_str()?)?;
             let entry: StatEntry = postcard::from_bytes(&row).ok()?;
-            (entry.digest == *digest && entry.seen.is_firm()).then_some((*digest, entry.seen.stat))
+            (entry.digest == *digest && entry.sighting.is_firm()).then_some((*digest, entry.sighting.stat))
         };
         let blobs: Option<Vec<_>> = blobs.iter().map(known).collect();
         let (Some(files), Some(blobs)) = (firm_files(files), blobs) else { return };
@@ -127,8 +127,8 @@ impl Store {
 /// Files in the form of a memo; `None` if one of them may change unnoticed, or has a name that is
 /// not UTF-8.
 fn firm_files(files: &[(PathBuf, StatSighting)]) -> Option<Vec<(String, FileStat)>> {
-    let firm = |(path, seen): &(PathBuf, StatSighting)| {
-        seen.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), seen.stat)))
+    let firm = |(path, sighting): &(PathBuf, StatSighting)| {
+        sighting.is_firm().then_some(()).and_then(|()| Some((path.to_str()?.to_owned(), sighting.stat)))
     };
     files.iter().map(firm).collect()
 }

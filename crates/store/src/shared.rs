@@ -17,7 +17,7 @@ mod gc;
 mod medium;
 mod place;
 
-pub use gc::{SharedSweep, SharedSwept, sweep_shared};
+pub use gc::{SharedSweep, SharedSweepSummary, sweep_shared};
 pub use place::is_bucket;
 
 use super::blob::blob_name;
@@ -48,17 +48,18 @@ pub struct SharedMismatch {
     /// The record that was there first.
     pub first: StepRecord,
     /// The record of this machine.
-    pub own: StepRecord,
+    pub local: StepRecord,
 }
 
 impl fmt::Display for SharedMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let differs = |own: &&StoredOutput| !self.first.outputs.contains(own);
-        let file = self.own.outputs.iter().find(differs).map_or("the list of files", |own| own.name.as_str());
+        let differs = |local: &&StoredOutput| !self.first.outputs.contains(local);
+        let file =
+            self.local.outputs.iter().find(differs).map_or("the list of files", |local| local.name.as_str());
         write!(
             f,
             "{} has other outputs of key {} than this machine: {file} differs",
-            self.shared, self.own.key
+            self.shared, self.local.key
         )
     }
 }
@@ -125,13 +126,13 @@ impl SharedStore {
         Ok(Offer::New)
     }
 
-    fn put(&self, output: &StoredOutput, own: &Path) -> Result<(), StoreError> {
+    fn put(&self, output: &StoredOutput, local: &Path) -> Result<(), StoreError> {
         let digest = &output.digest;
         let name = blob_name(digest);
         let is_sound = || Ok(!self.damaged().contains(digest) && self.medium.is_sound(output)?);
         // The second look is after the attempt: another machine may have put the same bytes there meanwhile.
-        if !is_sound()? && !self.medium.publish(SharedBytes::File(own), &name)? && !is_sound()? {
-            self.medium.replace(SharedBytes::File(own), &name)?;
+        if !is_sound()? && !self.medium.publish(SharedBytes::File(local), &name)? && !is_sound()? {
+            self.medium.replace(SharedBytes::File(local), &name)?;
         }
         self.damaged().remove(digest);
         Ok(())
@@ -204,11 +205,11 @@ impl Store {
     /// It cannot be read or written, or it has other outputs of this key.
     pub fn share(&self, key: &Key) -> Result<bool, StoreError> {
         let Some(shared) = &self.shared else { return Ok(false) };
-        let Some(own) = self.full_record(key)? else { return Ok(false) };
-        match shared.offer(&own, &|digest| self.path_of(digest))? {
-            Offer::Known(first) | Offer::Repaired(first) if first.outputs != own.outputs => {
+        let Some(local) = self.full_record(key)? else { return Ok(false) };
+        match shared.offer(&local, &|digest| self.path_of(digest))? {
+            Offer::Known(first) | Offer::Repaired(first) if first.outputs != local.outputs => {
                 let shared = shared.medium.place();
-                Err(StoreError::SharedMismatch(Box::new(SharedMismatch { shared, first, own })))
+                Err(StoreError::SharedMismatch(Box::new(SharedMismatch { shared, first, local })))
             }
             offer => Ok(matches!(offer, Offer::Known(_))),
         }

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 /// The cached digest of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StatEntry {
-    /// The observation of the file.
-    pub seen: StatSighting,
+    /// The observation of the file; the name in the store is an older one.
+    #[serde(rename = "seen")]
+    pub sighting: StatSighting,
     /// Digest of its bytes.
     pub digest: Digest,
 }

@@ -47,7 +47,7 @@ impl SceneTrainer<'_> {
         if self.backend.takes_gpu() {
             hasher.update(self.backend.class().as_bytes());
         }
-        for view in &self.views.shown {
+        for view in &self.views.training {
             let (at, photo) = view.at_level(0);
             hasher.update(format!("{} {at:?}", view.name).as_bytes());
             hasher.update(photo.colours.pixels().as_flattened());
@@ -195,10 +195,10 @@ impl SceneTrainer<'_> {
             geometry.into_iter().chain(harmonics).flatten().chain(&single).all(|v| v.is_finite())
         };
         let Some(gaussian) = (0..scene.len()).find(|i| !is_finite(*i)) else { return Ok(()) };
-        let view = self.draws.view(self.iteration.saturating_sub(1), self.views.shown.len());
+        let view = self.draws.view(self.iteration.saturating_sub(1), self.views.training.len());
         Err(TrainingError::NotFinite {
             iteration: self.iteration,
-            view: self.views.shown[view].name.clone(),
+            view: self.views.training[view].name.clone(),
             what: format!("state of Gaussian {gaussian}"),
         })
     }

@@ -198,7 +198,7 @@ pub struct ViewComparison {
     /// The undistorted photo, black where the lens shows nothing.
     pub photo: Image<[f32; 3]>,
     /// The rendering, clipped to 0..1, black there too.
-    pub shown: Image<[f32; 3]>,
+    pub rendering: Image<[f32; 3]>,
 }
 
 /// Compares the rendering of a view with its photo, which has the size of the view's camera.
@@ -213,27 +213,27 @@ pub fn compare_view(
     let mut rendered = RenderedImages::default();
     let want = ChannelSet { rgb: true, ..ChannelSet::default() };
     renderer.render(&CameraView::at_rest(view.camera, view.world_from_camera), want, &mut rendered)?;
-    let mut shown = rendered.rgb.expect("colour was asked for");
+    let mut clipped = rendered.rgb.expect("colour was asked for");
     let straight = undistort_photo(photo, &view.camera, &view.lens);
     let colours = straight.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
     let mut wanted = Image::from_vec(photo.size(), colours);
     // A channel that is NaN becomes black, as in a file.
     let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
-    shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
+    clipped.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
     let mut counted = photo.size().pixels();
     if let Some(covered) = covered_pixels(&view.camera, &view.lens) {
         // A lens that covers no pixel leaves nothing to compare, and no error either.
         counted = covered.pixels().iter().filter(|is_covered| **is_covered).count().max(1);
-        let pixels = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+        let pixels = clipped.pixels_mut().iter_mut().zip(wanted.pixels_mut());
         // Equal pixels add no error to the sum.
-        for ((shown, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {
-            (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+        for ((clipped, wanted), _) in pixels.zip(covered.pixels()).filter(|(_, is_covered)| !**is_covered) {
+            (*clipped, *wanted) = ([0.0; 3], [0.0; 3]);
         }
     }
     // The mean counts pixels outside the photo, which have no error. The factor leaves them out.
     let part = photo.size().pixels() as f64 / counted as f64;
-    let [psnr, ssim] = [psnr_db(part * mean_square(&shown, &wanted)), ssim(&shown, &wanted)];
-    Ok(ViewComparison { psnr, ssim, photo: wanted, shown })
+    let [psnr, ssim] = [psnr_db(part * mean_square(&clipped, &wanted)), ssim(&clipped, &wanted)];
+    Ok(ViewComparison { psnr, ssim, photo: wanted, rendering: clipped })
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ pub(super) fn held_out_figures(
     let mut figures = Vec::with_capacity(views.len());
     for view in views {
         let pair = PicturePair::new(renderer, view)?;
-        let (psnr, ssim) = (pair.psnr(), ssim(&pair.shown, &pair.wanted));
+        let (psnr, ssim) = (pair.psnr(), ssim(&pair.rendering, &pair.wanted));
         figures.push(HeldOutView { name: view.name.clone(), psnr, ssim });
     }
     Ok(figures)
@@ -37,7 +37,7 @@ pub(super) fn held_out_figures(
 /// The rendering of a view, clipped to 0..1, and its photo; both are black where the photo does not
 /// count.
 struct PicturePair {
-    shown: Image<[f32; 3]>,
+    rendering: Image<[f32; 3]>,
     wanted: Image<[f32; 3]>,
     /// Number of all pixels per pixel that counts.
     part: f64,
@@ -48,24 +48,24 @@ impl PicturePair {
         let (at, TrainingPhoto { colours, counted }) = view.at_level(0);
         let rendered = renderer.render(&at);
         let failed = |cause| TrainingError::Render { view: view.name.clone(), cause };
-        let mut shown = rendered.map_err(failed)?.0.clone();
+        let mut rendering = rendered.map_err(failed)?.0.clone();
         let clip = |v: &mut f32| *v = if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) };
-        shown.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
+        rendering.pixels_mut().as_flattened_mut().iter_mut().for_each(clip);
         let wanted = colours.pixels().iter().map(|rgb| rgb.map(|v| f32::from(v) / 255.0)).collect();
         let mut wanted = Image::from_vec(colours.size(), wanted);
         let mut pixels = colours.size().pixels();
         if let Some(counted) = counted {
             pixels = counted.pixels().iter().filter(|counted| **counted).count().max(1);
-            let both = shown.pixels_mut().iter_mut().zip(wanted.pixels_mut());
-            for ((shown, wanted), _) in both.zip(counted.pixels()).filter(|(_, counted)| !**counted) {
-                (*shown, *wanted) = ([0.0; 3], [0.0; 3]);
+            let both = rendering.pixels_mut().iter_mut().zip(wanted.pixels_mut());
+            for ((rendering, wanted), _) in both.zip(counted.pixels()).filter(|(_, counted)| !**counted) {
+                (*rendering, *wanted) = ([0.0; 3], [0.0; 3]);
             }
         }
-        Ok(Self { shown, wanted, part: colours.size().pixels() as f64 / pixels as f64 })
+        Ok(Self { rendering, wanted, part: colours.size().pixels() as f64 / pixels as f64 })
     }
 
     /// PSNR over the pixels that count, dB.
     fn psnr(&self) -> f64 {
-        psnr_db(self.part * mean_square(&self.shown, &self.wanted))
+        psnr_db(self.part * mean_square(&self.rendering, &self.wanted))
     }
 }

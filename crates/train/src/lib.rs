@@ -117,8 +117,8 @@ pub fn train_capture(
 ) -> Result<TrainedGaussians, TrainingError> {
     let views = TrainingViews::read(capture, files, settings.resolution, settings.hold_out, watch.goes_on)?;
     let points = model_points(files).map_err(|cause| TrainingError::Points(Box::new(cause)))?;
-    let [shown, held_out] = [views.shown.len(), views.held_out.len()];
-    (watch.news)(&TrainingNews::Read { shown, held_out, points: points.len() });
+    let [training, held_out] = [views.training.len(), views.held_out.len()];
+    (watch.news)(&TrainingNews::Read { training, held_out, points: points.len() });
     let mut trainer = SceneTrainer::new(&views, &points, settings, backend)?;
     let ended = trainer.run(watch)?;
     trainer.finish(ended)
@@ -157,11 +157,11 @@ impl<'a> SceneTrainer<'a> {
             return Err(TrainingError::Settings(format!("{budget} Gaussians, wanted 1 to {MAX_GAUSSIANS}")));
         }
         let draws = TrainingDraws::new(Seed(settings.seed));
-        let mut scene = start::starting_scene(points, &views.shown, budget, &draws)?;
+        let mut scene = start::starting_scene(points, &views.training, budget, &draws)?;
         scene.antialiased = settings.antialiased.then_some(true);
-        let extent = start::CameraSpread::new(&views.shown).extent;
-        let sizes = views.shown.iter().map(|view| view.at_level(0).0.camera.size.pixels());
-        let pixels = sizes.sum::<usize>() as f64 / views.shown.len() as f64;
+        let extent = start::CameraSpread::new(&views.training).extent;
+        let sizes = views.training.iter().map(|view| view.at_level(0).0.camera.size.pixels());
+        let pixels = sizes.sum::<usize>() as f64 / views.training.len() as f64;
         let gaussians = [scene.len(), budget];
         let schedule = TrainingSchedule { iterations: settings.iterations, gaussians, extent, pixels };
         let mut means = AdamMeans::default();
@@ -191,7 +191,7 @@ impl<'a> SceneTrainer<'a> {
 
     /// One iteration. Returns its loss.
     fn step(&mut self) -> Result<f64, TrainingError> {
-        let view = &self.views.shown[self.draws.view(self.iteration, self.views.shown.len())];
+        let view = &self.views.training[self.draws.view(self.iteration, self.views.training.len())];
         let (at, photo) = view.at_level(self.schedule.level(self.iteration));
         let not_finite = |what: String| TrainingError::NotFinite {
             iteration: self.iteration + 1,
@@ -223,7 +223,7 @@ impl<'a> SceneTrainer<'a> {
         }
         if self.schedule.limits(self.iteration) {
             let centres: Vec<DVec3> =
-                self.views.shown.iter().map(|view| view.world_from_camera.translation).collect();
+                self.views.training.iter().map(|view| view.world_from_camera.translation).collect();
             self.renderer.rebuild(|scene| reach::limit_sizes(scene, &centres)).map_err(not_rendered)?;
         }
         Ok(loss)
@@ -289,7 +289,7 @@ impl<'a> SceneTrainer<'a> {
         if let Some(file) = checkpoint
             && let Some(because) = self.resume(file, key)?
         {
-            news(&TrainingNews::StartsAgain { because });
+            news(&TrainingNews::Restarted { because });
         }
         let keep = |trainer: &Self| {
             trainer.check_state()?;
@@ -320,7 +320,7 @@ impl<'a> SceneTrainer<'a> {
         let record = TrainingRecord {
             iterations: self.iteration,
             ended,
-            photos: self.views.shown.len(),
+            photos: self.views.training.len(),
             held_out: judge::held_out_figures(&mut self.renderer, &self.views.held_out)?,
             course: self.course,
         };

@@ -64,18 +64,18 @@ pub(crate) struct ImageLoss {
 }
 
 impl ImageLoss {
-    /// Computes the loss of `shown` against a photo, its gradient and the residual.
+    /// Computes the loss of `rendering` against a photo, its gradient and the residual.
     ///
     /// # Panics
     /// The two differ in size.
-    pub(crate) fn compare(&mut self, shown: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
-        assert_eq!(shown.size(), photo.colours.size(), "a rendering has the size of its photo");
-        let size = shown.size();
+    pub fn compare(&mut self, rendering: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
+        assert_eq!(rendering.size(), photo.colours.size(), "a rendering has the size of its photo");
+        let size = rendering.size();
         let row = size.width as usize * CHANNELS;
         self.slopes.iter_mut().for_each(|plane| plane.resize(size.pixels() * CHANNELS, 0.0));
         self.gradient.resize(size.pixels(), [0.0; 3]);
         self.residual.resize(size.pixels(), 0.0);
-        let pair = PhotoPair { shown, photo, size, weights: window_weights() };
+        let pair = PhotoPair { rendering, photo, size, weights: window_weights() };
         let level = Level::new();
         let [p, q, r] = &mut self.slopes;
         let bands = p.par_chunks_mut(BAND * row).zip(q.par_chunks_mut(BAND * row));
@@ -102,7 +102,7 @@ impl ImageLoss {
 
 /// An image and its photo.
 struct PhotoPair<'a> {
-    shown: &'a Image<[f32; 3]>,
+    rendering: &'a Image<[f32; 3]>,
     photo: &'a TrainingPhoto,
     size: Size,
     weights: [f32; REACH + 1],
@@ -116,9 +116,9 @@ impl PhotoPair<'_> {
 
     /// The rows of the image and of the photo, both 0 at pixels that do not count.
     #[inline(always)]
-    fn rows(&self, y: usize, shown: &mut [f32], photo: &mut [f32]) {
+    fn rows(&self, y: usize, rendering: &mut [f32], photo: &mut [f32]) {
         let range = y * self.size.width as usize..(y + 1) * self.size.width as usize;
-        shown.copy_from_slice(self.shown.pixels()[range.clone()].as_flattened());
+        rendering.copy_from_slice(self.rendering.pixels()[range.clone()].as_flattened());
         let bytes = self.photo.colours.pixels()[range.clone()].as_flattened();
         for (to, byte) in photo.iter_mut().zip(bytes) {
             *to = f32::from(*byte) * (1.0 / 255.0);
@@ -126,7 +126,7 @@ impl PhotoPair<'_> {
         if let Some(counted) = &self.photo.counted {
             let uncounted = counted.pixels()[range].iter().enumerate().filter(|(_, counted)| !**counted);
             for (x, _) in uncounted {
-                shown[x * CHANNELS..(x + 1) * CHANNELS].fill(0.0);
+                rendering[x * CHANNELS..(x + 1) * CHANNELS].fill(0.0);
                 photo[x * CHANNELS..(x + 1) * CHANNELS].fill(0.0);
             }
         }
@@ -208,7 +208,7 @@ impl PhotoPair<'_> {
         let mut ring = RowRing::<3>::new(n);
         let mut values = PaddedRow::new(n);
         let mut means: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; n]);
-        let [mut shown, mut photo] = [vec![0.0; n], vec![0.0; n]];
+        let [mut rendering, mut photo] = [vec![0.0; n], vec![0.0; n]];
         for y in first.saturating_sub(REACH)..first + REACH {
             self.take_slopes(y, slopes, &mut values, ring.place(y));
         }
@@ -221,9 +221,10 @@ impl PhotoPair<'_> {
             for (q, mean) in means.iter_mut().enumerate() {
                 ring.mean_into(q, y, &self.weights, mean);
             }
-            self.rows(y, &mut shown, &mut photo);
-            sum += self.row_gradient(&shown, &photo, &means, gradient.as_flattened_mut());
-            for (to, (a, b)) in residual.iter_mut().zip(shown.chunks_exact(3).zip(photo.chunks_exact(3))) {
+            self.rows(y, &mut rendering, &mut photo);
+            sum += self.row_gradient(&rendering, &photo, &means, gradient.as_flattened_mut());
+            for (to, (a, b)) in residual.iter_mut().zip(rendering.chunks_exact(3).zip(photo.chunks_exact(3)))
+            {
                 *to = ((a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs()) * (1.0 / 3.0);
             }
             self.clear_uncounted(y, gradient);
@@ -345,13 +346,13 @@ mod tests {
     #[test]
     fn the_loss_is_that_of_its_parts() {
         for size in SIZES {
-            let (shown, photo) = (picture(size, 0.0), photo(size, false));
+            let (rendering, photo) = (picture(size, 0.0), photo(size, false));
             let wanted = decoded(&photo);
-            let pairs = shown.pixels().as_flattened().iter().zip(wanted.pixels().as_flattened());
+            let pairs = rendering.pixels().as_flattened().iter().zip(wanted.pixels().as_flattened());
             let distance = pairs.map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
             let distance = distance / (3 * size.pixels()) as f64;
-            let expected = 0.8 * distance + 0.2 * (1.0 - ssim(&shown, &wanted));
-            let found = ImageLoss::default().compare(&shown, &photo);
+            let expected = 0.8 * distance + 0.2 * (1.0 - ssim(&rendering, &wanted));
+            let found = ImageLoss::default().compare(&rendering, &photo);
             // Variances are differences of 32-bit sums near 1, at 6e-8, over the steadier 9e-4.
             assert!((found - expected).abs() < 1e-4, "{size}: {found}, {expected}");
         }
@@ -376,22 +377,23 @@ mod tests {
     fn the_gradient_is_a_slope() {
         for (size, counted) in SIZES.into_iter().zip([false, false, true]) {
             let photo = photo(size, counted);
-            let mut shown = picture(size, 0.0);
+            let mut rendering = picture(size, 0.0);
             let wanted = decoded(&photo);
-            let pairs = shown.pixels_mut().as_flattened_mut().iter_mut().zip(wanted.pixels().as_flattened());
+            let pairs =
+                rendering.pixels_mut().as_flattened_mut().iter_mut().zip(wanted.pixels().as_flattened());
             // No absolute difference may change its sign within a step.
             for (a, b) in pairs.filter(|(a, b)| (**a - **b).abs() < 0.02) {
                 *a = b + 0.02;
             }
             let mut loss = ImageLoss::default();
-            loss.compare(&shown, &photo);
+            loss.compare(&rendering, &photo);
             for direction in [0.3, 1.9, 4.2] {
                 let along: Vec<f32> = picture(size, direction).pixels().as_flattened().to_vec();
                 let along: Vec<f32> =
                     along.iter().enumerate().map(|(i, v)| if i % 7 < 3 { v - 0.9 } else { *v }).collect();
                 let step = 2e-3;
                 let at = |sign: f32| {
-                    let mut moved = shown.clone();
+                    let mut moved = rendering.clone();
                     let pixels = moved.pixels_mut().as_flattened_mut().iter_mut();
                     pixels.zip(&along).for_each(|(v, d)| *v += sign * step * d);
                     ImageLoss::default().compare(&moved, &photo)
@@ -431,12 +433,12 @@ mod tests {
     #[test]
     fn any_number_of_threads_gives_the_same_bits() {
         let size = Size { width: 50, height: 130 };
-        let (shown, photo) = (picture(size, 0.0), photo(size, true));
+        let (rendering, photo) = (picture(size, 0.0), photo(size, true));
         let by = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut loss = ImageLoss::default();
-                (loss.compare(&shown, &photo).to_bits(), loss.gradient)
+                (loss.compare(&rendering, &photo).to_bits(), loss.gradient)
             })
         };
         assert_eq!(by(1), by(3));

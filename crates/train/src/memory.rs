@@ -27,7 +27,7 @@ const BYTES_A_STRAIGHTENED_PIXEL: f64 = 12.0;
 #[must_use]
 pub fn memory_needed(settings: &TrainingSettings, views: &[CapturedView]) -> u64 {
     let pixels = |size: Size| f64::from(size.width) * f64::from(size.height);
-    let (mut photos, mut shown, mut taken, mut straightened) = (0.0, 0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut photos, mut largest, mut taken, mut straightened) = (0.0, 0.0_f64, 0.0_f64, 0.0_f64);
     for view in views {
         let size = pixels(trained_size(view.camera.size, settings.resolution));
         let mut mask = 0.0;
@@ -39,13 +39,13 @@ pub fn memory_needed(settings: &TrainingSettings, views: &[CapturedView]) -> u64
         // than rendering it.
         photos += size * (BYTES_A_PHOTO_PIXEL + mask);
         // One view at a time is rendered, so the largest one decides.
-        shown = shown.max(size);
+        largest = largest.max(size);
         taken = taken.max(pixels(view.camera.size));
     }
     // Reading and training do not overlap, so the larger of both counts.
     let reading = READ_AT_ONCE as f64 * BYTES_A_TAKEN_PIXEL * taken;
     let training = BYTES_A_GAUSSIAN * f64::from(settings.gaussians)
-        + BYTES_A_PIXEL * shown
+        + BYTES_A_PIXEL * largest
         + BYTES_A_STRAIGHTENED_PIXEL * straightened;
     // All photos are read before anything else is allocated.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the cast saturates")]

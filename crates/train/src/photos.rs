@@ -36,7 +36,7 @@ pub(crate) struct TrainingView {
 #[derive(Debug)]
 pub(crate) struct TrainingViews {
     /// Views to train on.
-    pub(crate) shown: Vec<TrainingView>,
+    pub training: Vec<TrainingView>,
     /// Views held out.
     pub(crate) held_out: Vec<TrainingView>,
     /// Number of views without a photo.
@@ -68,10 +68,10 @@ impl TrainingViews {
             .collect();
         let is_held = |index: usize| hold_out > 0 && index.is_multiple_of(hold_out as usize);
         let without_photo = capture.views.len() - found.len();
-        let shown = found.iter().filter(|(i, ..)| !is_held(*i)).count();
+        let training = found.iter().filter(|(i, ..)| !is_held(*i)).count();
         // Counted before anything is read: photos take long.
-        if shown < MIN_VIEWS {
-            let (views, held_out) = (capture.views.len(), found.len() - shown);
+        if training < MIN_VIEWS {
+            let (views, held_out) = (capture.views.len(), found.len() - training);
             return Err(TrainingError::FewViews { views, without_photo, held_out, wanted: MIN_VIEWS });
         }
         let read = |&(index, view, photo): &(usize, &CapturedView, &Path)| {
@@ -87,8 +87,8 @@ impl TrainingViews {
             let read: Vec<TrainingView> = group.par_iter().map(read).collect::<Result<_, _>>()?;
             views.extend(read);
         }
-        let (held_out, shown) = views.into_iter().partition(|view: &TrainingView| is_held(view.index));
-        Ok(Self { shown, held_out, without_photo })
+        let (held_out, training) = views.into_iter().partition(|view: &TrainingView| is_held(view.index));
+        Ok(Self { training, held_out, without_photo })
     }
 }
 

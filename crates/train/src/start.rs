@@ -70,7 +70,7 @@ pub(super) fn starting_scene(
     if sound.is_empty() {
         return Ok(gaussians(&drawn_points(views, &spread, drawn_count(budget), draws)?, &spread));
     }
-    let is_seen = |point: &&&ColmapPoint| views.iter().any(|view| seen_at(view, point.xyz).is_some());
+    let is_seen = |point: &&&ColmapPoint| views.iter().any(|view| pixel_of(view, point.xyz).is_some());
     if sound.iter().find(is_seen).is_none() {
         return Err(TrainingError::PointsUnseen { points: sound.len() });
     }
@@ -105,7 +105,7 @@ fn choose(count: usize, wanted: usize, draws: &TrainingDraws) -> Vec<usize> {
 }
 
 /// The pixel at which a view sees a point.
-fn seen_at(view: &TrainingView, point: DVec3) -> Option<[usize; 2]> {
+fn pixel_of(view: &TrainingView, point: DVec3) -> Option<[usize; 2]> {
     let (at, _) = view.at_level(0);
     let in_camera = at.world_from_camera.inverse();
     let seen = in_camera.rotation * point + in_camera.translation;
@@ -193,7 +193,7 @@ fn scattered_points(
         // From a third to three times the typical depth, each ratio equally likely.
         let depth = typical * libm::pow(9.0, draw.uniform() - 0.5);
         let point = pose.rotation * at.camera.unproject([x, y], depth) + pose.translation;
-        if views.iter().filter(|view| seen_at(view, point).is_some()).count() >= least {
+        if views.iter().filter(|view| pixel_of(view, point).is_some()).count() >= least {
             #[expect(clippy::cast_sign_loss, reason = "inside the image")]
             let pixel = y as usize * size.width as usize + x as usize;
             points.push((point, photo.colours.pixels()[pixel]));

@@ -338,9 +338,9 @@ mod tests {
     #[test]
     fn points_lie_on_the_wall_and_even_areas_have_none() {
         let (_folder, views) = photographed();
-        let sweep = PlaneSweep::new(&views.shown, DVec3::Z * DISTANCE);
+        let sweep = PlaneSweep::new(&views.training, DVec3::Z * DISTANCE);
         let (mut asked, mut found) = (0, Vec::new());
-        for view in 0..views.shown.len() {
+        for view in 0..views.training.len() {
             for place in (0..100).map(|k| [0.05 + 0.1 * f64::from(k % 10), 0.05 + 0.1 * f64::from(k / 10)]) {
                 asked += 1;
                 found.extend(sweep.surface_point(view, place));
@@ -366,7 +366,7 @@ mod tests {
             error: 0.5,
         });
         let draws = TrainingDraws::new(Seed(1));
-        let start = |budget| starting_scene(&model, &views.shown, budget, &draws).unwrap().positions;
+        let start = |budget| starting_scene(&model, &views.training, budget, &draws).unwrap().positions;
         assert_eq!(start(2), model.map(|point| point.xyz.as_vec3().to_array()));
         let all = start(60);
         assert_eq!((all.len(), &all[..2]), (60, &start(2)[..]));

@@ -72,7 +72,7 @@ fn a_training_ends_when_its_goal_is_reached() {
     let (whole, heard) = trained((&capture, &files), NO_GOAL, (None, None), u32::MAX);
     let whole = whole.unwrap().record;
     assert_eq!((whole.iterations, whole.ended, whole.course.len()), (60, TrainingEnd::Iterations, 20));
-    assert_eq!(heard[0], TrainingNews::Read { shown: 4, held_out: 1, points: 0 });
+    assert_eq!(heard[0], TrainingNews::Read { training: 4, held_out: 1, points: 0 });
     assert_eq!(heard.len(), 21);
 
     // A PSNR that the course has for the first time at its fifth report or later.
@@ -109,7 +109,7 @@ fn a_resumed_training_has_the_record_of_an_uninterrupted_one() {
     std::fs::write(&path, b"gs2e training 2\nnothing that has a digest of its own").unwrap();
     let (again, heard) = trained((&capture, &files), NO_GOAL, (None, kept), u32::MAX);
     assert_eq!(again.unwrap().record, whole.record);
-    assert!(matches!(&heard[1], TrainingNews::StartsAgain { because } if because.contains("damaged")));
+    assert!(matches!(&heard[1], TrainingNews::Restarted { because } if because.contains("damaged")));
     std::fs::write(&path, b"gs2e training 2\nnothing that has a digest of its own").unwrap();
     let named = Some(CheckpointFile { path: &path, replaces: false });
     let refused = trained((&capture, &files), NO_GOAL, (None, named), u32::MAX).0;

@@ -41,14 +41,14 @@ pub enum TrainingNews {
     /// The photos were read.
     Read {
         /// Number of photos to train on.
-        shown: usize,
+        training: usize,
         /// Number of photos held out.
         held_out: usize,
         /// Number of points.
         points: usize,
     },
     /// The training starts again, because its checkpoint cannot be used.
-    StartsAgain {
+    Restarted {
         /// The problem with the checkpoint.
         because: String,
     },
@@ -70,10 +70,10 @@ pub struct TrainingReport {
 impl fmt::Display for TrainingNews {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Read { shown, held_out, points } => {
-                write!(f, "{shown} photos to train on, {held_out} held out, {points} points")
+            Self::Read { training, held_out, points } => {
+                write!(f, "{training} photos to train on, {held_out} held out, {points} points")
             }
-            Self::StartsAgain { because } => write!(f, "starts again: {because}"),
+            Self::Restarted { because } => write!(f, "starts again: {because}"),
             Self::Report(report) => report.fmt(f),
         }
     }

@@ -67,7 +67,7 @@ pub(super) enum CourseGeometry {
 }
 
 /// A curve and its length.
-pub(super) type Lengthwise<'a> = (&'a dyn PoseCurve, ArcLength<MeasuredCurve<'a>>);
+pub(super) type CurveWithLength<'a> = (&'a dyn PoseCurve, ArcLength<MeasuredCurve<'a>>);
 
 impl PoseCourse {
     /// The course of `curve` through knots. Other properties are empty.
@@ -163,7 +163,7 @@ impl CourseGeometry {
     }
 
     /// The curve with its length in the metric; `None` if nothing moves.
-    pub(super) fn measured(&self, metric: MixedMetric) -> Option<Lengthwise<'_>> {
+    pub(super) fn measured(&self, metric: MixedMetric) -> Option<CurveWithLength<'_>> {
         let curve = self.curve()?;
         Some((curve, ArcLength::measure_curve(curve.steps(), MeasuredCurve { curve, metric })))
     }

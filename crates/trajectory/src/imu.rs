@@ -61,8 +61,8 @@ pub struct AxisModel {
 impl ImuModel {
     /// The direction against gravity: its own, or else this one of the captured views.
     #[must_use]
-    pub fn up_or(&self, seen: Option<DVec3>) -> Option<DVec3> {
-        self.up.map(DVec3::from_array).or(seen)
+    pub fn up_or(&self, found: Option<DVec3>) -> Option<DVec3> {
+        self.up.map(DVec3::from_array).or(found)
     }
 }
 
@@ -155,8 +155,8 @@ impl Iterator for ImuSampler<'_> {
         let body_from_world = motion.pose.rotation.conjugate();
         let [gyroscope, accelerometer] = errors;
         let (gyroscope_bias, accelerometer_bias) = (gyroscope.bias, accelerometer.bias);
-        let shown = [gyroscope.show(motion.angular), accelerometer.show(body_from_world * force)];
-        self.saturated += u64::from(shown.iter().any(|(_, is_bounded)| *is_bounded));
+        let samples = [gyroscope.show(motion.angular), accelerometer.show(body_from_world * force)];
+        self.saturated += u64::from(samples.iter().any(|(_, is_bounded)| *is_bounded));
         self.next += 1;
         let state = ImuState {
             world_from_body: Se3 { translation: metres * motion.pose.translation, ..motion.pose },
@@ -164,7 +164,7 @@ impl Iterator for ImuSampler<'_> {
             gyroscope_bias,
             accelerometer_bias,
         };
-        Some(ImuSample { t_ns, gyroscope: shown[0].0, accelerometer: shown[1].0, state })
+        Some(ImuSample { t_ns, gyroscope: samples[0].0, accelerometer: samples[1].0, state })
     }
 }
 

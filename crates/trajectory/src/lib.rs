@@ -65,7 +65,7 @@ pub mod walk;
 
 pub use course::CourseKind;
 pub use error::{TrajectoryError, TrajectoryWarning};
-pub use travel::{MAX_POSES, MAX_RATE_HZ, MIN_RATE_HZ, MadeTrajectory, PoseTiming};
+pub use travel::{MAX_POSES, MAX_RATE_HZ, MIN_RATE_HZ, PoseTiming, TrajectoryBuild};
 
 use gs2e_num::se3::Se3;
 

@@ -74,7 +74,7 @@ impl SpeedReport {
             linear_ratio: None,
             angular_ratio: None,
             warnings: Vec::new(),
-            ..self.measured_again(poses, None)?
+            ..self.remeasured(poses, None)?
         })
     }
 }

@@ -46,13 +46,13 @@ impl OrbitPath {
         scene: Option<SceneFraming>,
     ) -> Result<PoseCourse, TrajectoryError> {
         let missing = |what| move || TrajectoryError::Orbit { what, because: NO_CAPTURE };
-        let (seen, warnings) = match scene.filter(|_| views.is_empty()) {
+        let (found, warnings) = match scene.filter(|_| views.is_empty()) {
             Some(framing) => (self.about_scene(framing), Vec::new()),
             None => CaptureOrbit::from_views(views)?,
         };
-        let from = self.from.or(seen.from).ok_or_else(missing("from"))?;
-        let up = self.up.or(seen.up).ok_or_else(missing("up"))?;
-        let centre = match (self.centre, seen.centre) {
+        let from = self.from.or(found.from).ok_or_else(missing("from"))?;
+        let up = self.up.or(found.up).ok_or_else(missing("up"))?;
+        let centre = match (self.centre, found.centre) {
             (Some(centre), _) => centre,
             (None, Some(centre)) => centre,
             (None, None) if views.is_empty() => return Err(missing("centre")()),
@@ -122,12 +122,12 @@ impl CaptureOrbit {
             poses.clone().map(|p| (p.translation, p.rotation * DVec3::Z)).collect();
         // The screened centres are relative to the first one. The results are in world coordinates
         // again.
-        let seen = Self {
+        let found = Self {
             centre: common_focus(&rays).map(|focus| origin + focus),
             from: Some(origin + views[0].world_from_camera.translation),
             // Cameras have OpenCV axes: up in the image is `-y`.
             up: poses.map(|p| p.rotation * DVec3::NEG_Y).sum::<DVec3>().try_normalize(),
         };
-        Ok((seen, warnings))
+        Ok((found, warnings))
     }
 }

@@ -8,7 +8,7 @@ use super::novel::{BaseTrajectory, GroupCurve, NovelGroup};
 use super::orbit::OrbitPath;
 use super::refine::RefinePath;
 use super::travel::{PoseCount, TravelPlan};
-use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
+use super::{NamedPose, PoseTiming, TrajectoryBuild, TrajectoryError};
 use gs2e_num::units::Hertz;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::survey::SceneSurvey;
@@ -75,7 +75,7 @@ impl CameraPath {
         ground: PathInputs<'_>,
         timing: PoseTiming<'_>,
         meter: Option<&mut dyn FlowMeter>,
-    ) -> Result<MadeTrajectory, TrajectoryError> {
+    ) -> Result<TrajectoryBuild, TrajectoryError> {
         self.travel().along(self.course(ground)?, timing, meter)
     }
 

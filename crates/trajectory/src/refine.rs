@@ -8,7 +8,7 @@ use super::metric::MixedMetric;
 use super::order::{arrange_views, by_name};
 use super::smooth::smooth_views;
 use super::travel::{PoseCount, TravelPlan};
-use super::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
+use super::{NamedPose, PoseTiming, TrajectoryBuild, TrajectoryError, TrajectoryWarning};
 use glam::{DQuat, DVec3};
 use gs2e_num::se3::rotation::same_hemisphere;
 use gs2e_num::se3::{ScreenedRotation, Se3, rotation_from_quaternion};
@@ -121,7 +121,7 @@ pub fn refine_views(
     views: &[NamedPose<'_>],
     params: &RefinePath,
     timing: PoseTiming<'_>,
-) -> Result<MadeTrajectory, TrajectoryError> {
+) -> Result<TrajectoryBuild, TrajectoryError> {
     params.travel().along(params.course(views)?, timing, None)
 }
 

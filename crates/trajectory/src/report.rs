@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 /// near 1, rounded to 1e-4 of this share.
 const MIN_SHARE: f64 = 1e-12;
 /// Share of the path below which a part of the motion is rounding, so that it has no ratios.
-const MIN_PART: f64 = 1e-9;
+const MIN_MOTION: f64 = 1e-9;
 
 /// Achieved share of the path divided by the asked share, over all steps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -158,7 +158,7 @@ impl SpeedReport {
     /// speeds and the asked lengths come from it. `None` if the rate is not valid or the number of
     /// steps does not fit.
     #[must_use]
-    pub fn measured_again(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
+    pub fn remeasured(&self, poses: &[Se3], schedule: Option<&PoseSchedule>) -> Option<Self> {
         let rate = Hertz(self.rate.parse().ok()?);
         let steps = StepLengths::between_poses(poses, MixedMetric { scale: self.scale_distance });
         let (u, s) = match schedule {
@@ -276,7 +276,7 @@ impl ReportInputs<'_> {
 /// Ratios of `lengths` to the asked shares of a path of `length`; `None` if nothing moves.
 fn follow_shares(lengths: &[f64], weight: f64, asked: &[f64], length: f64) -> Option<FollowError> {
     let total = NeumaierSum::sum_of(lengths.iter().copied());
-    let moves = total * weight > MIN_PART * length;
+    let moves = total * weight > MIN_MOTION * length;
     let ratios = lengths.iter().zip(asked).filter(|(_, asked)| **asked >= MIN_SHARE);
     let ratios: Vec<f64> = ratios.map(|(length, asked)| length / total / asked).collect();
     (moves && !ratios.is_empty()).then(|| FollowError::from_ratios(ratios))

@@ -21,7 +21,7 @@ pub(super) fn smooth_views<'a>(
 ) -> Result<Vec<NamedPose<'a>>, TrajectoryError> {
     (0..views.len())
         .map(|i| {
-            let (first, last) = window_around(i, views.len(), params);
+            let (first, last) = window_at(i, views.len(), params);
             let window = &views[first..=last];
             let rotation = match params.rotation {
                 RotationMean::Mean => mean_rotation(window)?,
@@ -34,7 +34,7 @@ pub(super) fn smooth_views<'a>(
 }
 
 /// First and last index of the window around `i` of `n` views.
-fn window_around(i: usize, n: usize, params: &RefinePath) -> (usize, usize) {
+fn window_at(i: usize, n: usize, params: &RefinePath) -> (usize, usize) {
     let after = n - 1 - i;
     // It may be `usize::MAX`, so it is cut off below before it is added or subtracted.
     let half = usize::try_from(params.window).unwrap_or(usize::MAX);

@@ -1,7 +1,7 @@
 //! Travel along a course: number, times and places of poses, so that the speed is the requested
 //! one.
 
-use super::course::{CourseGeometry, Lengthwise, PoseCourse};
+use super::course::{CourseGeometry, CurveWithLength, PoseCourse};
 use super::flow::{FlowLength, FlowMeter};
 use super::report::{FlowReport, ReportInputs, SpeedReport};
 use super::sample::{PoseSchedule, SummationRule, places_by_chord};
@@ -49,7 +49,7 @@ pub struct PoseTiming<'a> {
 
 /// A trajectory, its report, and its warnings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MadeTrajectory {
+pub struct TrajectoryBuild {
     /// The poses and their stamps.
     pub trajectory: Trajectory,
     /// Asked and achieved speed.
@@ -75,7 +75,7 @@ impl TravelPlan {
         mut course: PoseCourse,
         timing: PoseTiming<'_>,
         meter: Option<&mut dyn FlowMeter>,
-    ) -> Result<MadeTrajectory, TrajectoryError> {
+    ) -> Result<TrajectoryBuild, TrajectoryError> {
         let mut warnings = std::mem::take(&mut course.warnings);
         screen_rate(timing.rate)?;
         let measured = course.line.measured(course.metric);
@@ -101,7 +101,7 @@ impl TravelPlan {
         let asked =
             ReportInputs { course: &course, travel: self, timing, schedule, flow, warnings: &warnings };
         let report = asked.report(&poses, &arcs);
-        Ok(MadeTrajectory {
+        Ok(TrajectoryBuild {
             trajectory: Trajectory { world_from_camera: poses, stamps_us },
             report,
             warnings,
@@ -212,7 +212,7 @@ impl PoseCourse {
     /// still path).
     fn follow(
         &self,
-        measured: Option<&Lengthwise<'_>>,
+        measured: Option<&CurveWithLength<'_>>,
         schedule: &PoseSchedule,
         literal: bool,
     ) -> (Vec<Se3>, Vec<f64>) {
@@ -248,7 +248,7 @@ impl PoseCourse {
     /// Length in pixels; `None` if nothing moves.
     fn flow_length(
         &self,
-        measured: Option<&Lengthwise<'_>>,
+        measured: Option<&CurveWithLength<'_>>,
         meter: Option<&mut dyn FlowMeter>,
     ) -> Result<Option<FlowLength>, TrajectoryError> {
         let no_scene = || TrajectoryError::Flow { share: 0.0, because: "there is no scene".to_owned() };

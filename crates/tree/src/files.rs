@@ -29,7 +29,7 @@ pub trait ReleaseFiles: fmt::Debug + Send + Sync {
     fn has(&self, path: &str) -> io::Result<bool>;
 
     /// The path of a file in messages.
-    fn shown(&self, path: &str) -> PathBuf {
+    fn display_path(&self, path: &str) -> PathBuf {
         path.into()
     }
 }
@@ -55,7 +55,7 @@ impl ReleaseFiles for ReleaseFolder {
         }
     }
 
-    fn shown(&self, path: &str) -> PathBuf {
+    fn display_path(&self, path: &str) -> PathBuf {
         self.0.join(path)
     }
 }
@@ -106,7 +106,7 @@ impl ReleaseFiles for ListedFiles {
 /// # Errors
 /// It cannot be read, or has another form.
 pub fn json_of<T: DeserializeOwned>(tree: &dyn ReleaseFiles, path: &str) -> Result<T, TreeError> {
-    let failed = |because: &dyn fmt::Display| TreeError::new(tree.shown(path), because);
+    let failed = |because: &dyn fmt::Display| TreeError::new(tree.display_path(path), because);
     let bytes = tree.read(path, files::MAX_DOCUMENT).map_err(|e| failed(&e))?;
     serde_json::from_slice(&bytes).map_err(|e| failed(&e))
 }

@@ -112,7 +112,7 @@ impl<'a> TrajectoryFiles<'a> {
     ) -> Result<Self, TreeError> {
         // Names of a release that others made may hold anything; each file is opened below the folder. The
         // size is a claim of a file, and memory grows with it.
-        let described = || files.shown(&format!("{scene}/scene.json"));
+        let described = || files.display_path(&format!("{scene}/scene.json"));
         camera.size.check_sensor().map_err(|e| TreeError::new(described(), e))?;
         Ok(Self { files, folder: format!("{scene}/{name}"), camera })
     }
@@ -125,13 +125,13 @@ impl<'a> TrajectoryFiles<'a> {
 
     /// The path of a file in messages.
     #[must_use]
-    pub fn shown(&self, name: &str) -> PathBuf {
-        self.files.shown(&self.path(name))
+    pub fn display_path(&self, name: &str) -> PathBuf {
+        self.files.display_path(&self.path(name))
     }
 
     /// The fault of a file.
     pub fn refusal(&self, name: &str, because: impl Display) -> TreeError {
-        TreeError::new(self.shown(name), because)
+        TreeError::new(self.display_path(name), because)
     }
 
     /// Returns true if there is a file of this name.

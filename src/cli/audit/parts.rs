@@ -33,7 +33,7 @@ impl PartArgs {
         written.map_err(|e| output::not_written(&path, e))?;
         let (files, bytes) = part.size();
         let mb = bytes as f64 * 1e-6;
-        console.say(&format!("{}: {files} files, {mb:.1} MB. --parts gives the verdict", path.display()));
+        console.note(&format!("{}: {files} files, {mb:.1} MB. --parts gives the verdict", path.display()));
         Ok(true)
     }
 

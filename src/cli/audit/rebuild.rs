@@ -64,10 +64,10 @@ impl RebuildArgs {
             let help = "a rebuild needs a folder for temporary files; TMPDIR names another one";
             let folder = tempfile::tempdir().map_err(|e| not_rebuilt(e).help(help))?;
             let common = CommonArgs { store: folder.path().join("store"), ..common.clone() };
-            let again = self.make(open_backend(&class, &common)?, recipes, &common, console)?;
-            found.faults.extend(rebuilt::compare_tops(dir, &again).map_err(not_rebuilt)?);
+            let rebuilt_tree = self.make(open_backend(&class, &common)?, recipes, &common, console)?;
+            found.faults.extend(rebuilt::compare_tops(dir, &rebuilt_tree).map_err(not_rebuilt)?);
             for scene in &scenes {
-                found.faults.extend(rebuilt::compare_scenes(dir, &again, scene).map_err(not_rebuilt)?);
+                found.faults.extend(rebuilt::compare_scenes(dir, &rebuilt_tree, scene).map_err(not_rebuilt)?);
             }
         }
         // The top of the release is compared once per class, so its faults may repeat.
@@ -99,9 +99,9 @@ impl RebuildArgs {
         let context = ReleaseContext::read(&self.recipes)?;
         // No other process knows this new store, so there is no holder to report.
         let store = Store::open(&common.store, StoreOptions::from(StoreAccess::Write), &mut |_| {})?;
-        let (targets, care) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
+        let (targets, trust) = (&RecipeTargets { recipes: self.recipes.clone() }, &TrustOptions::default());
         let plan = Plan::new(recipes, &chosen.asking(&store));
-        let building = BuildRequest { settled: 0, targets, chosen, common, care, console };
+        let building = BuildRequest { settled: 0, targets, chosen, common, trust, console };
         let (plan, summary) = building.build(plan, &store)?;
         match exit_kind(&summary) {
             ExitKind::Done => {}

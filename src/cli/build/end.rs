@@ -28,27 +28,27 @@ fn last_line(summary: &RunSummary, seconds: f64) -> String {
 }
 
 /// Says how many files made room, if the size of the store has a bound.
-pub(super) fn tell_evicted(evicted: EvictedFiles, console: &Console) {
+pub(super) fn report_evicted(evicted: EvictedFiles, console: &Console) {
     let EvictedFiles { files, bytes } = evicted;
     if files > 0 {
         let size = bytes as f64 * 1e-6;
-        console.say(&format!("{files} files ({size:.1} MB) made room: the shared store has them"));
+        console.note(&format!("{files} files ({size:.1} MB) made room: the shared store has them"));
     }
 }
 
 /// Prints the last line, and for programs the interruption of a run.
-pub(in crate::cli) fn tell_end(summary: &RunSummary, seconds: f64, console: &Console) {
+pub(in crate::cli) fn report_end(summary: &RunSummary, seconds: f64, console: &Console) {
     let line = last_line(summary, seconds);
     if summary.interrupted {
         console.result(&UserMessage::error("interrupted", line.as_str()).to_json());
     }
     if summary.confirmed > 0 {
-        console.say(&format!("{} steps of the shared store rerun, each with its bytes", summary.confirmed));
+        console.note(&format!("{} steps of the shared store rerun, each with its bytes", summary.confirmed));
     }
     if summary.rechecked > 0 {
-        console.say(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
+        console.note(&format!("{} steps rerun, each with the recorded bytes", summary.rechecked));
     }
-    console.say(&line);
+    console.note(&line);
 }
 
 pub(in crate::cli) fn exit_kind(summary: &RunSummary) -> ExitKind {

@@ -21,33 +21,33 @@ pub(in crate::cli) fn option_tag(chosen: &RendererChoice, shared: Option<&Path>)
 /// Opens the store for writing, and waits while another process holds it.
 pub(in crate::cli) fn open_store(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     console: &Console,
 ) -> Result<Store, VerbError> {
-    open_cache(common, care, None, console)
+    open_cache(common, trust, None, console)
 }
 
 /// Opens the store as [`open_store`], with a bound on its size in bytes.
 pub(super) fn open_cache(
     common: &CommonArgs,
-    care: &TrustOptions,
+    trust: &TrustOptions,
     cache_size: Option<u64>,
     console: &Console,
 ) -> Result<Store, VerbError> {
     let access = if common.no_wait { StoreAccess::WriteNow } else { StoreAccess::Write };
     let opening = StoreOptions {
-        verify: care.verify,
-        sync_each: care.sync == SyncArg::Always,
+        verify: trust.verify,
+        sync_each: trust.sync == SyncArg::Always,
         claim: lock_claim(common),
-        shared: care.shared_store.clone(),
+        shared: trust.shared_store.clone(),
         cache_size,
         ..store_options(common, access)
     };
     let store = Store::open(&common.store, opening, &mut |holder| {
         let what = format!("{} is in use by {holder}", common.store.display());
-        console.tell(&UserMessage::waiting("locked", what));
+        console.report(&UserMessage::waiting("locked", what));
     })?;
-    tell_notices(&store, console);
+    report_notices(&store, console);
     Ok(store)
 }
 
@@ -81,8 +81,8 @@ fn index_of(store: &Path, environment: &Environment) -> Option<PathBuf> {
 }
 
 /// Prints the repairs of the store since the last call.
-pub(in crate::cli) fn tell_notices(store: &Store, console: &Console) {
+pub(in crate::cli) fn report_notices(store: &Store, console: &Console) {
     for notice in store.take_notices() {
-        console.tell(&UserMessage::warning("state-rebuilt", notice));
+        console.report(&UserMessage::warning("state-rebuilt", notice));
     }
 }

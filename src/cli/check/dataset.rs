@@ -84,7 +84,7 @@ impl DatasetArgs {
         let unreadable = |e: EventFileError| input::wrong_content(&paths.events, e);
         let opened = events.open().map_err(unreadable)?;
         if opened.assumes_us {
-            console.say(ASSUMED);
+            console.note(ASSUMED);
         }
         let size = opened.size;
         let name =
@@ -322,7 +322,7 @@ fn pictures(
     let Some((first, last)) = report.survey.span else { return Ok(Vec::new()) };
     // The span is in nanoseconds and the centre in microseconds: 2000 is the half and the unit together.
     let centre = first.floor_micros() + (last.0 - first.0) / 2000;
-    let near = dataset.frames.and_then(|frames| frames.shown.as_ref());
+    let near = dataset.frames.and_then(|frames| frames.middle.as_ref());
     let middle = near.map_or(centre, |(stamp, _)| *stamp);
     let window = middle - PICTURE_US / 2..middle + PICTURE_US / 2;
     let too_large = |_| EventFileError::Container(format!("a sensor of {}", dataset.size));

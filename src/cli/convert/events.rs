@@ -101,7 +101,7 @@ impl InputEvents<'_> {
     pub(super) fn open(&self, console: &Console) -> Result<OpenEventFile, VerbError> {
         let opened = self.options.input.open(self.path, self.format)?;
         if opened.assumes_us {
-            console.say(ASSUMED);
+            console.note(ASSUMED);
         }
         Ok(opened)
     }
@@ -148,7 +148,7 @@ impl EventConversion<'_> {
             ConvertFailure::Write(e) => output::not_written(self.output, e),
         })?;
         let losses = [before, done.losses()].concat();
-        self.tell(&opened, &done, &losses, console);
+        self.report(&opened, &done, &losses, console);
         Ok(ExitKind::Done)
     }
 
@@ -198,14 +198,19 @@ impl EventConversion<'_> {
         Ok(done)
     }
 
-    fn tell(&self, opened: &OpenEventFile, done: &ConversionSummary, losses: &[String], console: &Console) {
+    fn report(&self, opened: &OpenEventFile, done: &ConversionSummary, losses: &[String], console: &Console) {
         let (output, size) = (self.output, opened.header.size);
         let ConversionSummary { events, on, untimed, bytes, .. } = *done;
         let amounts = [format_amount(events, "events"), format_amount(bytes, "B")];
-        console.say(&format!("{}: {} from a sensor of {size}, {}", output.display(), amounts[0], amounts[1]));
+        console.note(&format!(
+            "{}: {} from a sensor of {size}, {}",
+            output.display(),
+            amounts[0],
+            amounts[1]
+        ));
         let notes = self.notes_of_format(opened);
-        notes.iter().for_each(|note| console.say(&format!("note: {note}")));
-        losses.iter().for_each(|loss| console.say(loss));
+        notes.iter().for_each(|note| console.note(&format!("note: {note}")));
+        losses.iter().for_each(|loss| console.note(loss));
         console.result(&json!({
             "input": path(self.from.path), "output": path(output), "width": size.width, "height": size.height,
             "events": events, "on": on, "untimed": untimed, "bytes": bytes, "lost": losses, "notes": notes,

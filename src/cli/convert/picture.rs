@@ -91,7 +91,7 @@ impl PictureOptions {
             PictureKind::Surface => {
                 let mut surface = TimeSurface::new(size, window_us.clone()).map_err(too_large)?;
                 let events = pour(&mut surface)?;
-                (events, surface.image(self.tau.map_or_else(|| surface.usual_tau_us(), f64::from)))
+                (events, surface.image(self.tau.map_or_else(|| surface.default_tau_us(), f64::from)))
             }
             PictureKind::Rate => {
                 let mut rate = RateBars::new(window_us.clone());
@@ -99,7 +99,7 @@ impl PictureOptions {
             }
         };
         output::write_output(output, |out| png::write_image(&image, out))?;
-        console.say(&self.account(output, events, size, image.size()));
+        console.note(&self.account(output, events, size, image.size()));
         let kind = self.kind().to_possible_value().map(|value| value.get_name().to_owned());
         console.result(&json!({
             "input": path(input.path), "output": path(output), "picture": kind, "events": events,

@@ -2,7 +2,7 @@
 
 use crate::cli::{Console, ExitKind, UserMessage, VerbError};
 use gs2e_files::is_there;
-use gs2e_store::{SharedSweep, SharedSwept, is_bucket, sweep_shared};
+use gs2e_store::{SharedSweep, SharedSweepSummary, is_bucket, sweep_shared};
 use serde_json::json;
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -36,30 +36,30 @@ pub(super) fn run(
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let now_ns = i64::try_from(now.as_nanos()).unwrap_or(i64::MAX);
     let swept = sweep_shared(shared, SharedSweep { older_than, now_ns, dry_run })?;
-    tell(&swept, dry_run, console);
+    report(&swept, dry_run, console);
     Ok(ExitKind::Done)
 }
 
-fn tell(swept: &SharedSwept, dry_run: bool, console: &Console) {
-    let SharedSwept { records, blobs, kept_records, restored, deleted, refused, .. } = *swept;
+fn report(swept: &SharedSweepSummary, dry_run: bool, console: &Console) {
+    let SharedSweepSummary { records, blobs, kept_records, restored, deleted, refused, .. } = *swept;
     let [mb, deleted_mb] = [swept.bytes, swept.deleted_bytes].map(|bytes| bytes as f64 * 1e-6);
     let [moved, removed] = if dry_run { ["would move", "would delete"] } else { ["moved", "deleted"] };
-    console.say(&format!("{moved} {records} records and {blobs} blobs, {mb:.1} MB, to the trash"));
-    console.say(&format!(
+    console.note(&format!("{moved} {records} records and {blobs} blobs, {mb:.1} MB, to the trash"));
+    console.note(&format!(
         "{removed} {deleted} files of the trash, of old plans and of killed processes, {deleted_mb:.1} MB"
     ));
     if restored > 0 {
-        console.say(&format!("{restored} files were used meanwhile, and are back"));
+        console.note(&format!("{restored} files were used meanwhile, and are back"));
     }
     if refused > 0 {
-        console.say(&format!("{refused} old folders of other users stay: only they may delete them"));
+        console.note(&format!("{refused} old folders of other users stay: only they may delete them"));
     }
-    console.say(&format!("kept {kept_records} records"));
+    console.note(&format!("kept {kept_records} records"));
     if swept.clock_difference >= TOLD_DIFFERENCE {
         let seconds = swept.clock_difference;
         let what =
             format!("the clocks of machines differ by {seconds} s; files stay two hours longer for that");
-        console.show(&UserMessage::warning("clock-skew", what));
+        console.report_to_people(&UserMessage::warning("clock-skew", what));
     }
     let mut record = json!(swept);
     record["dry_run"] = json!(dry_run);

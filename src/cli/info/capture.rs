@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Maximum number of cameras shown to people; `--json` has all.
-const CAMERAS_SHOWN: usize = 4;
+const MAX_CAMERAS: usize = 4;
 
 /// The properties of the capture at a path; where several programs left one, of each.
 pub(super) fn capture_facts(place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
@@ -33,7 +33,7 @@ pub(super) fn capture_facts(place: &Path, console: &Console) -> Result<PathFacts
 
 fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<PathFacts, VerbError> {
     let (capture, warnings) = kind.read(place).map_err(|e| input::unreadable_file("capture", &e))?;
-    tell_warnings(&warnings, console);
+    report_warnings(&warnings, console);
     let cameras = distinct_cameras(&capture);
     let missing: Vec<&str> =
         capture.views.iter().filter(|view| view.sha256.is_none()).map(|view| view.name.as_str()).collect();
@@ -51,16 +51,16 @@ fn kind_facts(kind: CaptureKind, place: &Path, console: &Console) -> Result<Path
         ("views", capture.views.len().to_string()),
         ("photos", photo_text(&capture, &missing)),
     ];
-    rows.extend(cameras.iter().take(CAMERAS_SHOWN).map(|group| ("camera", group.text())));
-    if cameras.len() > CAMERAS_SHOWN {
-        rows.push(("cameras", format!("{} more; --json has all", cameras.len() - CAMERAS_SHOWN)));
+    rows.extend(cameras.iter().take(MAX_CAMERAS).map(|group| ("camera", group.text())));
+    if cameras.len() > MAX_CAMERAS {
+        rows.push(("cameras", format!("{} more; --json has all", cameras.len() - MAX_CAMERAS)));
     }
     rows.extend(evenness_rows(evenness.as_ref()));
     Ok(PathFacts { kind: "capture", title: "a capture", rows, recipe: Vec::new(), value })
 }
 
-fn tell_warnings(warnings: &[SourceWarning], console: &Console) {
-    warnings.iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+fn report_warnings(warnings: &[SourceWarning], console: &Console) {
+    warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
 }
 
 fn photo_text(capture: &Capture, missing: &[&str]) -> String {

@@ -7,7 +7,7 @@ use gs2e_files::escape;
 use gs2e_image::Size;
 use gs2e_num::units::brief;
 use gs2e_scene::camera::Camera;
-use gs2e_scene::dynamic::file::{read_dynamic, usual_time};
+use gs2e_scene::dynamic::file::{default_time, read_dynamic};
 use gs2e_scene::dynamic::{SceneSpan, SceneTime, SplatDynamics};
 use gs2e_scene::form::{SceneFileForm, file_form};
 use gs2e_scene::survey::{SceneOrbit, SceneSurvey, UpRule};
@@ -23,7 +23,7 @@ const CAMERA: Camera =
 pub(super) fn scene_facts(place: &Path, named: &Path) -> Result<PathFacts, VerbError> {
     let unreadable = |e| input::unreadable_path(place, e);
     let form = file_form(place).map_err(unreadable)?;
-    let time = usual_time(place).map_err(unreadable)?.filter(|_| form.may_change);
+    let time = default_time(place).map_err(unreadable)?.filter(|_| form.may_change);
     let read = time.map_or_else(|| scene::read_any(place), |time| read_dynamic(place, time));
     let gaussians = read.map_err(|e| {
         input::unreadable_file("file", &e).help("gs2e info --help lists the files and folders that are known")

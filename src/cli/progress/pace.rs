@@ -9,19 +9,19 @@ const SPAN: f64 = 1.0;
 /// The times of the last lines.
 #[derive(Debug, Default)]
 pub(super) struct LinePacing {
-    shown: VecDeque<f64>,
+    printed: VecDeque<f64>,
 }
 
 impl LinePacing {
     /// Returns true if one more line may be shown at `now`, and counts it as shown. Times are in
     /// seconds from an arbitrary origin.
     pub(super) fn admits(&mut self, now: f64) -> bool {
-        while self.shown.front().is_some_and(|then| now - then >= SPAN) {
-            self.shown.pop_front();
+        while self.printed.front().is_some_and(|then| now - then >= SPAN) {
+            self.printed.pop_front();
         }
-        let admits = self.shown.len() < LINES;
+        let admits = self.printed.len() < LINES;
         if admits {
-            self.shown.push_back(now);
+            self.printed.push_back(now);
         }
         admits
     }

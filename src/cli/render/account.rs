@@ -29,10 +29,10 @@ pub(super) struct RenderAccount {
 
 impl RenderAccount {
     /// Prints the report for people.
-    pub(super) fn tell(&self, console: &Console) {
+    pub(super) fn report(&self, console: &Console) {
         let Self { channel, backend, view, size, work, .. } = self;
         let [reading, rendering] = [self.reading, self.rendering].map(|time| time.as_secs_f64());
-        console.say(&format!(
+        console.note(&format!(
             "{channel} of {view}, {size}: rendered by {backend} in {rendering:.3} s; read in {reading:.3} s"
         ));
         let hidden = match 100 * work.hidden / work.tile_pairs.max(1) {
@@ -46,12 +46,12 @@ impl RenderAccount {
         // Counts are per pixel of the whole picture, the empty ones included.
         let a_pixel = work.blended as f64 / size.pixels() as f64;
         let (drawn, all) = (work.drawn(), work.gaussians);
-        console.say(&format!("{drawn} of {all} Gaussians drawn, {pairs}{a_pixel:.2} blended per pixel"));
+        console.note(&format!("{drawn} of {all} Gaussians drawn, {pairs}{a_pixel:.2} blended per pixel"));
         if work.zero_harmonics > 0 {
             let each = work.zero_harmonics / drawn.max(1);
-            console.say(&format!("{each} harmonics per Gaussian are zero in the whole scene and left out"));
+            console.note(&format!("{each} harmonics per Gaussian are zero in the whole scene and left out"));
         }
-        self.warnings().iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+        self.warnings().iter().for_each(|warning| console.note(&format!("warning: {warning}")));
     }
 
     fn warnings(&self) -> Vec<String> {

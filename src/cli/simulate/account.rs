@@ -21,7 +21,7 @@ pub(super) struct SimulateReport<'a> {
 }
 
 impl SimulateReport<'_> {
-    pub(super) fn tell(&self, console: &Console) -> Result<(), VerbError> {
+    pub(super) fn report(&self, console: &Console) -> Result<(), VerbError> {
         let out = &self.asked.out;
         let bytes = std::fs::metadata(out).map_err(|e| unwritable_file(out, e))?.len();
         let SimulationAccount { events, on, active_pixels, .. } = self.account;
@@ -29,23 +29,23 @@ impl SimulateReport<'_> {
         let (out, frames) = (out.display(), self.sequence.stamps_us.len());
         let [amount, written] = [format_amount(events, "events"), format_amount(bytes, "B")];
         console
-            .say(&format!("{out}: {amount} from {frames} frames of {size} over {seconds:.6} s, {written}"));
+            .note(&format!("{out}: {amount} from {frames} frames of {size} over {seconds:.6} s, {written}"));
         if events > 0 {
             let (rate, share) = (self.rate(), 100.0 * on as f64 / events as f64);
             let active = 100.0 * active_pixels as f64 / size.pixels() as f64;
-            console.say(&format!(
+            console.note(&format!(
                 "{rate:.3} events per pixel and second, {share:.1} % of them ON, from {active:.1} % of the pixels"
             ));
         }
         if let Some(late) = &self.account.latency {
-            console.say(&format!(
+            console.note(&format!(
                 "latency: events are {:.3} us late on average and {:.1} us at most; {} of {} would be after the last \
                  frame and were left out",
                 late.mean_us, late.max_us, late.unread, late.made
             ));
         }
         if let Some(bus) = &self.account.readout {
-            console.say(&format!(
+            console.note(&format!(
                 "readout: {} of {} events lost, the others {:.3} us late on average and {:.1} us at most",
                 bus.lost(),
                 bus.made,
@@ -53,7 +53,7 @@ impl SimulateReport<'_> {
                 bus.max_delay_us
             ));
         }
-        self.oddities().iter().for_each(|line| console.say(line));
+        self.oddities().iter().for_each(|line| console.note(line));
         console.result(&self.to_json(bytes));
         Ok(())
     }

@@ -9,9 +9,9 @@ use std::path::Path;
 
 /// The clocks and the memory of this process.
 #[derive(Debug)]
-pub(super) struct OwnProcess;
+pub(super) struct ThisProcess;
 
-impl ProcessMeter for OwnProcess {
+impl ProcessMeter for ThisProcess {
     fn time(&self) -> TimeSpent {
         let seconds = |at: Timespec| at.tv_sec as f64 + at.tv_nsec as f64 * 1e-9;
         let [core_s, wall_s] =

@@ -81,7 +81,7 @@ impl RealArgs {
         let found = compare_sensors(&mut *sequence.frames, &sensors, recording, Seed(self.seed), &mut tap);
         let found = found.map_err(end_problem)?;
         self.write(&found)?;
-        tell(&found, console);
+        report(&found, console);
         Ok(ExitKind::Done)
     }
 
@@ -164,7 +164,7 @@ fn write_csv(found: &RealStudy, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-fn tell(found: &RealStudy, console: &Console) {
+fn report(found: &RealStudy, console: &Console) {
     let outside = found.real.outside();
     if console.json {
         return console.result(&json!({
@@ -173,7 +173,7 @@ fn tell(found: &RealStudy, console: &Console) {
         }));
     }
     if outside > 0 {
-        console.say(&format!(
+        console.note(&format!(
             "{outside} recorded events are before the first or after the last frame, and do not count"
         ));
     }
@@ -189,7 +189,7 @@ fn tell(found: &RealStudy, console: &Console) {
         ));
     }
     for row in found.rows.iter().filter(|row| row.capped > 0) {
-        console.say(&format!("{}: {} events beyond the cap were dropped", row.sensor, row.capped));
+        console.note(&format!("{}: {} events beyond the cap were dropped", row.sensor, row.capped));
     }
     if let Some(nearest) = found.rows.first() {
         console.print(&format!("nearest: {}", nearest.sensor));

@@ -35,17 +35,17 @@ impl SensorArgs {
         let anchors = anchors.map_or(&[][..], VoltmeterPreset::noise_anchors);
         let study = SensorStudy {
             contrast: measure_contrast(&sensor, &sensor, 1.0).map_err(failed)?,
-            noise: measure_noise(&sensor, anchors, NoiseTrial::USUAL).map_err(failed)?,
+            noise: measure_noise(&sensor, anchors, NoiseTrial::DEFAULT).map_err(failed)?,
         };
         if let Some(path) = &self.picture {
             let picture = study_svg(&self.sensor, &sensor, &study);
             output::write_output(path, |out| out.write_all(picture.as_bytes()))?;
         }
-        self.tell(&sensor, &study, console);
+        self.report(&sensor, &study, console);
         Ok(if study.passes() { ExitKind::Done } else { ExitKind::Fault })
     }
 
-    fn tell(&self, sensor: &SensorChoice, study: &SensorStudy, console: &Console) {
+    fn report(&self, sensor: &SensorChoice, study: &SensorStudy, console: &Console) {
         if console.json {
             console.result(&json!({
                 "sensor": sensor, "contrast": study.contrast, "noise": study.noise,

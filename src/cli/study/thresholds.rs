@@ -44,7 +44,7 @@ fn parse_span(text: &str) -> Result<[f64; 2], String> {
 }
 
 /// Default length of the rendered part, ms.
-const USUAL_MS: f64 = 100.0;
+const DEFAULT_MS: f64 = 100.0;
 /// Length of the pictures, us.
 const PICTURE_US: i64 = 1000;
 /// Number of pictures per row, and the pixels between them.
@@ -56,7 +56,7 @@ impl ThresholdsArgs {
         self.screen(console)?;
         let built = self.subject.open(common)?;
         let range = self.range(&built.motion.trajectory)?;
-        let trajectory = part_of(&built.motion.trajectory, range.clone());
+        let trajectory = window_of(&built.motion.trajectory, range.clone());
         let middle = trajectory.stamps_us.last().map_or(0, |last| last / 2);
         let sweep = ThresholdSweep {
             sensor: built.sensor.clone(),
@@ -67,7 +67,7 @@ impl ThresholdsArgs {
         };
         let found = built.sweep(&sweep, &trajectory, range)?;
         self.write(&sweep, &found)?;
-        self.tell(&built.name(), &found, console);
+        self.report(&built.name(), &found, console);
         Ok(ExitKind::Done)
     }
 
@@ -88,8 +88,8 @@ impl ThresholdsArgs {
     fn range(&self, whole: &Trajectory) -> Result<Range<usize>, VerbError> {
         let end_us = whole.stamps_us.last().copied().unwrap_or(0);
         let middle_ms = end_us as f64 * 0.5e-3;
-        let usual = [middle_ms - USUAL_MS / 2.0, middle_ms + USUAL_MS / 2.0];
-        let [begin, end] = self.span.unwrap_or(usual);
+        let default = [middle_ms - DEFAULT_MS / 2.0, middle_ms + DEFAULT_MS / 2.0];
+        let [begin, end] = self.span.unwrap_or(default);
         let place = |ms: f64| whole.stamps_us.partition_point(|t| (*t as f64) < ms * 1e3);
         // One pose beyond the end, so that the last interval covers it.
         let range: Range<usize> = place(begin)..(place(end) + 1).min(whole.stamps_us.len());
@@ -110,7 +110,7 @@ impl ThresholdsArgs {
         output::write_given(&[(self.csv.as_deref(), &table), (self.picture.as_deref(), &picture)])
     }
 
-    fn tell(&self, scene: &str, found: &SweepResult, console: &Console) {
+    fn report(&self, scene: &str, found: &SweepResult, console: &Console) {
         let (row, because) = found.recommended();
         let recommended = row.map(|row| row.threshold);
         if console.json {
@@ -143,7 +143,7 @@ impl ThresholdsArgs {
 }
 
 /// A part of a trajectory, with its first stamp at 0.
-fn part_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
+fn window_of(whole: &Trajectory, range: Range<usize>) -> Trajectory {
     let first = whole.stamps_us[range.start];
     Trajectory {
         world_from_camera: whole.world_from_camera[range.clone()].to_vec(),

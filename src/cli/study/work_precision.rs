@@ -1,6 +1,6 @@
 //! `gs2e study`: measures error against run time.
 
-use super::meter::OwnProcess;
+use super::meter::ThisProcess;
 use super::subject::{StudySubject, SubjectArgs};
 use super::{go_unless, lab_problem};
 use crate::cli::output::{self, OutputFile};
@@ -92,7 +92,7 @@ struct StudyRecord<'a> {
 }
 
 /// Default length of the window, s.
-const USUAL_S: f64 = 0.1;
+const DEFAULT_S: f64 = 0.1;
 
 impl WorkPrecision {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
@@ -111,13 +111,13 @@ impl WorkPrecision {
             camera: subject.camera,
             window: &window,
             sensor: frame_independent(&subject.sensor, self.noise),
-            own: subject.sensor,
+            recipe_sensor: subject.sensor,
             seed: subject.seed,
             style: subject.style,
             backend: subject.backend,
-            meter: &OwnProcess,
+            meter: &ThisProcess,
             go_on: &|| go_unless(&cancelled),
-            say: &|line| console.say(line),
+            say: &|line| console.note(line),
         };
         let machine =
             StudyMachine { cores: machine::available_cores(), processor: machine::processor_name() };
@@ -183,7 +183,7 @@ impl WorkPrecision {
         let path = SampledPath::through_poses(poses, subject.motion.seconds())
             .map_err(|e| VerbError::failed("step-failed", format!("failed to follow the path: {e}")))?;
         let whole = path.seconds();
-        let seconds = self.seconds.unwrap_or(USUAL_S.min(whole - self.start.unwrap_or(0.0)));
+        let seconds = self.seconds.unwrap_or(DEFAULT_S.min(whole - self.start.unwrap_or(0.0)));
         let finest = f64::from(self.finest);
         // The tolerance keeps a window whose length is a multiple of the interval but for rounding.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate")]

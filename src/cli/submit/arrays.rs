@@ -33,13 +33,13 @@ impl SubmitArgs {
         found: &ClusterScenes,
         common: &CommonArgs,
     ) -> Result<Vec<ArrayJob>, VerbError> {
-        let usual = self.usual_memory(found);
+        let default = self.default_memory(found);
         let mut by_memory: BTreeMap<u64, Vec<Recipe>> = BTreeMap::new();
         for (recipe, state) in found.plan.scenes().iter().zip(&found.states) {
             let memory = match state {
-                SceneState::Open => usual,
-                SceneState::Failed(failure) if failure.is_out_of_memory => usual.max(2 * failure.memory_mb),
-                SceneState::Failed(failure) => usual.max(failure.memory_mb),
+                SceneState::Open => default,
+                SceneState::Failed(failure) if failure.is_out_of_memory => default.max(2 * failure.memory_mb),
+                SceneState::Failed(failure) => default.max(failure.memory_mb),
                 SceneState::Done | SceneState::Running { .. } | SceneState::Queued { .. } => continue,
             };
             by_memory.entry(memory).or_default().push(recipe.clone());
@@ -63,12 +63,12 @@ impl SubmitArgs {
         };
         let tasks: Vec<PlannedTask> = shares.map(|share| share.into_iter().map(scene).collect()).collect();
         let options = self.batch_options()?;
-        let cores = self.resources.cpus.unwrap_or_else(|| usual_cores(found, tasks.len()));
+        let cores = self.resources.cpus.unwrap_or_else(|| default_cores(found, tasks.len()));
         let shared = &self.targets.shared_store;
         let submission = Submission::plan(shared, TaskNeed { memory_mb, cores, gpu: options.gpu }, &tasks);
         let lost = |e| VerbError::failed("input-missing", format!("failed to find the current folder: {e}"));
         let folder = std::env::current_dir().map_err(lost)?;
-        let program = environment::own_program();
+        let program = environment::this_program();
         let script = BatchScript {
             submission: &submission,
             options: &options,
@@ -100,7 +100,7 @@ impl SubmitArgs {
     }
 
     /// Memory of a task, MB.
-    fn usual_memory(&self, found: &ClusterScenes) -> u64 {
+    fn default_memory(&self, found: &ClusterScenes) -> u64 {
         /// For the program itself.
         const BASE_MB: u64 = 1000;
         if let Some(bytes) = self.resources.mem {
@@ -113,7 +113,7 @@ impl SubmitArgs {
 }
 
 /// Cores with which a task takes about an hour.
-fn usual_cores(found: &ClusterScenes, tasks: usize) -> u16 {
+fn default_cores(found: &ClusterScenes, tasks: usize) -> u16 {
     if found.progress.memory.is_none() {
         return UNKNOWN.0;
     }

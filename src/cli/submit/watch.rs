@@ -30,7 +30,7 @@ pub(super) fn wait_for_tasks(
     detached: &AtomicBool,
     console: &Console,
 ) -> WatchEnd {
-    let mut watch = Watch { console, shown: (0, 0), is_silent: false };
+    let mut watch = Watch { console, reported: (0, 0), is_silent: false };
     let mut period = PERIODS.0;
     loop {
         if watch.no_task_is_left(names, slurm) {
@@ -51,7 +51,7 @@ pub(super) fn wait_for_tasks(
 struct Watch<'a> {
     console: &'a Console,
     /// Numbers of running and waiting tasks.
-    shown: (usize, usize),
+    reported: (usize, usize),
     /// True if Slurm does not answer.
     is_silent: bool,
 }
@@ -62,14 +62,14 @@ impl Watch<'_> {
         match slurm.live(&names) {
             Ok(tasks) => {
                 self.is_silent = false;
-                self.tell(&tasks);
+                self.report(&tasks);
                 tasks.is_empty()
             }
             // The controller may be starting. The jobs go on without it.
             Err(error) => {
                 if !self.is_silent {
                     let message = UserMessage::waiting("slurm", error.to_string());
-                    self.console.show(&message);
+                    self.console.report_to_people(&message);
                 }
                 self.is_silent = true;
                 false
@@ -77,14 +77,14 @@ impl Watch<'_> {
         }
     }
 
-    fn tell(&mut self, tasks: &[LiveTask]) {
+    fn report(&mut self, tasks: &[LiveTask]) {
         let running = tasks.iter().filter(|task| task.node.is_some()).count();
         let waiting = tasks.len() - running;
-        if self.shown != (running, waiting) && !tasks.is_empty() {
-            self.shown = (running, waiting);
+        if self.reported != (running, waiting) && !tasks.is_empty() {
+            self.reported = (running, waiting);
             let held = tasks.iter().find(|task| task.reason.contains("held"));
             let held = held.map_or(String::new(), |task| format!(" (task {}: {})", task.id, task.reason));
-            self.console.say(&format!("{running} tasks running, {waiting} queued{held}"));
+            self.console.note(&format!("{running} tasks running, {waiting} queued{held}"));
         }
     }
 }

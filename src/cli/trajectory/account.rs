@@ -4,7 +4,7 @@ use crate::cli::{Console, path};
 use gs2e_render::centre::centre_px;
 use gs2e_scene::camera::Camera;
 use gs2e_source::kind::CaptureKind;
-use gs2e_trajectory::MadeTrajectory;
+use gs2e_trajectory::TrajectoryBuild;
 use gs2e_trajectory::flow::FlowQuantiles;
 use gs2e_trajectory::report::{FollowError, SpeedReport};
 use serde_json::{Value, json};
@@ -30,7 +30,7 @@ impl<'a> TrajectoryAccount<'a> {
     pub(super) fn new(
         name: &'a str,
         kind: Option<CaptureKind>,
-        made: &'a MadeTrajectory,
+        made: &'a TrajectoryBuild,
         camera: Option<Camera>,
         mut warnings: Vec<String>,
     ) -> Self {
@@ -42,7 +42,7 @@ impl<'a> TrajectoryAccount<'a> {
     }
 
     /// Prints the report for people.
-    pub(super) fn tell(&self, console: &Console) {
+    pub(super) fn report(&self, console: &Console) {
         let SpeedReport { poses, rate, .. } = self.report;
         let rate = rate.strip_suffix("/1").unwrap_or(rate);
         let duration = match self.seconds {
@@ -50,37 +50,37 @@ impl<'a> TrajectoryAccount<'a> {
             long => format!("{long:.3} s"),
         };
         let from = self.kind.map_or(String::new(), |kind| format!(", from a {} capture", kind.name()));
-        console.say(&format!("{}: {poses} poses over {duration}, {rate} per second{from}", self.name));
-        self.tell_speed(console);
+        console.note(&format!("{}: {poses} poses over {duration}, {rate} per second{from}", self.name));
+        self.report_speed(console);
         if let Some(jumps) = self.report.knot_jumps {
             let [c0, c1, c2] = [jumps.c0, jumps.c1, jumps.c2].map(|jump| format!("{jump:.1e}"));
-            console.say(&format!(
+            console.note(&format!(
                 "largest jump at a knot: pose {c0} (C0), rate {c1} (C1), acceleration {c2} (C2)"
             ));
         }
-        self.tell_picture(console);
-        self.warnings.iter().for_each(|warning| console.say(&format!("warning: {warning}")));
+        self.report_picture(console);
+        self.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
     }
 
-    fn tell_speed(&self, console: &Console) {
+    fn report_speed(&self, console: &Console) {
         let parts = [
             ("mixed, along the curve", self.report.mixed_ratio),
             ("mixed, pose to pose", self.report.mixed_chord_ratio),
             ("linear", self.report.linear_ratio),
             ("angular", self.report.angular_ratio),
         ];
-        console.say("achieved over requested share of the path, per step:");
+        console.note("achieved over requested share of the path, per step:");
         for (part, follow) in parts {
-            console.say(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), follow_words)));
+            console.note(&format!("  {part:22} {}", follow.map_or("does not move".to_owned(), follow_words)));
         }
     }
 
-    fn tell_picture(&self, console: &Console) {
+    fn report_picture(&self, console: &Console) {
         let (Some(px), Some(camera)) = (self.px, self.camera) else { return };
         let (fx, distance) = (camera.fx, self.report.scale_distance);
         let [median, p95, max] = [px.median, px.p95, px.max].map(|px| format!("{px:.2}"));
-        console.say(&format!("px from frame to frame: median {median}, 95 % {p95}, largest {max}"));
-        console.say(&format!(
+        console.note(&format!("px from frame to frame: median {median}, 95 % {p95}, largest {max}"));
+        console.note(&format!(
             "  upper bound for a point in the picture's centre at the scale distance {distance:.4}: focal length \
              {fx:.1} px x (sideways motion / distance + turn across the optical axis)"
         ));

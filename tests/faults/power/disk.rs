@@ -1,7 +1,7 @@
 //! Possible contents of a disk after a power failure: everything up to the last sync, and some
 //! names and some bytes of later writes, in any order.
 
-use super::recorder::{Database, Op};
+use super::recorder::{Database, DiskOperation};
 use crate::random::Random;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -36,16 +36,17 @@ pub(super) struct Disk {
 
 impl Disk {
     /// The disk after these operations and the power failure.
-    pub(super) fn after(ops: &[Op], loss: Loss, random: &mut Random) -> Self {
-        let synced = ops.iter().rposition(|op| matches!(op, Op::SyncAll)).map_or(0, |last| last + 1);
+    pub(super) fn after(ops: &[DiskOperation], loss: Loss, random: &mut Random) -> Self {
+        let synced =
+            ops.iter().rposition(|op| matches!(op, DiskOperation::SyncAll)).map_or(0, |last| last + 1);
         let mut disk = Self::default();
         ops[..synced].iter().for_each(|op| disk.apply(op));
-        disk.apply(&Op::SyncAll);
+        disk.apply(&DiskOperation::SyncAll);
         for op in &ops[synced..] {
             let reaches = match loss {
-                Loss::Dropped => matches!(op, Op::Commit(_) | Op::Sync(_)),
+                Loss::Dropped => matches!(op, DiskOperation::Commit(_) | DiskOperation::Sync(_)),
                 Loss::Torn => true,
-                Loss::Reordered => random.once_in(2) || matches!(op, Op::Commit(_)),
+                Loss::Reordered => random.once_in(2) || matches!(op, DiskOperation::Commit(_)),
             };
             if reaches {
                 disk.apply(op);
@@ -61,29 +62,31 @@ impl Disk {
         disk
     }
 
-    fn apply(&mut self, op: &Op) {
+    fn apply(&mut self, op: &DiskOperation) {
         match op {
-            Op::Folder(path) => self.folders.extend(path.ancestors().map(Path::to_owned)),
-            Op::Write(path, bytes) | Op::Link(path, bytes) => {
+            DiskOperation::Folder(path) => self.folders.extend(path.ancestors().map(Path::to_owned)),
+            DiskOperation::Write(path, bytes) | DiskOperation::Link(path, bytes) => {
                 self.files.insert(path.clone(), Content { bytes: bytes.clone(), synced: false });
             }
-            Op::Rename(from, to, bytes) => {
+            DiskOperation::Rename(from, to, bytes) => {
                 // A step wrote this file by itself, so its bytes were not recorded before.
                 let written = bytes.clone().map(|bytes| Content { bytes, synced: false });
                 if let Some(content) = self.files.remove(from).or(written) {
                     self.files.insert(to.clone(), content);
                 }
             }
-            Op::Remove(path) => {
+            DiskOperation::Remove(path) => {
                 self.files.retain(|file, _| !file.starts_with(path));
                 self.folders.retain(|folder| !folder.starts_with(path));
             }
-            Op::Sync(path) => self.files.get_mut(path).into_iter().for_each(|content| content.synced = true),
-            Op::SyncAll => {
+            DiskOperation::Sync(path) => {
+                self.files.get_mut(path).into_iter().for_each(|content| content.synced = true)
+            }
+            DiskOperation::SyncAll => {
                 self.files.values_mut().for_each(|content| content.synced = true);
                 self.databases.drain(..self.databases.len().saturating_sub(1));
             }
-            Op::Commit(database) => self.databases.push(database.clone()),
+            DiskOperation::Commit(database) => self.databases.push(database.clone()),
         }
     }
 

@@ -13,7 +13,7 @@ pub(super) type Database = Vec<(&'static str, Vec<u8>)>;
 
 /// An operation that changes what the disk holds; paths are relative to the store.
 #[derive(Debug, Clone)]
-pub(super) enum Op {
+pub(super) enum DiskOperation {
     Folder(PathBuf),
     /// A file's bytes, under a new name or in place of its old content.
     Write(PathBuf, Vec<u8>),
@@ -31,7 +31,7 @@ pub(super) enum Op {
 #[derive(Debug)]
 pub(super) struct Recorder {
     root: PathBuf,
-    ops: Mutex<Vec<Op>>,
+    ops: Mutex<Vec<DiskOperation>>,
     /// The stat fields that the engine last saw of each file.
     stats: Mutex<BTreeMap<PathBuf, FileStat>>,
 }
@@ -46,7 +46,7 @@ impl Recorder {
         self.ops.lock().unwrap().len()
     }
 
-    pub(super) fn ops(&self) -> Vec<Op> {
+    pub(super) fn ops(&self) -> Vec<DiskOperation> {
         self.ops.lock().unwrap().clone()
     }
 
@@ -58,29 +58,29 @@ impl Recorder {
         path.strip_prefix(&self.root).unwrap().to_owned()
     }
 
-    fn note(&self, op: Op) {
+    fn note(&self, op: DiskOperation) {
         self.ops.lock().unwrap().push(op);
     }
 }
 
 impl Fs for Recorder {
     fn create_dir_all(&self, path: &Path) -> io::Result<()> {
-        self.note(Op::Folder(self.below(path)));
+        self.note(DiskOperation::Folder(self.below(path)));
         SystemFs.create_dir_all(path)
     }
 
     fn write(&self, path: &Path, bytes: &[u8]) -> io::Result<()> {
-        self.note(Op::Write(self.below(path), bytes.to_vec()));
+        self.note(DiskOperation::Write(self.below(path), bytes.to_vec()));
         SystemFs.write(path, bytes)
     }
 
     fn copy(&self, from: &Path, to: &Path) -> io::Result<()> {
-        self.note(Op::Write(self.below(to), fs::read(from)?));
+        self.note(DiskOperation::Write(self.below(to), fs::read(from)?));
         SystemFs.copy(from, to)
     }
 
     fn copy_foreign(&self, from: &Path, to: &Path, size: u64) -> io::Result<Option<Digest>> {
-        self.note(Op::Write(self.below(to), fs::read(from)?));
+        self.note(DiskOperation::Write(self.below(to), fs::read(from)?));
         SystemFs.copy_foreign(from, to, size)
     }
 
@@ -111,30 +111,30 @@ impl Fs for Recorder {
     fn link(&self, from: &Path, to: &Path) -> io::Result<()> {
         let bytes = fs::read(from)?;
         SystemFs.link(from, to)?;
-        self.note(Op::Link(self.below(to), bytes));
+        self.note(DiskOperation::Link(self.below(to), bytes));
         Ok(())
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
         let bytes = fs::read(from).ok();
         SystemFs.rename(from, to)?;
-        self.note(Op::Rename(self.below(from), self.below(to), bytes));
+        self.note(DiskOperation::Rename(self.below(from), self.below(to), bytes));
         Ok(())
     }
 
     fn remove(&self, root: &Path, below: &Path) -> io::Result<()> {
         SystemFs.remove(root, below)?;
-        self.note(Op::Remove(self.below(&root.join(below))));
+        self.note(DiskOperation::Remove(self.below(&root.join(below))));
         Ok(())
     }
 
     fn sync(&self, path: &Path) -> io::Result<()> {
-        self.note(Op::Sync(self.below(path)));
+        self.note(DiskOperation::Sync(self.below(path)));
         Ok(())
     }
 
     fn sync_all(&self, _: &Path) -> io::Result<()> {
-        self.note(Op::SyncAll);
+        self.note(DiskOperation::SyncAll);
         Ok(())
     }
 
@@ -147,7 +147,7 @@ impl Fs for Recorder {
                 files.push((suffix, bytes));
             }
         }
-        self.note(Op::Commit(files));
+        self.note(DiskOperation::Commit(files));
         Ok(())
     }
 }

@@ -1,5 +1,5 @@
-//! Faults in products that frames do not show: disparity, masks and places of objects, inertial data, labels,
-//! and the stream of a sensor with hot pixels. Each is found by a check that measures.
+//! Faults in products that frames do not show: disparity, segmentation and places of objects, inertial data,
+//! labels, and the stream of a sensor with hot pixels. Each is found by a check that measures.
 
 use super::planted_tree::{PlantedRelease, PlantedTree};
 use gs2e_event::{Event, EventLabel, Polarity};
@@ -163,9 +163,9 @@ fn disparity_of_moving_objects_needs_no_depth() {
     assert_eq!(judged["verdict"], "pass", "{judged}");
 }
 
-/// Changes the mask of a pose.
-fn mask(tree: &PlantedTree, pose: usize, change: impl Fn(u8) -> u8) {
-    let changed = mask_at(tree, pose).into_iter().map(change).collect();
+/// Changes the segmentation of a pose.
+fn change_segmentation(tree: &PlantedTree, pose: usize, change: impl Fn(u8) -> u8) {
+    let changed = segmentation_at(tree, pose).into_iter().map(change).collect();
     let size = Size { width: SIZE[0].into(), height: SIZE[1].into() };
     let mut bytes = Vec::new();
     png::write_image(&Image::from_vec(size, changed), &mut bytes).unwrap();
@@ -173,7 +173,7 @@ fn mask(tree: &PlantedTree, pose: usize, change: impl Fn(u8) -> u8) {
 }
 
 /// The numbers of the objects at the pixels of a pose.
-fn mask_at(tree: &PlantedTree, pose: usize) -> Vec<u8> {
+fn segmentation_at(tree: &PlantedTree, pose: usize) -> Vec<u8> {
     let bytes = fs::read(tree.path().join(format!("{LEFT}/segmentation/{pose:06}.png"))).unwrap();
     let read = png::read_rgb(Cursor::new(bytes)).unwrap();
     read.pixels().iter().map(|[number, ..]| *number).collect()
@@ -187,7 +187,7 @@ fn samples(tree: &PlantedTree, change: impl Fn(&mut [String])) {
     lines(tree, &format!("{BODY}/imu/imu.csv"), |_, columns| change(columns));
 }
 
-fn shown(columns: &mut [String], values: [f64; 3]) {
+fn set_values(columns: &mut [String], values: [f64; 3]) {
     columns.iter_mut().zip(values).for_each(|(column, value)| *column = value.to_string());
 }
 
@@ -230,9 +230,9 @@ fn absent_and_exchanged_parts_are_found() {
             numbers(tree, "disparity/000004", 1, |_, _| f32::NAN)
         }),
         ("a saturated gyroscope", INERTIAL, |tree| {
-            samples(tree, |c| shown(&mut c[1..4], [2000_f64.to_radians(), 0.0, 0.0]));
+            samples(tree, |c| set_values(&mut c[1..4], [2000_f64.to_radians(), 0.0, 0.0]));
         }),
-        ("a mask without objects", OBJECTS, |tree| mask(tree, 5, |_| 0)),
+        ("a mask without objects", OBJECTS, |tree| change_segmentation(tree, 5, |_| 0)),
         ("one event in 33 dropped", "event_frame#residual", |tree| {
             tree.events(|events| {
                 let mut i = 0;
@@ -245,7 +245,9 @@ fn absent_and_exchanged_parts_are_found() {
     ]);
     finds(&[
         ("disparities exchanged", DISPARITY, |tree| swap(tree, "disparity", ["000003.npy", "000020.npy"])),
-        ("forces beyond the range", INERTIAL, |tree| samples(tree, |c| shown(&mut c[4..7], [1e6, 0.0, 0.0]))),
+        ("forces beyond the range", INERTIAL, |tree| {
+            samples(tree, |c| set_values(&mut c[4..7], [1e6, 0.0, 0.0]))
+        }),
         ("half of the places", PLACES, |tree| {
             places(tree, |i, c| {
                 if i % 4 > 1 {
@@ -267,13 +269,15 @@ fn absent_and_exchanged_parts_are_found() {
 }
 
 #[test]
-fn other_masks_flow_and_depth_of_objects_are_found() {
-    finds(&[("numbers exchanged", OBJECTS, |tree| mask(tree, 5, |n| [0, 2, 1][usize::from(n)]))]);
-    finds(&[("a number of no object", OBJECTS, |tree| mask(tree, 5, |n| 9 * n))]);
+fn other_segmentation_flow_and_depth_of_objects_are_found() {
+    finds(&[("numbers exchanged", OBJECTS, |tree| {
+        change_segmentation(tree, 5, |n| [0, 2, 1][usize::from(n)])
+    })]);
+    finds(&[("a number of no object", OBJECTS, |tree| change_segmentation(tree, 5, |n| 9 * n))]);
     finds(&[("masks exchanged", OBJECTS, |tree| swap(tree, "segmentation", ["000005.png", "000006.png"]))]);
     let found = finds(&[
         ("depth twice as far", OBJECTS, |tree| {
-            let shown = mask_at(tree, 5);
+            let shown = segmentation_at(tree, 5);
             numbers(tree, "depth/000005", 1, |i, z| if shown[i] > 0 { 2.0 * z } else { z });
         }),
         ("events 100 us late", "event_times#offset", |tree| {
@@ -282,7 +286,7 @@ fn other_masks_flow_and_depth_of_objects_are_found() {
             });
         }),
         ("flow of another sign", OBJECTS, |tree| {
-            let shown = mask_at(tree, 7);
+            let shown = segmentation_at(tree, 7);
             numbers(tree, "flow/000007", 2, |i, v| if shown[i / 2] == 1 { -v } else { v });
         }),
     ]);
@@ -294,7 +298,7 @@ fn rounding_is_spared() {
     let tree = planted();
     disparities(&tree, |value| value * (1.0 + 6e-6));
     // One pixel in a thousand of those of objects.
-    let shown = mask_at(&tree, 5);
+    let shown = segmentation_at(&tree, 5);
     let one = shown.iter().position(|number| *number > 0).unwrap();
     numbers(&tree, "flow/000005", 2, |i, value| if i / 2 == one { 1.1 * value } else { value });
     let found = tree.faults().1;

@@ -1,7 +1,7 @@
 //! A Slurm of shell scripts. `sbatch` runs the tasks at once, or queues them; the other programs answer from
 //! files.
 
-use crate::support::workspace::{Ended, Workspace, hidden_gpus};
+use crate::support::workspace::{RunOutcome, Workspace, hidden_gpus};
 use serde_json::Value;
 use std::fs;
 use std::os::unix::fs::PermissionsExt as _;
@@ -99,10 +99,10 @@ impl FakeSlurm {
         command
     }
 
-    pub(super) fn gs2e(&self, args: &str) -> Ended {
+    pub(super) fn gs2e(&self, args: &str) -> RunOutcome {
         let output = self.command(args).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Ended {
+        RunOutcome {
             code: output.status.code().unwrap(),
             stdout: text(output.stdout),
             stderr: text(output.stderr),
@@ -110,13 +110,13 @@ impl FakeSlurm {
     }
 
     /// Runs `gs2e`, which must end with this code.
-    pub(super) fn ends(&self, code: i32, args: &str) -> Ended {
+    pub(super) fn ends(&self, code: i32, args: &str) -> RunOutcome {
         let ended = self.gs2e(args);
         assert_eq!(ended.code, code, "gs2e {args}\n{}{}", ended.stdout, ended.stderr);
         ended
     }
 
-    pub(super) fn submit(&self, code: i32, options: &str) -> Ended {
+    pub(super) fn submit(&self, code: i32, options: &str) -> RunOutcome {
         self.ends(code, &format!("submit {SUBMIT} {options}"))
     }
 

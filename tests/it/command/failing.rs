@@ -4,7 +4,7 @@ use super::{COPY, edit, runs, trained_by, with_tiny, write_script};
 use crate::fidelity::photographed;
 use crate::messages::check;
 use crate::support::given::ply;
-use crate::support::workspace::{Ended, Workspace};
+use crate::support::workspace::{RunOutcome, Workspace};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::io::Read as _;
@@ -17,7 +17,7 @@ fn log(place: &Workspace) -> String {
 }
 
 /// Builds with `--allow-commands`, which must fail at the training and record nothing.
-fn fails(place: &Workspace) -> Ended {
+fn fails(place: &Workspace) -> RunOutcome {
     let ended = place.gs2e("build -j 1 --allow-commands --json recipe.yaml");
     assert_eq!(ended.code, 1, "{}", ended.stderr);
     let reconstruct = ("trained/reconstruct".to_owned(), "run".to_owned());

@@ -17,7 +17,7 @@ fn keeping() -> String {
     format!("cp -r \"$1\" \"$beside/seen\"; {COPY}")
 }
 
-fn seen(place: &Workspace) -> (Capture, Vec<ColmapPoint>) {
+fn built_input(place: &Workspace) -> (Capture, Vec<ColmapPoint>) {
     place.ok("build -q --allow-commands recipe.yaml");
     kept(place)
 }
@@ -36,7 +36,7 @@ fn names(capture: &Capture) -> Vec<&str> {
 #[test]
 fn the_program_sees_the_photos_in_capture_order_with_poses_and_points() {
     let place = trained_by(&keeping());
-    let (capture, found) = seen(&place);
+    let (capture, found) = built_input(&place);
     let numbered = ["000000.png", "000001.png", "000002.png", "000003.png", "000004.png", "000005.png"];
     assert_eq!(names(&capture), numbered);
     assert_eq!(found, points());
@@ -55,7 +55,7 @@ fn the_program_sees_the_photos_in_capture_order_with_poses_and_points() {
 fn the_program_does_not_see_held_out_photos() {
     let place = trained_by(&keeping());
     edit(&place, "licence: MIT\n", "licence: MIT\n    hold_out: 3\n");
-    let (capture, _) = seen(&place);
+    let (capture, _) = built_input(&place);
     assert_eq!(names(&capture), ["000001.png", "000002.png", "000004.png", "000005.png"]);
     assert_eq!(fs::read_dir(place.path("seen/images")).unwrap().count(), 4);
 }
@@ -101,7 +101,7 @@ fn a_nerfstudio_capture_is_given_without_points() {
         let bytes = fs::read(place.path("capture/images/x.png")).unwrap();
         place.write(&format!("images/{i:03}.png"), bytes);
     }
-    let (capture, points) = seen(&place);
+    let (capture, points) = built_input(&place);
     assert_eq!((capture.views.len(), points), (6, vec![]));
     // From an arc around the origin, at 4 units; OpenCV's axes look along z.
     let view = &capture.views[5].world_from_camera;
@@ -126,7 +126,7 @@ fn distorted_photos_arrive_undistorted() {
     let mut bytes = Vec::new();
     png::write_image(&taken, &mut bytes).unwrap();
     place.write("capture/images/photo 8.png", bytes);
-    let (capture, found) = seen(&place);
+    let (capture, found) = built_input(&place);
     assert_eq!((capture.views.len(), found), (6, vec![points()[0]]));
     let (bent, _) = colmap::read_capture(&place.path("capture")).unwrap();
     assert_eq!(bent.views[0].lens, LensModel::SimpleRadial { k1: -0.25 });

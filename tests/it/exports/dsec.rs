@@ -1,7 +1,7 @@
 //! DSEC: events with the size of the sensor, a map of a camera without a lens, and displacements as PNG.
 
 use super::plane::{self, POSES, Plane, SIZE};
-use super::{Exported, samples};
+use super::{TestExport, samples};
 use crate::support::absent::absent;
 use glam::{DVec2, DVec3};
 use gs2e_event::{EventSource as _, h5};
@@ -33,7 +33,7 @@ fn displacement(plane: &Plane, pixel: DVec2, from: &Se3, to: &Se3) -> DVec2 {
 #[test]
 fn flows_are_the_displacements_of_the_plane() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "dsec", &[]);
+    let exported = TestExport::of(plane, "dsec", &[]);
     let root = "test/plane-base";
     let names = exported.list(&format!("{root}/flow/forward"));
     // Depth at every 60th pose. The last one starts no flow.
@@ -65,7 +65,7 @@ fn flows_are_the_displacements_of_the_plane() {
 #[test]
 fn events_are_those_of_the_release_with_the_size_of_the_sensor() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "dsec", &[]);
+    let exported = TestExport::of(plane, "dsec", &[]);
     let path = exported.path("test/plane-base/events_left/events.h5");
     let mut reader = h5::Reader::open(&path).unwrap();
     let (mut all, mut chunk) = (Vec::new(), Vec::new());
@@ -118,7 +118,7 @@ fn the_hdf5_files_are_read_by_the_c_library() {
     }
     let plane: &Plane = plane::centred();
     let [dsec, monash, flat] =
-        ["dsec", "monash-h5", "evdeblurnerf"].map(|format| Exported::of(plane, format, &[]));
+        ["dsec", "monash-h5", "evdeblurnerf"].map(|format| TestExport::of(plane, format, &[]));
     let left = |name: &str| dsec.path(&format!("test/plane-base/events_left/{name}"));
     let files = [left("events.h5"), left("rectify_map.h5"), monash.path("events.h5"), flat.path("events.h5")];
     let output = Command::new("python3").args(["-c", H5PY]).args(files).output().unwrap();

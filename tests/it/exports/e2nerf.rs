@@ -1,7 +1,7 @@
 //! E2NeRF.
 
 use super::plane::{self, LATTICE, ODD, Plane, SIZE, THRESHOLD};
-use super::{Exported, blur, refusals};
+use super::{TestExport, blur, refusals};
 use crate::support::absent::absent;
 use glam::{DMat3, DVec2, DVec3};
 use serde_json::Value;
@@ -17,7 +17,7 @@ fn camera(matrix: &Matrix) -> (DVec3, DMat3) {
 }
 
 /// The lists of poses in a file, and the focal length.
-fn transforms(exported: &Exported, name: &str) -> (Vec<Vec<Matrix>>, f64) {
+fn transforms(exported: &TestExport, name: &str) -> (Vec<Vec<Matrix>>, f64) {
     let text = exported.json(name);
     let lists = text["frames"].as_array().unwrap().iter();
     let lists = lists.map(|frame| serde_json::from_value(frame["transform_matrix"].clone()).unwrap());
@@ -26,7 +26,7 @@ fn transforms(exported: &Exported, name: &str) -> (Vec<Vec<Matrix>>, f64) {
 }
 
 /// The numbers of the tensor, and the shape that its archive states to no reader of pickles.
-fn counts(exported: &Exported) -> Vec<f32> {
+fn counts(exported: &TestExport) -> Vec<f32> {
     let file = std::fs::File::open(exported.path("events.pt")).unwrap();
     let mut archive = zip::ZipArchive::new(file).unwrap();
     let mut bytes = Vec::new();
@@ -38,7 +38,7 @@ fn counts(exported: &Exported) -> Vec<f32> {
 #[test]
 fn counts_are_the_change_between_its_five_poses() {
     let plane: &Plane = plane::half_pixel();
-    let exported = Exported::of(plane, "e2nerf", &["--lossy"]);
+    let exported = TestExport::of(plane, "e2nerf", &["--lossy"]);
     let (lists, focal) = transforms(&exported, "transform_train.json");
     let exposures = blur::exposures(plane);
     assert_eq!(lists.len(), 2 * exposures.len());
@@ -84,7 +84,7 @@ fn counts_are_the_change_between_its_five_poses() {
 #[test]
 fn its_rays_meet_the_pixel_centres_with_the_half_pixel_met() {
     let plane: &Plane = plane::half_pixel();
-    let exported = Exported::of(plane, "e2nerf", &["--lossy"]);
+    let exported = TestExport::of(plane, "e2nerf", &["--lossy"]);
     let wanted = ["camera.size", "blur.count", "sensor.threshold", "sensor.brightness", "blur.light"];
     assert_eq!(exported.losses("approximate"), wanted);
     let (lists, focal) = transforms(&exported, "transform_test.json");
@@ -119,7 +119,7 @@ fn its_rays_meet_the_pixel_centres_with_the_half_pixel_met() {
 #[test]
 fn e2gs_has_the_same_counts_and_lists_of_poses_for_all_views() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "e2gs", &["--lossy"]);
+    let exported = TestExport::of(plane, "e2gs", &["--lossy"]);
     let wanted = ["sensor.threshold", "sensor.brightness", "blur.light"];
     assert_eq!(exported.losses("approximate"), wanted);
     let (lists, _) = transforms(&exported, "transform_train.json");
@@ -143,12 +143,12 @@ fn e2gs_has_the_same_counts_and_lists_of_poses_for_all_views() {
     let description = exported.json("export.json");
     assert!(description["facts"]["points"].as_u64().unwrap() > 1000, "{description}");
     assert_eq!(exported.list("sparse/0"), ["cameras.bin", "images.bin", "points3D.bin"]);
-    assert!(counts(&exported) == counts(&Exported::of(plane, "e2nerf", &["--lossy"])));
+    assert!(counts(&exported) == counts(&TestExport::of(plane, "e2nerf", &["--lossy"])));
 }
 
 #[test]
 fn depths_lie_within_the_bounds_of_its_code() {
-    let exported = Exported::of(plane::half_pixel(), "e2nerf", &["--lossy"]);
+    let exported = TestExport::of(plane::half_pixel(), "e2nerf", &["--lossy"]);
     let facts = &exported.json("export.json")["facts"];
     let [near, far] = ["near", "far"].map(|name| facts[name].as_f64().unwrap());
     assert!(2.0 < near && near < far && far < 6.0, "{near} {far}");
@@ -157,7 +157,7 @@ fn depths_lie_within_the_bounds_of_its_code() {
 #[test]
 fn a_planted_pixel_counts_where_its_events_are() {
     let plane: &Plane = plane::half_pixel();
-    let exported = Exported::of(plane, "e2nerf", &["--lossy"]);
+    let exported = TestExport::of(plane, "e2nerf", &["--lossy"]);
     let counts = counts(&exported);
     // Its only event is at the last pose, after every exposure.
     let odd = usize::from(ODD[1]) * SIZE.width as usize + usize::from(ODD[0]);
@@ -186,7 +186,7 @@ print(json.dumps(calls))
 #[test]
 fn its_tensor_is_a_pickle_of_the_call_that_rebuilds_it() {
     let plane: &Plane = plane::half_pixel();
-    let exported = Exported::of(plane, "e2nerf", &["--lossy"]);
+    let exported = TestExport::of(plane, "e2nerf", &["--lossy"]);
     let Ok(output) = Command::new("python3").args(["-c", UNPICKLE]).arg(exported.path("events.pt")).output()
     else {
         return absent("REQUIRE_READERS", "python3 is absent");

@@ -1,13 +1,13 @@
 //! E-NeRF.
 
-use super::Exported;
+use super::TestExport;
 use super::arrays::{read_npy, rows};
 use super::plane::{self, POSES, Plane, SIZE};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use glam::{DQuat, DVec3};
 
 /// The events of all files, by file.
-fn event_files(exported: &Exported) -> Vec<Vec<[f64; 4]>> {
+fn event_files(exported: &TestExport) -> Vec<Vec<[f64; 4]>> {
     let read = |name: &String| {
         let array = read_npy::<f64>(&exported.path(&format!("events/{name}")));
         assert_eq!((array.kind.as_str(), array.shape[1]), ("'<f8'", 4));
@@ -17,7 +17,7 @@ fn event_files(exported: &Exported) -> Vec<Vec<[f64; 4]>> {
 }
 
 /// The poses, as a loader that skips the first line reads them.
-fn path(exported: &Exported) -> Path {
+fn path(exported: &TestExport) -> Path {
     let text = exported.text("poses_all.txt");
     let poses = rows(text.split_once('\n').unwrap().1);
     Path {
@@ -28,13 +28,13 @@ fn path(exported: &Exported) -> Path {
 }
 
 /// The residual along rays through `(x + off, y + off)`, with the centre in the middle of the picture.
-fn measured(exported: &Exported, off: f64) -> f64 {
+fn measured(exported: &TestExport, off: f64) -> f64 {
     let bounds = read_npy::<f64>(&exported.path("poses_bounds.npy"));
     assert_eq!(bounds.shape, [POSES as u64, 17]);
     let [h, w, f] = [4, 9, 14].map(|at| bounds.values[at]);
     assert_eq!([w, h], [SIZE.width, SIZE.height].map(f64::from));
-    let seen = |[x, y, t, sign]: &[f64; 4]| Seen { x: *x as u16, y: *y as u16, t: *t, sign: *sign };
-    let events: Vec<Seen> = event_files(exported).iter().flatten().map(seen).collect();
+    let seen = |[x, y, t, sign]: &[f64; 4]| ReadEvent { x: *x as u16, y: *y as u16, t: *t, sign: *sign };
+    let events: Vec<ReadEvent> = event_files(exported).iter().flatten().map(seen).collect();
     residual(&events, &path(exported), |x, y| {
         DVec3::new((f64::from(x) + off - w / 2.0) / f, (f64::from(y) + off - h / 2.0) / f, 1.0)
     })
@@ -42,7 +42,7 @@ fn measured(exported: &Exported, off: f64) -> f64 {
 
 #[test]
 fn steps_along_its_rays_are_thresholds_with_the_half_pixel_met() {
-    let exported = Exported::of(plane::half_pixel(), "e-nerf", &["--lossy"]);
+    let exported = TestExport::of(plane::half_pixel(), "e-nerf", &["--lossy"]);
     // Its formula is linear below a grey of 20, which the sensor's is not.
     assert_eq!(exported.losses("approximate"), ["sensor.brightness"]);
     let residual = measured(&exported, 0.0);
@@ -53,7 +53,7 @@ fn steps_along_its_rays_are_thresholds_with_the_half_pixel_met() {
 /// Half a pixel is 0.1 thresholds on such textures, and the export says so.
 #[test]
 fn a_centred_camera_needs_lossy_and_misses_half_a_pixel() {
-    let exported = Exported::of(plane::centred(), "e-nerf", &["--lossy"]);
+    let exported = TestExport::of(plane::centred(), "e-nerf", &["--lossy"]);
     assert_eq!(exported.losses("approximate"), ["camera.centre", "sensor.brightness"]);
     let [own, shifted] = [0.0, 0.5].map(|off| measured(&exported, off));
     eprintln!("e-nerf, centred: {own:.6} thresholds, {shifted:.6} with rays half a pixel further");
@@ -63,7 +63,7 @@ fn a_centred_camera_needs_lossy_and_misses_half_a_pixel() {
 #[test]
 fn every_trap_of_its_loader_is_avoided() {
     let plane: &Plane = plane::half_pixel();
-    let exported = Exported::of(plane, "e-nerf", &["--lossy"]);
+    let exported = TestExport::of(plane, "e-nerf", &["--lossy"]);
     let files = event_files(&exported);
     let frames = POSES.div_ceil(plane.sharp_every);
     assert_eq!(files.len(), frames);

@@ -3,8 +3,8 @@
 use super::arrays::{read_npy, read_npz};
 use super::blur;
 use super::plane::{self, POSES, Plane, SIZE, THRESHOLD};
-use super::steps::{Path, Seen, residual};
-use super::{Exported, refusals};
+use super::steps::{Path, ReadEvent, residual};
+use super::{TestExport, refusals};
 use glam::{DMat3, DQuat, DVec3};
 use rust_hdf5::H5File;
 
@@ -17,7 +17,7 @@ struct Row {
 }
 
 /// Rows of LLFF: the axes are down, right and back.
-fn rows(exported: &Exported, name: &str) -> Vec<Row> {
+fn rows(exported: &TestExport, name: &str) -> Vec<Row> {
     let array = read_npy::<f64>(&exported.path(name));
     assert_eq!((array.kind.as_str(), array.shape[1]), ("'<f8'", 17));
     let row = |row: &[f64; 17]| {
@@ -32,22 +32,22 @@ fn rows(exported: &Exported, name: &str) -> Vec<Row> {
     array.values.as_chunks::<17>().0.iter().map(row).collect()
 }
 
-fn column<T: rust_hdf5::H5Type + Copy>(exported: &Exported, name: &str) -> Vec<T> {
+fn column<T: rust_hdf5::H5Type + Copy>(exported: &TestExport, name: &str) -> Vec<T> {
     H5File::open(exported.path("events.h5")).unwrap().dataset(name).unwrap().read_raw::<T>().unwrap()
 }
 
-fn events(exported: &Exported) -> Vec<Seen> {
+fn events(exported: &TestExport) -> Vec<ReadEvent> {
     let (x, y) = (column::<u16>(exported, "x"), column::<u16>(exported, "y"));
     let (t, p) = (column::<i64>(exported, "t"), column::<u8>(exported, "p"));
     assert!(t.is_sorted() && p.iter().all(|p| *p <= 1));
-    let event = |i: usize| Seen { x: x[i], y: y[i], t: t[i] as f64, sign: f64::from(p[i]) * 2.0 - 1.0 };
+    let event = |i: usize| ReadEvent { x: x[i], y: y[i], t: t[i] as f64, sign: f64::from(p[i]) * 2.0 - 1.0 };
     (0..t.len()).map(event).collect()
 }
 
 #[test]
 fn steps_along_its_rays_are_thresholds() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "evdeblurnerf", &[]);
+    let exported = TestExport::of(plane, "evdeblurnerf", &[]);
     assert_eq!(exported.losses("approximate"), Vec::<String>::new());
     let dense = rows(&exported, "all_poses_bounds.npy");
     let times = read_npy::<i64>(&exported.path("all_timestamps.npy")).values;
@@ -75,7 +75,7 @@ fn steps_along_its_rays_are_thresholds() {
 #[test]
 fn every_trap_of_its_pictures_is_avoided() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "evdeblurnerf", &["--test-every", "4"]);
+    let exported = TestExport::of(plane, "evdeblurnerf", &["--test-every", "4"]);
     let exposures = blur::exposures(plane);
     let stamps = ["timestamps", "timestamps_start", "timestamps_end"]
         .map(|name| read_npz::<i64>(&exported.path("images_1/timestamps.npz"), name).values);
@@ -106,7 +106,7 @@ fn every_trap_of_its_pictures_is_avoided() {
 #[test]
 fn llff_has_the_same_pictures_without_events() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "llff", &[]);
+    let exported = TestExport::of(plane, "llff", &[]);
     let wanted = blur::exposures(plane).len();
     assert_eq!(rows(&exported, "poses_bounds.npy").len(), wanted);
     assert_eq!((exported.list("images").len(), exported.list("images_1").len()), (wanted, wanted));

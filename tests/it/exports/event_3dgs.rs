@@ -1,6 +1,6 @@
 //! Event-3DGS and the COLMAP model.
 
-use super::Exported;
+use super::TestExport;
 use super::arrays::read_npy;
 use super::plane::{self, LATTICE, ODD, POSES, Plane, SIZE, THRESHOLD};
 use glam::{DVec2, DVec3};
@@ -10,7 +10,7 @@ use gs2e_source::colmap::ColmapModel;
 use std::fs::File;
 use std::io::BufReader;
 
-fn picture(exported: &Exported, name: &str) -> Image<[u8; 3]> {
+fn picture(exported: &TestExport, name: &str) -> Image<[u8; 3]> {
     png::read_rgb(BufReader::new(File::open(exported.path(name)).unwrap())).unwrap()
 }
 
@@ -30,7 +30,7 @@ fn counts(plane: &Plane, [first, last]: [i64; 2]) -> Vec<f64> {
 #[test]
 fn differences_of_its_pictures_are_counts_of_events() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "event-3dgs", &[]);
+    let exported = TestExport::of(plane, "event-3dgs", &[]);
     let names = exported.list("images_event");
     assert_eq!(names.len(), POSES.div_ceil(plane.sharp_every));
     for folder in ["images", "renders"] {
@@ -63,7 +63,7 @@ fn differences_of_its_pictures_are_counts_of_events() {
 #[test]
 fn no_picture_has_a_pixel_of_0() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "event-3dgs", &[]);
+    let exported = TestExport::of(plane, "event-3dgs", &[]);
     let odd = usize::from(ODD[1]) * SIZE.width as usize + usize::from(ODD[0]);
     assert_eq!(picture(&exported, "renders/000000.png").pixels()[odd], [0; 3], "the planted pixel");
     for name in exported.list("images_event").iter().step_by(16) {
@@ -76,7 +76,7 @@ fn no_picture_has_a_pixel_of_0() {
 #[test]
 fn its_model_projects_to_the_same_pixels() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "colmap", &[]);
+    let exported = TestExport::of(plane, "colmap", &[]);
     let model = ColmapModel::find_model(&exported.path("sparse/0")).unwrap();
     let cameras = model.cameras().unwrap();
     let images = model.images().unwrap();
@@ -100,7 +100,7 @@ fn its_model_projects_to_the_same_pixels() {
 /// Points are lifted through pixel centres: they lie on the plane to the rounding of a float32 depth.
 #[test]
 fn its_points_lie_on_the_plane() {
-    let exported = Exported::of(plane::centred(), "colmap", &[]);
+    let exported = TestExport::of(plane::centred(), "colmap", &[]);
     let bytes = std::fs::read(exported.path("sparse/0/points3D.bin")).unwrap();
     let (count, rest) = bytes.split_at(8);
     let count = u64::from_le_bytes(count.try_into().unwrap());

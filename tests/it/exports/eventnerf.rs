@@ -1,6 +1,6 @@
 //! EventNeRF and E-3DGS: the count of events between two poses against the change of the logarithm.
 
-use super::Exported;
+use super::TestExport;
 use super::arrays::{read_npz, rows};
 use super::plane::{self, FOCAL, POSES, Plane, SIZE, THRESHOLD};
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -64,7 +64,7 @@ const MOST: [f64; 2] = [0.8165, 2.0];
 #[test]
 fn windows_of_eventnerf_count_the_change_between_their_poses() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "eventnerf", &[]);
+    let exported = TestExport::of(plane, "eventnerf", &[]);
     assert_eq!(exported.losses("approximate"), Vec::<String>::new());
     let facts = &exported.json("export.json")["facts"];
     let origin: [f64; 3] = serde_json::from_value(facts["similarity"]["origin"].clone()).unwrap();
@@ -104,7 +104,7 @@ fn windows_of_eventnerf_count_the_change_between_their_poses() {
 #[test]
 fn windows_of_e_3dgs_end_at_the_times_in_their_names() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "e-3dgs", &["--lossy"]);
+    let exported = TestExport::of(plane, "e-3dgs", &["--lossy"]);
     let found = events(&exported.path("train/events/events.npz"));
     assert_eq!(found.len(), plane.events);
     let names = exported.list("train/pose");
@@ -128,11 +128,11 @@ fn windows_of_e_3dgs_end_at_the_times_in_their_names() {
 fn the_last_event_of_a_window_is_at_its_last_pose() {
     let plane: &Plane = plane::centred();
     // Pose 300 of 2,400 a second.
-    let exported = Exported::of(plane, "eventnerf", &["--window", "50000..125000"]);
+    let exported = TestExport::of(plane, "eventnerf", &["--window", "50000..125000"]);
     let found = events(&exported.path("train/events/events.npz"));
     assert_eq!(found.last().unwrap().2, 1000.0);
     assert_eq!(exported.json("export.json")["selection"]["window_us"], serde_json::json!([50000, 125_000]));
-    let whole = events(&Exported::of(plane, "eventnerf", &[]).path("train/events/events.npz"));
+    let whole = events(&TestExport::of(plane, "eventnerf", &[]).path("train/events/events.npz"));
     // Times of the whole are shares of its 200 ms.
     let us = |t: f64| (t * 200.0).round();
     let inside = whole.iter().filter(|event| (50_000.0..=125_000.0).contains(&us(event.2))).count();

@@ -2,7 +2,7 @@
 //!
 //! If Python lacks `datasets`, a message goes to stderr; with `REQUIRE_DATASETS=1` that is a failure.
 
-use super::{Exported, plane, samples};
+use super::{TestExport, plane, samples};
 use crate::support::absent::absent;
 use gs2e_event::Polarity;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ fn datasets_reads_every_event_of_both_layouts() {
         return absent("REQUIRE_DATASETS", "python3 with datasets and Pillow is absent");
     }
     let plane = plane::half_pixel();
-    let [table, tars] = ["parquet", "webdataset"].map(|format| Exported::of(plane, format, &[]));
+    let [table, tars] = ["parquet", "webdataset"].map(|format| TestExport::of(plane, format, &[]));
     let truth = home.path().join("truth");
     let numbers = samples::stream(plane).into_iter().flat_map(|event| {
         let p = i64::from(event.polarity == Polarity::On);

@@ -2,7 +2,7 @@
 
 use super::arrays::{read_npy, rows};
 use super::plane::{self, FOCAL, POSES, Plane, SIZE};
-use super::{Exported, refusals, samples};
+use super::{TestExport, refusals, samples};
 use glam::DVec3;
 use gs2e_event::Polarity;
 use gs2e_image::{jpeg, png};
@@ -11,7 +11,7 @@ use std::io::BufReader;
 #[test]
 fn events_are_those_of_the_stream_one_by_one() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "inceventgs", &["--lossy"]);
+    let exported = TestExport::of(plane, "inceventgs", &["--lossy"]);
     assert_eq!(exported.losses("approximate"), ["sensor.brightness"]);
     // The name is in the program's code.
     let array = read_npy::<f64>(&exported.path("event_threshold_0.1/gray_events_data.npy"));
@@ -29,7 +29,7 @@ fn events_are_those_of_the_stream_one_by_one() {
 #[test]
 fn every_picture_has_a_pose_and_a_time() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "inceventgs", &["--lossy"]);
+    let exported = TestExport::of(plane, "inceventgs", &["--lossy"]);
     let (path, stamps) = (rows(&exported.text("traj.txt")), rows(&exported.text("poses_ts.txt")));
     let names = exported.list("images");
     let frames = POSES.div_ceil(plane.sharp_every);

@@ -8,8 +8,8 @@ mod recording;
 mod written;
 
 use super::plane::{self, FOCAL, POSES, SIZE, THRESHOLD};
-use super::steps::{Path, Seen, residual};
-use super::{Exported, export};
+use super::steps::{Path, ReadEvent, residual};
+use super::{TestExport, export};
 use glam::{DQuat, DVec3};
 use gs2e_event::file::{EventFormat, ReadHints};
 use gs2e_event::{Event, Polarity, file};
@@ -35,7 +35,7 @@ fn all_events(path: &std::path::Path) -> Vec<Event> {
 }
 
 /// The path of the recording of an export.
-fn recorded(exported: &Exported) -> PathBuf {
+fn recorded(exported: &TestExport) -> PathBuf {
     let names = exported.list(".");
     let name = names.iter().find(|name| name.ends_with(".mcap")).expect("there is a recording");
     exported.path(name)
@@ -59,7 +59,7 @@ fn poses(messages: &[Message], read: impl Fn(&mut Fields<'_>)) -> Path {
 #[test]
 fn steps_along_its_rays_are_thresholds() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "mcap", &[]);
+    let exported = TestExport::of(plane, "mcap", &[]);
     assert_eq!(exported.losses("approximate"), Vec::<String>::new());
     let file = McapFile::read(&recorded(&exported));
     let path = poses(&file.messages("/pose"), |fields| {
@@ -82,9 +82,9 @@ fn steps_along_its_rays_are_thresholds() {
     }
     let events = all_events(&recorded(&exported));
     assert_eq!(events.len(), plane.events);
-    let seen: Vec<Seen> = events
+    let seen: Vec<ReadEvent> = events
         .iter()
-        .map(|event| Seen {
+        .map(|event| ReadEvent {
             x: event.x,
             y: event.y,
             t: event.t.floor_micros() as f64,
@@ -128,7 +128,7 @@ fn camera_matrix(message: &Message) -> [f64; 9] {
 #[test]
 fn pictures_are_those_of_the_release() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "mcap", &[]);
+    let exported = TestExport::of(plane, "mcap", &[]);
     let file = McapFile::read(&recorded(&exported));
     let images = file.messages("/image/image_raw");
     assert_eq!(images.len(), POSES.div_ceil(plane.sharp_every));
@@ -170,7 +170,7 @@ fn blurred_frames_stand_at_the_middle_of_their_exposure() {
     let release = crate::release::small::release();
     let output = export(release, &folder.path().join("out"), "mcap", &["--trajectory", "base"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let exported = Exported { folder };
+    let exported = TestExport { folder };
     let file = McapFile::read(&recorded(&exported));
     let transforms = std::fs::read(release.join("small/one/base/transforms.json")).unwrap();
     let transforms: serde_json::Value = serde_json::from_slice(&transforms).unwrap();
@@ -203,7 +203,7 @@ fn inertial_measurements_are_those_of_the_release() {
     let options = ["--trajectory", "base"];
     let output = export(&place.path("out"), &folder.path().join("out"), "mcap", &options);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let file = McapFile::read(&recorded(&Exported { folder }));
+    let file = McapFile::read(&recorded(&TestExport { folder }));
     let text = std::fs::read_to_string(place.path("out/tiny/base/imu/imu.csv")).unwrap();
     let lines = text.lines().skip(1);
     let messages = file.messages("/imu/data_raw");
@@ -227,11 +227,11 @@ fn inertial_measurements_are_those_of_the_release() {
 #[test]
 fn bytes_are_the_same_and_the_epoch_is_a_choice() {
     let plane = plane::centred();
-    let one = Exported::of(plane, "mcap", &["--window", "0..50000"]);
-    let other = Exported::of(plane, "mcap", &["--window", "0..50000"]);
-    let bytes = |exported: &Exported| std::fs::read(recorded(exported)).unwrap();
+    let one = TestExport::of(plane, "mcap", &["--window", "0..50000"]);
+    let other = TestExport::of(plane, "mcap", &["--window", "0..50000"]);
+    let bytes = |exported: &TestExport| std::fs::read(recorded(exported)).unwrap();
     assert!(bytes(&one) == bytes(&other));
-    let late = Exported::of(plane, "mcap", &["--window", "0..50000", "--epoch", "1700000000.5"]);
+    let late = TestExport::of(plane, "mcap", &["--window", "0..50000", "--epoch", "1700000000.5"]);
     let file = McapFile::read(&recorded(&late));
     assert_eq!(file.messages("/pose")[0].log_time, 1_700_000_000_500_000_000);
     assert_eq!(all_events(&recorded(&late)), all_events(&recorded(&one)));

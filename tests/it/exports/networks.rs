@@ -2,7 +2,7 @@
 
 use super::arrays::{read_npy, rows};
 use super::plane::{self, POSES, Plane, SIZE};
-use super::{Exported, export, samples};
+use super::{TestExport, export, samples};
 use crate::release::small;
 use gs2e_event::{Event, Polarity};
 use gs2e_image::{luminance, png};
@@ -29,7 +29,7 @@ fn grey(plane: &Plane, pose: usize) -> Vec<u8> {
 #[test]
 fn monash_h5_has_every_event_and_the_place_of_each_frame() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "monash-h5", &[]);
+    let exported = TestExport::of(plane, "monash-h5", &[]);
     let file = H5File::open(exported.path("events.h5")).unwrap();
     let [x, y] =
         ["xs", "ys"].map(|name| file.dataset(&format!("events/{name}")).unwrap().read_raw::<i16>().unwrap());
@@ -78,8 +78,8 @@ fn monash_h5_has_the_flow_by_channels() {
 #[test]
 fn e2vid_reads_the_same_events_from_text_and_zip() {
     let plane: &Plane = plane::half_pixel();
-    let text = Exported::of(plane, "e2vid", &[]);
-    let zipped = Exported::of(plane, "e2vid-zip", &[]);
+    let text = TestExport::of(plane, "e2vid", &[]);
+    let zipped = TestExport::of(plane, "e2vid-zip", &[]);
     let mut archive = zip::ZipArchive::new(std::fs::File::open(zipped.path("events.zip")).unwrap()).unwrap();
     // Its reader takes the only file of the archive.
     assert_eq!(archive.len(), 1);
@@ -105,7 +105,7 @@ fn e2vid_reads_the_same_events_from_text_and_zip() {
 #[test]
 fn evreal_has_signed_arrays_and_the_place_of_each_frame() {
     let plane: &Plane = plane::centred();
-    let exported = Exported::of(plane, "evreal", &[]);
+    let exported = TestExport::of(plane, "evreal", &[]);
     let t = read_npy::<f64>(&exported.path("events_ts.npy"));
     let xy = read_npy::<i16>(&exported.path("events_xy.npy"));
     // Its reader takes 2 p - 1, which an unsigned 0 would make 255.

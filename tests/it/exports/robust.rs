@@ -1,12 +1,12 @@
 //! Robust e-NeRF and Deblur e-NeRF.
 
-use super::Exported;
+use super::TestExport;
 use super::arrays::{entry, read_npz};
 use super::plane::{self, EPS, POSES, THRESHOLD};
-use super::steps::{Path, Seen, residual};
+use super::steps::{Path, ReadEvent, residual};
 use glam::{DQuat, DVec3};
 
-fn path(exported: &Exported) -> Path {
+fn path(exported: &TestExport) -> Path {
     let poses = exported.path("camera_poses.npz");
     let centres = read_npz::<f32>(&poses, "T_wc_position");
     let turns = read_npz::<f32>(&poses, "T_wc_orientation");
@@ -21,7 +21,7 @@ fn path(exported: &Exported) -> Path {
     }
 }
 
-fn events(exported: &Exported) -> Vec<Seen> {
+fn events(exported: &TestExport) -> Vec<ReadEvent> {
     let file = exported.path("raw_events.npz");
     let places = read_npz::<u16>(&file, "position");
     let times = read_npz::<i64>(&file, "timestamp");
@@ -31,14 +31,14 @@ fn events(exported: &Exported) -> Vec<Seen> {
     let places = places.values.as_chunks::<2>().0.iter();
     places
         .zip(times.values.iter().zip(&signs.values))
-        .map(|([x, y], (t, on))| Seen { x: *x, y: *y, t: *t as f64, sign: if *on { 1.0 } else { -1.0 } })
+        .map(|([x, y], (t, on))| ReadEvent { x: *x, y: *y, t: *t as f64, sign: if *on { 1.0 } else { -1.0 } })
         .collect()
 }
 
 #[test]
 fn steps_along_its_rays_are_thresholds() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "robust-e-nerf", &[]);
+    let exported = TestExport::of(plane, "robust-e-nerf", &[]);
     assert_eq!(exported.losses("approximate"), Vec::<String>::new());
     let calibration = exported.path("camera_calibration.npz");
     let k = read_npz::<f32>(&calibration, "intrinsics");
@@ -66,7 +66,7 @@ fn steps_along_its_rays_are_thresholds() {
 /// `numpy.load` knows a text by its type; scalars have no axis.
 #[test]
 fn texts_and_scalars_have_the_types_of_its_converter() {
-    let exported = Exported::of(plane::centred(), "robust-e-nerf", &[]);
+    let exported = TestExport::of(plane::centred(), "robust-e-nerf", &[]);
     let kind = |file: &str, name: &str| {
         let bytes = entry(&exported.path(file), name);
         let text = String::from_utf8_lossy(&bytes[10..128]).into_owned();
@@ -83,7 +83,7 @@ fn texts_and_scalars_have_the_types_of_its_converter() {
 #[test]
 fn views_are_held_out_with_opengl_axes() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "robust-e-nerf", &["--test-every", "4"]);
+    let exported = TestExport::of(plane, "robust-e-nerf", &["--test-every", "4"]);
     let [train, test] = ["train", "test"].map(|set| exported.json(&format!("views/transforms_{set}.json")));
     let count = POSES.div_ceil(plane.sharp_every);
     let held_out = count.div_ceil(4);
@@ -104,7 +104,7 @@ fn views_are_held_out_with_opengl_axes() {
 
 #[test]
 fn deblur_e_nerf_adds_a_circuit_and_says_that_it_is_ideal() {
-    let exported = Exported::of(plane::centred(), "deblur-e-nerf", &["--lossy"]);
+    let exported = TestExport::of(plane::centred(), "deblur-e-nerf", &["--lossy"]);
     assert_eq!(exported.losses("approximate"), ["sensor.circuit"]);
     let gain = read_npz::<f32>(&exported.path("camera_calibration.npz"), "closed_loop_gain");
     assert_eq!((gain.shape.len(), gain.values[0]), (0, 1.0 / 0.7));
@@ -113,7 +113,7 @@ fn deblur_e_nerf_adds_a_circuit_and_says_that_it_is_ideal() {
 #[test]
 fn views_of_another_trajectory_are_held_out() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "robust-e-nerf", &["--test-from", "other"]);
+    let exported = TestExport::of(plane, "robust-e-nerf", &["--test-from", "other"]);
     let count = |set: &str| {
         let listed = exported.json(&format!("views/transforms_{set}.json"));
         let pictures = exported.list(&format!("views/{set}")).len();

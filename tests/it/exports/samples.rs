@@ -1,6 +1,6 @@
 //! The layouts for networks: every event is in one window, and both layouts hold the same.
 
-use super::{Exported, arrays, plane};
+use super::{TestExport, arrays, plane};
 use gs2e_event::{Event, EventSource as _, Polarity, h5};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::{Field, Row};
@@ -18,7 +18,7 @@ struct Sample {
     sharp: Vec<u8>,
 }
 
-fn webdataset(exported: &Exported, split: &str) -> Vec<Sample> {
+fn webdataset(exported: &TestExport, split: &str) -> Vec<Sample> {
     let mut members: BTreeMap<String, BTreeMap<String, Vec<u8>>> = BTreeMap::new();
     let mut keys: Vec<String> = Vec::new();
     let mut archive = tar::Archive::new(File::open(exported.path(&format!("{split}-000000.tar"))).unwrap());
@@ -55,7 +55,7 @@ fn webdataset(exported: &Exported, split: &str) -> Vec<Sample> {
     keys.iter().map(sample).collect()
 }
 
-fn parquet_rows(exported: &Exported, split: &str) -> Vec<Sample> {
+fn parquet_rows(exported: &TestExport, split: &str) -> Vec<Sample> {
     let reader =
         SerializedFileReader::new(File::open(exported.path(&format!("{split}.parquet"))).unwrap()).unwrap();
     let column = |row: &Row, name: &str| {
@@ -100,8 +100,8 @@ pub(super) fn stream(plane: &plane::Plane) -> Vec<Event> {
 #[test]
 fn every_event_is_in_one_window_of_both_layouts() {
     let plane = plane::centred();
-    let tars = Exported::of(plane, "webdataset", &[]);
-    let tables = Exported::of(plane, "parquet", &[]);
+    let tars = TestExport::of(plane, "webdataset", &[]);
+    let tables = TestExport::of(plane, "parquet", &[]);
     let mut samples = Vec::new();
     for split in ["train", "test"] {
         let (one, other) = (webdataset(&tars, split), parquet_rows(&tables, split));

@@ -24,7 +24,7 @@ impl Path {
 
 /// An event as a consumer reads it.
 #[derive(Clone, Copy)]
-pub(super) struct Seen {
+pub(super) struct ReadEvent {
     pub(super) x: u16,
     pub(super) y: u16,
     pub(super) t: f64,
@@ -33,7 +33,7 @@ pub(super) struct Seen {
 
 /// RMS of the true change between two events of a pixel, less sign times threshold, in thresholds.
 /// `ray` is the direction of a pixel in the camera's axes.
-pub(super) fn residual(events: &[Seen], path: &Path, ray: impl Fn(u16, u16) -> DVec3) -> f64 {
+pub(super) fn residual(events: &[ReadEvent], path: &Path, ray: impl Fn(u16, u16) -> DVec3) -> f64 {
     let mut last: BTreeMap<(u16, u16), f64> = BTreeMap::new();
     let (mut squares, mut count) = (0.0, 0u32);
     for event in events {

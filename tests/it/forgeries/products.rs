@@ -21,7 +21,7 @@ const DISPARITY: &str = "rich/rig/base/left/disparity/000002.npy";
 const ALONE: &str = "rich/rig/base/left/disparity/000001.npy";
 const LABELLED: &str = "rich/rig/base/left/events.h5";
 const PLAIN: &str = "rich/single/alone/events.h5";
-const MASKS: &str = "rich/rig/base/left/segmentation";
+const SEGMENTATION: &str = "rich/rig/base/left/segmentation";
 
 /// Changes columns of a table, from `first` on, in every line but the head.
 fn columns(
@@ -186,7 +186,7 @@ fn files_of_events_have_the_objects_of_the_format_alone() {
 #[test]
 fn what_a_tree_does_not_show_is_on_the_page() {
     let swapped = |tree: &Path| {
-        let [a, b] = ["000000.png", "000001.png"].map(|name| tree.join(MASKS).join(name));
+        let [a, b] = ["000000.png", "000001.png"].map(|name| tree.join(SEGMENTATION).join(name));
         let (first, second) = (fs::read(&a).unwrap(), fs::read(&b).unwrap());
         assert!(first != second);
         fs::write(a, second).unwrap();

@@ -1,7 +1,7 @@
 //! The table of forgeries.
 
 use super::super::audit::{BASE, SCENE};
-use super::Found::{self, Audit, Never, Rebuild};
+use super::FindingMeans::{self, Audit, Never, Rebuild};
 use super::{Forgery, data};
 use crate::release::forger::edit;
 use gs2e_event::h5::H5Options;
@@ -14,11 +14,11 @@ use std::path::Path;
 /// Size of the release's pictures.
 const SIZE: Size = Size { width: 64, height: 48 };
 
-fn row(name: &'static str, found: Found, forge: impl Fn(&Path) + Send + Sync + 'static) -> Forgery {
+fn row(name: &'static str, found: FindingMeans, forge: impl Fn(&Path) + Send + Sync + 'static) -> Forgery {
     Forgery { name, forge: Box::new(forge), whole: true, found }
 }
 
-fn add(path: &'static str, found: Found) -> Forgery {
+fn add(path: &'static str, found: FindingMeans) -> Forgery {
     row(path, found, move |f| {
         let path = f.join(path);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
@@ -47,7 +47,7 @@ fn remove(path: &'static str, code: &'static str) -> Forgery {
 }
 
 /// Puts another value at a place of a JSON file.
-fn set(path: &'static str, pointer: &'static str, value: Value, found: Found) -> Forgery {
+fn set(path: &'static str, pointer: &'static str, value: Value, found: FindingMeans) -> Forgery {
     let put = move |f: &Path| {
         edit(f, path, |file| {
             let place = file.pointer_mut(pointer).unwrap_or_else(|| panic!("{path} has no {pointer}"));
@@ -70,7 +70,7 @@ pub(super) fn of_version(folder: &Path, version: &str) {
 }
 
 /// Increases a number of a JSON file a little.
-fn nudge(path: &'static str, pointer: &'static str, found: Found) -> Forgery {
+fn nudge(path: &'static str, pointer: &'static str, found: FindingMeans) -> Forgery {
     row(pointer, found, move |f| {
         edit(f, path, |file| {
             let place = file.pointer_mut(pointer).unwrap_or_else(|| panic!("{path} has no {pointer}"));

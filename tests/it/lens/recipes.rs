@@ -1,6 +1,6 @@
 //! Lenses of recipes: files, flow and frames of a release, and faulty lenses.
 
-use super::{CAMERA, RADIAL, differences, radial, ray_of, seen};
+use super::{CAMERA, RADIAL, differences, project, radial, ray_of};
 use crate::support::workspace::Workspace;
 use glam::DVec3;
 use gs2e_image::{npy, png};
@@ -79,7 +79,7 @@ fn the_flow_of_a_release_is_that_of_its_depths_and_poses() {
         let world = own.rotation * (DVec3::new(x, y, 1.0) * f64::from(depth[i])) + own.translation;
         let at = |pose: usize| {
             let back = poses.world_from_camera[pose].inverse();
-            seen(radial, back.rotation * world + back.translation)
+            project(radial, back.rotation * world + back.translation)
         };
         // Central differences over two steps and over one, from which the error of second order is taken out.
         let difference = |k: usize, axis: usize| {

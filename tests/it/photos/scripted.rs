@@ -3,7 +3,7 @@
 
 use super::planted;
 use crate::command;
-use crate::support::workspace::{Ended, Workspace};
+use crate::support::workspace::{RunOutcome, Workspace};
 use glam::{DQuat, DVec3};
 use gs2e_image::Size;
 use gs2e_num::se3::Se3;
@@ -79,12 +79,16 @@ fn plant(place: &Workspace, number: u32, photos: std::ops::Range<u32>, size: Siz
 }
 
 /// Runs `gs2e` with the script first in `PATH`.
-fn gs2e(place: &Workspace, args: &str) -> Ended {
+fn gs2e(place: &Workspace, args: &str) -> RunOutcome {
     let path = std::env::var("PATH").unwrap();
     let path = format!("{}:{path}", place.path("bin").display());
     let output = place.command(args).env("PATH", path).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    Ended { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    RunOutcome {
+        code: output.status.code().unwrap(),
+        stdout: text(output.stdout),
+        stderr: text(output.stderr),
+    }
 }
 
 /// The steps that a build makes.

@@ -123,7 +123,7 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
     let before = contents(scene);
     for step in &mut scene.steps {
         let Some((trajectory, kind)) = step.step.rsplit_once('/') else {
-            reseal_own(&scene.id, &mut step.outputs, files);
+            reseal_scene(&scene.id, &mut step.outputs, files);
             continue;
         };
         let folder = format!("{}/{trajectory}", scene.id);
@@ -151,7 +151,7 @@ fn reseal_steps(scene: &mut ManifestScene, files: &BTreeMap<String, Vec<u8>>) {
 }
 
 /// Updates the only released output of the steps of a scene itself.
-fn reseal_own(scene: &str, outputs: &mut Vec<StoredOutput>, files: &BTreeMap<String, Vec<u8>>) {
+fn reseal_scene(scene: &str, outputs: &mut Vec<StoredOutput>, files: &BTreeMap<String, Vec<u8>>) {
     const PICTURE: &str = "held_out.png";
     let now = files.get(&format!("{scene}/{PICTURE}"));
     outputs.retain(|output| output.name != PICTURE || now.is_some());

@@ -2,17 +2,17 @@
 
 use super::{RIGHT, npy, workspace};
 use crate::support::gpu;
-use crate::support::workspace::{Ended, Workspace};
+use crate::support::workspace::{RunOutcome, Workspace};
 use gs2e_event::{EventSource as _, h5};
 use serde_json::Value;
 use std::fs;
 
 /// Runs with the machine's GPUs.
-fn with_gpu(place: &Workspace, args: &str) -> Ended {
+fn with_gpu(place: &Workspace, args: &str) -> RunOutcome {
     let output = place.command_with_gpu(&format!("{RIGHT} {args}")).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     let code = output.status.code().unwrap();
-    Ended { code, stdout: text(output.stdout), stderr: text(output.stderr) }
+    RunOutcome { code, stdout: text(output.stdout), stderr: text(output.stderr) }
 }
 
 #[test]

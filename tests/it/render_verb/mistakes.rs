@@ -1,7 +1,7 @@
 //! Every mistake ends with its exit code and its message, and leaves all files unchanged.
 
 use super::{RIGHT, camera, ply_bytes, transforms, workspace};
-use crate::support::workspace::{Ended, Workspace, tree};
+use crate::support::workspace::{RunOutcome, Workspace, tree};
 use gs2e_scene::blobs::blob_scene;
 use serde_json::{Value, json};
 
@@ -153,7 +153,7 @@ fn a_picture_is_not_written_to_a_device() {
 fn mistakes_are_objects_for_programs() {
     let place = wrong();
     let t = |change: [&str; 2], code: &str| {
-        let ended: Ended = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
+        let ended: RunOutcome = place.gs2e(&format!("{} --json", RIGHT.replace(change[0], change[1])));
         let seen: Value = serde_json::from_str(&ended.stdout).unwrap();
         let found = (seen["level"].as_str(), seen["code"].as_str());
         assert_eq!(found, (Some("error"), Some(code)), "{}", ended.stderr);

@@ -38,7 +38,7 @@ pub(crate) struct Workspace {
 }
 
 /// Outcome of a run of the program.
-pub(crate) struct Ended {
+pub(crate) struct RunOutcome {
     pub(crate) code: i32,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
@@ -82,10 +82,10 @@ impl Workspace {
     }
 
     /// Runs `gs2e` in the folder, with `args` separated by spaces.
-    pub(crate) fn gs2e(&self, args: &str) -> Ended {
+    pub(crate) fn gs2e(&self, args: &str) -> RunOutcome {
         let output = self.command(args).output().expect("the program starts");
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it speaks UTF-8");
-        Ended {
+        RunOutcome {
             code: output.status.code().expect("no signal ended it"),
             stdout: text(output.stdout),
             stderr: text(output.stderr),
@@ -111,7 +111,7 @@ impl Workspace {
     }
 
     /// Runs `gs2e`, which must succeed.
-    pub(crate) fn ok(&self, args: &str) -> Ended {
+    pub(crate) fn ok(&self, args: &str) -> RunOutcome {
         let ended = self.gs2e(args);
         assert_eq!(ended.code, 0, "gs2e {args}\n{}{}", ended.stdout, ended.stderr);
         ended

@@ -89,7 +89,7 @@ fn families() -> [Family; 3] {
                 ("crates/build/src/plan/edits.rs", "the steps that more than their own section decides"),
                 ("crates/audit/src/recheck", "checks of a release read its pictures"),
                 (
-                    "crates/audit/src/again/products.rs",
+                    "crates/audit/src/recompose/products.rs",
                     "these follow from the recipe, the poses and the depth",
                 ),
             ],

@@ -54,8 +54,8 @@ pub(super) fn run(options: &Options) -> Outcome {
                 |sampling: &str, outputs: &str| scene.sampled(options.quick, trajectory, sampling, outputs);
             build.run(&recipe(RATE, ""))?;
             let seconds = build.duration(trajectory)?;
-            let mut add = |sampling: &str, made: &MadeEvents| {
-                let MadeEvents { core_seconds, events, frames } = made;
+            let mut add = |sampling: &str, made: &EventCounts| {
+                let EventCounts { core_seconds, events, frames } = made;
                 let name = scene.name;
                 let line = format!(
                     "| {name} | {trajectory} | `{sampling}` | {core_seconds:.1} | {events} | {frames} |"
@@ -107,7 +107,7 @@ struct EventBuild<'a> {
 
 /// What a build of events says of itself.
 #[derive(Debug, PartialEq)]
-struct MadeEvents {
+struct EventCounts {
     core_seconds: f64,
     events: String,
     /// The number of frames and their choice, for a tolerance.
@@ -116,7 +116,7 @@ struct MadeEvents {
 
 impl EventBuild<'_> {
     /// Builds a recipe, and returns what it made of events.
-    fn run(&self, recipe: &str) -> Outcome<MadeEvents> {
+    fn run(&self, recipe: &str) -> Outcome<EventCounts> {
         let file = self.recipe();
         fs::write(&file, recipe).map_err(|e| format!("{}: {e}", file.display()))?;
         let messages = self.work.join("messages.txt");
@@ -127,7 +127,7 @@ impl EventBuild<'_> {
         let cost = watch_messages(self.gs2e, &args, &[0], to.into())?;
         let text = fs::read_to_string(&messages).map_err(|e| format!("{}: {e}", messages.display()))?;
         let (events, frames) = made(&text).unwrap_or_default();
-        Ok(MadeEvents { core_seconds: cost.cpu_seconds, events, frames })
+        Ok(EventCounts { core_seconds: cost.cpu_seconds, events, frames })
     }
 
     fn recipe(&self) -> PathBuf {
@@ -148,7 +148,7 @@ impl EventBuild<'_> {
     }
 }
 
-impl MadeEvents {
+impl EventCounts {
     /// Number of frames that a tolerance chose.
     fn frame_count(&self) -> Option<u32> {
         self.frames.split(' ').next()?.parse().ok()
@@ -174,7 +174,7 @@ fn made(messages: &str) -> Option<(String, String)> {
 
 #[cfg(test)]
 mod tests {
-    use super::{MadeEvents, made};
+    use super::{EventCounts, made};
 
     #[test]
     fn the_line_of_the_step_says_what_it_made() {
@@ -182,7 +182,7 @@ mod tests {
                     96 to choose them\n";
         let (events, frames) = made(message).expect("a step made events");
         assert_eq!((&*events, &*frames), ("421.8 kev", "33 frames (hermite) and 96 to choose them"));
-        let made_events = MadeEvents { core_seconds: 1.0, events, frames };
+        let made_events = EventCounts { core_seconds: 1.0, events, frames };
         assert_eq!((made_events.frame_count(), made_events.interpolation()), (Some(33), Some("hermite")));
         let plain = "[5/6] plant/fast/events 7.0 s 1.2 Mev\n";
         assert_eq!(made(plain), Some(("1.2 Mev".to_owned(), String::new())));

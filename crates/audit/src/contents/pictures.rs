@@ -1,5 +1,5 @@
-//! Sharp and blurred frames, depth, flow, masks and inertial data. Those that the recipe asks for are named.
-//! Every picture decodes to the size of the camera and holds values that its kind can have.
+//! Sharp and blurred frames, depth, flow, segmentations and inertial data. Those that the recipe asks for are
+//! named. Every picture decodes to the size of the camera and holds values that its kind can have.
 
 use super::{AuditFault, FaultCode, TrajectoryFolder};
 use gs2e_build::artifact::OBJECT_PLACES;
@@ -50,7 +50,7 @@ fn picture_fault(
     name: &str,
 ) -> Option<AuditFault> {
     // The audit composes inertial data of this version.
-    if folder.is_own && product.is_some_and(|product| product.form == ProductForm::Samples) {
+    if folder.is_current && product.is_some_and(|product| product.form == ProductForm::Samples) {
         return None;
     }
     let bytes = match folder.files.read(name) {
@@ -58,13 +58,15 @@ fn picture_fault(
         Err(e) => return Some(folder.fault(FaultCode::Unreadable, name, e.because)),
     };
     let size = folder.files.camera.size;
-    let same = |again: Result<Vec<u8>, String>| again.map(|again| again == bytes);
+    let same = |rewritten: Result<Vec<u8>, String>| rewritten.map(|rewritten| rewritten == bytes);
     let is_same = match product.map(|product| (product.name(), product.form)) {
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             same(check_numbers(kind, size, channels, positive, &bytes))
         }
-        Some((_, ProductForm::Masks(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
-        Some((_, ProductForm::Masks(_))) => same(check_mask(size, &bytes)),
+        Some((_, ProductForm::Segmentations(_))) if name.ends_with(OBJECT_PLACES) => {
+            motion::is_canonical(&bytes)
+        }
+        Some((_, ProductForm::Segmentations(_))) => same(check_segmentation(size, &bytes)),
         // The text on the sensor has the form of the version that wrote it.
         Some((_, ProductForm::Samples)) if name.ends_with(imu::files::SENSOR) => Ok(true),
         Some((_, ProductForm::Samples)) => imu::files::is_canonical(&bytes),
@@ -91,13 +93,13 @@ fn picture_fault(
     }
 }
 
-/// Decodes a mask and returns its file as this program writes it.
-fn check_mask(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
+/// Decodes a segmentation and returns its file as this program writes it.
+fn check_segmentation(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
     let image = png::read_sized(Cursor::new(bytes), size).map_err(|e| e.to_string())?;
-    let mask = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
-    let mut again = Vec::new();
-    png::write_image(&mask, &mut again).expect("a Vec takes any bytes");
-    Ok(again)
+    let segmentation = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
+    let mut rewritten = Vec::new();
+    png::write_image(&segmentation, &mut rewritten).expect("a Vec takes any bytes");
+    Ok(rewritten)
 }
 
 /// The PNG file of an image.
@@ -125,7 +127,7 @@ fn check_numbers(
     if let Some(v) = values.iter().find(|v| !sound(v)) {
         return Err(format!("it holds {v}, which is not a valid {kind}"));
     }
-    let mut again = Vec::new();
-    npy::write_values(&shape, &values, &mut again).expect("a Vec takes any bytes");
-    Ok(again)
+    let mut rewritten = Vec::new();
+    npy::write_values(&shape, &values, &mut rewritten).expect("a Vec takes any bytes");
+    Ok(rewritten)
 }

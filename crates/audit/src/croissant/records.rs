@@ -14,13 +14,13 @@ impl CroissantAudit<'_> {
         for set in self.record_sets() {
             let fields = node_list(&set["field"]);
             if fields.is_empty() {
-                self.say(FaultCode::CroissantField, format!("the record set {} has no fields", node_id(set)));
+                self.report(FaultCode::CroissantField, format!("the record set {} has no fields", node_id(set)));
             }
             for key in node_list(&set["key"]).iter().map(node_id) {
                 if fields.iter().all(|field| node_id(field) != key) {
                     let message =
                         format!("the key of {} is {key:?}, which is not one of its fields", node_id(set));
-                    self.say(FaultCode::CroissantReference, message);
+                    self.report(FaultCode::CroissantReference, message);
                 }
             }
             for field in fields {
@@ -39,7 +39,7 @@ impl CroissantAudit<'_> {
     fn judge_written(&mut self, field: &Value, set: &Value) {
         let id = node_id(field);
         if let Some(record) = node_list(&set["data"]).iter().find(|record| !record[id].is_string()) {
-            self.say(FaultCode::CroissantColumn, format!("{id} is missing or not a text in {record}"));
+            self.report(FaultCode::CroissantColumn, format!("{id} is missing or not a text in {record}"));
         }
     }
 
@@ -49,7 +49,7 @@ impl CroissantAudit<'_> {
         let mut fields = self.record_sets().iter().flat_map(|set| node_list(&set["field"]));
         if fields.all(|field| node_id(field) != wanted) {
             let message = format!("{} refers to {wanted:?}, which is not defined", node_id(field));
-            self.say(FaultCode::CroissantReference, message);
+            self.report(FaultCode::CroissantReference, message);
         }
     }
 
@@ -63,7 +63,7 @@ impl CroissantAudit<'_> {
         let wanted: Vec<&str> = wanted.map(String::as_str).collect();
         if found != wanted {
             let message = format!("its splits are {found:?}, manifest.json has {wanted:?}");
-            self.say(FaultCode::ClaimsDisagree, message);
+            self.report(FaultCode::ClaimsDisagree, message);
         }
     }
 
@@ -73,7 +73,7 @@ impl CroissantAudit<'_> {
         let origin = [&source["fileObject"], &source["fileSet"]].map(node_id).concat();
         if origin.is_empty() || self.distribution().iter().all(|node| node_id(node) != origin) {
             let message = format!("{name} is taken from {origin:?}, which is not defined");
-            return self.say(FaultCode::CroissantReference, message);
+            return self.report(FaultCode::CroissantReference, message);
         }
         let stated = field["dataType"].as_str().unwrap_or_default();
         let extract = &source["extract"];
@@ -83,7 +83,7 @@ impl CroissantAudit<'_> {
             _ => Some("has no known source".to_owned()),
         };
         if let Some(problem) = problem {
-            self.say(FaultCode::CroissantColumn, format!("{name} {problem}"));
+            self.report(FaultCode::CroissantColumn, format!("{name} {problem}"));
         }
     }
 

@@ -51,19 +51,19 @@ pub(super) fn judge_faults(
             faults.iter().filter(|fault| fault.scene.as_deref() == Some(&scene.id)).collect();
         for trajectory in trajectories(scene) {
             let subject = format!("{}/{trajectory}", scene.id);
-            let parts = OF_TRAJECTORY.iter().map(|(part, what)| {
-                let is_of = |fault: &&AuditFault| place(scene, fault) == (Some(trajectory), *part);
-                finding(&subject, part, what, own.iter().copied().filter(is_of))
+            let of_trajectory = OF_TRAJECTORY.iter().map(|(statement, what)| {
+                let is_of = |fault: &&AuditFault| place(scene, fault) == (Some(trajectory), *statement);
+                finding(&subject, statement, what, own.iter().copied().filter(is_of))
             });
-            findings.extend(parts);
+            findings.extend(of_trajectory);
         }
         let is_of = |fault: &&AuditFault| place(scene, fault).0.is_none();
         findings.push(finding(&scene.id, OF_SCENE.0, OF_SCENE.1, own.iter().copied().filter(is_of)));
     }
     if manifest.scenes.iter().all(|scene| wanted(&scene.id)) {
-        findings.extend(OF_RELEASE.iter().map(|(part, what)| {
-            let is_of = |fault: &&AuditFault| fault.scene.is_none() && top_part(fault) == *part;
-            finding(&manifest.name, part, what, faults.iter().filter(is_of))
+        findings.extend(OF_RELEASE.iter().map(|(statement, what)| {
+            let is_of = |fault: &&AuditFault| fault.scene.is_none() && top_statement(fault) == *statement;
+            finding(&manifest.name, statement, what, faults.iter().filter(is_of))
         }));
     }
     findings
@@ -71,7 +71,7 @@ pub(super) fn judge_faults(
 
 fn finding<'f>(
     subject: &str,
-    part: &str,
+    statement: &str,
     what: &str,
     faults: impl Iterator<Item = &'f AuditFault>,
 ) -> Finding {
@@ -79,7 +79,7 @@ fn finding<'f>(
         Some(file) => format!("{file}: {}", fault.message),
         None => fault.message.clone(),
     };
-    records::judge_agreement(subject, part, what, &faults.map(sentence).collect::<Vec<_>>())
+    records::judge_agreement(subject, statement, what, &faults.map(sentence).collect::<Vec<_>>())
 }
 
 /// The trajectories of a scene: the folders of poses that its steps made.
@@ -106,7 +106,7 @@ fn place<'s>(scene: &'s ManifestScene, fault: &AuditFault) -> (Option<&'s str>, 
     }
 }
 
-fn top_part(fault: &AuditFault) -> &'static str {
+fn top_statement(fault: &AuditFault) -> &'static str {
     match fault.file.as_deref() {
         Some(index::NAME) => "index",
         Some(croissant::NAME) => "catalogue",

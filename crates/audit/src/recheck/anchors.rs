@@ -15,11 +15,11 @@ use rayon::prelude::*;
 
 /// Memory for the frames of one front end, bytes.
 const FRAME_BYTES: usize = 256 << 20;
-/// Bounds of the number of equal parts into which frames divide a trajectory.
-const PARTS: [usize; 2] = [4, 64];
-/// Image motion in one part, px: enough for a change of brightness, and little enough for a gap in
+/// Bounds of the number of equal intervals into which frames divide a trajectory.
+const INTERVALS: [usize; 2] = [4, 64];
+/// Image motion in one interval, px: enough for a change of brightness, and little enough for a gap in
 /// the events to show.
-const PART_PX: f64 = 2.0;
+const INTERVAL_PX: f64 = 2.0;
 /// Largest image motion between the frames of a span, px. Within a span, pixels change steadily.
 const SPAN_PX: f64 = 2.0;
 /// Gradient from which on a pixel shows the motion of the image, greys per px.
@@ -44,11 +44,11 @@ pub(super) fn read_anchors(
     let stamps: Vec<i64> = there.iter().map(|pose| pictures.stamp(*pose)).collect();
     let frame_px = frame_motion(pictures, &there, steps_px)?;
     let choice = choose_anchors(&stamps, frame_px, pictures.files.camera.size.pixels() * front_ends.len());
-    let read = |index: &usize| seen_anchor(pictures, front_ends, there[*index]);
+    let read = |index: &usize| read_anchor_frame(pictures, front_ends, there[*index]);
     let frames: Vec<Vec<DenseFrame>> = choice.frames.par_iter().map(read).collect::<Result<_, _>>()?;
     let mut anchors = vec![AnchorFrames::without_frames(&choice); front_ends.len()];
-    for seen in frames {
-        for (anchors, frame) in anchors.iter_mut().zip(seen) {
+    for views in frames {
+        for (anchors, frame) in anchors.iter_mut().zip(views) {
             anchors.stamps_us.push(frame.t.floor_micros());
             anchors.images.push(frame.luminance);
         }
@@ -57,7 +57,7 @@ pub(super) fn read_anchors(
 }
 
 /// The frame at a pose, as each front end shows it.
-fn seen_anchor(
+fn read_anchor_frame(
     pictures: &ReleasedPictures<'_>,
     front_ends: &[FrontEnd],
     pose: usize,
@@ -66,9 +66,9 @@ fn seen_anchor(
     let t = Timestamp::from_micros(pictures.stamp(pose));
     let dense = DenseFrame { index: pose, t, luminance, rate: None };
     let see = |front_end: &FrontEnd| {
-        let mut seen = front_end.see(&dense, colours.as_ref());
-        forget_clipped(&mut seen.luminance, colours.as_ref(), &dense.luminance);
-        seen
+        let mut view = front_end.see(&dense, colours.as_ref());
+        forget_clipped(&mut view.luminance, colours.as_ref(), &dense.luminance);
+        view
     };
     Ok(front_ends.iter().map(see).collect())
 }
@@ -80,9 +80,9 @@ fn choose_anchors(stamps: &[i64], frame_px: f64, values: usize) -> AnchorChoice 
     // Anchors are kept for each sensor until the events are counted, so the choice bounds the
     // memory.
     let room = FRAME_BYTES / (4 * values).max(1);
-    let wanted = (frame_px * stamps.len() as f64 / PART_PX) as usize;
-    let parts = wanted.min(room).clamp(PARTS[0], PARTS[1]);
-    let mut choice = AnchorChoice::in_parts(stamps, apart, parts as i64);
+    let wanted = (frame_px * stamps.len() as f64 / INTERVAL_PX) as usize;
+    let intervals = wanted.min(room).clamp(INTERVALS[0], INTERVALS[1]);
+    let mut choice = AnchorChoice::in_intervals(stamps, apart, intervals as i64);
     if frame_px > SPAN_PX {
         // The image moves too far between any two frames.
         choice.spans.clear();
@@ -116,8 +116,8 @@ fn frame_motion(
 }
 
 /// Makes the brightness of clipped pixels unknown.
-fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey: &Image<f32>) {
-    for (i, seen) in seen.pixels_mut().iter_mut().enumerate() {
+fn forget_clipped(brightness: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey: &Image<f32>) {
+    for (i, value) in brightness.pixels_mut().iter_mut().enumerate() {
         let clipped = match colours {
             Some(colours) => colours.pixels()[i].iter().any(|channel| *channel >= FULL),
             None => grey.pixels()[i] >= FULL,
@@ -125,7 +125,7 @@ fn forget_clipped(seen: &mut Image<f32>, colours: Option<&Image<[f32; 3]>>, grey
         // Released frames end at white, and the sensor saw the light above it. NaN keeps the pixel
         // out of every comparison.
         if clipped {
-            *seen = f32::NAN;
+            *value = f32::NAN;
         }
     }
 }

@@ -4,7 +4,7 @@
 use super::pictures::ReleasedPictures;
 use super::trajectory::ReleasedStream;
 use gs2e_check::drift::DriftLaw;
-use gs2e_check::event_times::crossing::{CrossingObserver, SeenFrame, StreamClock};
+use gs2e_check::event_times::crossing::{BrightnessFrame, CrossingObserver, StreamClock};
 use gs2e_event::{Event, EventFileError, EventSource as _, h5};
 use gs2e_image::GreyImage;
 use gs2e_num::units::Timestamp;
@@ -37,7 +37,7 @@ pub(super) struct CrossingEvents {
     reader: h5::Reader,
     chunk: Vec<Event>,
     /// Number of the events of the chunk that have been seen.
-    seen: usize,
+    consumed: usize,
 }
 
 impl CrossingWatch {
@@ -66,19 +66,19 @@ impl CrossingWatch {
             law,
             front_end: sensor.as_model().front_end(),
             is_hot: hot_hz.iter().map(|hz| *hz > 0.0).collect(),
-            path: pictures.files.shown(&event_file(*sensor_name)),
+            path: pictures.files.display_path(&event_file(*sensor_name)),
             end_us: stamps_us[frames - 1],
             observer: None,
             reader: pictures.files.events(*sensor_name)?,
             chunk: Vec::new(),
-            seen: 0,
+            consumed: 0,
         })))
     }
 
     /// Takes the next frame, and sees the events up to its stamp.
     pub(super) fn see(&mut self, t_us: i64, frame: &GreyImage) -> Result<(), TreeError> {
         let Self::Events(events) = self else { return Ok(()) };
-        let mut frame = seen_frame(frame, t_us, &events.front_end);
+        let mut frame = brightness_frame(frame, t_us, &events.front_end);
         // A pixel that is cut off has no known drift, and is not compared.
         frame.cut.iter_mut().zip(&events.is_hot).for_each(|(cut, hot)| *cut |= *hot);
         match &mut events.observer {
@@ -109,14 +109,14 @@ impl CrossingEvents {
         let Some(observer) = &mut self.observer else { return Ok(()) };
         loop {
             // An event after this frame waits: its prediction needs the next one.
-            let rest = &self.chunk[self.seen..];
+            let rest = &self.chunk[self.consumed..];
             let due = rest.iter().position(|event| event.t.floor_micros() > t_us);
             observer.see(&rest[..due.unwrap_or(rest.len())]);
             if let Some(due) = due {
-                self.seen += due;
+                self.consumed += due;
                 return Ok(());
             }
-            self.seen = 0;
+            self.consumed = 0;
             if !self.reader.next_chunk(&mut self.chunk)? {
                 self.chunk.clear();
                 return Ok(());
@@ -137,7 +137,11 @@ fn law_of_crossings(sensor: &SensorChoice, recipe: &Recipe) -> Result<DriftLaw, 
 }
 
 /// A frame of the release as the sensor sees it.
-fn seen_frame(GreyImage { luminance, colours }: &GreyImage, t_us: i64, front_end: &FrontEnd) -> SeenFrame {
+fn brightness_frame(
+    GreyImage { luminance, colours }: &GreyImage,
+    t_us: i64,
+    front_end: &FrontEnd,
+) -> BrightnessFrame {
     // Colours beyond black and white are cut off in 8 bits, and not for the sensor.
     let is_cut = |value: f32| !(0.5..=254.5).contains(&value);
     let cut = match colours {
@@ -146,5 +150,5 @@ fn seen_frame(GreyImage { luminance, colours }: &GreyImage, t_us: i64, front_end
     };
     let frame =
         DenseFrame { index: 0, t: Timestamp::from_micros(t_us), luminance: luminance.clone(), rate: None };
-    SeenFrame { t_us, brightness: front_end.see(&frame, colours.as_ref()).luminance, cut }
+    BrightnessFrame { t_us, brightness: front_end.see(&frame, colours.as_ref()).luminance, cut }
 }

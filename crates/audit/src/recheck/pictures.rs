@@ -5,7 +5,7 @@ use gs2e_check::geometry::watch::PosedPictures;
 use gs2e_image::{GreyImage, Image, png};
 use gs2e_recipe::{OutputKind, Recipe};
 use gs2e_sampling::exposure;
-use gs2e_scene::camera::flow::leave_out_parts;
+use gs2e_scene::camera::flow::leave_out_objects;
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::motion::{PlaceLine, read_places};
 use gs2e_tree::{PictureKind, TrajectoryFiles, TreeError};
@@ -122,20 +122,23 @@ impl ReleasedPictures<'_> {
     }
 
     /// The words for a motion that is not that of the camera; `None` without one.
-    pub(super) fn own_motion(&self) -> Option<&'static str> {
+    pub(super) fn other_motion(&self) -> Option<&'static str> {
         if self.changes() {
             return Some("the scene changes with time");
         }
         self.has_objects().then_some("objects move on paths of their own")
     }
 
-    /// The mask at a pose, if objects move and the tree has one.
-    pub(super) fn mask(&self, pose: usize) -> Result<Option<Image<u8>>, TreeError> {
+    /// The segmentation at a pose, if objects move and the tree has one.
+    pub(super) fn segmentation(&self, pose: usize) -> Result<Option<Image<u8>>, TreeError> {
         if !self.has_objects() {
             return Ok(None);
         }
-        let Some(mask) = self.colours(PictureKind::Segmentation, pose)? else { return Ok(None) };
-        Ok(Some(Image::from_vec(mask.size(), mask.pixels().iter().map(|[number, ..]| *number).collect())))
+        let Some(segmentation) = self.colours(PictureKind::Segmentation, pose)? else { return Ok(None) };
+        Ok(Some(Image::from_vec(
+            segmentation.size(),
+            segmentation.pixels().iter().map(|[number, ..]| *number).collect(),
+        )))
     }
 
     pub(super) fn stamp(&self, pose: usize) -> i64 {
@@ -161,8 +164,8 @@ impl PosedPictures for ReleasedPictures<'_> {
     fn depth(&self, pose: usize) -> Result<Image<f32>, TreeError> {
         // Pixels of objects have a depth that the poses of the camera do not explain.
         let mut depth = self.files.values(PictureKind::Depth, pose)?;
-        let mask = self.mask(pose)?;
-        mask.iter().for_each(|mask| leave_out_parts(&mut depth, mask));
+        let segmentation = self.segmentation(pose)?;
+        segmentation.iter().for_each(|segmentation| leave_out_objects(&mut depth, segmentation));
         Ok(depth)
     }
 }

@@ -20,7 +20,7 @@ use gs2e_recipe::{OutputKind, Recipe, SceneSource};
 use gs2e_release::scene::TrajectoryPart;
 use gs2e_sampling::exposure;
 use gs2e_scene::camera::stereo::Rectification;
-use gs2e_scene::motion::{PartMotion, PlaceLine};
+use gs2e_scene::motion::{ObjectMotion, PlaceLine};
 use gs2e_sensor::frames::anchors::AnchorFrames;
 use gs2e_sensor::front_end::FrontEnd;
 use gs2e_sensor::{SensorChoice, front_end};
@@ -107,7 +107,7 @@ impl ReleasedTrajectory<'_> {
             tolerance: self.recipe.tolerance.map(|asked| asked.rms),
             coverage: measured.coverage,
             light_changes: self.recipe.lights.is_some(),
-            own_motion: self.recipe.moves_by_itself(),
+            moves_by_itself: self.recipe.moves_by_itself(),
             is_release: true,
             ..TrajectorySubject::new(self.name, Hertz(rate), &motion.trajectory, &limits)
         };
@@ -212,13 +212,13 @@ impl ReleasedTrajectory<'_> {
         let between = self.recipe.tolerance.map_or(0.0, |asked| asked.rms);
         let front_end = stream.sensor.as_model().front_end();
         let of = ground.front_ends.iter().position(|other| *other == front_end);
-        let seen = of.and_then(|i| ground.anchors.get(i));
+        let anchors = of.and_then(|i| ground.anchors.get(i));
         // The hot pixels are known, so the law is that of the others.
         let sensor = stream.sensor.without_hot_pixels();
         let law = DriftLaw::for_sensor(&sensor).with_rounding(FrameRounding { front_end, between });
         let reader = self.files.events(stream.sensor_name)?;
         let against = TallyReference {
-            seen: seen.map(|seen| (law, seen)),
+            observed: anchors.map(|anchors| (law, anchors)),
             flows: ground.flows,
             dead_us: stream.sensor.dead_us(),
             hot_hz: &stream.hot_hz,
@@ -248,8 +248,8 @@ impl ReleasedTrajectory<'_> {
 }
 
 /// The motions of the objects at each stamp, in the order of their lines, which [`judge_places`] judges.
-fn motions_by_stamp(places: &[PlaceLine]) -> BTreeMap<i64, Vec<PartMotion>> {
-    let mut found = BTreeMap::<i64, Vec<PartMotion>>::new();
+fn motions_by_stamp(places: &[PlaceLine]) -> BTreeMap<i64, Vec<ObjectMotion>> {
+    let mut found = BTreeMap::<i64, Vec<ObjectMotion>>::new();
     for line in places {
         found.entry(line.stamp_us).or_default().extend(stated_motion(line));
     }

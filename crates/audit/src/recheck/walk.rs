@@ -10,14 +10,14 @@ use gs2e_check::flash::blocks::FrameBlocks;
 use gs2e_check::flow_projection::FlowDifference;
 use gs2e_check::flow_projection::objects::ObjectFlow;
 use gs2e_check::geometry::watch::GeometryWatch;
-use gs2e_check::geometry::{GeometryMeasures, Measured, PictureMeasures};
+use gs2e_check::geometry::{GeometryMeasures, Measurement, PictureMeasures};
 use gs2e_check::photometric::align::smooth_picture;
 use gs2e_image::{GreyImage, Image};
-use gs2e_render::parts::views_of_motions;
-use gs2e_scene::camera::flow::{flow_rates, leave_out_parts};
+use gs2e_render::objects::views_of_motions;
+use gs2e_scene::camera::flow::{flow_rates, leave_out_objects};
 use gs2e_scene::camera::stereo::Rectification;
 use gs2e_scene::camera::view::CameraView;
-use gs2e_scene::motion::PartMotion;
+use gs2e_scene::motion::ObjectMotion;
 use gs2e_tree::{PictureKind, TreeError};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -38,7 +38,7 @@ pub(super) struct PicturesPresent {
 /// other.
 pub(super) struct PictureGround<'a> {
     /// Motions of the objects by the stamp of the pose, us; `None` without a file of places.
-    pub(super) motions: Option<BTreeMap<i64, Vec<PartMotion>>>,
+    pub(super) motions: Option<BTreeMap<i64, Vec<ObjectMotion>>>,
     pub(super) pair: Option<&'a Rectification>,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct WalkedPictures {
     /// Brightness of the blocks of the sharp frames, without the changes of the light.
     pub(super) blocks: Vec<FrameBlocks>,
     /// `None` if the trajectory has no disparity images.
-    pub(super) disparities: Option<Measured<Vec<DisparityDifference>>>,
+    pub(super) disparities: Option<Measurement<Vec<DisparityDifference>>>,
 }
 
 impl PicturesPresent {
@@ -93,20 +93,21 @@ impl PicturesPresent {
             let stated = pictures.files.values(PictureKind::Disparity, pose)?;
             found.disparity = Some(DisparityDifference::new(pose, &stated, &pair.disparity_image(&depth)));
         }
-        // Nothing says which pixels are still if the scene changes, or if objects move and there is no mask.
-        let mask = pictures.mask(pose)?;
-        if pictures.changes() || (pictures.has_objects() && mask.is_none()) {
+        // Nothing says which pixels are still if the scene changes, or if objects move and there is no
+        // segmentation.
+        let segmentation = pictures.segmentation(pose)?;
+        if pictures.changes() || (pictures.has_objects() && segmentation.is_none()) {
             return Ok(found);
         }
         let mut flow = if is_in(&self.flow) { Some(pictures.files.flow(pose)?) } else { None };
-        if let Some(mask) = &mask {
+        if let Some(segmentation) = &segmentation {
             let motions = ground.motions.as_ref().and_then(|motions| motions.get(&pictures.stamp(pose)));
             if let (Some(flow), Some(motions)) = (&flow, motions) {
                 let views = views_of_motions(motions, view);
-                found.objects = Some(ObjectFlow::new(pose, flow, &depth, mask, &views));
+                found.objects = Some(ObjectFlow::new(pose, flow, &depth, segmentation, &views));
             }
-            flow.iter_mut().for_each(|flow| leave_out_parts(flow, mask));
-            leave_out_parts(&mut depth, mask);
+            flow.iter_mut().for_each(|flow| leave_out_objects(flow, segmentation));
+            leave_out_objects(&mut depth, segmentation);
         }
         found.flow = flow.and_then(|flow| FlowDifference::new(pose, &flow, &flow_rates(&depth, view)));
         found.depth = Some(depth);
@@ -160,7 +161,7 @@ pub(super) fn walk_pictures(
     let moves_in_flow = pictures.has_objects() && !present.flow.is_empty();
     let objects = moves_in_flow.then(|| some_found(objects, NO_OBJECTS));
     let disparities = (!present.disparity.is_empty()).then(|| some_found(disparities, NO_DISPARITIES));
-    let moves = pictures.own_motion().map(str::to_owned);
+    let moves = pictures.other_motion().map(str::to_owned);
     let PictureMeasures { pictures, order, depths } = geometry.finish(pictures)?;
     let order = moves.map_or(order, Err);
     let geometry = GeometryMeasures { pictures, order, depths, flows, objects };
@@ -170,12 +171,12 @@ pub(super) fn walk_pictures(
 const NO_OBJECTS: &str = "no pose has flow, depth and a mask with the places of its objects";
 const NO_DISPARITIES: &str = "no pose has both disparity and depth";
 
-fn some_found<T>(found: Vec<T>, none: &str) -> Measured<Vec<T>> {
+fn some_found<T>(found: Vec<T>, none: &str) -> Measurement<Vec<T>> {
     if found.is_empty() { Err(none.to_owned()) } else { Ok(found) }
 }
 
 impl PicturesPresent {
-    fn flow_differences(&self, found: Vec<FlowDifference>) -> Measured<Vec<FlowDifference>> {
+    fn flow_differences(&self, found: Vec<FlowDifference>) -> Measurement<Vec<FlowDifference>> {
         let both = self.flow.iter().any(|pose| self.depth.binary_search(pose).is_ok());
         if both { Ok(found) } else { Err("no pose has both flow and depth".to_owned()) }
     }

@@ -1,7 +1,7 @@
 //! `status.html`: the state of a build on a cluster, in one page that needs no network and no script.
 
 use super::finished::SceneProgress;
-use super::report::MadeStep;
+use super::report::TaskStep;
 use super::scene_state::{SceneFailure, SceneState, StateCounts};
 use gs2e_files::html::{HtmlFragment, write_page_head};
 use gs2e_num::units::format_amount;
@@ -22,18 +22,18 @@ pub struct StatusPage<'a> {
     /// An hour before, in the same form.
     pub hour_ago: &'a str,
     /// The scenes, in the order of the plan.
-    pub scenes: &'a [ShownScene<'a>],
+    pub scenes: &'a [ScenePanel<'a>],
     /// Core-seconds that the missing steps are expected to take, s.
     pub core_seconds: f64,
     /// Cores of the tasks that run.
     pub cores: u64,
     /// The steps that tasks made.
-    pub made: &'a [MadeStep],
+    pub made: &'a [TaskStep],
 }
 
 /// A scene with its state.
 #[derive(Debug, Clone, Copy)]
-pub struct ShownScene<'a> {
+pub struct ScenePanel<'a> {
     /// Its id.
     pub scene: &'a str,
     /// Its steps.
@@ -76,7 +76,7 @@ impl StatusPage<'_> {
         let (steps, finished) = (sum(|progress| progress.steps), sum(|progress| progress.finished));
         // Times of one form and one zone have the same order as their texts, so they are not parsed.
         let last_hour = self.made.iter().filter(|step| step.ended.as_str() >= self.hour_ago).count();
-        let spent: f64 = self.made.iter().map(MadeStep::core_seconds).sum();
+        let spent: f64 = self.made.iter().map(TaskStep::core_seconds).sum();
         let mut figures = vec![
             (format!("{} of {}", self.counts().done, self.scenes.len()), "scenes done"),
             (format!("{finished} of {steps}"), "steps finished"),
@@ -212,17 +212,17 @@ impl StatusPage<'_> {
     }
 
     fn write_kinds(&self, html: &mut HtmlFragment) {
-        self.write_sums(html, "Where the time goes", "step", MadeStep::kind);
+        self.write_sums(html, "Where the time goes", "step", TaskStep::kind);
     }
 
     /// Sums over the steps that were made, by a word of each; the largest sum comes first.
-    fn write_sums(&self, html: &mut HtmlFragment, title: &str, column: &str, of: impl Fn(&MadeStep) -> &str) {
-        let mut sums: BTreeMap<&str, Vec<&MadeStep>> = BTreeMap::new();
+    fn write_sums(&self, html: &mut HtmlFragment, title: &str, column: &str, of: impl Fn(&TaskStep) -> &str) {
+        let mut sums: BTreeMap<&str, Vec<&TaskStep>> = BTreeMap::new();
         self.made.iter().for_each(|step| sums.entry(of(step)).or_default().push(step));
         if sums.is_empty() {
             return;
         }
-        let spent = |steps: &[&MadeStep]| steps.iter().map(|step| step.core_seconds()).sum::<f64>();
+        let spent = |steps: &[&TaskStep]| steps.iter().map(|step| step.core_seconds()).sum::<f64>();
         let mut sums: Vec<_> = sums.into_iter().collect();
         // Stable as well: equal sums stay in the order of their words.
         sums.sort_by(|a, b| spent(&b.1).total_cmp(&spent(&a.1)));
@@ -246,7 +246,7 @@ impl StatusPage<'_> {
     }
 
     fn write_slowest(&self, html: &mut HtmlFragment) {
-        let mut steps: Vec<&MadeStep> = self.made.iter().collect();
+        let mut steps: Vec<&TaskStep> = self.made.iter().collect();
         steps.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
         steps.truncate(SLOWEST);
         if steps.is_empty() {
@@ -277,7 +277,7 @@ impl StatusPage<'_> {
         html.within("section", &[], |html| {
             html.leaf("h2", &[], "Scenes");
             let rows = self.scenes.iter().map(|scene| {
-                let ShownScene { scene, progress, state } = scene;
+                let ScenePanel { scene, progress, state } = scene;
                 vec![
                     (*scene).to_owned(),
                     state.to_string(),
@@ -386,12 +386,12 @@ mod tests {
         let states =
             [SceneState::Done, SceneState::Running { task, node: "n1".into() }, failed("c"), failed("d")];
         let half = SceneProgress { steps: 4, finished: 2 };
-        let scenes: Vec<ShownScene<'_>> = ["a", "b", "c", "d"]
+        let scenes: Vec<ScenePanel<'_>> = ["a", "b", "c", "d"]
             .iter()
             .zip(&states)
-            .map(|(scene, state)| ShownScene { scene, progress: half, state })
+            .map(|(scene, state)| ScenePanel { scene, progress: half, state })
             .collect();
-        let made = |step: &str, seconds: f64, ended: &str| MadeStep {
+        let made = |step: &str, seconds: f64, ended: &str| TaskStep {
             step: step.to_owned(),
             seconds,
             cores: 2.0,

@@ -38,12 +38,12 @@ pub struct ReportedSteps {
     /// Keys of the finished steps, by scene.
     pub finished: BTreeMap<String, BTreeSet<Key>>,
     /// The steps that it made itself, in their order.
-    pub made: Vec<MadeStep>,
+    pub made: Vec<TaskStep>,
 }
 
 /// A step that a task made.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct MadeStep {
+pub struct TaskStep {
     /// Its name, with the scene.
     pub step: String,
     /// Duration, s.
@@ -62,7 +62,7 @@ pub struct MadeStep {
     pub ended: String,
 }
 
-impl MadeStep {
+impl TaskStep {
     /// Core-seconds, s.
     #[must_use]
     pub fn core_seconds(&self) -> f64 {
@@ -172,7 +172,7 @@ fn read_steps(text: &str) -> ReportedSteps {
             steps.failures.insert(scene, line.message.unwrap_or_default());
         } else if matches!(line.state.as_deref(), Some("made" | "kept" | "adopted")) {
             if line.state.as_deref() == Some("made") {
-                steps.made.push(MadeStep {
+                steps.made.push(TaskStep {
                     step: line.step.unwrap_or_default(),
                     seconds: line.seconds.unwrap_or_default(),
                     cores: line.cores.unwrap_or_default(),
@@ -207,7 +207,7 @@ mod tests {
         let steps = read_steps(&text);
         assert_eq!(steps.failures, BTreeMap::from([("a".to_owned(), "a/base: no".to_owned())]));
         assert_eq!(steps.finished, BTreeMap::from([("a".to_owned(), BTreeSet::from([Key(key)]))]));
-        let step = MadeStep {
+        let step = TaskStep {
             step: "a/capture".to_owned(),
             seconds: 1.5,
             cores: 2.0,

@@ -3,7 +3,7 @@
 use super::ClusterError;
 use super::finished::SceneProgress;
 use super::queue::{LiveTask, TaskEnd, TaskId};
-use super::report::{MadeStep, ReportedSteps, TaskReport};
+use super::report::{ReportedSteps, TaskReport, TaskStep};
 use super::slurm::Slurm;
 use super::submission::{FoundPlans, Submission};
 use gs2e_store::{Digest, Key};
@@ -205,7 +205,7 @@ impl ClusterView {
 
     /// The steps that the tasks made, in the order of plans and tasks.
     #[must_use]
-    pub fn steps_made(&self) -> Vec<MadeStep> {
+    pub fn steps_made(&self) -> Vec<TaskStep> {
         let reports = self.plans.iter().flat_map(|plan| &plan.reports);
         reports.flat_map(|report| report.steps().made).collect()
     }

@@ -19,12 +19,12 @@ pub(super) fn shell_word(word: &Path) -> String {
         for c in chunk.valid().chars() {
             // `$(…)` drops line breaks at its end.
             if c != '\n' && is_hidden(c) {
-                quoted.hide(c.encode_utf8(&mut [0; 4]).as_bytes());
+                quoted.escape(c.encode_utf8(&mut [0; 4]).as_bytes());
             } else {
-                quoted.show(c);
+                quoted.quote(c);
             }
         }
-        quoted.hide(chunk.invalid());
+        quoted.escape(chunk.invalid());
     }
     quoted.end()
 }
@@ -40,20 +40,20 @@ struct ShellQuotes {
 enum OpenQuote {
     #[default]
     Neither,
-    Shown,
-    Hidden,
+    Single,
+    Printf,
 }
 
 impl ShellQuotes {
-    fn show(&mut self, c: char) {
-        self.turn_to(OpenQuote::Shown);
+    fn quote(&mut self, c: char) {
+        self.turn_to(OpenQuote::Single);
         // Nothing can be escaped inside single quotes: close them, write the quote, open them again.
         if c == '\'' { self.text.push_str("'\\''") } else { self.text.push(c) }
     }
 
-    fn hide(&mut self, bytes: &[u8]) {
+    fn escape(&mut self, bytes: &[u8]) {
         for byte in bytes {
-            self.turn_to(OpenQuote::Hidden);
+            self.turn_to(OpenQuote::Printf);
             let _ = write!(self.text, "\\{byte:03o}");
         }
     }
@@ -64,13 +64,13 @@ impl ShellQuotes {
         }
         self.text.push_str(match self.open {
             OpenQuote::Neither => "",
-            OpenQuote::Shown => "'",
-            OpenQuote::Hidden => "')\"",
+            OpenQuote::Single => "'",
+            OpenQuote::Printf => "')\"",
         });
         self.text.push_str(match next {
             OpenQuote::Neither => "",
-            OpenQuote::Shown => "'",
-            OpenQuote::Hidden => "\"$(printf '",
+            OpenQuote::Single => "'",
+            OpenQuote::Printf => "\"$(printf '",
         });
         self.open = next;
     }

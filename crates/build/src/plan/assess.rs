@@ -26,7 +26,7 @@ pub struct SourceFiles {
     pub digests: Vec<(String, Digest)>,
     /// Observations of every folder that was listed to find the files, and of every file, from
     /// before it was read.
-    pub seen: Vec<(PathBuf, StatSighting)>,
+    pub sightings: Vec<(PathBuf, StatSighting)>,
 }
 
 impl SourceFiles {
@@ -35,8 +35,8 @@ impl SourceFiles {
     /// counts by the files that it leads to.
     #[must_use]
     pub(crate) fn moved_since(&self, then: &Self) -> Option<String> {
-        let is_in = |list: &Self, (name, path, seen): &(&str, &PathBuf, &StatSighting)| {
-            list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == seen.stat)
+        let is_in = |list: &Self, (name, path, sighting): &(&str, &PathBuf, &StatSighting)| {
+            list.files().any(|(other, at, then)| other == *name && at == *path && then.stat == sighting.stat)
         };
         // Both directions: a file may have been added or removed.
         let moved =
@@ -47,9 +47,9 @@ impl SourceFiles {
     /// Each file by its name within the source.
     fn files(&self) -> impl Iterator<Item = (&str, &PathBuf, &StatSighting)> {
         // Folders come first in `seen`, and have no digest.
-        let folders = self.seen.len() - self.digests.len();
+        let folders = self.sightings.len() - self.digests.len();
         let names = self.digests.iter().map(|(role, _)| role.trim_start_matches("file "));
-        names.zip(&self.seen[folders..]).map(|(name, (path, seen))| (name, path, seen))
+        names.zip(&self.sightings[folders..]).map(|(name, (path, sighting))| (name, path, sighting))
     }
 }
 
@@ -171,7 +171,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
     // Observed before they are listed: an entry that is added later changes their stat fields.
     for folder in step.step.facts().source_folders() {
         match store.sight(&folder) {
-            Ok(seen) => sources.seen.push((folder, seen)),
+            Ok(sighting) => sources.sightings.push((folder, sighting)),
             // A missing folder is reported by `sources()` below.
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
             Err(e) => return Err(unreadable(&folder, e)),
@@ -181,7 +181,7 @@ pub fn read_sources(plan: &Plan, store: &Store, step: &PlannedStep) -> Result<So
         let entry = store.look(&source.path).map_err(|e| unreadable(&source.path, e))?;
         // The prefix keeps the names of files apart from the roles of made inputs.
         sources.digests.push((format!("file {}", source.name), entry.digest));
-        sources.seen.push((source.path, entry.seen));
+        sources.sightings.push((source.path, entry.sighting));
     }
     Ok(sources)
 }

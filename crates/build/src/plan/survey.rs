@@ -8,7 +8,7 @@ use super::assess::StepProduct;
 use super::{Plan, RendererPolicy};
 use crate::stage::StepId;
 use gs2e_recipe as recipe;
-use gs2e_recipe::{Recipe, RecipeFaults, RecipeFile, TakenDown};
+use gs2e_recipe::{Recipe, RecipeFaults, RecipeFile, TakedownEffect};
 use gs2e_store::record::StoredOutput;
 use gs2e_store::{Digest, Key, MemoGround, Store, StoreError};
 use serde::{Deserialize, Serialize};
@@ -19,16 +19,16 @@ use std::path::PathBuf;
 #[derive(Debug)]
 pub struct PlanSurvey {
     /// Scenes that are up to date, sorted by id.
-    pub settled: Vec<SettledScene>,
+    pub settled: Vec<CurrentScene>,
     /// The steps of the other scenes.
     pub plan: Plan,
     /// The effect of the lists of scenes that are taken down.
-    pub taken_down: TakenDown,
+    pub taken_down: TakedownEffect,
 }
 
 /// A scene that is up to date.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SettledScene {
+pub struct CurrentScene {
     /// Its id.
     pub scene: String,
     /// Kind of its upstream, and its name there.
@@ -36,12 +36,12 @@ pub struct SettledScene {
     /// Names of its trajectories.
     trajectories: Vec<String>,
     /// Its steps, in the order of the plan.
-    pub steps: Vec<SettledStep>,
+    pub steps: Vec<CurrentStep>,
 }
 
 /// A step that is up to date.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SettledStep {
+pub struct CurrentStep {
     /// Name within the scene.
     pub name: String,
     /// Its key.
@@ -71,7 +71,7 @@ impl PlanSurvey {
     /// A plan without settled scenes.
     #[must_use]
     pub fn of_plan(plan: Plan) -> Self {
-        Self { settled: Vec::new(), plan, taken_down: TakenDown::default() }
+        Self { settled: Vec::new(), plan, taken_down: TakedownEffect::default() }
     }
 
     /// Leaves out all scenes but these.
@@ -98,14 +98,14 @@ pub fn survey_recipes(
     // The slow path below finds the same faults, and reports them in full.
     let Ok(files) = recipe::find_all(paths) else { return plan_all(paths, renderers) };
     let names: Vec<String> = files.iter().map(RecipeFile::name).collect();
-    let recalled: Vec<Option<SettledScene>> = store.recall(&names, tag)?;
+    let recalled: Vec<Option<CurrentScene>> = store.recall(&names, tag)?;
     let moved: Vec<RecipeFile> = files
         .iter()
         .zip(&recalled)
         .filter(|(_, settled)| settled.is_none())
         .map(|(f, _)| f.clone())
         .collect();
-    let mut settled: Vec<SettledScene> = recalled.into_iter().flatten().collect();
+    let mut settled: Vec<CurrentScene> = recalled.into_iter().flatten().collect();
     // A fault of one recipe may be caused by another one, so all of them are read.
     let Ok(recipes) = recipe::read_files(&moved) else { return plan_all(paths, renderers) };
     // Settled recipes are not parsed, so a clash with one of them is only suspected here. Reading
@@ -115,7 +115,7 @@ pub fn survey_recipes(
     }
     settled.sort_by(|a, b| a.scene.cmp(&b.scene));
     let takedown = recipe::takedown_of(paths, &files)?;
-    let origin = |s: &SettledScene| (s.scene.clone(), s.source.clone());
+    let origin = |s: &CurrentScene| (s.scene.clone(), s.source.clone());
     let of_recipe = |recipe: &Recipe| {
         let (kind, upstream) = recipe.source.origin();
         (recipe.scene.clone(), (kind.to_owned(), upstream.map(str::to_owned)))
@@ -125,9 +125,9 @@ pub fn survey_recipes(
     // Before scenes are removed: entries that removed them would look unmatched.
     let unmatched = takedown.unmatched(origins);
     let all = settled.len();
-    let (recipes, TakenDown { scenes: unread, .. }) = takedown.keep(recipes);
+    let (recipes, TakedownEffect { scenes: unread, .. }) = takedown.keep(recipes);
     settled.retain(|s| takedown.since(&s.scene, &s.source.0, s.source.1.as_deref()).is_none());
-    let taken_down = TakenDown { scenes: unread + all - settled.len(), unmatched };
+    let taken_down = TakedownEffect { scenes: unread + all - settled.len(), unmatched };
     Ok(PlanSurvey { settled, plan: Plan::new(recipes, renderers), taken_down })
 }
 
@@ -143,7 +143,7 @@ pub fn plan_all(paths: &[PathBuf], renderers: &dyn RendererPolicy) -> Result<Pla
 
 /// Returns true if two scenes could claim one folder: the same id twice, or an id inside a
 /// trajectory of another scene.
-fn may_clash(settled: &[SettledScene], recipes: &[Recipe]) -> bool {
+fn may_clash(settled: &[CurrentScene], recipes: &[Recipe]) -> bool {
     let known =
         settled.iter().map(|s| (s.scene.as_str(), s.trajectories.iter().map(String::as_str).collect()));
     let read =
@@ -186,16 +186,16 @@ pub(crate) fn remember_settled(
             continue;
         }
         store.note_recipe(&recipe.scene, &recipe.meta.merged.to_string());
-        let SceneState { steps, mut seen } = scene;
+        let SceneState { steps, mut sightings } = scene;
         // An edit of the recipe or of its defaults must unsettle the scene.
-        seen.extend(recipe.meta.seen.iter().cloned());
+        sightings.extend(recipe.meta.sightings.iter().cloned());
         let blobs: BTreeSet<Digest> = steps.iter().flat_map(|s| s.outputs.iter().map(|o| o.digest)).collect();
         let blobs: Vec<Digest> = blobs.into_iter().collect();
         let trajectories = recipe.trajectories.iter().map(|t| t.name.clone()).collect();
         let (kind, upstream_id) = recipe.source.origin();
         let source = (kind.to_owned(), upstream_id.map(str::to_owned));
-        let settled = SettledScene { scene: recipe.scene.clone(), source, trajectories, steps };
-        let ground = MemoGround { tag: *tag, files: &seen, blobs: &blobs };
+        let settled = CurrentScene { scene: recipe.scene.clone(), source, trajectories, steps };
+        let ground = MemoGround { tag: *tag, files: &sightings, blobs: &blobs };
         store.remember(&recipe.meta.file.name(), ground, settled);
     }
 }
@@ -203,14 +203,14 @@ pub(crate) fn remember_settled(
 /// The state of a scene, step by step.
 #[derive(Default)]
 struct SceneState {
-    steps: Vec<SettledStep>,
-    seen: Vec<(PathBuf, gs2e_files::stat::StatSighting)>,
+    steps: Vec<CurrentStep>,
+    sightings: Vec<(PathBuf, gs2e_files::stat::StatSighting)>,
 }
 
 impl SceneState {
     fn add(&mut self, name: &str, product: &StepProduct) {
         let StepProduct { key, outputs, sources } = product;
-        self.steps.push(SettledStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
-        self.seen.extend(sources.seen.iter().cloned());
+        self.steps.push(CurrentStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
+        self.sightings.extend(sources.sightings.iter().cloned());
     }
 }

@@ -51,9 +51,9 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
     });
     let objects = (!recipe.objects.is_empty()).then(|| ObjectsStage { objects: recipe.objects.clone() });
     // Only renderings of trajectories see the objects; photos and speeds are those of the scene at rest.
-    let seen =
+    let rendered =
         gaussians.map(|scene| objects.map_or(scene, |stage| wiring.add("objects".into(), stage, scene)));
-    let ground = SceneGround { recipe, capture, solving, gaussians, seen, backend, omit };
+    let ground = SceneGround { recipe, capture, solving, gaussians, rendered, backend, omit };
     // Trajectories that others are drawn from come first; otherwise the order of the recipe is
     // kept.
     let (drawn, own): (Vec<_>, Vec<_>) = recipe.trajectories.iter().partition(|t| t.base.is_some());
@@ -70,7 +70,7 @@ pub(super) fn wire_scene(recipe: &Recipe, renderers: &dyn RendererPolicy, wiring
             }
         };
         motions.insert(trajectory.name.as_str(), motion);
-        let made = MadeOutputs::default();
+        let made = TrajectoryOutputs::default();
         let mut outputs = OutputWiring { trajectory: &trajectory.name, motion, ground, made, wiring };
         recipe.outputs_of(&trajectory.name).into_iter().for_each(|output| outputs.add_output(output));
         outputs.add_checks(external.clone());
@@ -163,7 +163,7 @@ struct SceneGround<'a> {
     /// Present if something is rendered.
     gaussians: Option<StepTarget<Gaussians>>,
     /// The same with the objects, if there are any.
-    seen: Option<StepTarget<Gaussians>>,
+    rendered: Option<StepTarget<Gaussians>>,
     backend: &'a Backend,
     omit: OmissionPolicy,
 }
@@ -198,7 +198,7 @@ fn wire_motion(
 
 /// The outputs of a trajectory that other steps read.
 #[derive(Default, Clone, Copy)]
-struct MadeOutputs {
+struct TrajectoryOutputs {
     events: Option<StepTarget<EventStreams>>,
     sharp: Option<StepTarget<PictureSet>>,
     imu: Option<StepTarget<ImuRecording>>,
@@ -211,7 +211,7 @@ struct OutputWiring<'a, 'p> {
     trajectory: &'a str,
     motion: StepTarget<TrajectoryProduct>,
     ground: SceneGround<'a>,
-    made: MadeOutputs,
+    made: TrajectoryOutputs,
     wiring: &'a mut SceneWiring<'p>,
 }
 
@@ -226,8 +226,8 @@ impl OutputWiring<'_, '_> {
 
     /// The inputs of a product of rendered poses.
     fn rendered(&self) -> PassInputs {
-        let SceneGround { capture, seen, .. } = self.ground;
-        (capture, seen.expect(RENDERED), self.motion)
+        let SceneGround { capture, rendered, .. } = self.ground;
+        (capture, rendered.expect(RENDERED), self.motion)
     }
 
     fn shot(&self) -> ShotParameters {
@@ -295,8 +295,8 @@ impl OutputWiring<'_, '_> {
 
     /// Adds the step of the checks, and that of other programs if the recipe asks for them.
     fn add_checks(&mut self, external: Option<ExternalToolsStage>) {
-        let SceneGround { recipe, capture, seen, .. } = self.ground;
-        let MadeOutputs { events, sharp, imu, disparity, depth } = self.made;
+        let SceneGround { recipe, capture, rendered, .. } = self.ground;
+        let TrajectoryOutputs { events, sharp, imu, disparity, depth } = self.made;
         let foreign = external.filter(|_| !recipe.is_of_body(self.trajectory)).map(|external| {
             let camera = recipe.camera_along(self.trajectory);
             let stage = ExternalToolsStage { camera, ..external };
@@ -305,7 +305,7 @@ impl OutputWiring<'_, '_> {
         let stage = ChecksStage {
             limits: recipe.checks.of_trajectory(),
             light_changes: recipe.lights.is_some(),
-            own_motion: recipe.moves_by_itself(),
+            moves_by_itself: recipe.moves_by_itself(),
             imu: recipe.imu.clone().filter(|_| imu.is_some()),
             pair: disparity.and_then(|_| self.stereo_pair()),
             render: recipe.render,
@@ -314,7 +314,7 @@ impl OutputWiring<'_, '_> {
         let products = (imu, disparity, depth.filter(|_| disparity.is_some()), disparity.map(|_| capture));
         let sharp = sharp.filter(|_| recipe.lights.is_none()).map(|sharp| StepTarget::new(sharp.step));
         // Events and the scene together say which Gaussian made a flash.
-        let scene = seen.filter(|_| events.is_some()).map(|seen| StepTarget::new(seen.step));
+        let scene = rendered.filter(|_| events.is_some()).map(|rendered| StepTarget::new(rendered.step));
         self.add("checks", stage, (self.motion, events, foreign, (products, (sharp, scene))));
     }
 

@@ -209,7 +209,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         // Before `done`, which lets the files go at once if no later step uses them.
         self.store.hold(&key, &outputs);
         self.summary.kept += 1;
-        self.observer.tell(&RunEvent::Kept { step, key: &key, outputs: &outputs });
+        self.observer.observe(&RunEvent::Kept { step, key: &key, outputs: &outputs });
         self.done(step, StepProduct { key, outputs, sources });
         Ok(None)
     }
@@ -253,10 +253,10 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         let cores = (self.left().cores * count).div_ceil(self.stale.len() + count).max(1);
         for (step, stale) in &members {
             let (step, together) = (*step, count);
-            self.observer.tell(&RunEvent::Started { step, reason: &stale.reason, cores, together });
+            self.observer.observe(&RunEvent::Started { step, reason: &stale.reason, cores, together });
             if need.memory > whole.memory {
                 let (memory, budget) = (need.memory, whole.memory);
-                self.observer.tell(&RunEvent::TooLarge { step, memory, budget });
+                self.observer.observe(&RunEvent::TooLarge { step, memory, budget });
             }
             self.running.insert(step, RunningStep { key: stale.key, grant: None });
         }
@@ -305,7 +305,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
             Ok(StepResult { outputs, seconds, cores, warnings, remark, saving, memory, origin }) => {
                 self.count(origin, is_recheck);
-                self.observer.tell(&RunEvent::Made {
+                self.observer.observe(&RunEvent::Made {
                     step,
                     key: &key,
                     outputs: &outputs,
@@ -339,7 +339,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
 
     fn fail(&mut self, step: StepId, error: StepError) {
         let failure = StepFailure { step, error };
-        self.observer.tell(&RunEvent::Failed { failure: &failure });
+        self.observer.observe(&RunEvent::Failed { failure: &failure });
         self.summary.failures.push(failure);
     }
 

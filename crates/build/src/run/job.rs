@@ -210,9 +210,9 @@ impl<'a> StepJob<'a> {
     ) -> Result<StepResult, StepError> {
         let planned = &self.plan.steps()[step.0];
         let started = Instant::now();
-        let tell = |words: &str| self.observer.tell(&RunEvent::Advanced { step, words });
+        let report = |words: &str| self.observer.observe(&RunEvent::Advanced { step, words });
         let mut cx = self.context(stale, workspace);
-        cx.progress = Some(StepProgress(&tell));
+        cx.progress = Some(StepProgress(&report));
         let runs_commands = self.allows_commands && !planned.step.facts().programs().is_empty();
         if runs_commands || planned.step.facts().runs_known_programs() {
             cx.log = Some(self.store.log_of(&stale.key)?);

@@ -43,14 +43,14 @@ impl KeptStep {
     /// Ends the work with the frames, and keeps the new ones if the step was made. Returns a remark.
     pub(super) fn end(self, is_made: bool, store: &Store) -> Result<Option<String>, StoreError> {
         let Self { name, frames, fresh, limit } = &self;
-        let KeptSummary { shown, rendered, bytes, refused } = frames.finish();
-        if shown > 0 {
+        let KeptSummary { reused, rendered, bytes, refused } = frames.finish();
+        if reused > 0 {
             store.use_frames(name)?;
         }
         if !is_made || bytes == 0 {
             return Ok(match refused {
                 Some(because) => Some(format!("frames not kept: {because}")),
-                None => (shown > 0 && rendered == 0).then(|| "from kept frames".to_owned()),
+                None => (reused > 0 && rendered == 0).then(|| "from kept frames".to_owned()),
             });
         }
         store.keep_frames(name, fresh, *limit)?;

@@ -32,10 +32,10 @@ impl RecheckPolicy {
     pub(super) fn chooses_adopted(self, key: &Key, step: &dyn AnyStep) -> bool {
         // A training may take hours, and one that `minutes` ended has other bytes each time. Versions of
         // other programs may differ in their bytes. Only the user decides to make these again.
-        let is_usual = !step.facts().is_training()
+        let is_default_product = !step.facts().is_training()
             && !step.facts().runs_known_programs()
             && step.facts().programs().is_empty();
-        let share = self.share.unwrap_or(if is_usual { ADOPTED_SHARE } else { 0.0 });
+        let share = self.share.unwrap_or(if is_default_product { ADOPTED_SHARE } else { 0.0 });
         self.draws(key, share)
     }
 

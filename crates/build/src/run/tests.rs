@@ -82,7 +82,7 @@ impl Stage for Toy {
 struct Silent;
 
 impl RunObserver for Silent {
-    fn tell(&self, _: &RunEvent<'_>) {}
+    fn observe(&self, _: &RunEvent<'_>) {}
 }
 
 /// Steps by name, each with the index of the step before it.

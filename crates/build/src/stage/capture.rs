@@ -6,7 +6,7 @@ use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_files::is_there;
 use gs2e_source::colmap::ColmapModel;
-use gs2e_source::photos::own_name;
+use gs2e_source::photos::base_name;
 use gs2e_source::{Capture, DiskCapture};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -143,7 +143,7 @@ impl Stage for CaptureStage {
                     Some((model, _)) => {
                         let photos = self.all_photos(&solved)?.into_iter();
                         let photos: Vec<_> =
-                            photos.map(|file| (own_name(&file.name).to_owned(), file.path)).collect();
+                            photos.map(|file| (base_name(&file.name).to_owned(), file.path)).collect();
                         captured.read_solved(&model.model, &photos)
                     }
                     None => captured.read(),

@@ -18,7 +18,7 @@ use crate::artifact::{
 use flash::FlashGround;
 use gs2e_check::coverage::ViewCoverage;
 use gs2e_check::drift::DriftLaw;
-use gs2e_check::motion::warp::{FlowAt, seen_px};
+use gs2e_check::motion::warp::{FlowAt, observed_px};
 use gs2e_check::tally::{StreamObserver, TallyReference};
 use gs2e_check::{Limits, StreamTally, TrajectorySubject, judge_trajectory};
 use gs2e_event::{EventSource, h5};
@@ -46,9 +46,9 @@ pub(crate) struct ChecksStage {
     /// True if the light of the scene changes.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub light_changes: bool,
-    /// True if things move on paths of their own, or the scene changes with time.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub own_motion: bool,
+    /// True if things move on paths of their own, or the scene changes with time. Keys have the older name.
+    #[serde(rename = "own_motion", skip_serializing_if = "std::ops::Not::not")]
+    pub moves_by_itself: bool,
     /// The inertial sensor, if its data are checked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu: Option<ImuModel>,
@@ -91,7 +91,7 @@ impl StageFacts for ChecksStage {
         let held = files.iter().map(|files| brightness(files) + files.size("poses.txt")).sum::<u64>() + flows;
         // The scene is read after an alarm only.
         let scene = files.iter().map(|files| files.size("scene.ply")).max().unwrap_or(0);
-        StepNeed::for_parts([held, held, held, 4 * scene])
+        StepNeed::for_memory([held, held, held, 4 * scene])
     }
 }
 
@@ -107,7 +107,7 @@ impl Stage for ChecksStage {
     type Output = VerdictsRecord;
 
     fn run(&self, inputs: OpenedInputs<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
-        let (motion, events, foreign, (products, seen)) = inputs;
+        let (motion, events, foreign, (products, flash_products)) = inputs;
         let rate: Ratio =
             motion.report.rate.parse().map_err(StageError::work_failed("read the frame rate"))?;
         let rate = Hertz(rate);
@@ -118,7 +118,7 @@ impl Stage for ChecksStage {
         };
         let simulation = events.as_ref().map(|streams| &streams.simulation);
         let disparities = self.compare_disparities(&products, &motion, events.as_ref(), cx)?;
-        let blocks = self.frame_blocks(seen.0.as_ref(), cx)?;
+        let blocks = self.frame_blocks(flash_products.0.as_ref(), cx)?;
         let whole = TrajectorySubject {
             speed: Some(&motion.report),
             flow: simulation.and_then(|s| s.flow_px),
@@ -130,7 +130,7 @@ impl Stage for ChecksStage {
             disparities: disparities.as_ref(),
             foreign: foreign.as_ref(),
             light_changes: self.light_changes,
-            own_motion: self.own_motion,
+            moves_by_itself: self.moves_by_itself,
             ..TrajectorySubject::new("", rate, &motion.trajectory, &self.limits)
         };
         let streams = simulation.map_or(&[][..], |simulation| &simulation.streams);
@@ -149,7 +149,7 @@ impl Stage for ChecksStage {
             })
             .collect();
         let mut findings = judge_trajectory(&whole, &streams);
-        let ground = FlashGround::new(simulation, seen.1.as_ref(), &motion);
+        let ground = FlashGround::new(simulation, flash_products.1.as_ref(), &motion);
         self.name_sources(&mut findings, &std::iter::once(&whole).chain(&streams), ground.as_ref())?;
         findings.extend(self.judge_inertial(products.0.as_ref(), &motion)?);
         write_stream_pictures(&streams, &tallies, cx)?;
@@ -200,7 +200,7 @@ fn measured_flows(streams: &EventStreams, motion: &TrajectoryProduct) -> Vec<Flo
 fn moved_px(simulation: &SimulationRecord, flows: &[FlowAt], motion: &TrajectoryProduct) -> Option<f64> {
     let stamps_us = &motion.trajectory.stamps_us;
     let frames = simulation.chosen.as_ref().map_or(stamps_us.len(), |chosen| chosen.frames);
-    seen_px(flows, stamps_us.last().copied().unwrap_or(0), simulation.flow_px, frames)
+    observed_px(flows, stamps_us.last().copied().unwrap_or(0), simulation.flow_px, frames)
 }
 
 /// The emptiest of the views with a known depth.
@@ -220,7 +220,7 @@ fn count_streams(
     let end_us = motion.trajectory.stamps_us.last().copied().unwrap_or(0);
     let count = |(stream, file): (&EventStream, &PathBuf)| {
         let against = TallyReference {
-            seen: Some((DriftLaw::for_sensor(&stream.sensor), streams.seen_by(stream))),
+            observed: Some((DriftLaw::for_sensor(&stream.sensor), streams.anchors_of(stream))),
             flows,
             dead_us: stream.sensor.dead_us(),
             hot_hz: &[],

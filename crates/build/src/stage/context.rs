@@ -47,7 +47,7 @@ pub struct StepProgress<'a>(pub &'a (dyn Fn(&str) + Sync));
 
 impl StepProgress<'_> {
     /// Passes on the state of the step, in words for people.
-    pub fn tell(&self, words: &str) {
+    pub fn report(&self, words: &str) {
         (self.0)(words);
     }
 }

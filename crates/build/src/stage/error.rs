@@ -57,7 +57,9 @@ impl From<ForeignError> for StageError {
             ForeignError::Stopped => Self::Cancelled,
             ForeignError::Failed(failed) => Self::Program(failed),
             ForeignError::Io(error) => Self::Io(error),
-            error @ ForeignError::Own { .. } => Self::work_failed("compare it with other programs")(error),
+            error @ ForeignError::Product { .. } => {
+                Self::work_failed("compare it with other programs")(error)
+            }
         }
     }
 }

@@ -4,7 +4,7 @@
 mod resample;
 mod sampling;
 
-use super::near::{self, seen_along};
+use super::near::{self, hide_near_along};
 use super::pass::{PassGround, PassInputs, PassRole, PoseReaders};
 use super::shot::ShotParameters;
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed};
@@ -17,7 +17,7 @@ use gs2e_num::seed::Seed;
 use gs2e_num::stats::nearest_ranks;
 use gs2e_render::doubt::BlendDoubt;
 use gs2e_render::lights::SceneLights;
-use gs2e_render::parts::near_warnings;
+use gs2e_render::objects::near_warnings;
 use gs2e_render::{ChannelSet, OmissionPolicy, RenderStyle, RenderedImages, Renderer};
 use gs2e_sampling::ErrorTolerance;
 use gs2e_sampling::kept::{KeptFrames, KeptRenderer};
@@ -133,7 +133,8 @@ impl EventsStage {
         cx: &mut StageContext<'_>,
     ) -> Result<(), StageError> {
         let camera = super::choose_camera(self.shot.camera, &ground.capture, cx);
-        let (gaussians, hidden) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.shot.render);
+        let (gaussians, hidden) =
+            hide_near_along(&ground.gaussians, &ground.motion, &camera, &self.shot.render);
         let motion = ground.motion;
         cx.warnings.extend(near_warnings(&gaussians, &camera, &motion.trajectory, self.shot.render.rules));
         let style = self.shot.render.resolve(gaussians.antialiased);
@@ -144,8 +145,8 @@ impl EventsStage {
             self.sample(motion, camera, new_renderer()?, cx)?;
         let chosen_own = chosen.as_ref().map(|chosen| self.between(chosen.between));
         let own = chosen_own.as_ref().unwrap_or(self);
-        let seen = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
-        let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(seen.flow_px));
+        let sampled = sample_path(&mut *new_renderer()?, camera, &trajectory, cx)?;
+        let choice = AnchorChoice::from_stamps(&trajectory.stamps_us, span_frames(sampled.flow_px));
         let frames = RenderedFrames::new(renderer, camera, trajectory.clone()).lit_by(self.lights.clone());
         let mut frames = own.with_inputs(frames, velocities, readers.is_some());
         self.measure_saving(&mut frames, cx)?;
@@ -160,7 +161,7 @@ impl EventsStage {
             let tried = own.resample(doubled, camera, frames.into_renderer(), cx)?;
             simulated.streams.iter_mut().zip(tried).for_each(|(stream, tried)| stream.resampled = tried);
         }
-        own.tell(&trajectory, chosen.as_ref(), &simulated, cx);
+        own.report(&trajectory, chosen.as_ref(), &simulated, cx);
         near::add_remark(cx, hidden);
         let SimulatedStreams { streams, anchors } = simulated;
         let simulation = SimulationRecord {
@@ -173,12 +174,12 @@ impl EventsStage {
             seed: self.seed,
             omit: self.shot.omit,
             work,
-            flow_px: seen.flow_px,
-            doubtful_share: seen.doubtful_share,
-            depth_unit: seen.depth_unit,
+            flow_px: sampled.flow_px,
+            doubtful_share: sampled.doubtful_share,
+            depth_unit: sampled.depth_unit,
             brightness_stamps_us: anchors[0].stamps_us.clone(),
             brightness_spans: choice.spans,
-            depth_stamps_us: seen.stamps_us,
+            depth_stamps_us: sampled.stamps_us,
             chosen,
         };
         for (i, anchors) in anchors.iter().enumerate() {
@@ -403,15 +404,15 @@ fn sample_path(
             .map_err(StageError::work_failed("measure the optical flow"))?;
         doubt.add(&rendered);
         let mut depth = rendered.depth.expect("depth was asked for");
-        let segments = rendered.segments.as_ref();
+        let segmentation = rendered.segmentation.as_ref();
         let drift = rendered.drift.as_ref();
-        let [from, to] = [from, to].map(|view| renderer.part_views(&view));
+        let [from, to] = [from, to].map(|view| renderer.object_views(&view));
         moved_px.extend(match drift {
             Some(drift) => flow::displacement_with_drift(&depth, drift, &from[0], &to[0]).into_pixels(),
-            None => flow::displacement_of_parts(&depth, segments, &from, &to).into_pixels(),
+            None => flow::displacement_of_objects(&depth, segmentation, &from, &to).into_pixels(),
         });
         // The checks compare depths with the poses of the camera, which tell nothing of what moves by itself.
-        segments.into_iter().for_each(|segments| flow::leave_out_parts(&mut depth, segments));
+        segmentation.into_iter().for_each(|segmentation| flow::leave_out_objects(&mut depth, segmentation));
         drift.into_iter().for_each(|drift| flow::leave_out_drifting(&mut depth, drift));
         stamps_us.push(trajectory.stamps_us[a]);
         depths.push(depth);

@@ -69,7 +69,7 @@ impl Stage for FidelityStage {
         let (capture, gaussians, solved) = inputs;
         let photos = self.capturing.all_photos(&solved)?;
         let taken = views_taken(&capture, &photos);
-        let picked: Vec<Taken<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
+        let picked: Vec<PhotoView<'_>> = picked_indices(taken.len()).into_iter().map(|k| taken[k]).collect();
         let mut sheet = ComparisonSheet::default();
         let fidelity = self.measure(&Arc::new(gaussians), &picked, &mut sheet, cx)?;
         if let Some(image) = sheet.into_image() {
@@ -83,10 +83,10 @@ impl Stage for FidelityStage {
 }
 
 /// A view with its index and its photo.
-pub(super) type Taken<'a> = (usize, &'a CapturedView, &'a SourceFile);
+pub(super) type PhotoView<'a> = (usize, &'a CapturedView, &'a SourceFile);
 
 /// The views with a photo.
-pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<Taken<'a>> {
+pub(super) fn views_taken<'a>(capture: &'a Capture, photos: &'a [SourceFile]) -> Vec<PhotoView<'a>> {
     let views = capture.views.iter().enumerate();
     views.filter_map(|(i, view)| Some((i, view, photo_of(view, photos)?))).collect()
 }
@@ -97,7 +97,7 @@ impl FidelityStage {
     pub(super) fn measure(
         &self,
         gaussians: &Arc<Gaussians>,
-        taken: &[Taken<'_>],
+        taken: &[PhotoView<'_>],
         sheet: &mut ComparisonSheet,
         cx: &StageContext<'_>,
     ) -> Result<PhotoFidelity, StageError> {
@@ -120,7 +120,7 @@ impl FidelityStage {
                     let found = compare_view(renderer.as_mut(), view, &photo)
                         .map_err(StageError::work_failed("render"))?;
                     if pictured.contains(&i) {
-                        sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.shown));
+                        sheet.push(&png::to_bytes(&found.photo), &png::to_bytes(&found.rendering));
                     }
                     let ViewComparison { psnr, ssim, .. } = found;
                     fidelity.views.push(ComparedView { name, psnr, ssim, held_out: held_out.holds_out(i) });

@@ -70,7 +70,7 @@ impl StageFacts for ExternalToolsStage {
         let events =
             // Events are the last input, if there are any.
             files.last().map_or(0, |files| files.iter().map(|(name, _)| of_events(files, name)).sum());
-        StepNeed::for_parts([BYTES, BYTES_A_STORED_BYTE * events])
+        StepNeed::for_memory([BYTES, BYTES_A_STORED_BYTE * events])
     }
 
     fn runs_known_programs(&self) -> bool {

@@ -46,7 +46,7 @@ impl StageFacts for FramesStage {
     }
 
     fn need(&self, _: &[ArtifactFiles]) -> StepNeed {
-        StepNeed::for_parts([BYTES])
+        StepNeed::for_memory([BYTES])
     }
 
     fn runs_known_programs(&self) -> bool {

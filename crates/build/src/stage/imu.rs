@@ -63,17 +63,17 @@ impl Stage for ImuStage {
             writeln!(file, "{head}")?;
             Ok(file)
         };
-        let mut shown = create(&samples, SAMPLES_HEAD).map_err(StageError::io_error(&samples))?;
+        let mut out = create(&samples, SAMPLES_HEAD).map_err(StageError::io_error(&samples))?;
         let mut truth = create(&states, STATES_HEAD).map_err(StageError::io_error(&states))?;
         let mut count = 0_u64;
         for sample in &mut sampler {
             cx.go_on()?;
-            files::write_sample(&sample, &mut shown).map_err(StageError::io_error(&samples))?;
+            files::write_sample(&sample, &mut out).map_err(StageError::io_error(&samples))?;
             files::write_state(&sample, &mut truth).map_err(StageError::io_error(&states))?;
             count += 1;
         }
         // A writer that is dropped writes its rest too, but loses the error of a full disk.
-        shown.flush().map_err(StageError::io_error(&samples))?;
+        out.flush().map_err(StageError::io_error(&samples))?;
         truth.flush().map_err(StageError::io_error(&states))?;
         let sensor = cx.out.join(SENSOR);
         let text = files::sensor_text(&self.model, sampler.gravity());

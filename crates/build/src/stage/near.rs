@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 /// Returns the scene, and the number of Gaussians that are hidden. All products of a trajectory hide the same
 /// ones.
-pub(super) fn seen_along(
+pub(super) fn hide_near_along(
     gaussians: &Arc<Gaussians>,
     motion: &TrajectoryProduct,
     camera: &Camera,

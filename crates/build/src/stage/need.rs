@@ -18,12 +18,12 @@ pub struct StepNeed {
 }
 
 impl StepNeed {
-    /// Memory for these parts plus the base of every step, bytes.
+    /// The sum of these amounts of memory plus the base of every step, bytes.
     #[must_use]
-    pub fn for_parts(parts: impl IntoIterator<Item = u64>) -> Self {
+    pub fn for_memory(amounts: impl IntoIterator<Item = u64>) -> Self {
         /// Base: the program itself with its buffers, stacks and tables.
         const BASE: u64 = 24 << 20;
-        Self { memory: parts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
+        Self { memory: amounts.into_iter().fold(BASE, u64::saturating_add), gpu: false }
     }
 }
 
@@ -48,7 +48,7 @@ pub(super) fn rendering_need(
     let camera = capture.and_then(|capture| camera::choose_camera(choice, own(capture).as_ref()));
     let scene = files.get(1).map_or(0, ArtifactFiles::bytes);
     let own = |size: Size| u64::from(size.width) * u64::from(size.height) * others;
-    let need = StepNeed::for_parts(
+    let need = StepNeed::for_memory(
         camera
             .into_iter()
             .flat_map(|camera| [backend.memory(scene, rendered_size(&camera)), own(camera.size)]),

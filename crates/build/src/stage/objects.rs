@@ -1,9 +1,9 @@
-//! Stage `objects`: the scene with its objects as moving parts.
+//! Stage `objects`: the scene with its moving objects.
 
 use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
-use crate::artifact::{SCENE_PARTS, write_json};
+use crate::artifact::{SCENE_OBJECTS, write_json};
 use gs2e_scene::Gaussians;
-use gs2e_scene::motion::PartRecord;
+use gs2e_scene::motion::ObjectRecord;
 use gs2e_scene::objects::{ObjectSettings, add_objects};
 use gs2e_scene::ply::write_ply;
 use serde::Serialize;
@@ -37,8 +37,8 @@ impl Stage for ObjectsStage {
             add_objects(&scene, &self.objects).map_err(StageError::work_failed("place the objects"))?;
         let out = cx.out.join("scene.ply");
         File::create(&out).and_then(|file| write_ply(&made, file)).map_err(StageError::io_error(&out))?;
-        let records: Vec<&PartRecord> = made.motion.iter().flat_map(|motion| motion.records()).collect();
-        let out = cx.out.join(SCENE_PARTS);
+        let records: Vec<&ObjectRecord> = made.motion.iter().flat_map(|motion| motion.records()).collect();
+        let out = cx.out.join(SCENE_OBJECTS);
         write_json(&out, &records).map_err(StageError::io_error(&out))
     }
 }

@@ -7,7 +7,7 @@ use crate::artifact::{ArtifactFiles, PictureSet, SolvedModel};
 use gs2e_source::DiskCapture;
 use gs2e_source::foreign::photos::{SolvedPhotos, solve_photos};
 use gs2e_source::foreign::versions::VersionQuery;
-use gs2e_source::photos::own_name;
+use gs2e_source::photos::base_name;
 use gs2e_source::reconstruct::ProgramWorkspace;
 use gs2e_source::solving::PoseSolving;
 use serde::Serialize;
@@ -37,7 +37,7 @@ impl PosesStage {
     fn photos(&self) -> Result<Vec<SourceFile>, StageError> {
         let is_given = self.capturing.is_given();
         let mut files = CaptureStage::Captured(self.capturing.clone()).sources()?;
-        files.retain(|file| is_given(own_name(&file.name)));
+        files.retain(|file| is_given(base_name(&file.name)));
         Ok(files)
     }
 }
@@ -67,7 +67,7 @@ impl StageFacts for PosesStage {
         // A source that cannot be listed is reported by the run. A need has no errors.
         let photos = self.photos().map_or(0, |photos| photos.len()) + frames;
         let key_points = photos as u64 * u64::from(self.solving.features);
-        StepNeed::for_parts([BYTES, key_points * BYTES_A_KEY_POINT])
+        StepNeed::for_memory([BYTES, key_points * BYTES_A_KEY_POINT])
     }
 
     fn runs_known_programs(&self) -> bool {
@@ -83,15 +83,16 @@ impl Stage for PosesStage {
     type Output = SolvedModel;
 
     fn run(&self, frames: Option<PictureSet>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
-        let on_disk = self.photos()?.into_iter().map(|file| (own_name(&file.name).to_owned(), file.path));
+        let on_disk = self.photos()?.into_iter().map(|file| (base_name(&file.name).to_owned(), file.path));
         let photos: Vec<(String, PathBuf)> = match frames {
             Some(frames) => frames.files,
             None => on_disk.collect(),
         };
         let progress = cx.progress;
-        let tell = |words: &str| progress.iter().for_each(|progress| progress.tell(words));
-        let solve =
-            |workspace: ProgramWorkspace<'_>| solve_photos(&photos, &self.solving, cx.out, workspace, &tell);
+        let report_progress = |words: &str| progress.iter().for_each(|progress| progress.report(words));
+        let solve = |workspace: ProgramWorkspace<'_>| {
+            solve_photos(&photos, &self.solving, cx.out, workspace, &report_progress)
+        };
         let solved = known_program("colmap", cx, solve)?;
         report(&solved, cx);
         Ok(())

@@ -161,9 +161,9 @@ impl StageFacts for ReconstructStage {
             (Self::Builtin(training), Some(capture)) => training.need(&capture),
             // Trainings of programs use the GPU one after another.
             (_, Some(capture)) => {
-                StepNeed { gpu: true, ..StepNeed::for_parts([reconstruct::photo_memory(&capture)]) }
+                StepNeed { gpu: true, ..StepNeed::for_memory([reconstruct::photo_memory(&capture)]) }
             }
-            (_, None) => StepNeed::for_parts([small_stage_memory(files)]),
+            (_, None) => StepNeed::for_memory([small_stage_memory(files)]),
         }
     }
 

@@ -16,21 +16,21 @@ use std::fs::File;
 use std::io::BufWriter;
 use std::sync::Arc;
 
-/// Parameters: camera, rendering, and the spacing of masks.
+/// Parameters: camera, rendering, and the spacing of segmentations.
 #[derive(Debug, Serialize)]
 pub struct SegmentationStage {
     /// Camera and rendering.
     #[serde(flatten)]
     pub shot: ShotParameters,
-    /// Spacing of masks, in poses.
+    /// Spacing of segmentations, in poses.
     pub every: u32,
 }
 
-/// Memory per pixel of a batch of masks, of the weights of the objects, and of the encoders, bytes.
+/// Memory per pixel of a batch of segmentations, of the weights of the objects, and of the encoders, bytes.
 const BYTES_A_PIXEL: u64 = 48;
 
-/// Bytes per pixel of a mask, which is one colour in most places; an estimate.
-const BYTES_OF_MASK: f64 = 0.02;
+/// Bytes per pixel of a segmentation, which is one colour in most places; an estimate.
+const BYTES_A_SEGMENTED_PIXEL: f64 = 0.02;
 
 impl PoseProduct for SegmentationStage {
     const NAME: &'static str = "segmentation";
@@ -38,7 +38,7 @@ impl PoseProduct for SegmentationStage {
     type Output = PictureSet;
 
     fn size_along(&self, path: PathLength) -> ExpectedSize {
-        ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_OF_MASK)
+        ExpectedSize::of_pictures(path.pictures(self.every), self.shot.camera, BYTES_A_SEGMENTED_PIXEL)
     }
 }
 
@@ -53,35 +53,35 @@ impl PoseStage for SegmentationStage {
 
     fn taker(&self, ground: &PassGround, _: Camera) -> Result<Box<dyn PoseTaker>, StageError> {
         let kept = exposure::kept_poses(ground.poses(), self.every, None);
-        let want = ChannelSet { segments: true, ..ChannelSet::NONE };
+        let want = ChannelSet { segmentation: true, ..ChannelSet::NONE };
         let form = PoseFileForm {
             extension: "png",
             keep: Box::new(|images: &RenderedImages, _| {
-                images.segments.clone().expect("the parts were asked for")
+                images.segmentation.clone().expect("the segmentation was asked for")
             }),
-            write: |mask, file| png::write_image(mask, file),
+            write: |segmentation, file| png::write_image(segmentation, file),
             is_encoded: true,
         };
         let stamps_us = ground.motion.trajectory.stamps_us.clone();
-        let masks = FileTaker::new(kept, want, form);
-        Ok(Box::new(MaskTaker { masks, scene: ground.gaussians.clone(), stamps_us }))
+        let segmentations = FileTaker::new(kept, want, form);
+        Ok(Box::new(SegmentationTaker { segmentations, scene: ground.gaussians.clone(), stamps_us }))
     }
 }
 
-/// The masks of a trajectory, and the places of its objects.
-struct MaskTaker {
-    masks: FileTaker<Image<u8>>,
+/// The segmentations of a trajectory, and the places of its objects.
+struct SegmentationTaker {
+    segmentations: FileTaker<Image<u8>>,
     scene: Arc<Gaussians>,
     stamps_us: Vec<i64>,
 }
 
-impl PoseTaker for MaskTaker {
+impl PoseTaker for SegmentationTaker {
     fn want(&mut self, pose: usize, renderer: &mut dyn Renderer) -> ChannelSet {
-        self.masks.want(pose, renderer)
+        self.segmentations.want(pose, renderer)
     }
 
     fn take(&mut self, pose: RenderedPose<'_>, cx: &StageContext<'_>) -> Result<(), StageError> {
-        self.masks.take(pose, cx)
+        self.segmentations.take(pose, cx)
     }
 
     fn finish(self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
@@ -90,6 +90,6 @@ impl PoseTaker for MaskTaker {
             write_places(self.scene.motion.as_deref(), &self.stamps_us, BufWriter::new(file))
         });
         written.map_err(StageError::io_error(&out))?;
-        Box::new(self.masks).finish(cx)
+        Box::new(self.segmentations).finish(cx)
     }
 }

@@ -1,6 +1,6 @@
 //! Common part of the stages that render pictures for a release: camera, rules, and one file per pose.
 
-use super::near::seen_along;
+use super::near::hide_near_along;
 use super::pass::{PassGround, PoseTaker};
 use super::{StageContext, StageError, StepNeed};
 use crate::artifact::{ArtifactFiles, write_json};
@@ -41,8 +41,8 @@ impl ShotParameters {
         camera: Camera,
     ) -> Result<Box<dyn Renderer>, StageError> {
         let style = self.render.resolve(ground.gaussians.antialiased);
-        let (seen, _) = seen_along(&ground.gaussians, &ground.motion, &camera, &self.render);
-        let renderer = self.backend.renderer(seen, style);
+        let (visible, _) = hide_near_along(&ground.gaussians, &ground.motion, &camera, &self.render);
+        let renderer = self.backend.renderer(visible, style);
         let mut renderer = renderer.map_err(StageError::work_failed("render"))?;
         // The policy comes first: under another one, the renderer ignores the promise.
         renderer.omit(self.omit);

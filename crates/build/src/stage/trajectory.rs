@@ -76,13 +76,13 @@ impl StageFacts for TrajectoryStage {
         match (&self.seeing, files) {
             // The scene is the last input.
             (Some(seeing), [others @ .., scene]) => {
-                let need = StepNeed::for_parts([
+                let need = StepNeed::for_memory([
                     super::small_stage_memory(others),
                     seeing.backend.memory(scene.bytes(), SMALL),
                 ]);
                 StepNeed { gpu: seeing.backend.takes_gpu(), ..need }
             }
-            _ => StepNeed::for_parts([super::small_stage_memory(files)]),
+            _ => StepNeed::for_memory([super::small_stage_memory(files)]),
         }
     }
 

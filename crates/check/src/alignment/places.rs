@@ -123,7 +123,7 @@ pub(crate) struct PlaceWatch {
     /// Change of each pixel in thresholds; NaN if it is unknown.
     changes: Vec<f32>,
     /// Change of each pixel by its events, in thresholds.
-    shown: Vec<f32>,
+    by_events: Vec<f32>,
     found: PlaceSums,
 }
 
@@ -136,25 +136,25 @@ impl PlaceWatch {
             moments: vec![Moments::default(); placements.len()],
             placements,
             changes: vec![0.0; size.pixels()],
-            shown: vec![0.0; size.pixels()],
+            by_events: vec![0.0; size.pixels()],
             found: PlaceSums::default(),
         }
     }
 
     /// Takes a pixel: its drift, if it is known, and its drift by its events.
     #[expect(clippy::cast_possible_truncation, reason = "cut to small numbers")]
-    pub(crate) fn see(&mut self, pixel: usize, change: Option<f64>, shown: f64) {
+    pub(crate) fn see(&mut self, pixel: usize, change: Option<f64>, by_events: f64) {
         let cut = |v: f64| (v / self.threshold).clamp(-CUT, CUT) as f32;
         self.found.changed += u64::from(change.is_some_and(|change| change.abs() >= self.threshold));
         self.changes[pixel] = change.map_or(f32::NAN, cut);
-        self.shown[pixel] = cut(shown);
+        self.by_events[pixel] = cut(by_events);
     }
 
     /// Correlates the pixels of this instant.
     #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "a pixel of the sensor")]
     pub(crate) fn settle(&mut self) {
         let [width, height] = [self.size.width, self.size.height].map(i64::from);
-        let (changes, shown) = (&self.changes, &self.shown);
+        let (changes, by_events) = (&self.changes, &self.by_events);
         // Each placement passes over all pixels, and has its own sums: the number of threads does not change
         // them.
         self.placements.par_iter().zip(&mut self.moments).for_each(|(placement, moments)| {
@@ -165,7 +165,7 @@ impl PlaceWatch {
                 // would favour small shifts.
                 let inside = x >= 0 && y >= 0 && x < width && y < height;
                 if !change.is_nan() && inside {
-                    moments.add(f64::from(shown[(y * width + x) as usize]), f64::from(*change));
+                    moments.add(f64::from(by_events[(y * width + x) as usize]), f64::from(*change));
                 }
             }
         });

@@ -23,7 +23,7 @@ pub struct ChangeInterval {
     pub short: bool,
 }
 
-/// Sums over pixels that changed by more than `LEAST` thresholds. `pixels`, `asked` and `shown` leave out
+/// Sums over pixels that changed by more than `LEAST` thresholds. `pixels`, `asked` and `stated` leave out
 /// those that began so close to an event of the other direction that the change need not end in one.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TileSums {
@@ -32,7 +32,7 @@ pub struct TileSums {
     /// Sum of the drift's size.
     pub asked: f64,
     /// Sum of the drift according to the events, in the direction of the drift.
-    pub shown: f64,
+    pub stated: f64,
     /// Number of events in the direction of the drift, and against it.
     pub events: [u64; 2],
     /// Expected number of events of the noise floor against the direction of the drift.
@@ -43,7 +43,7 @@ impl TileSums {
     fn add(&mut self, other: Self) {
         self.pixels += other.pixels;
         self.asked += other.asked;
-        self.shown += other.shown;
+        self.stated += other.stated;
         self.events[0] += other.events[0];
         self.events[1] += other.events[1];
         self.floor += other.floor;
@@ -52,7 +52,7 @@ impl TileSums {
     /// Share of the change that events show; NaN without pixels.
     #[must_use]
     pub fn share(&self) -> f64 {
-        self.shown / self.asked
+        self.stated / self.asked
     }
 }
 
@@ -121,11 +121,11 @@ impl IntervalWatch {
         let least = LEAST * 0.5 * (a + b) + error;
         if change.abs() > least {
             let [on, off] = [0, 1].map(|side| u64::from(counts[side] - before[side]));
-            let shown = a * on as f64 - b * off as f64;
+            let stated = a * on as f64 - b * off as f64;
             let (events, floor) = if change > 0.0 { ([on, off], floor[1]) } else { ([off, on], floor[0]) };
             let own = if change.abs() + begin * change.signum() > least {
-                let (asked, shown) = (change.abs(), shown * change.signum());
-                TileSums { pixels: 1, asked, shown, events, floor }
+                let (asked, stated) = (change.abs(), stated * change.signum());
+                TileSums { pixels: 1, asked, stated, events, floor }
             } else {
                 TileSums { events, floor, ..TileSums::default() }
             };
@@ -180,12 +180,12 @@ mod tests {
         assert_eq!(fall.pixels, 0);
         // A fall by 2.2 ends in an event.
         let [_, fall] = sums([(1.9, [1, 0]), (-0.3, [1, 1])]);
-        assert_eq!((fall.pixels, fall.shown), (1, 1.0));
+        assert_eq!((fall.pixels, fall.stated), (1, 1.0));
     }
 
     #[test]
     fn lost_events_are_missed_in_the_next_interval_too() {
         let [first, second] = sums([(1.9, [0, 0]), (3.8, [0, 0])]);
-        assert_eq!([first, second].map(|sums| (sums.pixels, sums.shown)), [(1, 0.0); 2]);
+        assert_eq!([first, second].map(|sums| (sums.pixels, sums.stated)), [(1, 0.0); 2]);
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::TrajectorySubject;
 use crate::flow_projection::rank;
-use crate::subject::{Judged, Judgement, LimitSide};
+use crate::subject::{Judgement, JudgementResult, LimitSide};
 use gs2e_image::Image;
 
 /// Largest difference of a disparity, as a share of it.
@@ -46,7 +46,7 @@ impl DisparityDifference {
 }
 
 /// The statement on the disparity images; `None` if the trajectory has none.
-pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<Judged> {
+pub(super) fn judge_disparities(subject: &TrajectorySubject<'_>) -> Option<JudgementResult> {
     let differences = match subject.disparities? {
         Ok(differences) => differences,
         Err(because) => return Some(Err(because.clone())),

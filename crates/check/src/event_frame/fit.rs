@@ -26,7 +26,7 @@ const MAX_BLUR: f64 = 0.04;
 const MAX_UNEQUAL_BLUR: f64 = 0.5;
 /// Largest effect of unequal thresholds on the edge of a pixel, in that of one threshold: pixels with
 /// many events of both polarities would blur it.
-const MAX_OWN_SPREAD: f64 = 1.5;
+const MAX_PIXEL_SPREAD: f64 = 1.5;
 /// Thresholds beyond a possible residual from which on a pixel is stray: single events that the bound misses
 /// are not.
 pub(crate) const STRAY: f64 = 3.0;
@@ -242,7 +242,7 @@ impl FitSums {
         // Every event has the deviation of its own threshold.
         let [along, against] = [counts[side], counts[1 - side]].map(f64::from);
         let spread = law.spread / threshold * length([along + 1.0, against]) / (said + 1.0).max(1e-9);
-        let usable = blur < most && spread * threshold <= MAX_OWN_SPREAD * law.spread;
+        let usable = blur < most && spread * threshold <= MAX_PIXEL_SPREAD * law.spread;
         // A pixel without half a threshold of drift is too far from its next event to show an edge.
         if law.from_zero && usable && way > 0.5 {
             self.near[side].push(NearPixel { way, said, blur: blur_share, spread });

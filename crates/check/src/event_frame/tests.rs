@@ -17,10 +17,11 @@ fn uneven(floor_hz: [f64; 2]) -> WorldSettings {
     }
 }
 
-const PARTS: [&str; 7] = ["gain", "gain-on", "gain-off", "threshold-on", "threshold-off", "residual", "sign"];
+const STATEMENTS: [&str; 7] =
+    ["gain", "gain-on", "gain-off", "threshold-on", "threshold-off", "residual", "sign"];
 
 fn verdicts(world: &PlantedWorld) -> Vec<Verdict> {
-    let found = PARTS.map(|part| world.finding(&format!("event_frame#{part}")));
+    let found = STATEMENTS.map(|statement| world.finding(&format!("event_frame#{statement}")));
     found.iter().for_each(|f| {
         println!("{} {:?} of {:?}: {}", f.subject.text_without("world/base"), f.measured, f.limit, f.because)
     });

@@ -12,7 +12,7 @@
 //! those of pairs of events, see `pairs.rs`; for the others those of single events, see `levels.rs`.
 //! Pixels whose colours are cut off at black or white have an unknown drift, and are left out: for
 //! the interval at its ends, and for good at the first frame, from which drifts are counted. Errors
-//! are those of a jackknife over 64 parts of the picture, because the events of an object share its
+//! are those of a jackknife over 64 blocks of the picture, because the events of an object share its
 //! errors.
 //!
 //! Residuals above a bound are left out, since a lost event leaves a whole threshold. A fault moves
@@ -21,18 +21,18 @@
 //! `1 - c (f(c) + f(-c))` times as large. That share is measured, from the residuals near the bound,
 //! and so is its standard error; the stated power depends on both.
 //!
-//! A few parts of the picture may have most of the information. The standard error then varies much from one
+//! A few blocks of the picture may have most of the information. The standard error then varies much from one
 //! stream to the next, and with it the limit. If the errors of events are independent, the part of the error
-//! that comes from a part of the picture has a variance in proportion to its share `h` of the sum of squares.
-//! The standard error has the spread of one with `1 / sum h^2` degrees of freedom (Satterthwaite, Biometrics
-//! Bulletin 2, 1946).
+//! that comes from a block of the picture has a variance in proportion to its share `h` of the sum of
+//! squares. The standard error has the spread of one with `1 / sum h^2` degrees of freedom (Satterthwaite,
+//! Biometrics Bulletin 2, 1946).
 
 mod frame_drifts;
 mod levels;
 mod line_sums;
 mod pairs;
 
-pub use frame_drifts::SeenFrame;
+pub use frame_drifts::BrightnessFrame;
 
 use crate::ahead::{AHEAD, load_ahead};
 use crate::drift::DriftLaw;
@@ -44,8 +44,8 @@ use line_sums::LineSums;
 use pairs::PairResiduals;
 use rayon::prelude::*;
 
-/// Parts of the picture in each direction.
-const PARTS: usize = 8;
+/// Blocks of the picture in each direction.
+const BLOCKS: usize = 8;
 /// Largest residual that is used, thresholds. A lost or an added event leaves a whole one.
 const SMALL: f64 = 0.4;
 /// Largest residual that is used for an offset of a frame or more, thresholds. Fast pixels then have
@@ -62,10 +62,10 @@ const REACH_OF_PAIRS: f64 = 0.25;
 /// Number of events that are enough: their standard error is far below [`super::OFFSET_US`]. Of a longer
 /// stream, the events on some lines of the picture are compared.
 const ENOUGH: u64 = 1 << 20;
-/// Minimum number of compared lines in a row of parts.
+/// Minimum number of compared lines in a row of blocks.
 const LINES: u64 = 4;
-/// Minimum number of parts with events for a jackknife.
-const MIN_PARTS: usize = 8;
+/// Minimum number of blocks with events for a jackknife.
+const MIN_BLOCKS: usize = 8;
 
 /// A value with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,13 +109,13 @@ pub struct StreamClock {
 #[derive(Debug)]
 pub struct CrossingObserver {
     drifts: FrameDrifts,
-    rows: Vec<PartRow>,
+    rows: Vec<BlockRow>,
 }
 
-/// A row of parts of the picture, over its whole width. No state is shared between rows, so that they are
+/// A row of blocks of the picture, over its whole width. No state is shared between rows, so that they are
 /// counted in parallel, and each sum has one order of its terms.
 #[derive(Debug)]
-struct PartRow {
+struct BlockRow {
     /// Its first pixel in the picture, at the left border.
     first: usize,
     pixels: usize,
@@ -139,28 +139,28 @@ impl CrossingFit {
 impl CrossingObserver {
     /// Starts at the first frame of a clip that ends at `end_us`, with about `events` events.
     #[must_use]
-    pub fn new(law: DriftLaw, first: SeenFrame, end_us: i64, events: u64) -> Self {
+    pub fn new(law: DriftLaw, first: BrightnessFrame, end_us: i64, events: u64) -> Self {
         let apart = lines_apart(events, first.brightness.size());
         Self::of_lines(law, first, end_us, apart)
     }
 
     /// Compares the events on every `apart`-th line.
-    fn of_lines(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
+    fn of_lines(law: DriftLaw, first: BrightnessFrame, end_us: i64, apart: u64) -> Self {
         let Size { width, height } = first.brightness.size();
         let (width, height) = (width as usize, height as usize);
         let start_us = first.t_us as f64;
-        // A line `y` is in row `y * PARTS / height`.
-        let first_line = |row: usize| (row * height).div_ceil(PARTS);
+        // A line `y` is in row `y * BLOCKS / height`.
+        let first_line = |row: usize| (row * height).div_ceil(BLOCKS);
         let row = |row: usize| {
             let pixels = (first_line(row + 1) - first_line(row)) * width;
             let residuals = if law.keeps_levels() {
-                EventResiduals::Levels(LevelResiduals::new(law, pixels, PARTS))
+                EventResiduals::Levels(LevelResiduals::new(law, pixels, BLOCKS))
             } else {
-                EventResiduals::Pairs(PairResiduals::new(law, start_us, pixels, PARTS))
+                EventResiduals::Pairs(PairResiduals::new(law, start_us, pixels, BLOCKS))
             };
-            PartRow { first: first_line(row) * width, pixels, residuals }
+            BlockRow { first: first_line(row) * width, pixels, residuals }
         };
-        Self { rows: (0..PARTS).map(row).collect(), drifts: FrameDrifts::new(law, first, end_us, apart) }
+        Self { rows: (0..BLOCKS).map(row).collect(), drifts: FrameDrifts::new(law, first, end_us, apart) }
     }
 
     /// Size of the frames.
@@ -173,7 +173,7 @@ impl CrossingObserver {
     ///
     /// # Panics
     /// The frame has another size than the first.
-    pub fn take_frame(&mut self, frame: SeenFrame) {
+    pub fn take_frame(&mut self, frame: BrightnessFrame) {
         self.drifts.take_frame(frame);
     }
 
@@ -194,14 +194,14 @@ impl CrossingObserver {
     pub fn finish(self) -> Result<StreamClock, String> {
         let half_us = self.drifts.half_us();
         let noisy: u64 = self.rows.iter().map(|row| row.residuals.noisy()).sum();
-        let small = CrossingFit::of_parts(&self.parts(Residuals::Small));
+        let small = CrossingFit::of_blocks(&self.blocks(Residuals::Small));
         if self.rows.iter().all(|row| matches!(row.residuals, EventResiduals::Pairs(_))) {
             // A pair is short, so that even a lag of some frames leaves most residuals small.
             let noisy = |e| format!("{e}; {noisy} more may be noise");
             let reach = REACH_OF_PAIRS;
             return small.map(|found| StreamClock { found, far: None, half_us, reach }).map_err(noisy);
         }
-        let far = CrossingFit::of_parts(&self.parts(Residuals::Large)).ok();
+        let far = CrossingFit::of_blocks(&self.blocks(Residuals::Large)).ok();
         let found = match far {
             Some(far) if far.is_far() => far,
             _ => small?,
@@ -209,21 +209,21 @@ impl CrossingObserver {
         Ok(StreamClock { found, far, half_us, reach: REACH })
     }
 
-    /// The sums of all parts of the picture.
-    fn parts(&self, residuals: Residuals) -> Vec<LineSums> {
+    /// The sums of all blocks of the picture.
+    fn blocks(&self, residuals: Residuals) -> Vec<LineSums> {
         let column = |pixel| self.drifts.column(pixel);
-        let parts = self.rows.iter().map(|row| match &row.residuals {
-            EventResiduals::Levels(levels) => levels.parts(residuals as usize, PARTS, column),
-            EventResiduals::Pairs(pairs) => pairs.parts(column),
+        let blocks = self.rows.iter().map(|row| match &row.residuals {
+            EventResiduals::Levels(levels) => levels.blocks(residuals as usize, BLOCKS, column),
+            EventResiduals::Pairs(pairs) => pairs.blocks(column),
         });
-        parts.flatten().collect()
+        blocks.flatten().collect()
     }
 }
 
 /// Lines of the picture from one that is compared to the next.
 fn lines_apart(events: u64, size: Size) -> u64 {
-    // Each part of the picture keeps some lines, so that the errors of the parts are still independent.
-    let most = u64::from(size.height) / (PARTS as u64 * LINES);
+    // Each block of the picture keeps some lines, so that the errors of the blocks are still independent.
+    let most = u64::from(size.height) / (BLOCKS as u64 * LINES);
     events.div_ceil(ENOUGH).min(most).max(1)
 }
 
@@ -234,7 +234,7 @@ enum Residuals {
     Large,
 }
 
-impl PartRow {
+impl BlockRow {
     /// Sees those of the events that are in the row. Each comes with the number of its pixel in the picture.
     fn see(&mut self, drifts: &FrameDrifts, events: &[(usize, &Event)]) {
         let Self { first, pixels, residuals } = self;
@@ -282,18 +282,18 @@ impl EventResiduals {
 }
 
 impl CrossingFit {
-    /// The fit to the sums of each part of the picture.
-    fn of_parts(parts: &[LineSums]) -> Result<Self, String> {
-        let filled: Vec<LineSums> = parts.iter().copied().filter(|part| part.n > 0.0).collect();
-        let all = filled.iter().fold(LineSums::default(), |sum, part| sum.plus(*part, 1.0));
+    /// The fit to the sums of each block of the picture.
+    fn of_blocks(blocks: &[LineSums]) -> Result<Self, String> {
+        let filled: Vec<LineSums> = blocks.iter().copied().filter(|block| block.n > 0.0).collect();
+        let all = filled.iter().fold(LineSums::default(), |sum, block| sum.plus(*block, 1.0));
         let too_few = || {
             format!("{} events in {} parts of the picture do not determine the clock", all.n, filled.len())
         };
-        if filled.len() < MIN_PARTS {
+        if filled.len() < MIN_BLOCKS {
             return Err(too_few());
         }
         let found = all.solve().ok_or_else(too_few)?;
-        let others: Vec<LineSums> = filled.iter().map(|part| all.plus(*part, -1.0)).collect();
+        let others: Vec<LineSums> = filled.iter().map(|block| all.plus(*block, -1.0)).collect();
         let without: Option<Vec<[f64; 2]>> = others.iter().map(|others| others.solve()).collect();
         let without = without.ok_or_else(too_few)?;
         let [offset_us, scale] = jackknife_bars(found, &without);
@@ -306,7 +306,7 @@ impl CrossingFit {
     }
 }
 
-/// Two statistics with their standard errors, from their values without each part in turn.
+/// Two statistics with their standard errors, from their values without each block in turn.
 fn jackknife_bars(found: [f64; 2], without: &[[f64; 2]]) -> [ErrorBar; 2] {
     let n = without.len() as f64;
     [0, 1].map(|i| {

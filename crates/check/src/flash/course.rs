@@ -1,6 +1,6 @@
-//! The usual value of a change along a path.
+//! The typical value of a change along a path.
 //!
-//! A change is usual if it is as large as the median of those before it, or as that of those after it:
+//! A change is typical if it is as large as the median of those before it, or as that of those after it:
 //! a motion that begins, or an edge that enters the picture, stays for more than some steps, and a flash
 //! does not. Where the camera is faster than on that side, the median grows with its speed.
 
@@ -8,7 +8,7 @@ use gs2e_num::stats::mean_median;
 
 /// Number of values on one side of a change.
 const SIDE: usize = 16;
-/// Smallest number of values with a usual one.
+/// Smallest number of values with a typical one.
 const LEAST: usize = 8;
 /// Number of steps on each side that may belong to the same flash.
 const APART: usize = 3;
@@ -22,49 +22,49 @@ pub struct ChangeCourse {
     pub motions: Vec<f64>,
 }
 
-/// A change next to its usual value.
+/// A change next to its typical value.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct UnusualChange {
+pub struct AtypicalChange {
     /// The change.
     pub change: f64,
-    /// Its usual value.
-    pub usual: f64,
+    /// Its typical value.
+    pub typical: f64,
     /// Their quotient.
     pub ratio: f64,
 }
 
 impl ChangeCourse {
     /// The change with the largest ratio, and its index. `stride` is the number of steps in an interval;
-    /// usual values are `least` or more. `None` if no change has enough others around it.
+    /// typical values are `least` or more. `None` if no change has enough others around it.
     #[must_use]
-    pub(crate) fn most_unusual(&self, stride: usize, least: f64) -> Option<(usize, UnusualChange)> {
+    pub(crate) fn most_atypical(&self, stride: usize, least: f64) -> Option<(usize, AtypicalChange)> {
         let judged = (0..self.changes.len()).filter_map(|at| {
-            let (change, usual) = (self.changes[at], self.usual(at, stride)?.max(least));
-            Some((at, UnusualChange { change, usual, ratio: change / usual }))
+            let (change, typical) = (self.changes[at], self.typical(at, stride)?.max(least));
+            Some((at, AtypicalChange { change, typical, ratio: change / typical }))
         });
         judged.max_by(|(_, a), (_, b)| a.ratio.total_cmp(&b.ratio))
     }
 
-    /// The larger of the usual values before and after.
-    fn usual(&self, at: usize, stride: usize) -> Option<f64> {
+    /// The larger of the typical values before and after.
+    fn typical(&self, at: usize, stride: usize) -> Option<f64> {
         let apart = |k: usize| (APART + k) * stride;
         let before = (0..SIDE).map_while(|k| at.checked_sub(apart(k))).collect::<Vec<_>>();
         let after = (0..SIDE).map(|k| at + apart(k)).take_while(|other| *other < self.changes.len());
         let sides = [before, after.collect()];
-        sides.iter().filter_map(|side| self.usual_of(at, side)).reduce(f64::max)
+        sides.iter().filter_map(|side| self.typical_change(at, side)).reduce(f64::max)
     }
 
     /// The median of some changes, at the speed of another one.
-    fn usual_of(&self, at: usize, side: &[usize]) -> Option<f64> {
+    fn typical_change(&self, at: usize, side: &[usize]) -> Option<f64> {
         let median = |of: &[f64]| mean_median(side.iter().map(|other| of[*other]).collect());
         let (change, motion) = (median(&self.changes)?, median(&self.motions)?);
-        let usual = match self.motions[at] {
+        let typical = match self.motions[at] {
             moved if moved <= motion => change,
             moved if motion > 0.0 => change * moved / motion,
             // A camera that rests says nothing about one that moves.
             _ => f64::INFINITY,
         };
-        (side.len() >= LEAST).then_some(usual)
+        (side.len() >= LEAST).then_some(typical)
     }
 }
 
@@ -77,7 +77,7 @@ mod tests {
             changes: (0..100).map(changes).collect(),
             motions: (0..100).map(motions).collect(),
         };
-        let (at, UnusualChange { ratio, .. }) = course.most_unusual(1, 1.0).unwrap();
+        let (at, AtypicalChange { ratio, .. }) = course.most_atypical(1, 1.0).unwrap();
         (at, ratio)
     }
 
@@ -108,6 +108,6 @@ mod tests {
     #[test]
     fn too_few_changes_have_no_usual_one() {
         let course = ChangeCourse { changes: vec![1.0; 10], motions: vec![1.0; 10] };
-        assert_eq!(course.most_unusual(1, 1.0), None);
+        assert_eq!(course.most_atypical(1, 1.0), None);
     }
 }

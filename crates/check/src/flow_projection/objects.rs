@@ -1,17 +1,17 @@
-//! Flow images at the pixels of moving objects. A gate, with masks, depth, and places of the objects.
+//! Flow images at the pixels of moving objects. A gate, with segmentation, depth, and places of the objects.
 //!
 //! A pixel of an object moves with it: its flow follows from its depth, the camera and the motion of the
 //! object in `objects.csv`, to the rounding of 32 bits. A pixel whose flow is off by 0.1 % is wrong: then its
-//! flow, its depth, its mask or the motion of its object is. The number of wrong pixels is compared with that
-//! of the pixels of objects, so that a small object counts as much as a large one, and so does a mask that
-//! misses it. The limit is one in a hundred.
+//! flow, its depth, its number or the motion of its object is. The number of wrong pixels is compared with
+//! that of the pixels of objects, so that a small object counts as much as a large one, and so does a
+//! segmentation that misses it. The limit is one in a hundred.
 
 use super::rank;
 use crate::TrajectorySubject;
-use crate::geometry::Measured;
-use crate::subject::{Judged, Judgement, LimitSide};
+use crate::geometry::Measurement;
+use crate::subject::{Judgement, JudgementResult, LimitSide};
 use gs2e_image::Image;
-use gs2e_scene::camera::flow::flow_of_parts;
+use gs2e_scene::camera::flow::flow_of_objects;
 use gs2e_scene::camera::view::CameraView;
 
 /// Largest number of wrong pixels, as a share of the pixels of objects.
@@ -29,16 +29,16 @@ pub struct ObjectFlow {
     /// The pose.
     pub pose: usize,
     /// Number of pixels of objects.
-    pub shown: u64,
-    /// Number of pixels with another flow than that of the part that the mask states.
+    pub pixels: u64,
+    /// Number of pixels with another flow than that of the object that the segmentation states.
     pub wrong: u64,
-    /// A number in the mask that no object has.
+    /// A number in the segmentation that no object has.
     pub stranger: Option<u8>,
 }
 
 impl ObjectFlow {
     /// Compares the flow at a pose. `views` are those of what is still and of each object, in the order of
-    /// the numbers in `mask`.
+    /// the numbers in `segmentation`.
     ///
     /// # Panics
     /// The images differ in size, or there is no view.
@@ -47,24 +47,24 @@ impl ObjectFlow {
         pose: usize,
         stated: &Image<[f32; 2]>,
         depth: &Image<f32>,
-        mask: &Image<u8>,
+        segmentation: &Image<u8>,
         views: &[CameraView],
     ) -> Self {
-        let numbers = || mask.pixels().iter().copied();
-        let shown = numbers().filter(|number| *number > 0).count() as u64;
+        let numbers = || segmentation.pixels().iter().copied();
+        let pixels = numbers().filter(|number| *number > 0).count() as u64;
         let stranger = numbers().find(|number| usize::from(*number) >= views.len());
         if stranger.is_some() {
-            return Self { pose, shown, wrong: 0, stranger };
+            return Self { pose, pixels, wrong: 0, stranger };
         }
-        let expected = flow_of_parts(depth, Some(mask), views);
+        let expected = flow_of_objects(depth, Some(segmentation), views);
         let allowed = OF_IMAGE * median_size(&expected) + INVISIBLE;
         let pairs = stated.pixels().iter().zip(expected.pixels());
         let wrong = pairs.filter(|(stated, expected)| is_wrong(**stated, **expected, allowed)).count() as u64;
-        Self { pose, shown, wrong, stranger }
+        Self { pose, pixels, wrong, stranger }
     }
 
     fn share(&self) -> f64 {
-        self.wrong as f64 / self.shown.max(1) as f64
+        self.wrong as f64 / self.pixels.max(1) as f64
     }
 }
 
@@ -89,8 +89,8 @@ fn is_wrong(stated: [f32; 2], expected: [f32; 2], allowed: f64) -> bool {
 }
 
 /// The statement on the flow of objects; `None` if nothing moves by itself.
-pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Judged> {
-    let flows: &Measured<Vec<ObjectFlow>> = subject.geometry?.objects.as_ref()?;
+pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<JudgementResult> {
+    let flows: &Measurement<Vec<ObjectFlow>> = subject.geometry?.objects.as_ref()?;
     let flows = match flows {
         Ok(flows) => flows,
         Err(because) => return Some(Err(because.clone())),
@@ -108,7 +108,7 @@ pub(super) fn judge_objects(subject: &TrajectorySubject<'_>) -> Option<Judged> {
          of objects: the worst of {} images",
         worst.pose,
         worst.wrong,
-        worst.shown,
+        worst.pixels,
         flows.len()
     );
     Some(Ok(Judgement::at_most(worst.share(), limit, "1", because).detecting(MOST_WRONG, "1")))

@@ -6,7 +6,7 @@
 //! their pictures, at most 24, are read again at the end.
 
 use super::readings::{PoseReading, find_reading};
-use super::{AlignedPairs, Measured, PictureMeasures};
+use super::{AlignedPairs, Measurement, PictureMeasures};
 use crate::photometric::align::{AlignedQuantity, PairAlignment, PosedPicture, align_pair, smooth_picture};
 use crate::photometric::order::FrameTriple;
 use crate::photometric::{FRAME_SHARE, disagrees};
@@ -88,9 +88,9 @@ impl<'a> GeometryWatch<'a> {
     /// # Errors
     /// A picture cannot be read again.
     pub fn finish<P: PosedPictures>(self, pictures: &P) -> Result<PictureMeasures, P::Error> {
-        let again = PicturesAgain { camera: &self.camera, poses: self.poses, pictures };
+        let reopened = ReopenedPictures { camera: &self.camera, poses: self.poses, pictures };
         let (frames, depths) = (self.frames, self.depths);
-        let (frames, depths) = rayon::join(|| again.measure(frames), || again.measure(depths));
+        let (frames, depths) = rayon::join(|| reopened.measure(frames), || reopened.measure(depths));
         Ok(PictureMeasures { pictures: frames?, order: self.order.finish(), depths: depths? })
     }
 }
@@ -100,19 +100,19 @@ impl<'a> GeometryWatch<'a> {
 struct NeighbourWatch {
     quantity: AlignedQuantity,
     /// Numbers of the poses with such a picture.
-    seen: Vec<usize>,
+    poses: Vec<usize>,
     before: Option<PosedPicture>,
     pairs: Vec<PairAlignment>,
 }
 
 impl NeighbourWatch {
     fn new(quantity: AlignedQuantity) -> Self {
-        Self { quantity, seen: Vec::new(), before: None, pairs: Vec::new() }
+        Self { quantity, poses: Vec::new(), before: None, pairs: Vec::new() }
     }
 
     fn see(&mut self, camera: &Camera, next: PosedPicture) {
         // Only the picture before is kept: memory does not grow with the length of the path.
-        self.seen.push(next.pose);
+        self.poses.push(next.pose);
         if let Some(before) = &self.before {
             self.pairs.extend(align_pair(self.quantity, camera, [before, &next]));
         }
@@ -144,7 +144,7 @@ impl OrderWatch {
         self.latest.push((pose, frame));
     }
 
-    fn finish(self) -> Measured<Vec<FrameTriple>> {
+    fn finish(self) -> Measurement<Vec<FrameTriple>> {
         let Self { triples, .. } = self;
         if triples.is_empty() { Err("there are fewer than three frames".to_owned()) } else { Ok(triples) }
     }
@@ -168,17 +168,17 @@ fn difference(a: &Image<f32>, b: &Image<f32>) -> f64 {
     ((sums.iter().sum::<f64>() + rest) / a.pixels().len().max(1) as f64).sqrt()
 }
 
-/// The pictures of a trajectory, to be read again.
-struct PicturesAgain<'a, P> {
+/// The pictures of a trajectory, to be read once more.
+struct ReopenedPictures<'a, P> {
     camera: &'a Camera,
     poses: &'a [Se3],
     pictures: &'a P,
 }
 
-impl<P: PosedPictures> PicturesAgain<'_, P> {
-    fn measure(&self, watch: NeighbourWatch) -> Result<Measured<AlignedPairs>, P::Error> {
-        let NeighbourWatch { quantity, seen, pairs: neighbours, .. } = watch;
-        if seen.len() < 2 {
+impl<P: PosedPictures> ReopenedPictures<'_, P> {
+    fn measure(&self, watch: NeighbourWatch) -> Result<Measurement<AlignedPairs>, P::Error> {
+        let NeighbourWatch { quantity, poses, pairs: neighbours, .. } = watch;
+        if poses.len() < 2 {
             return Ok(Err(match quantity {
                 AlignedQuantity::Brightness => "fewer than two poses have both a frame and depth",
                 AlignedQuantity::Depth => "fewer than two poses have depth",
@@ -187,10 +187,10 @@ impl<P: PosedPictures> PicturesAgain<'_, P> {
         }
         let motion = mean_median(neighbours.iter().map(|pair| pair.motion_px).collect()).unwrap_or(0.0);
         // Half of the pictures at most, so that several pairs exist on a short path.
-        let most = MOST_APART.min((seen.len() - 1) / 2).max(1);
+        let most = MOST_APART.min((poses.len() - 1) / 2).max(1);
         // The first distance with enough motion; without motion, the largest.
         let apart = (1..=most).find(|n| *n as f64 * motion >= APART_PX).unwrap_or(most);
-        let pictures = self.pairs_apart(quantity, &seen, apart)?;
+        let pictures = self.pairs_apart(quantity, &poses, apart)?;
         let align = |read: PoseReading<'_>| -> Vec<PairAlignment> {
             let pair = |[a, b]: &[PosedPicture; 2]| {
                 let [a, b] = [a, b].map(|picture| PosedPicture {
@@ -216,14 +216,14 @@ impl<P: PosedPictures> PicturesAgain<'_, P> {
     fn pairs_apart(
         &self,
         quantity: AlignedQuantity,
-        seen: &[usize],
+        poses: &[usize],
         apart: usize,
     ) -> Result<Vec<[PosedPicture; 2]>, P::Error> {
         // Pairs are spread over the whole path: a fault in one part of it must meet some of them.
-        let last = seen.len() - 1 - apart;
+        let last = poses.len() - 1 - apart;
         let count = PAIRS_APART.min(last + 1);
         let first = |i: usize| if count > 1 { i * last / (count - 1) } else { 0 };
-        let picture = |place: usize| self.picture(quantity, seen[place]);
+        let picture = |place: usize| self.picture(quantity, poses[place]);
         let pair = |i: usize| Ok([picture(first(i))?, picture(first(i) + apart)?]);
         (0..count).into_par_iter().map(pair).collect()
     }

@@ -42,7 +42,7 @@ pub fn total_px(flows: &[FlowAt], end_us: i64) -> Option<f64> {
 /// As [`total_px`]. In a scene that moves by itself, whose depths are left out of the flows, the median
 /// motion between two frames counts for every one of `frames`.
 #[must_use]
-pub fn seen_px(flows: &[FlowAt], end_us: i64, step: Option<FlowQuantiles>, frames: usize) -> Option<f64> {
+pub fn observed_px(flows: &[FlowAt], end_us: i64, step: Option<FlowQuantiles>, frames: usize) -> Option<f64> {
     let by_steps = || step.map(|step| f64::from(step.median) * frames.saturating_sub(1) as f64);
     total_px(flows, end_us).filter(|px| *px >= 1.0).or_else(by_steps)
 }
@@ -110,7 +110,7 @@ pub(crate) struct WarpWindows<'a> {
     open: Option<WarpWindow<'a>>,
     done: Vec<WarpSharpness>,
     /// Number of events of the fullest window until now, and its counts in place and moved.
-    shown: Option<(u64, [Vec<u16>; 2])>,
+    fullest: Option<(u64, [Vec<u16>; 2])>,
 }
 
 impl<'a> WarpWindows<'a> {
@@ -126,7 +126,7 @@ impl<'a> WarpWindows<'a> {
             waiting: flows.iter().rev().collect(),
             open: None,
             done: Vec::new(),
-            shown: None,
+            fullest: None,
         };
         windows.open_next(i64::MIN);
         windows
@@ -148,16 +148,16 @@ impl<'a> WarpWindows<'a> {
         while self.open.is_some() {
             self.close();
         }
-        (self.done, self.shown.map(|(_, counts)| counts))
+        (self.done, self.fullest.map(|(_, counts)| counts))
     }
 
     fn close(&mut self) {
         let Some(window) = self.open.take() else { return };
         let (until, sharpness) = (window.span_us[1], window.sharpness(self.size));
         // The fullest window makes the clearest picture.
-        if self.shown.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
+        if self.fullest.as_ref().is_none_or(|(events, _)| sharpness.events > *events) {
             let counts = [window.in_place, window.moved].map(|[on, off]| add_counts(on, &off));
-            self.shown = Some((sharpness.events, counts));
+            self.fullest = Some((sharpness.events, counts));
         }
         self.done.push(sharpness);
         self.open_next(until);
@@ -276,8 +276,8 @@ mod tests {
         let unknown = FlowAt { t_us: 500_000, px_s: Image::filled(SIZE, [f32::NAN; 2]) };
         let step = Some(FlowQuantiles { median: 0.5, p95: 0.5, max: 0.5 });
         let with = [flows[0].clone(), unknown.clone(), flows[1].clone()];
-        assert!((seen_px(&with, 1_000_000, step, 7).unwrap() - 20.0).abs() < 1e-5);
-        assert_eq!(seen_px(&[unknown], 1_000_000, step, 7), Some(3.0));
+        assert!((observed_px(&with, 1_000_000, step, 7).unwrap() - 20.0).abs() < 1e-5);
+        assert_eq!(observed_px(&[unknown], 1_000_000, step, 7), Some(3.0));
     }
 
     fn found(flow: [f32; 2]) -> WarpSharpness {
@@ -313,10 +313,10 @@ mod tests {
         for event in bar() {
             windows.see(event, event.t.floor_micros());
         }
-        let (found, shown) = windows.finish();
+        let (found, fullest) = windows.finish();
         assert_eq!(found.iter().map(|s| s.t_us).collect::<Vec<_>>(), [0, 9000]);
         assert_eq!(found.iter().map(|s| s.events).sum::<u64>(), 40 + 72);
-        assert_eq!(shown.unwrap()[0].iter().map(|n| u64::from(*n)).sum::<u64>(), 72);
+        assert_eq!(fullest.unwrap()[0].iter().map(|n| u64::from(*n)).sum::<u64>(), 72);
     }
 
     #[test]

@@ -13,7 +13,7 @@
 //! equal. A readout of limited rate loses events of unknown labels, so nothing is stated there.
 
 use crate::TrajectorySubject;
-use crate::subject::{Judged, Judgement, LimitSide};
+use crate::subject::{Judgement, JudgementResult, LimitSide};
 use crate::tally::LabelCounts;
 
 /// Largest share of the events of hot pixels without the label of noise.
@@ -72,7 +72,7 @@ fn shares(counts: &LabelCounts) -> [WrongShare; 3] {
 }
 
 /// The statement on the labels; `None` if the events have none, or are compared by other means.
-pub(super) fn judge_labels(subject: &TrajectorySubject<'_>) -> Option<Judged> {
+pub(super) fn judge_labels(subject: &TrajectorySubject<'_>) -> Option<JudgementResult> {
     let counts = subject.tally?.labels.as_ref()?;
     if subject.sensor.is_some_and(|sensor| sensor.readout().is_some()) {
         let because = "not applicable behind a readout of limited rate: it loses events of unknown labels";

@@ -10,7 +10,7 @@ use gs2e_sensor::frames::anchors::AnchorFrames;
 const STILL: f64 = 0.1;
 /// Smallest and largest radius, px, in which a pixel's neighbours must be still too, so that
 /// nothing passes unnoticed between two instants.
-const AROUND: [f64; 2] = [2.0, 24.0];
+const NEIGHBOURHOOD_PX: [f64; 2] = [2.0, 24.0];
 /// Image motion over the whole clip, px, below which a pixel with a depth counts as still.
 const STANDS: f64 = 0.25;
 /// Numbers of bins of the summed rate; each is a time scale.
@@ -137,8 +137,8 @@ fn find_still(
         }
     }
     // Motion of the fastest pixel between two known instants; without flow, the largest radius.
-    let between = if flows.is_empty() { AROUND[1] } else { fastest * seconds / flows.len() as f64 };
-    erode_mask(&mut still, size, between.clamp(AROUND[0], AROUND[1]));
+    let between = if flows.is_empty() { NEIGHBOURHOOD_PX[1] } else { fastest * seconds / flows.len() as f64 };
+    erode_mask(&mut still, size, between.clamp(NEIGHBOURHOOD_PX[0], NEIGHBOURHOOD_PX[1]));
     still
 }
 

@@ -13,7 +13,7 @@
 //! in view `to`; the twist moves both terms.
 //!
 //! Pixels whose depth in `to` differs are occluded and left out. The standard error is that of a
-//! jackknife over parts of the picture.
+//! jackknife over blocks of the picture.
 
 use glam::{DVec2, DVec3};
 use gs2e_image::{Image, Size};
@@ -25,7 +25,7 @@ const MOST_PIXELS: usize = 20_000;
 /// Minimum number of pixels for a statement.
 const LEAST_PIXELS: usize = 200;
 /// Parts of the picture in each direction, for the jackknife.
-const PARTS: usize = 4;
+const BLOCKS: usize = 4;
 /// Rounds of reweighting. The weights settle in two or three.
 const ROUNDS: usize = 4;
 /// Pixels at the border that are left out: smoothing and gradients reach over it.
@@ -138,7 +138,7 @@ struct WarpRow {
     moves: [[f64; 6]; 2],
     /// Motion by depth and poses, px.
     motion: [f64; 2],
-    part: usize,
+    block: usize,
 }
 
 /// The warp of one picture into another.
@@ -240,9 +240,9 @@ impl<'a> PairWarp<'a> {
                 (seen / point.z - 1.0, std::array::from_fn(|i| response[i] - deeper[i]))
             }
         };
-        let part = |at: u32, side: u32| at as usize * PARTS / side as usize;
-        let part = part(y, size.height) * PARTS + part(x, size.width);
-        Some(WarpRow { residual, response, moves, motion: [u - place[0], v - place[1]], part })
+        let block = |at: u32, side: u32| at as usize * BLOCKS / side as usize;
+        let block = block(y, size.height) * BLOCKS + block(x, size.width);
+        Some(WarpRow { residual, response, moves, motion: [u - place[0], v - place[1]], block })
     }
 }
 
@@ -288,30 +288,30 @@ impl TwistFit {
         }
         let n = rows.len() as f64;
         let mut twist = [0.0; 6];
-        let mut parts = [Self::EMPTY; PARTS * PARTS];
+        let mut blocks = [Self::EMPTY; BLOCKS * BLOCKS];
         for _ in 0..ROUNDS {
             let left = |row: &WarpRow| row.residual + dot(&row.response, &twist);
             // The weights of Cauchy's distribution, at twice the median residual: highlights and
             // edges of depth lose their pull, and half of the pixels keep theirs. A picture without
             // noise has a spread of 0, hence the least scale.
             let scale = 2.0 * spread(rows.iter().map(left)).max(least_scale);
-            parts = [Self::EMPTY; PARTS * PARTS];
+            blocks = [Self::EMPTY; BLOCKS * BLOCKS];
             for row in rows {
                 let off = left(row) / scale;
-                parts[row.part].add(row, 1.0 / (1.0 + off * off));
+                blocks[row.block].add(row, 1.0 / (1.0 + off * off));
             }
-            twist = sum_parts(&parts, None).solve()?;
+            twist = sum_blocks(&blocks, None).solve()?;
         }
         let mut shown = Self::EMPTY;
         for row in rows {
             row.moves.iter().for_each(|moves| shown.add_square(moves, 1.0 / n));
         }
         let size = |twist: &[f64; 6]| shown.square_of(twist).max(0.0).sqrt();
-        // The jackknife over parts of the picture. Residuals of neighbouring pixels depend on each
+        // The jackknife over blocks of the picture. Residuals of neighbouring pixels depend on each
         // other, so the scatter of single pixels would state too small an error.
-        let filled: Vec<usize> = (0..parts.len()).filter(|i| parts[*i].matrix[5][5] > 0.0).collect();
+        let filled: Vec<usize> = (0..blocks.len()).filter(|i| blocks[*i].matrix[5][5] > 0.0).collect();
         let without = filled.iter().map(|i| {
-            let other = sum_parts(&parts, Some(*i)).solve()?;
+            let other = sum_blocks(&blocks, Some(*i)).solve()?;
             Some(size(&std::array::from_fn(|i| other[i] - twist[i])).powi(2))
         });
         let squares: Option<f64> = without.sum();
@@ -365,11 +365,11 @@ impl TwistFit {
     }
 }
 
-fn sum_parts(parts: &[TwistFit], left_out: Option<usize>) -> TwistFit {
+fn sum_blocks(blocks: &[TwistFit], left_out: Option<usize>) -> TwistFit {
     let mut sum = TwistFit::EMPTY;
-    for (_, part) in parts.iter().enumerate().filter(|(i, _)| Some(*i) != left_out) {
-        sum.right.iter_mut().zip(part.right).for_each(|(sum, right)| *sum += right);
-        for (sums, line) in sum.matrix.iter_mut().zip(part.matrix) {
+    for (_, block) in blocks.iter().enumerate().filter(|(i, _)| Some(*i) != left_out) {
+        sum.right.iter_mut().zip(block.right).for_each(|(sum, right)| *sum += right);
+        for (sums, line) in sum.matrix.iter_mut().zip(block.matrix) {
             sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += value);
         }
     }

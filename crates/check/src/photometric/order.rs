@@ -4,8 +4,8 @@
 //! frames. Frames in another order break this: where two neighbours are swapped, the middle frame
 //! of a triple lies beyond an outer one. A camera that stands still sees one picture.
 
-use super::super::geometry::Measured;
-use super::super::subject::{Judged, Judgement, LimitSide};
+use super::super::geometry::Measurement;
+use super::super::subject::{Judgement, JudgementResult, LimitSide};
 use super::super::{TrajectorySubject, Verdict};
 use gs2e_num::se3::Se3;
 use gs2e_num::se3::rotation::relative_angle;
@@ -38,14 +38,17 @@ pub struct FrameTriple {
 }
 
 /// The statement on the order of the frames.
-pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Vec<FrameTriple>>) -> Judged {
+pub(super) fn judge_order(
+    subject: &TrajectorySubject<'_>,
+    triples: &Measurement<Vec<FrameTriple>>,
+) -> JudgementResult {
     let triples = triples.as_ref()?;
     let poses = &subject.trajectory.world_from_camera;
     let scale = subject.speed.map_or(1.0, |report| report.scale_distance);
     let apart = |a: usize, b: usize| mixed_distance(&poses[a], &poses[b], scale);
-    let seen = mean_median(triples.iter().map(|t| t.inner[0]).collect()).unwrap_or(0.0);
+    let difference = mean_median(triples.iter().map(|t| t.inner[0]).collect()).unwrap_or(0.0);
     if poses.iter().all(|pose| mixed_distance(pose, &poses[0], scale) <= SAME) && !triples.is_empty() {
-        return Ok(judge_still(seen));
+        return Ok(judge_still(difference));
     }
     let judged: Vec<&FrameTriple> = triples
         .iter()
@@ -71,14 +74,16 @@ pub(super) fn judge_order(subject: &TrajectorySubject<'_>, triples: &Measured<Ve
     Ok(Judgement::at_least(ratio(worst), limit, "1", because))
 }
 
-fn judge_still(seen: f64) -> Judgement {
+fn judge_still(difference: f64) -> Judgement {
     let limit = LimitSide::gate(MOST_STILL_GREY);
-    let verdict = limit.at_most(seen);
+    let verdict = limit.at_most(difference);
     let because = match verdict {
-        Verdict::Pass => format!("the camera stands still, and neighbouring frames differ by {seen:.2} grey"),
-        _ => format!("the poses stand still, but neighbouring frames differ by {seen:.2} grey"),
+        Verdict::Pass => {
+            format!("the camera stands still, and neighbouring frames differ by {difference:.2} grey")
+        }
+        _ => format!("the poses stand still, but neighbouring frames differ by {difference:.2} grey"),
     };
-    Judgement::new(verdict, seen, limit.value, "grey", because)
+    Judgement::new(verdict, difference, limit.value, "grey", because)
 }
 
 fn mixed_distance(a: &Se3, b: &Se3, scale: f64) -> f64 {

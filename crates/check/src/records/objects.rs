@@ -8,7 +8,7 @@
 use super::{Finding, judge_agreement};
 use glam::{DMat3, DQuat, DVec3};
 use gs2e_num::se3::rotation::{exp_vector, log_vector};
-use gs2e_scene::motion::{PartMotion, PartPath, PartRecord, PlaceLine, SceneMotion};
+use gs2e_scene::motion::{ObjectMotion, ObjectPath, ObjectRecord, PlaceLine, SceneMotion};
 use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 
 /// Largest difference, as a share of the sizes that it comes from: far above rounding, and below a visible
@@ -20,13 +20,13 @@ const RIDGE: f64 = 1e-14;
 
 /// The motion of an object on a line of `objects.csv`. `None` if the line has other columns.
 #[must_use]
-pub fn stated_motion(line: &PlaceLine) -> Option<PartMotion> {
+pub fn stated_motion(line: &PlaceLine) -> Option<ObjectMotion> {
     let v: &[f64; 13] = line.values.as_slice().try_into().ok()?;
     let rotation = DQuat::from_xyzw(v[3], v[4], v[5], v[6]);
     let pose =
         gs2e_num::se3::Se3 { rotation: rotation.normalize(), translation: DVec3::new(v[0], v[1], v[2]) };
     let (velocity, angular) = (DVec3::new(v[7], v[8], v[9]), DVec3::new(v[10], v[11], v[12]));
-    Some(PartMotion { pose, velocity, angular })
+    Some(ObjectMotion { pose, velocity, angular })
 }
 
 /// Compares the lines of `objects.csv` with the paths of the objects at these stamps.
@@ -70,7 +70,7 @@ fn order_fault(objects: &[ObjectSettings], stamps_us: &[i64], lines: &[PlaceLine
 
 /// The largest difference of an object from its path, if it is too large.
 fn object_fault(object: &ObjectSettings, i: usize, count: usize, lines: &[PlaceLine]) -> Option<String> {
-    let own: Vec<(f64, PartMotion)> = lines
+    let own: Vec<(f64, ObjectMotion)> = lines
         .iter()
         .skip(i)
         .step_by(count)
@@ -81,7 +81,7 @@ fn object_fault(object: &ObjectSettings, i: usize, count: usize, lines: &[PlaceL
         Err(because) => return Some(because),
     };
     let differences =
-        own.iter().map(|(seconds, stated)| (*seconds, difference(stated, &path.parts[0].at(*seconds))));
+        own.iter().map(|(seconds, stated)| (*seconds, difference(stated, &path.objects[0].at(*seconds))));
     let (seconds, (what, off)) = differences.max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     (off > SHARE || off.is_nan()).then(|| {
         format!(
@@ -94,7 +94,7 @@ fn object_fault(object: &ObjectSettings, i: usize, count: usize, lines: &[PlaceL
 
 /// The worst of the four quantities of a motion, and its difference as a share of the sizes that it comes
 /// from.
-fn difference(stated: &PartMotion, expected: &PartMotion) -> (&'static str, f64) {
+fn difference(stated: &ObjectMotion, expected: &ObjectMotion) -> (&'static str, f64) {
     let arm = expected.pose.translation.length().max(1.0);
     let turn = expected.angular.length();
     let off = [
@@ -111,7 +111,7 @@ fn difference(stated: &PartMotion, expected: &PartMotion) -> (&'static str, f64)
 }
 
 /// The path of an object as the recipe states it, about the stated pivot or the one that explains `stated`.
-fn path_of(object: &ObjectSettings, stated: &[(f64, PartMotion)]) -> Result<SceneMotion, String> {
+fn path_of(object: &ObjectSettings, stated: &[(f64, ObjectMotion)]) -> Result<SceneMotion, String> {
     let (rotation, translation) = match &object.from {
         ObjectSource::Scene { at, turn, .. } => {
             (exp_vector(DVec3::from_array(turn.to_array().map(f64::to_radians))), *at)
@@ -121,11 +121,11 @@ fn path_of(object: &ObjectSettings, stated: &[(f64, PartMotion)]) -> Result<Scen
     // The axes of the file have the origin of the file, so that shifts of stored positions do not count.
     let about = |pivot: DVec3| {
         let (name, path) = (object.name.clone(), object.path.clone());
-        let record = PartRecord { name, first: 0, shift: DVec3::ZERO, rotation, translation, pivot, path };
+        let record = ObjectRecord { name, first: 0, shift: DVec3::ZERO, rotation, translation, pivot, path };
         SceneMotion::prepare(vec![record]).map_err(|e| e.to_string())
     };
     match (&object.path, object.pivot) {
-        (PartPath::Orbit { centre, .. }, _) => about(*centre),
+        (ObjectPath::Orbit { centre, .. }, _) => about(*centre),
         (_, Some(pivot)) => about(pivot),
         (_, None) => about(found_pivot(&about(DVec3::ZERO)?, stated)),
     }
@@ -133,11 +133,11 @@ fn path_of(object: &ObjectSettings, stated: &[(f64, PartMotion)]) -> Result<Scen
 
 /// The pivot `p` with the least squares of `(1 - R) p + T - stated`, `T` the place with a pivot at the
 /// origin.
-fn found_pivot(at_origin: &SceneMotion, stated: &[(f64, PartMotion)]) -> DVec3 {
-    let rest = at_origin.parts[0].record.rotation.conjugate();
+fn found_pivot(at_origin: &SceneMotion, stated: &[(f64, ObjectMotion)]) -> DVec3 {
+    let rest = at_origin.objects[0].record.rotation.conjugate();
     let (mut square, mut side) = (DMat3::ZERO, DVec3::ZERO);
     for (seconds, stated) in stated {
-        let expected = at_origin.parts[0].at(*seconds).pose;
+        let expected = at_origin.objects[0].at(*seconds).pose;
         let turn = DMat3::IDENTITY - DMat3::from_quat(expected.rotation * rest);
         square += turn.transpose() * turn;
         side += turn.transpose() * (stated.pose.translation - expected.translation);

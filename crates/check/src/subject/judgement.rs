@@ -3,10 +3,10 @@
 use crate::{DetectableFault, Finding, FindingSubject, Verdict};
 
 /// The statements of a pass by their names. The name is empty if the pass makes only one.
-pub(crate) type Statements = Vec<(&'static str, Judged)>;
+pub(crate) type Statements = Vec<(&'static str, JudgementResult)>;
 
 /// The verdict on one statement, or the reason why nothing could be measured.
-pub type Judged = Result<Judgement, String>;
+pub type JudgementResult = Result<Judgement, String>;
 
 /// The verdict on one statement.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,10 +73,10 @@ impl Judgement {
         Self { detects: size.is_finite().then(|| DetectableFault::new(size, unit)), ..self }
     }
 
-    /// The finding of `name`; `part` names the statement if a pass makes several.
+    /// The finding of `name`, with the name of the statement if a pass makes several.
     #[must_use]
-    pub fn finding(self, name: &str, check: &str, part: &str) -> Finding {
-        let subject = FindingSubject::new(name, part);
+    pub fn finding(self, name: &str, check: &str, statement: &str) -> Finding {
+        let subject = FindingSubject::new(name, statement);
         let Self { verdict, measured, limit, unit, because, detects } = self;
         let unit = unit.to_owned();
         Finding { check: check.to_owned(), subject, verdict, measured, limit, unit, because, detects }
@@ -87,8 +87,9 @@ impl Judgement {
 /// name.
 pub(crate) fn findings_of(name: &str, check: &str, made: Result<Statements, String>) -> Vec<Finding> {
     let statements = made.unwrap_or_else(|because| vec![("", Err(because))]);
-    let finding =
-        |(part, judged): (_, Judged)| judged.unwrap_or_else(Judgement::not_run).finding(name, check, part);
+    let finding = |(statement, judged): (_, JudgementResult)| {
+        judged.unwrap_or_else(Judgement::not_run).finding(name, check, statement)
+    };
     statements.into_iter().map(finding).collect()
 }
 

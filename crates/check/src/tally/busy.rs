@@ -29,9 +29,9 @@ impl BusyPixels {
         // The count that all but one in a thousand pixels do not exceed. It is at least one, so
         // that single events of a sparse stream are not hot.
         let at = counts.len() - 1 - counts.len() / 1000;
-        let (_, usual, _) = counts.select_nth_unstable(at);
-        let usual = f64::from((*usual).max(1));
-        let bound = (mean + DEVIATIONS * variance.sqrt()).max(MULTIPLE * usual) as u32;
+        let (_, quantile, _) = counts.select_nth_unstable(at);
+        let quantile = f64::from((*quantile).max(1));
+        let bound = (mean + DEVIATIONS * variance.sqrt()).max(MULTIPLE * quantile) as u32;
         let hot = counts.iter().filter(|n| **n > bound).count() as u64;
         Self { mean, bound, hot, most }
     }

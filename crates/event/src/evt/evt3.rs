@@ -18,17 +18,17 @@ const TRIGGER: u16 = 0xa;
 const OTHERS: u16 = 0xe;
 const CONTINUED_12: u16 = 0xf;
 
-/// Number of bits of each part of a time.
-const PART: u32 = 12;
+/// Number of bits of each half of a time, and of the value of a word.
+const TIME_BITS: u32 = 12;
 /// Largest value of a word.
-const VALUE: u16 = (1 << PART) - 1;
+const VALUE: u16 = (1 << TIME_BITS) - 1;
 
 /// Minimum number of events for which a base and a mask are shorter.
 const WORTH_A_MASK: usize = 3;
 
 /// Largest step of the upper part of a time that is written at once. A reader notices an overflow
 /// by a step down, so steps of a quarter of the range leave no doubt about the number of overflows.
-const STEP: i64 = 1 << (PART - 2);
+const STEP: i64 = 1 << (TIME_BITS - 2);
 
 /// Maximum number of words in a stream that only bridge silence, 2 bytes for each 4.2 seconds: 51
 /// days.
@@ -48,13 +48,13 @@ pub(super) struct Evt3Encoder {
 }
 
 fn write_word(kind: u16, value: u16, out: &mut Vec<u8>) {
-    out.extend((kind << PART | value & VALUE).to_le_bytes());
+    out.extend((kind << TIME_BITS | value & VALUE).to_le_bytes());
 }
 
 impl Evt3Encoder {
     /// Encodes an event. Returns `None` if silence takes more words than [`MAX_SILENT_WORDS`].
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
-        let high = event.t.floor_micros() >> PART;
+        let high = event.t.floor_micros() >> TIME_BITS;
         // The encoder bridges a pause with one word for each whole step.
         self.silent_words += (high - self.put_high) / STEP;
         self.put_high = high;
@@ -76,7 +76,7 @@ impl Evt3Encoder {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
     pub(super) fn restart(&mut self, t_us: i64, out: &mut Vec<u8>) {
         self.flush(out);
-        let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
+        let (high, low) = (t_us >> TIME_BITS, (t_us as u16) & VALUE);
         write_word(TIME_HIGH, high as u16, out);
         write_word(TIME_LOW, low, out);
         (self.high, self.low, self.row) = (Some(high), Some(low), None);
@@ -115,7 +115,7 @@ impl Evt3Encoder {
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
     fn time(&mut self, t_us: i64, out: &mut Vec<u8>) {
-        let (high, low) = (t_us >> PART, (t_us as u16) & VALUE);
+        let (high, low) = (t_us >> TIME_BITS, (t_us as u16) & VALUE);
         let mut at = self.high.unwrap_or(0);
         // A reader takes a large step for an overflow of the counter, so long pauses are bridged in
         // small ones.
@@ -186,10 +186,10 @@ impl Evt3Decoder {
     }
 
     fn t_us(&self, high: u16) -> i64 {
-        (self.turns << PART | i64::from(high)) << PART | i64::from(self.low)
+        (self.turns << TIME_BITS | i64::from(high)) << TIME_BITS | i64::from(self.low)
     }
 
-    fn upper_part(&mut self, value: u16) {
+    fn set_high(&mut self, value: u16) {
         // A large step backwards is an overflow of the counter, not disorder.
         self.turns += i64::from(self.high.is_some_and(|last| last > value && last - value > 1 << 11));
         // The lower part starts at 0 until its own word comes. A repeated upper part changes nothing.
@@ -227,7 +227,7 @@ impl Evt3Decoder {
 }
 
 /// Time after which the counter overflows, us.
-pub(super) const TURN_US: i64 = 1 << (2 * PART);
+pub(super) const TURN_US: i64 = 1 << (2 * TIME_BITS);
 
 /// Number of the first overflow after all times.
 const LAST_TURN: i64 = END_US / TURN_US + 1;
@@ -244,7 +244,7 @@ impl WordDecoder for Evt3Decoder {
     fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {
         let word = u16::from_le_bytes(bytes.try_into().expect("a word has 2 bytes"));
         let (value, address, flag) = (word & VALUE, word & 0x7ff, word >> 11 & 1);
-        match word >> PART {
+        match word >> TIME_BITS {
             ADDRESS_Y => self.row = Some(address),
             ADDRESS_X => return self.event(address, flag == 1, found),
             BASE_X => (self.base, self.polarity) = (address, flag),
@@ -252,7 +252,7 @@ impl WordDecoder for Evt3Decoder {
             MASK_8 => return self.run(value & 0xff, 8, found),
             // This does not end a stale time: the upper part is still unknown.
             TIME_LOW => self.low = value,
-            TIME_HIGH => self.upper_part(value),
+            TIME_HIGH => self.set_high(value),
             TRIGGER | OTHERS | CONTINUED_4 | CONTINUED_12 => {}
             kind => return Err(format!("a word of kind {kind:#x}, which EVT 3.0 does not have")),
         }

@@ -178,7 +178,7 @@ mod tests {
     use crate::{EventLabel, Polarity};
     use gs2e_num::units::Timestamp;
 
-    fn seen(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> RateBars {
+    fn rate_bars(window_us: Range<i64>, events: impl Iterator<Item = (i64, Polarity)>) -> RateBars {
         let mut rate = RateBars::new(window_us);
         for (us, polarity) in events {
             rate.append(&[Event {
@@ -197,7 +197,7 @@ mod tests {
     fn bars_hold_every_event_however_long_the_stream_is() {
         for count in [1, 1000, 1024, 1025, 100_000] {
             let polarity = |i| if i % 4 == 0 { Polarity::Off } else { Polarity::On };
-            let rate = seen(i64::MIN..i64::MAX, (0..count).map(|i| (500 + 3 * i, polarity(i))));
+            let rate = rate_bars(i64::MIN..i64::MAX, (0..count).map(|i| (500 + 3 * i, polarity(i))));
             let seconds = rate.bar_us() as f64 * 1e-6;
             let sums = rate.per_second().iter().fold([0.0, 0.0], |[a, b], [on, off]| [a + on, b + off]);
             let off = (count + 3) / 4;
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn a_window_is_drawn_in_full_and_holds_what_lies_in_it() {
         let events = [(5, Polarity::On), (10, Polarity::On), (11, Polarity::Off), (20, Polarity::On)];
-        let rate = seen(10..20, events.into_iter());
+        let rate = rate_bars(10..20, events.into_iter());
         let mut wanted = vec![[0.0, 0.0]; 10];
         (wanted[0], wanted[1]) = ([1e6, 0.0], [0.0, 1e6]);
         assert_eq!(rate.per_second(), wanted);
@@ -226,7 +226,7 @@ mod tests {
 
     #[test]
     fn no_event_is_a_picture_too() {
-        let image = seen(i64::MIN..i64::MAX, std::iter::empty()).image();
+        let image = rate_bars(i64::MIN..i64::MAX, std::iter::empty()).image();
         assert!(image.pixels().iter().all(|&v| v != ON && v != OFF));
     }
 }

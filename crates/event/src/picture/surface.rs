@@ -38,12 +38,12 @@ pub struct TimeSurface {
     /// Time of the last event of each pixel. 0 before the first, because zeros take no memory until
     /// an event is stored.
     latest_us: Image<i64>,
-    /// Polarity of the last event of each pixel, from [`SEEN`]; 0 before the first.
-    seen: Image<u8>,
+    /// Polarity of the last event of each pixel, from [`POLARITY_CODES`]; 0 before the first.
+    polarities: Image<u8>,
 }
 
-/// OFF and ON in `seen`.
-const SEEN: [u8; 2] = [1, 2];
+/// OFF and ON in `polarities`.
+const POLARITY_CODES: [u8; 2] = [1, 2];
 
 impl TimeSurface {
     /// A white picture of a sensor of `size`, for the events with
@@ -53,14 +53,14 @@ impl TimeSurface {
     /// # Errors
     /// There is no memory for its pixels.
     pub fn new(size: Size, window_us: Range<i64>) -> Result<Self, TryReserveError> {
-        let (latest_us, seen) = (Image::try_filled(size, 0)?, Image::try_filled(size, 0)?);
-        Ok(Self { window_us, first_us: None, last_us: 0, latest_us, seen })
+        let (latest_us, polarities) = (Image::try_filled(size, 0)?, Image::try_filled(size, 0)?);
+        Ok(Self { window_us, first_us: None, last_us: 0, latest_us, polarities })
     }
 
     /// The default time constant: a quarter of the window, or of the stream if the window has no
     /// bounds.
     #[must_use]
-    pub fn usual_tau_us(&self) -> f64 {
+    pub fn default_tau_us(&self) -> f64 {
         let begin =
             if self.window_us.start == i64::MIN { self.first_us.unwrap_or(0) } else { self.window_us.start };
         // Events of one instant make a window of no length, and the age is divided by this.
@@ -71,15 +71,17 @@ impl TimeSurface {
     #[must_use]
     pub fn image(&self, tau_us: f64) -> Image<[u8; 3]> {
         let end = self.end_us();
-        let colour = |(&t, &seen): (&i64, &u8)| {
-            let Some(polarity) = SEEN.iter().position(|known| *known == seen) else { return [255; 3] };
+        let colour = |(&t, &code): (&i64, &u8)| {
+            let Some(polarity) = POLARITY_CODES.iter().position(|known| *known == code) else {
+                return [255; 3];
+            };
             let fresh = libm::exp(-(end.saturating_sub(t) as f64) / tau_us);
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within 0 to 255")]
             let rest = (255.0 * (1.0 - fresh) + 0.5) as u8;
             if polarity == Polarity::On as usize { [255, rest, rest] } else { [rest, rest, 255] }
         };
-        let pixels = self.latest_us.pixels().iter().zip(self.seen.pixels());
-        Image::from_vec(self.seen.size(), pixels.map(colour).collect())
+        let pixels = self.latest_us.pixels().iter().zip(self.polarities.pixels());
+        Image::from_vec(self.polarities.size(), pixels.map(colour).collect())
     }
 
     fn end_us(&self) -> i64 {
@@ -90,7 +92,7 @@ impl TimeSurface {
 impl EventSink for TimeSurface {
     /// Never fails. Events outside the window or the picture are ignored.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        let Size { width, height } = self.seen.size();
+        let Size { width, height } = self.polarities.size();
         for event in events {
             let (x, y, t) = (u32::from(event.x), u32::from(event.y), event.t.floor_micros());
             if x < width && y < height && self.window_us.contains(&t) {
@@ -98,7 +100,7 @@ impl EventSink for TimeSurface {
                 self.last_us = t;
                 let pixel = (y * width + x) as usize;
                 self.latest_us.pixels_mut()[pixel] = t;
-                self.seen.pixels_mut()[pixel] = SEEN[event.polarity as usize];
+                self.polarities.pixels_mut()[pixel] = POLARITY_CODES[event.polarity as usize];
             }
         }
         Ok(())
@@ -111,7 +113,7 @@ mod tests {
     use crate::EventLabel;
     use gs2e_num::units::Timestamp;
 
-    fn seen(window_us: Range<i64>) -> TimeSurface {
+    fn surface(window_us: Range<i64>) -> TimeSurface {
         let mut surface = TimeSurface::new(Size { width: 4, height: 1 }, window_us).unwrap();
         let events = [
             (5, 0, Polarity::On),
@@ -136,7 +138,7 @@ mod tests {
 
     #[test]
     fn the_last_event_fades_by_its_age() {
-        let image = seen(0..101).image(100.0);
+        let image = surface(0..101).image(100.0);
         // Of ages 96, 11 and 1 of 100: exp(-0.96) = 0.38289, exp(-0.11) = 0.89583, exp(-0.01) =
         // 0.99005.
         let wanted = [[255, 157, 157], [255, 27, 27], [3, 3, 255], [255; 3]];
@@ -145,9 +147,9 @@ mod tests {
 
     #[test]
     fn a_window_without_bounds_is_the_streams() {
-        let surface = seen(i64::MIN..i64::MAX);
-        assert!((surface.usual_tau_us() - 73.0).abs() < 1e-9, "a quarter of 295 us");
-        assert_eq!(surface.image(50.0).pixels()[3], [255, 0, 0], "the last event is fresh");
-        assert!((seen(0..200).usual_tau_us() - 50.0).abs() < 1e-9);
+        let whole = surface(i64::MIN..i64::MAX);
+        assert!((whole.default_tau_us() - 73.0).abs() < 1e-9, "a quarter of 295 us");
+        assert_eq!(whole.image(50.0).pixels()[3], [255, 0, 0], "the last event is fresh");
+        assert!((surface(0..200).default_tau_us() - 50.0).abs() < 1e-9);
     }
 }

@@ -28,7 +28,7 @@ pub(super) fn unmet_poses(plan: &ExportPlan<'_>, least: usize) -> Option<UnmetNe
 }
 
 /// The need for held-out views among the frames of the trajectory itself.
-pub(super) fn unmet_own_views(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
+pub(super) fn unmet_held_out_views(plan: &ExportPlan<'_>) -> Option<UnmetNeed> {
     matches!(plan.test, TestViews::From(_)).then(|| {
         UnmetNeed::new(
             "the layout holds out frames of the trajectory itself only",

@@ -17,7 +17,7 @@
 //! The two scalars are in this file alone: in the files of a release they would change the bytes of every
 //! stream, and the attributes `width` and `height` of the root state the same.
 
-use super::camera_needs::{products, unmet_events, unmet_own_views};
+use super::camera_needs::{products, unmet_events, unmet_held_out_views};
 use super::marks::frame_lines;
 use crate::hdf5::Hdf5File;
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
@@ -49,7 +49,7 @@ const AT_ONCE: usize = 65_536;
 const E_RAFT: Size = Size { width: 640, height: 480 };
 
 fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
-    vec![unmet_events(plan), unmet_own_views(plan)]
+    vec![unmet_events(plan), unmet_held_out_views(plan)]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {

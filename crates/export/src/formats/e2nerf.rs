@@ -84,17 +84,17 @@ fn e2nerf_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
 
 fn write_e2nerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
     let exposures = plan.exposures();
-    let seen = geometry::scene_box(plan)?;
-    let similarity = scale_to_bounds(&seen);
+    let bounds = geometry::scene_box(plan)?;
+    let similarity = scale_to_bounds(&bounds);
     let events = write_counts(plan, &exposures, out)?;
     write_train(plan, &exposures, similarity, out)?;
     let test = write_test(plan, &exposures, similarity, TestEntries::One, out)?;
-    let fits = seen.depth.map(|depth| depth * similarity.scale);
+    let fits = bounds.depth.map(|depth| depth * similarity.scale);
     Ok(json!({
         "events": events, "views": exposures.len(), "test_views": test,
         "thresholds_in_code": { "on": THRESHOLDS[0], "off": THRESHOLDS[1] },
         "similarity": similarity.facts(),
-        "near": fits[0], "far": fits[1], "bounds_from": seen.basis,
+        "near": fits[0], "far": fits[1], "bounds_from": bounds.basis,
         "command": "python run_nerf_exp.py --dataset_type blender --datadir DIR",
     }))
 }
@@ -192,10 +192,10 @@ fn encoded_mean() -> ExportLoss {
 }
 
 /// Origin and factor that move the depths into the bounds of the program.
-fn scale_to_bounds(seen: &SceneBox) -> Similarity {
+fn scale_to_bounds(bounds: &SceneBox) -> Similarity {
     // The geometric middle of the depths goes to that of the bounds.
     let middle = |[near, far]: [f64; 2]| (near * far).sqrt();
-    Similarity { origin: seen.centre, scale: middle(BOUNDS) / middle(seen.depth) }
+    Similarity { origin: bounds.centre, scale: middle(BOUNDS) / middle(bounds.depth) }
 }
 
 /// The signed counts of the exposures. Those of one exposure are in memory at a time.

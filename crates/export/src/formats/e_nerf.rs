@@ -12,7 +12,7 @@
 //! the poses is skipped; times are float32, and an event that is rounded past the last pose fails.
 
 use super::camera_needs::{
-    centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
+    centred_camera, mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_held_out_views,
     unmet_poses,
 };
 use super::marks::{event_sign, frame_lines};
@@ -53,7 +53,7 @@ fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
         unmet_events(plan),
         unmet_frames(plan, MIN_FRAMES),
         unmet_poses(plan, MIN_POSES),
-        unmet_own_views(plan),
+        unmet_held_out_views(plan),
         geometry::unmet_depth(plan),
         side,
     ]
@@ -74,11 +74,11 @@ fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, Exp
     out.write_frames("images", plan.subject, &plan.frames)?;
     let stamps = frame_lines(plan, |t_us| (t_us * NS_PER_US).to_string());
     out.write_file("images/image_stamps_ns.txt", stamps.as_bytes())?;
-    let seen = geometry::scene_box(plan)?;
-    write_bounds(plan, seen.depth, out)?;
+    let bounds = geometry::scene_box(plan)?;
+    write_bounds(plan, bounds.depth, out)?;
     let views = choose_views(plan, &files.off)?;
     // The program's box is the cube [-bound, bound], and it does not move the poses.
-    let reach = seen.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+    let reach = bounds.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
     let scale = 1.0 / reach;
     let threshold = mean_threshold(plan, FORMULA);
     write_config(plan, &views, threshold, scale, out)?;
@@ -86,7 +86,7 @@ fn write(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, Exp
         "events": files.off.iter().zip(&files.on).map(|(off, on)| off + on).sum::<u64>(),
         "events_before_the_first_frame": files.early,
         "events_after_the_last_pose_in_float32": files.late,
-        "threshold": threshold, "scale": scale, "bound": 1, "bound_from": seen.basis,
+        "threshold": threshold, "scale": scale, "bound": 1, "bound_from": bounds.basis,
         "train_idxs": views.train, "val_idxs": views.validation,
         "command": "python main_nerf.py --config config.txt --datadir DIR",
     }))

@@ -16,7 +16,7 @@
 //! `llff` has the pictures and `poses_bounds.npy`, with sharp frames if the release has no blurred ones.
 
 use super::camera_needs::{
-    centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames, unmet_own_views,
+    centred_camera, products, thresholds, unmet_events, unmet_exposures, unmet_frames, unmet_held_out_views,
 };
 use crate::brightness::{BrightnessFormula, thresholds_in};
 use crate::hdf5::{GrowingColumn, Hdf5File};
@@ -63,7 +63,7 @@ fn evdeblurnerf_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
     vec![
         unmet_events(plan),
         unmet_exposures(plan, MIN_PICTURES),
-        unmet_own_views(plan),
+        unmet_held_out_views(plan),
         geometry::unmet_depth(plan),
     ]
 }
@@ -79,9 +79,9 @@ fn write_evdeblurnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Resu
     let pictures = pictures(plan);
     write_pictures(plan, &pictures, out)?;
     write_stamps(&pictures, out)?;
-    let seen = geometry::scene_box(plan)?;
+    let bounds = geometry::scene_box(plan)?;
     let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
-    let (camera, depth) = (&plan.subject.camera, seen.depth);
+    let (camera, depth) = (&plan.subject.camera, bounds.depth);
     out.write_file("poses_bounds.npy", &llff_rows(camera, depth, pictures.iter().map(at)))?;
     let all = llff_rows(camera, depth, plan.poses().map(|(_, pose)| pose));
     out.write_file("all_poses_bounds.npy", &all)?;
@@ -97,7 +97,7 @@ fn write_evdeblurnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Resu
     out.write_file("config.txt", text.as_bytes())?;
     Ok(json!({
         "events": events, "pictures": pictures.len(), "thresholds": { "on": on, "off": off },
-        "times_shifted_us": SHIFT_US, "near": seen.depth[0], "far": seen.depth[1], "bounds_from": seen.basis,
+        "times_shifted_us": SHIFT_US, "near": bounds.depth[0], "far": bounds.depth[1], "bounds_from": bounds.basis,
         "command": "python train.py --config config.txt",
     }))
 }
@@ -108,7 +108,7 @@ fn llff_unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
     } else {
         unmet_exposures(plan, MIN_PICTURES)
     };
-    vec![few, unmet_own_views(plan), geometry::unmet_depth(plan)]
+    vec![few, unmet_held_out_views(plan), geometry::unmet_depth(plan)]
 }
 
 fn llff_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
@@ -124,14 +124,14 @@ fn write_llff(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value
         // Without a factor in its options, a loader reads this folder.
         out.repeat(&format!("images_1/{index:04}.png"), &format!("images/{index:04}.png"))?;
     }
-    let seen = geometry::scene_box(plan)?;
+    let bounds = geometry::scene_box(plan)?;
     let at = |picture: &Picture| plan.subject.poses.world_from_camera[picture.pose];
-    let rows = llff_rows(&plan.subject.camera, seen.depth, pictures.iter().map(at));
+    let rows = llff_rows(&plan.subject.camera, bounds.depth, pictures.iter().map(at));
     out.write_file("poses_bounds.npy", &rows)?;
     Ok(json!({
         "pictures": pictures.len(), "blurred": pictures.iter().filter(|picture| picture.is_blurred()).count(),
-        "llffhold": held_out_every(plan), "near": seen.depth[0], "far": seen.depth[1],
-        "bounds_from": seen.basis, "options": projection(plan).lines().collect::<Vec<_>>(),
+        "llffhold": held_out_every(plan), "near": bounds.depth[0], "far": bounds.depth[1],
+        "bounds_from": bounds.basis, "options": projection(plan).lines().collect::<Vec<_>>(),
     }))
 }
 

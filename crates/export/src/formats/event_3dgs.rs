@@ -14,8 +14,8 @@
 //!
 //! `colmap` is the model with sharp frames in `images`, for any trainer that reads COLMAP.
 
-use super::camera_needs::{centred_camera, products, unmet_events, unmet_frames, unmet_own_views};
-use crate::brightness::own_brightness;
+use super::camera_needs::{centred_camera, products, unmet_events, unmet_frames, unmet_held_out_views};
+use crate::brightness::sensor_brightness;
 use crate::{
     ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, TestViews, UnmetNeed, geometry,
 };
@@ -46,7 +46,7 @@ const MIN_FRAMES: usize = 86;
 const MAX_FRAMES: usize = 250;
 
 fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
-    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_points(plan), unmet_own_views(plan)]
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_points(plan), unmet_held_out_views(plan)]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
@@ -122,7 +122,7 @@ pub(super) fn write_model_files(
         camera: subject.camera,
     };
     let images: Vec<WrittenImage> = frames.iter().enumerate().map(image).collect();
-    let points = geometry::seen_points(plan)?.0;
+    let points = geometry::lifted_points(plan)?.0;
     // The writer names all three files itself.
     let first = out.file("sparse/0/cameras.bin")?;
     for other in ["images.bin", "points3D.bin"] {
@@ -145,9 +145,9 @@ impl<'a> Integral<'a> {
     /// Starts with the first sharp frame.
     fn new(plan: &'a ExportPlan<'a>, first: usize) -> Result<Self, ExportError> {
         let model = plan.sensor()?.as_model();
-        let seen = seen_through(model, &plan.subject.sharp_picture(first)?);
-        let brightness = seen.pixels().iter().map(|grey| model.brightness(f64::from(*grey))).collect();
-        let steps = (1..255u8).map(|k| own_brightness(model, (f64::from(k) + 0.5) / WHITE)).collect();
+        let greys = sensor_greys(model, &plan.subject.sharp_picture(first)?);
+        let brightness = greys.pixels().iter().map(|grey| model.brightness(f64::from(*grey))).collect();
+        let steps = (1..255u8).map(|k| sensor_brightness(model, (f64::from(k) + 0.5) / WHITE)).collect();
         Ok(Self { plan, brightness, steps })
     }
 
@@ -169,7 +169,7 @@ impl<'a> Integral<'a> {
 }
 
 /// A picture as the sensor's pixels see it, grey.
-fn seen_through(model: &dyn SensorModel, picture: &Image<[u8; 3]>) -> Image<f32> {
+fn sensor_greys(model: &dyn SensorModel, picture: &Image<[u8; 3]>) -> Image<f32> {
     let colours = picture.pixels().iter().map(|rgb| rgb.map(f32::from)).collect::<Vec<_>>();
     // A sensor that decodes colours ignores this grey.
     let greys = colours.iter().map(|rgb| luminance(*rgb)).collect();

@@ -78,8 +78,8 @@ fn eventnerf_losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {
 }
 
 fn write_eventnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<Value, ExportError> {
-    let seen = geometry::scene_box(plan)?;
-    let similarity = unit_sphere(plan, &seen);
+    let bounds = geometry::scene_box(plan)?;
+    let similarity = unit_sphere(plan, &bounds);
     let count = pose_count(plan);
     let events = write_events(plan, EventClock::Shares, out)?;
     write_train(plan, count, similarity, out)?;
@@ -99,7 +99,7 @@ fn write_eventnerf(plan: &ExportPlan<'_>, out: &mut ExportFolder<'_>) -> Result<
     out.write_file("config.txt", text.as_bytes())?;
     Ok(json!({
         "events": events, "poses": count, "threshold": threshold, "tonemap_eps": eps,
-        "similarity": similarity.facts(), "bound_from": seen.basis,
+        "similarity": similarity.facts(), "bound_from": bounds.basis,
         "command": "python ddp_train_nerf.py --config config.txt --datadir PARENT --scene NAME",
     }))
 }
@@ -176,16 +176,16 @@ fn pose_count(plan: &ExportPlan<'_>) -> u32 {
 }
 
 /// Origin and factor that move cameras and content into the unit sphere.
-fn unit_sphere(plan: &ExportPlan<'_>, seen: &SceneBox) -> Similarity {
-    let [low, high] = seen.corners;
+fn unit_sphere(plan: &ExportPlan<'_>, bounds: &SceneBox) -> Similarity {
+    let [low, high] = bounds.corners;
     // Bit a of k picks the upper end of axis a.
     let corners = (0..8).map(|k| {
         let pick = |axis: usize| if k >> axis & 1 == 0 { low[axis] } else { high[axis] };
         DVec3::new(pick(0), pick(1), pick(2))
     });
     let cameras = plan.poses().map(|(_, pose)| pose.translation);
-    let reach = corners.chain(cameras).map(|place| (place - seen.centre).length()).fold(0.0, f64::max);
-    Similarity { origin: seen.centre, scale: 1.0 / (MARGIN * reach) }
+    let reach = corners.chain(cameras).map(|place| (place - bounds.centre).length()).fold(0.0, f64::max);
+    Similarity { origin: bounds.centre, scale: 1.0 / (MARGIN * reach) }
 }
 
 fn write_pose(name: &str, pose: &Se3, out: &mut ExportFolder<'_>) -> Result<(), ExportError> {

@@ -13,7 +13,7 @@
 //!
 //! Types are signed, because readers subtract: `2 p - 1` of an unsigned 0 is 255.
 
-use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unmet_own_views};
+use super::camera_needs::{products, unmet_events, unmet_frames, unmet_held_out_views, unmet_int16};
 use super::marks::{EventMarks, grey_picture};
 use crate::npy::GrowingArray;
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed, npy};
@@ -26,7 +26,7 @@ pub(super) static FORMAT: ExportFormat =
         .for_any_lens();
 
 fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
-    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan), unmet_int16(plan)]
+    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_held_out_views(plan), unmet_int16(plan)]
 }
 
 fn losses(_: &ExportPlan<'_>) -> Vec<ExportLoss> {

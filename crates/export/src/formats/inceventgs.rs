@@ -12,7 +12,7 @@
 //! the code, whatever the threshold; pictures are JPEG; times become float32 of seconds.
 
 use super::camera_needs::{
-    mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_own_views,
+    mean_threshold, products, thresholds, unmet_events, unmet_frames, unmet_held_out_views,
 };
 use super::marks::{event_sign, frame_lines};
 use crate::brightness::BrightnessFormula;
@@ -47,7 +47,7 @@ fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
         let what = format!("sharp frames {least} to {most} us apart, wanted equal distances");
         UnmetNeed::new(what, "a sharp.every that divides blur.frames, or outputs without blur")
     });
-    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unequal]
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_held_out_views(plan), unequal]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {

@@ -24,7 +24,7 @@ mod recording;
 mod schemas;
 mod timeline;
 
-use super::camera_needs::{products, unmet_events, unmet_own_views};
+use super::camera_needs::{products, unmet_events, unmet_held_out_views};
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
 use packets::EventPackets;
 use recording::Recording;
@@ -62,7 +62,7 @@ fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
         let what = format!("times up to {} us, wanted less than {END_US}", plan.length_us());
         UnmetNeed::new(what, "an earlier --epoch")
     });
-    vec![unmet_events(plan), unmet_own_views(plan), large, late]
+    vec![unmet_events(plan), unmet_held_out_views(plan), large, late]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {

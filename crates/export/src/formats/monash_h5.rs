@@ -14,7 +14,7 @@
 //! them, so that an event at the stamp of a picture belongs to the next item. The layout has no mask of the
 //! flow, so pixels without a flow are 0.
 
-use super::camera_needs::{products, unmet_events, unmet_frames, unmet_int16, unmet_own_views};
+use super::camera_needs::{products, unmet_events, unmet_frames, unmet_held_out_views, unmet_int16};
 use super::marks::{EventMarks, grey_picture};
 use crate::hdf5::{GrowingColumn, Hdf5File};
 use crate::{ExportError, ExportFolder, ExportFormat, ExportLoss, ExportPlan, UnmetNeed};
@@ -32,7 +32,7 @@ pub(super) static FORMAT: ExportFormat =
 const MIN_FRAMES: usize = 2;
 
 fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
-    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_own_views(plan), unmet_int16(plan)]
+    vec![unmet_events(plan), unmet_frames(plan, MIN_FRAMES), unmet_held_out_views(plan), unmet_int16(plan)]
 }
 
 fn losses(plan: &ExportPlan<'_>) -> Vec<ExportLoss> {

@@ -132,8 +132,8 @@ fn write(
     ] {
         write_views(set, subject, &frames, out)?;
     }
-    let seen = geometry::scene_box(plan)?;
-    let [low, high] = seen.corners;
+    let bounds = geometry::scene_box(plan)?;
+    let [low, high] = bounds.corners;
     // Keys of its YAML, because a whole configuration of the program would be its code.
     let config = json!({
         "nerf.aabb": [low.x, low.y, low.z, high.x, high.y, high.z],
@@ -144,7 +144,7 @@ fn write(
     out.write_file("config.json", format!("{config:#}").as_bytes())?;
     Ok(json!({
         "events": events, "thresholds": { "on": on, "off": off },
-        "refractory_period_ns": refractory_ns, "min_modeled_intensity": eps, "box_from": seen.basis,
+        "refractory_period_ns": refractory_ns, "min_modeled_intensity": eps, "box_from": bounds.basis,
         "command": "set the keys of config.json in the program's YAML, then python scripts/run.py",
     }))
 }

@@ -1,6 +1,6 @@
 //! Samples for networks: the events between two consecutive sharp frames, and the second frame.
 
-use super::camera_needs::{products, unmet_events, unmet_frames, unmet_own_views};
+use super::camera_needs::{products, unmet_events, unmet_frames, unmet_held_out_views};
 use crate::{ExportError, ExportFolder, ExportLoss, ExportPlan, UnmetNeed, poses};
 use gs2e_event::Event;
 use gs2e_trajectory::text::significant_digits;
@@ -111,7 +111,7 @@ impl EventWindow {
 
 /// Requirements of a layout of windows.
 pub(super) fn unmet(plan: &ExportPlan<'_>) -> Vec<Option<UnmetNeed>> {
-    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_own_views(plan)]
+    vec![unmet_events(plan), unmet_frames(plan, 2), unmet_held_out_views(plan)]
 }
 
 /// Losses of a layout of windows.

@@ -78,12 +78,12 @@ fn events(renderer: Box<dyn Renderer>, life: &StillLife) -> BTreeMap<(u16, u16),
 
 /// Frames that were made before.
 #[derive(Debug)]
-struct MadeFrames {
+struct StoredFrames {
     frames: VecDeque<DenseFrame>,
     len: usize,
 }
 
-impl FrameSequence for MadeFrames {
+impl FrameSequence for StoredFrames {
     fn size(&self) -> Size {
         SIZE
     }
@@ -116,7 +116,7 @@ fn events_are_those_of_the_sensor_fed_with_the_same_frames() {
         luminance.pixels_mut().iter_mut().for_each(|value| *value *= 255.0);
         made.push_back(DenseFrame { index, t: Timestamp(1000 * stamp_us), luminance, rate: None });
     }
-    let wanted = sensed(&mut MadeFrames { len: made.len(), frames: made });
+    let wanted = sensed(&mut StoredFrames { len: made.len(), frames: made });
     assert!(wanted.len() > 10_000, "too few to compare");
     let mut devices = gpu::devices_without_features();
     devices.push(("nothing".to_owned(), device));

@@ -32,10 +32,10 @@ pub fn intervals_svg(study: &RealStudy) -> String {
     let sensors = study.rows.iter().zip(&study.profiles).enumerate();
     for (i, (row, profile)) in sensors {
         let curve =
-            ShownCurve { colour: COLOURS[i % COLOURS.len()], width: 1.5, place: i + 1, name: &row.sensor };
+            LegendCurve { colour: COLOURS[i % COLOURS.len()], width: 1.5, place: i + 1, name: &row.sensor };
         curve.draw(&mut out, profile.intervals());
     }
-    let recording = ShownCurve { colour: DARK, width: 3.0, place: 0, name: "recording" };
+    let recording = LegendCurve { colour: DARK, width: 3.0, place: 0, name: "recording" };
     recording.draw(&mut out, study.real.intervals());
     out.finish()
 }
@@ -45,20 +45,20 @@ fn chart_point(decade: f64, share: f64) -> [f64; 2] {
 }
 
 /// The look of a distribution, and its place in the legend.
-struct ShownCurve<'a> {
+struct LegendCurve<'a> {
     colour: &'a str,
     width: f64,
     place: usize,
     name: &'a str,
 }
 
-impl ShownCurve<'_> {
+impl LegendCurve<'_> {
     fn draw(self, out: &mut SvgText, intervals: &IntervalProfile) {
         let Self { colour, width, place, name } = self;
         let points = intervals.distribution().map(|(us, share)| (libm::log10(us), share));
-        let shown = points.filter(|(decade, _)| (DECADES[0]..=DECADES[1]).contains(decade));
+        let within = points.filter(|(decade, _)| (DECADES[0]..=DECADES[1]).contains(decade));
         if intervals.count() > 0 {
-            out.polyline(shown.map(|(decade, share)| chart_point(decade, share)), colour, width);
+            out.polyline(within.map(|(decade, share)| chart_point(decade, share)), colour, width);
         }
         let y = INNER.top + 14.0 + 20.0 * place as f64;
         let left = INNER.left + INNER.width + 20.0;

@@ -51,24 +51,24 @@ pub struct ContrastRow {
     pub passes: bool,
 }
 
-/// Measures `shown` against the statement of `stated`; the same sensor, unless a mistake is planted.
-/// `unit` is a factor on the greys, and 1 for a sensor that reads its frames as stated.
+/// Measures `measured_sensor` against the statement of `stated`; the same sensor, unless a mistake is
+/// planted. `unit` is a factor on the greys, and 1 for a sensor that reads its frames as stated.
 ///
 /// # Errors
 /// The sensor cannot be simulated.
 pub fn measure_contrast(
     stated: &SensorChoice,
-    shown: &SensorChoice,
+    measured_sensor: &SensorChoice,
     unit: f64,
 ) -> Result<Vec<ContrastRow>, SensorError> {
     let cases = GREYS.into_iter().flat_map(|grey| [(grey, true), (grey, false)]);
-    cases.map(|(grey, on)| measure_step(stated, shown, unit, grey, on)).collect()
+    cases.map(|(grey, on)| measure_step(stated, measured_sensor, unit, grey, on)).collect()
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "greys are f32, and times are below a minute")]
 fn measure_step(
     stated: &SensorChoice,
-    shown: &SensorChoice,
+    measured_sensor: &SensorChoice,
     unit: f64,
     grey: f64,
     on: bool,
@@ -91,14 +91,14 @@ fn measure_step(
         .collect();
     let settling = SETTLED * model.settling_seconds(grey.min(after[columns - 1]));
     // A slow filter needs so long that shot noise would answer in place of the step.
-    let quiet = (settling > 1e-3).then(|| shown.without_noise());
+    let quiet = (settling > 1e-3).then(|| measured_sensor.without_noise());
     let until = STEP_NS + ANSWER_NS.max((settling * 1e9) as i64);
     let picture = |greys: &dyn Fn(usize) -> f64| -> Vec<f32> {
         (0..SIZE.pixels()).map(|pixel| (unit * greys(pixel % columns)) as f32).collect()
     };
     let (before, after) = (picture(&|_| grey), picture(&|column| after[column]));
     let frames = [(0, before), (STEP_NS, after.clone()), (until, after)];
-    let events = show(quiet.as_ref().unwrap_or(shown), SIZE, &frames, Seed(1))?;
+    let events = show(quiet.as_ref().unwrap_or(measured_sensor), SIZE, &frames, Seed(1))?;
     let mut answered = vec![false; SIZE.pixels()];
     let wanted = if on { Polarity::On } else { Polarity::Off };
     for event in events.iter().filter(|event| event.polarity == wanted) {
@@ -163,8 +163,8 @@ mod tests {
     use gs2e_sensor::v2e::{V2eModel, V2ePreset};
     use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 
-    fn passes(stated: &SensorChoice, shown: &SensorChoice, unit: f64) -> bool {
-        let rows = measure_contrast(stated, shown, unit).unwrap();
+    fn passes(stated: &SensorChoice, measured_sensor: &SensorChoice, unit: f64) -> bool {
+        let rows = measure_contrast(stated, measured_sensor, unit).unwrap();
         for row in &rows {
             let ContrastRow { grey, on, stated, found, stated_spread, found_spread, passes, .. } = row;
             println!(

@@ -36,7 +36,7 @@ pub struct NoiseTrial {
 
 impl NoiseTrial {
     /// 10,000 pixels for 10 s.
-    pub const USUAL: Self = Self { side: 100, tenths: 100 };
+    pub const DEFAULT: Self = Self { side: 100, tenths: 100 };
 }
 
 /// Noise at several lights.

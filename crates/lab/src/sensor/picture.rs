@@ -75,7 +75,7 @@ struct DecadeAxis {
 
 impl DecadeAxis {
     /// Whole decades around positive values.
-    fn around(values: impl Iterator<Item = f64>) -> Self {
+    fn covering(values: impl Iterator<Item = f64>) -> Self {
         let values = values.filter(|value| *value > 0.0 && value.is_finite());
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
         if low > high {
@@ -98,10 +98,10 @@ impl DecadeAxis {
 fn draw_noise(out: &mut SvgText, sensor: &SensorChoice, rows: &[NoiseRow]) {
     out.frame(NOISE);
     let light = |row: &NoiseRow| row.lux.unwrap_or(row.grey);
-    let x = DecadeAxis::around(rows.iter().map(light));
+    let x = DecadeAxis::covering(rows.iter().map(light));
     let rates =
         |row: &NoiseRow| row.predicted.into_iter().chain(row.found).chain(row.anchor.into_iter().flatten());
-    let y = DecadeAxis::around(rows.iter().flat_map(rates).filter(|rate| *rate > 1e-4));
+    let y = DecadeAxis::covering(rows.iter().flat_map(rates).filter(|rate| *rate > 1e-4));
     for mark in x.marks() {
         let share = x.share(mark);
         out.polyline([NOISE.point([share, 0.0]), NOISE.point([share, 1.0])], LIGHT, 1.0);

@@ -162,7 +162,7 @@ fn case_table(precision: FloatPrecision, own_scene: bool) -> Vec<([&'static str;
     ];
     table.extend(picture_cases(precision));
     if own_scene {
-        table.extend(own_pictures(precision));
+        table.extend(user_scene_pictures(precision));
     }
     table
 }
@@ -187,7 +187,7 @@ fn picture_cases(precision: FloatPrecision) -> Vec<([&'static str; 3], Run)> {
 }
 
 /// The cases on the user's scene.
-fn own_pictures(precision: FloatPrecision) -> Vec<([&'static str; 3], Run)> {
+fn user_scene_pictures(precision: FloatPrecision) -> Vec<([&'static str; 3], Run)> {
     let grey = ["own-luminance-path", "the scene given: one channel in place of three", "1"];
     let mut table: Vec<([&'static str; 3], Run)> =
         vec![(grey, |stage, by| pictures::luminance_case(&pictures::user_setup(stage), by))];

@@ -18,7 +18,7 @@ use gs2e_trajectory::sample::SummationRule;
 use gs2e_trajectory::speed::function::SpeedExpression;
 use gs2e_trajectory::speed::list::SpeedLevels;
 use gs2e_trajectory::speed::{SpeedChoice, SpeedLaw, SpeedMeaning};
-use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming};
+use gs2e_trajectory::{NamedPose, PoseTiming, TrajectoryBuild};
 use std::f64::consts::PI;
 
 /// All cases of paths.
@@ -112,7 +112,7 @@ fn half_circle(offset: DVec3) -> Vec<(String, Se3)> {
     (0..30).map(pose).collect()
 }
 
-fn make_trajectory(offset: DVec3) -> MadeTrajectory {
+fn make_trajectory(offset: DVec3) -> TrajectoryBuild {
     let views = half_circle(offset);
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();

@@ -7,7 +7,7 @@ use super::{SettingRow, StudyResult};
 use std::fmt::Write as _;
 
 /// Measures of the short table.
-const SHOWN: [ErrorMeasure; 4] =
+const LISTED: [ErrorMeasure; 4] =
     [ErrorMeasure::Rms, ErrorMeasure::Count, ErrorMeasure::Miscount, ErrorMeasure::Median];
 /// Measures for which the lowest error is shown. A difference of counts may pass through 0 by
 /// chance.
@@ -27,7 +27,7 @@ pub(super) fn write_cheapest(out: &mut String, study: &StudyResult, base: &Setti
         base.frames,
         short_number(base.core_s())
     );
-    for pick in study.picks().iter().filter(|pick| SHOWN.contains(&pick.measure)) {
+    for pick in study.picks().iter().filter(|pick| LISTED.contains(&pick.measure)) {
         let (mut title, mut error) = (pick.measure.title(), short_number(pick.error));
         for of in &study.rules {
             let Some(offer) = pick.offers.iter().find(|offer| offer.rules == of.rules) else { continue };

@@ -27,7 +27,7 @@ struct LogAxis {
 }
 
 impl LogAxis {
-    fn around_values(values: impl Iterator<Item = f64>) -> Option<Self> {
+    fn covering_values(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(low, high), v| (low.min(v), high.max(v)));
         // A logarithmic axis has no place for 0, and no values leave `low` infinite.
         (low > 0.0 && low.is_finite()).then(|| Self { low: low / ROOM, high: high * ROOM })
@@ -52,27 +52,27 @@ impl LogAxis {
 /// The chart of one measure as SVG; `None` if no setting has an error in it.
 #[must_use]
 pub fn chart_svg(study: &StudyResult, measure: ErrorMeasure) -> Option<String> {
-    let shown: Vec<(&SettingRow, f64)> =
+    let drawn: Vec<(&SettingRow, f64)> =
         study.rows.iter().filter_map(|row| Some((row, measure.of(row).filter(|e| *e > 0.0)?))).collect();
     let lines = error_lines(study, measure);
-    let cost = LogAxis::around_values(shown.iter().map(|(row, _)| row.core_s()))?;
-    let lowest = shown.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+    let cost = LogAxis::covering_values(drawn.iter().map(|(row, _)| row.core_s()))?;
+    let lowest = drawn.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
     // Lines far below everything would only compress the curves.
     let within = lines.iter().map(|line| line.error).filter(|error| *error > 0.2 * lowest);
-    let error = LogAxis::around_values(shown.iter().map(|(_, error)| *error).chain(within))?;
+    let error = LogAxis::covering_values(drawn.iter().map(|(_, error)| *error).chain(within))?;
     let mut out = SvgText::new(SIZE);
     let title = format!("{}: {}", study.scene, measure.title());
     out.text([INNER.left, 28.0], "start", GREY, &title);
     draw_axes(&mut out, cost, error, &study.machine());
     let at = |row: &SettingRow, value: f64| INNER.point([cost.share(row.core_s()), error.share(value)]);
     let mut entries: Vec<(String, MethodStyle)> = Vec::new();
-    for (row, _) in &shown {
+    for (row, _) in &drawn {
         let method = row.method();
         if entries.iter().any(|(name, _)| *name == method) {
             continue;
         }
         let mut curve: Vec<&(&SettingRow, f64)> =
-            shown.iter().filter(|(row, _)| row.method() == method).collect();
+            drawn.iter().filter(|(row, _)| row.method() == method).collect();
         curve.sort_by_key(|(row, _)| row.rate);
         let look = MethodStyle::for_row(study, row);
         look.curve(&mut out, &curve.iter().map(|(row, value)| at(row, *value)).collect::<Vec<_>>());
@@ -213,7 +213,7 @@ mod tests {
         t(1e-4, 2.0, &[1e-4, 1e-3, 1e-2, 0.1, 1.0]);
         assert_eq!(plain_number(0.05), "0.05");
         assert_eq!(plain_number(2e-5), "2e-5");
-        let axis = LogAxis::around_values([1.0, 100.0].into_iter()).unwrap();
+        let axis = LogAxis::covering_values([1.0, 100.0].into_iter()).unwrap();
         assert!((axis.share(10.0) - 0.5).abs() < 1e-12);
     }
 }

@@ -20,7 +20,7 @@ pub trait ProcessMeter {
 }
 
 /// The cost of a kind of frames, and the luminance of the frames that were kept.
-pub(super) type Measured = (FrameCost, Vec<Image<f32>>);
+pub(super) type KindCost = (FrameCost, Vec<Image<f32>>);
 
 /// The frames to render of each view.
 pub(super) struct CostSampling<'a> {
@@ -42,13 +42,13 @@ pub(super) fn measure_views(
     views: &[CameraView],
     sampling: &CostSampling<'_>,
     taps: Taps<'_>,
-) -> Result<Vec<Measured>, LabError> {
+) -> Result<Vec<KindCost>, LabError> {
     let mut kinds: Vec<CostKind> = Vec::new();
     for want in sampling.kinds {
         kinds.push(CostKind::render_once(renderer, views, *want, sampling.keep, taps)?);
     }
     for _ in 0..sampling.rounds {
-        kinds.iter_mut().try_for_each(|kind| kind.again(renderer, views, taps))?;
+        kinds.iter_mut().try_for_each(|kind| kind.repeat(renderer, views, taps))?;
     }
     Ok(kinds.into_iter().map(|kind| (kind.cost(), kind.kept)).collect())
 }
@@ -96,7 +96,7 @@ impl CostKind {
         Ok(kind)
     }
 
-    fn again(
+    fn repeat(
         &mut self,
         renderer: &mut dyn Renderer,
         views: &[CameraView],

@@ -1,6 +1,6 @@
 //! The laboratory of a study: a window of a path, its frames by each rule set, and their costs.
 
-use super::cost::{CostSampling, Measured, ProcessMeter, Taps, kept_at, measure_views};
+use super::cost::{CostSampling, KindCost, ProcessMeter, Taps, kept_at, measure_views};
 use super::grid::FrameGrid;
 use super::pass::{PassSetup, feed_settings};
 use super::window::FineWindow;
@@ -100,7 +100,7 @@ pub struct StudyLab<'a> {
     /// The window.
     pub window: &'a FineWindow,
     /// The sensor of the recipe.
-    pub own: VoltmeterModel,
+    pub recipe_sensor: VoltmeterModel,
     /// The sensor that is fed with frames.
     pub sensor: VoltmeterModel,
     /// Seed of the noise.
@@ -226,7 +226,7 @@ impl StudyLab<'_> {
     }
 
     /// Measures the costs of these kinds of frames.
-    fn kinds(&self, kinds: &[ChannelSet], by: &RuleRenderer) -> Result<Vec<Measured>, LabError> {
+    fn kinds(&self, kinds: &[ChannelSet], by: &RuleRenderer) -> Result<Vec<KindCost>, LabError> {
         let views = self.window.views(self.camera, SAMPLE);
         let sampling = CostSampling { kinds, keep: PICTURES, rounds: ROUNDS };
         self.measured(by, &self.gaussians, &views, &sampling)
@@ -238,7 +238,7 @@ impl StudyLab<'_> {
         scene: &Arc<Gaussians>,
         views: &[CameraView],
         sampling: &CostSampling<'_>,
-    ) -> Result<Vec<Measured>, LabError> {
+    ) -> Result<Vec<KindCost>, LabError> {
         let mut renderer = by.renderer(scene)?;
         let poses: Vec<_> = views.iter().map(|view| view.world_from_camera).collect();
         // The same promise as in a build, which renders known poses only.
@@ -247,7 +247,7 @@ impl StudyLab<'_> {
     }
 
     /// The differences from f64 of several ways to render, these kinds among them.
-    fn pictures(&self, by: &RuleRenderer, kinds: Vec<Measured>) -> Result<Vec<PicturePrecision>, LabError> {
+    fn pictures(&self, by: &RuleRenderer, kinds: Vec<KindCost>) -> Result<Vec<PicturePrecision>, LabError> {
         let whole = &self.gaussians;
         let views = self.window.views(self.camera, SAMPLE);
         let few: Vec<CameraView> = kept_at(views.len(), PICTURES).map(|at| views[at]).collect();
@@ -255,7 +255,7 @@ impl StudyLab<'_> {
         let exact = RuleRenderer { backend: Backend::Reference, ..*by };
         let exactly = self.measured(&exact, whole, &few, &once)?;
         let names = ["luminance", "luminance and its rate", "rgb"].map(str::to_owned);
-        let mut rendered: Vec<(String, Measured)> = names.into_iter().zip(kinds).collect();
+        let mut rendered: Vec<(String, KindCost)> = names.into_iter().zip(kinds).collect();
         for degree in (0..whole.sh_degree).rev() {
             let scene = Arc::new(whole.with_degree(degree));
             let sampling = CostSampling { rounds: ROUNDS, ..once };
@@ -264,7 +264,7 @@ impl StudyLab<'_> {
         }
         let reference = exactly[0].1.clone();
         rendered.extend(exactly.into_iter().map(|found| ("luminance in f64".to_owned(), found)));
-        let picture = |(what, (cost, images)): (String, Measured)| {
+        let picture = |(what, (cost, images)): (String, KindCost)| {
             let (psnr_db, worst_grey) = image_differences(&images, &reference);
             PicturePrecision { rules: by.name.to_owned(), what, cost, psnr_db, worst_grey }
         };
@@ -302,7 +302,7 @@ impl StudyLab<'_> {
             reference: passed.reference.len(),
             law,
             finest_s,
-            jitter: passed.jitter(&self.own, window.seconds()),
+            jitter: passed.jitter(&self.recipe_sensor, window.seconds()),
             costs,
         };
         Ok((of, rows))

@@ -28,7 +28,7 @@ pub(crate) struct PassSetup<'a> {
 
 /// The result of one setting.
 #[derive(Debug)]
-pub(crate) struct FedSetting {
+pub(crate) struct SettingRun {
     /// Index of the grid.
     pub grid: usize,
     /// Interpolation between its frames.
@@ -47,7 +47,7 @@ pub(crate) struct PassResult {
     /// Events of the finest frames with `hermite`, sorted.
     pub reference: Vec<u64>,
     /// The settings, grid by grid.
-    pub fed: Vec<FedSetting>,
+    pub fed: Vec<SettingRun>,
     /// Mean luminance of the first frame, grey.
     pub grey: f64,
 }
@@ -86,9 +86,9 @@ pub(crate) fn feed_settings(
         // The logarithms of a frame are computed once for all grids, and only for frames that one
         // needs.
         let wanted = gridded.iter().any(|grid| grid.wants(frame.index));
-        let seen = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
-        if let Some(seen) = seen {
-            gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &seen, clock))?;
+        let voltage = wanted.then(|| Arc::new(FrameVoltage::new(&frame, setup.sensor.k[1])));
+        if let Some(voltage) = voltage {
+            gridded.iter_mut().try_for_each(|grid| grid.see(&frame, &voltage, clock))?;
         }
         if tap(frame.index).is_break() {
             return Err(SimulateError::Interrupted);
@@ -164,15 +164,15 @@ impl<'a> GridSettings<'a> {
     fn see(
         &mut self,
         frame: &DenseFrame,
-        seen: &Arc<FrameVoltage>,
+        voltage: &Arc<FrameVoltage>,
         clock: &dyn Fn() -> TimeSpent,
     ) -> Result<(), SensorError> {
         if self.middle() == Some(frame.index) {
-            self.voltages.middle(seen);
+            self.voltages.middle(voltage);
         }
         if self.grid.places.get(self.next) == Some(&frame.index) {
             self.sensing.iter_mut().try_for_each(|sensing| sensing.see(frame, clock))?;
-            self.voltages.node(seen);
+            self.voltages.node(voltage);
             self.next += 1;
         }
         Ok(())
@@ -183,7 +183,7 @@ impl<'a> GridSettings<'a> {
         setup: &PassSetup<'_>,
         number: usize,
         clock: &dyn Fn() -> TimeSpent,
-        fed: &mut Vec<FedSetting>,
+        fed: &mut Vec<SettingRun>,
     ) -> Result<(), SensorError> {
         // The error has no sign, so it is stated in the mean of both thresholds.
         let in_thresholds =
@@ -191,7 +191,7 @@ impl<'a> GridSettings<'a> {
         let rms = self.voltages.finish();
         for ((sensing, rms), between) in self.sensing.into_iter().zip(rms).zip(setup.between) {
             let (events, spent) = sensing.end(clock)?;
-            fed.push(FedSetting {
+            fed.push(SettingRun {
                 grid: number,
                 between: *between,
                 rms_th: rms * in_thresholds,

@@ -53,13 +53,13 @@ impl IntervalVoltages {
     }
 
     /// A frame of the grid.
-    pub(super) fn node(&mut self, seen: &Arc<FrameVoltage>) {
-        self.shift(Some(seen.clone()));
+    pub(super) fn node(&mut self, voltage: &Arc<FrameVoltage>) {
+        self.shift(Some(voltage.clone()));
     }
 
     /// The frame in the middle of the interval that begins at the last node.
-    pub(super) fn middle(&mut self, seen: &Arc<FrameVoltage>) {
-        self.middles.push_back(seen.clone());
+    pub(super) fn middle(&mut self, voltage: &Arc<FrameVoltage>) {
+        self.middles.push_back(voltage.clone());
     }
 
     /// Root mean square over pixels and intervals, by method.
@@ -82,7 +82,8 @@ impl IntervalVoltages {
             let squares: Vec<f64> = (0..from.v.len())
                 .into_par_iter()
                 .map(|i| {
-                    let outer = [before, after].map(|seen| seen.as_ref().map(|seen| seen.knot(i)));
+                    let outer =
+                        [before, after].map(|voltage| voltage.as_ref().map(|voltage| voltage.knot(i)));
                     interpolated_value(*between, outer, [from.knot(i), to.knot(i)], middle.seconds)
                         - middle.v[i]
                 })
@@ -107,7 +108,7 @@ mod tests {
     /// middles between them.
     #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
     fn rms(times_us: &[i64], signal: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
-        let seen = |t: i64| {
+        let voltage = |t: i64| {
             let (v, slope) = signal(t as f64 * 1e-6);
             let level = libm::exp(v);
             let one = |value: f64| Image::filled(Size { width: 1, height: 1 }, value as f32);
@@ -121,10 +122,10 @@ mod tests {
         };
         let mut voltages = IntervalVoltages::new(&ALL);
         for pair in times_us.windows(2) {
-            voltages.node(&seen(pair[0]));
-            voltages.middle(&seen(i64::midpoint(pair[0], pair[1])));
+            voltages.node(&voltage(pair[0]));
+            voltages.middle(&voltage(i64::midpoint(pair[0], pair[1])));
         }
-        voltages.node(&seen(*times_us.last().unwrap()));
+        voltages.node(&voltage(*times_us.last().unwrap()));
         voltages.finish()
     }
 

@@ -50,11 +50,11 @@ const TOLERANCE: f64 = 1e-13;
 /// speed at the ends of the panel. The outermost nodes are 5 % away from the ends, so the first
 /// test does not notice a cusp in between. A cusp that this test misses is within 5e-7 of the
 /// panel's width from its end, and costs 5e-13 of its length.
-const SEEN: f64 = 1e-6;
-/// Replaces [`SEEN`] where the speed at an end is positive but below `SEEN` of the mean. A curve
+const MAX_MISFIT: f64 = 1e-6;
+/// Replaces [`MAX_MISFIT`] where the speed at an end is positive but below `MAX_MISFIT` of the mean. A curve
 /// that passes so close to a stop bends inside the panel, and its length up to a place would be
 /// wrong by 1e-11 of the panel's length.
-const SEEN_AT_A_STOP: f64 = 1e-9;
+const MAX_MISFIT_AT_A_STOP: f64 = 1e-9;
 /// Error, relative to the segment's length, below which a panel is always accepted. At a cusp the
 /// relative error of the panel that contains it never falls.
 const FLOOR: f64 = 1e-14;
@@ -123,7 +123,7 @@ impl<P: CurveSpeed> ArcLength<P> {
         let (mut sum, mut halves) = (NeumaierSum::default(), Vec::new());
         measured.before.push(0.0);
         for segment in 0..steps.len() {
-            measured.settle_segment(segment, &mut halves);
+            measured.subdivide_segment(segment, &mut halves);
             halves.iter().for_each(|half| sum.add(half.length()));
             measured.before.push(sum.value());
         }
@@ -160,20 +160,20 @@ impl<P: CurveSpeed> ArcLength<P> {
     #[must_use]
     pub fn between(&self, a: CurvePlace, b: CurvePlace) -> f64 {
         if a.segment == b.segment {
-            return self.settle_part(a.segment, a.x, b.x);
+            return self.integrate_span(a.segment, a.x, b.x);
         }
         let mut sum = NeumaierSum::default();
-        sum.add(self.settle_part(a.segment, a.x, self.steps[a.segment]));
+        sum.add(self.integrate_span(a.segment, a.x, self.steps[a.segment]));
         let mut halves = Vec::new();
         for segment in a.segment + 1..b.segment {
-            self.settle_segment(segment, &mut halves);
+            self.subdivide_segment(segment, &mut halves);
             halves.iter().for_each(|half| sum.add(half.length()));
         }
-        sum.add(self.settle_part(b.segment, 0.0, b.x));
+        sum.add(self.integrate_span(b.segment, 0.0, b.x));
         sum.value()
     }
 
-    fn settle_part(&self, segment: usize, from: f64, to: f64) -> f64 {
+    fn integrate_span(&self, segment: usize, from: f64, to: f64) -> f64 {
         let mut halves = Vec::new();
         let whole = self.span(segment, from, to);
         // The floor is relative to this part and not to its segment, so a short part keeps its digits.
@@ -182,7 +182,7 @@ impl<P: CurveSpeed> ArcLength<P> {
     }
 
     /// The halves of a segment's panels, in order.
-    fn settle_segment(&self, segment: usize, halves: &mut Vec<SegmentSpan>) {
+    fn subdivide_segment(&self, segment: usize, halves: &mut Vec<SegmentSpan>) {
         let bound = |k: usize| self.steps[segment] * (k as f64 / PANELS as f64);
         let spans: [SegmentSpan; PANELS] =
             std::array::from_fn(|k| self.span(segment, bound(k), bound(k + 1)));
@@ -221,7 +221,8 @@ impl<P: CurveSpeed> ArcLength<P> {
         let mean = span.length() / (span.to - span.from);
         let meets = |x: f64, predicted: f64| {
             let found = self.pace.pace(CurvePlace { segment: span.segment, x });
-            let share = if found > 0.0 && found < SEEN * mean { SEEN_AT_A_STOP } else { SEEN };
+            let share =
+                if found > 0.0 && found < MAX_MISFIT * mean { MAX_MISFIT_AT_A_STOP } else { MAX_MISFIT };
             (predicted - found).abs() <= share * mean
         };
         let [first, last] = span.extrapolated();
@@ -364,7 +365,7 @@ impl<P: CurveSpeed> ArcWalk<'_, P> {
     }
 
     fn enter(&mut self, segment: usize) {
-        self.arc.settle_segment(segment, &mut self.halves);
+        self.arc.subdivide_segment(segment, &mut self.halves);
         self.before.clear();
         let mut sum = NeumaierSum::default();
         for half in &self.halves {
@@ -488,7 +489,7 @@ mod tests {
             let c = f64::from(k) / 2000.0 + 1e-5;
             let arc = measure(|x| (x - c).abs());
             let error = relative(arc.total(), c * c / 2.0 + (1.0 - c) * (1.0 - c) / 2.0);
-            // What SEEN leaves: 5e-13 of one panel's length.
+            // What MAX_MISFIT leaves: 5e-13 of one panel's length.
             assert!(error < 1e-12, "{c}: {error:e}");
         }
     }

@@ -16,16 +16,16 @@ use serde_json::{Value, json};
 pub(super) fn trajectory_values(raw: &schema::RecipeSchema, list: &[TrajectoryRecipe]) -> Vec<Value> {
     let Some((items, _)) = raw.trajectories.given() else { return Vec::new() };
     let mut rest = list;
-    let mut shown = Vec::with_capacity(items.len());
+    let mut values = Vec::with_capacity(items.len());
     for (raw, _) in items.iter().filter_map(|item| item.given()) {
         let Some(first) = rest.first() else { break };
         // The groups of a novel trajectory, and the cameras of a rig, follow each other and share the written
         // name.
         let groups = rest.iter().take_while(|t| t.written == first.written).count();
         rest = &rest[groups..];
-        shown.push(trajectory_value(raw, first));
+        values.push(trajectory_value(raw, first));
     }
-    shown
+    values
 }
 
 fn trajectory_value(raw: &schema::TrajectorySection, trajectory: &TrajectoryRecipe) -> Value {
@@ -49,8 +49,8 @@ fn speed_value(raw: &schema::TrajectorySection, trajectory: &TrajectoryRecipe) -
     };
     match &trajectory.speed {
         SpeedChoice::Function(_) => {
-            let usual = if raw.refine.is_absent() { CONSTANT_SPEED } else { PAPERS_SPEED };
-            json!({ "function": function.unwrap_or(usual) })
+            let default = if raw.refine.is_absent() { CONSTANT_SPEED } else { PAPERS_SPEED };
+            json!({ "function": function.unwrap_or(default) })
         }
         SpeedChoice::List(list) => json!({ "list": list }),
         SpeedChoice::Flow(flow) => {

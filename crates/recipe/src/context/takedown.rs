@@ -55,13 +55,13 @@ impl TakedownList {
     /// Returns the recipes of scenes that are not listed, and the numbers of removed scenes and of
     /// unmatched ids.
     #[must_use]
-    pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, TakenDown) {
+    pub fn keep(&self, mut recipes: Vec<Recipe>) -> (Vec<Recipe>, TakedownEffect) {
         let origins = recipes.iter().map(|recipe| (recipe.scene.as_str(), recipe.source.origin()));
         let unmatched = self.unmatched(origins.map(|(scene, (kind, upstream))| (scene, kind, upstream)));
         let all = recipes.len();
         recipes.retain(|recipe| !self.lists(recipe));
         let scenes = all - recipes.len();
-        (recipes, TakenDown { scenes, unmatched })
+        (recipes, TakedownEffect { scenes, unmatched })
     }
 
     /// Reads the lists in these files.
@@ -115,7 +115,7 @@ impl TakedownList {
 
 /// The effect of takedown lists on some scenes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct TakenDown {
+pub struct TakedownEffect {
     /// Scenes that are left out.
     pub scenes: usize,
     /// Ids in the lists that name none of the scenes.

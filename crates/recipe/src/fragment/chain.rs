@@ -7,7 +7,7 @@ use gs2e_trajectory::flow::FlowMeter;
 use gs2e_trajectory::novel::BaseTrajectory;
 use gs2e_trajectory::path::PathInputs;
 use gs2e_trajectory::speed::SpeedChoice;
-use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
+use gs2e_trajectory::{NamedPose, PoseTiming, TrajectoryBuild, TrajectoryError};
 
 /// The reason why a fragment has no such trajectory, or why it cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -95,12 +95,12 @@ impl TrajectoryChain<'_> {
         &self,
         views: &[CapturedView],
         mut meter: Option<&mut dyn FlowMeter>,
-    ) -> Result<(MadeTrajectory, Vec<String>), ChainError> {
+    ) -> Result<(TrajectoryBuild, Vec<String>), ChainError> {
         let views: Vec<NamedPose<'_>> = views
             .iter()
             .map(|view| NamedPose { name: &view.name, world_from_camera: view.world_from_camera })
             .collect();
-        let (mut made, mut warnings): (Option<MadeTrajectory>, Vec<String>) = (None, Vec::new());
+        let (mut made, mut warnings): (Option<TrajectoryBuild>, Vec<String>) = (None, Vec::new());
         for (i, recipe) in self.links.iter().enumerate() {
             let base = made.take();
             // A base has no report of its own, so its warnings carry its name.

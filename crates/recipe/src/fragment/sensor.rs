@@ -41,16 +41,16 @@ pub fn draw_sensor(
 }
 
 /// Reads a sensor from a text with the same content as a file of [`read_sensor`]. Faults name the text
-/// as `shown`.
+/// as `display_path`.
 ///
 /// # Errors
 /// As [`read_sensor`].
 pub fn sensor_from_text(
     text: String,
-    shown: &Path,
+    display_path: &Path,
     name: Option<&str>,
 ) -> Result<SensorChoice, RecipeFaults> {
-    let read = || sensor_of(RecipeParts::of_text(shown, text)?, shown, name, 0);
+    let read = || sensor_of(RecipeParts::of_text(display_path, text)?, display_path, name, 0);
     read().map(|(sensor, _)| sensor).map_err(RecipeFaults::new)
 }
 

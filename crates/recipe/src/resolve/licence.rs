@@ -86,18 +86,18 @@ impl Resolver<'_> {
     }
 
     pub(super) fn spdx(&self, text: &str, place: TextSpan) -> Option<String> {
-        const OWN: &str = "use ids from spdx.org/licenses, and LicenseRef-Name for other terms";
+        const LICENCE_HELP: &str = "use ids from spdx.org/licenses, and LicenseRef-Name for other terms";
         if let Err(error) = spdx::Expression::parse(text) {
             let problem =
                 FieldProblem::of_field(format!("is not an SPDX expression: {}", error.reason)).at(place);
-            return self.refuse(problem.help(OWN).in_text(place, text, error.span));
+            return self.refuse(problem.help(LICENCE_HELP).in_text(place, text, error.span));
         }
         // A valid SPDX expression may still be terms that no release can have.
         match LicenceExpression::parse(text) {
             Ok(_) => Some(text.to_owned()),
             Err(error) => {
                 let problem = FieldProblem::of_field(format!("cannot be released: {}", error.because));
-                self.refuse(problem.help(OWN).at(place))
+                self.refuse(problem.help(LICENCE_HELP).at(place))
             }
         }
     }

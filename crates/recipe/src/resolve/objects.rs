@@ -8,7 +8,7 @@ use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
 use crate::{OutputKind, names, schema};
 use glam::DVec3;
-use gs2e_scene::motion::{MAX_PARTS, PartKeyframe, PartPath};
+use gs2e_scene::motion::{MAX_OBJECTS, ObjectKeyframe, ObjectPath};
 use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 use std::collections::BTreeSet;
 
@@ -24,9 +24,9 @@ const SOURCE: &str =
 const PATH: &str = "write path: { straight: { velocity: [1, 0, 0] } }, or orbit or keyframes";
 
 impl Resolver<'_> {
-    /// The objects. Masks of a scene without objects, and objects of a scene that changes with time, are
-    /// refused.
-    pub(super) fn objects_and_masks(
+    /// The objects. A segmentation of a scene without objects, and objects of a scene that changes with time,
+    /// are refused.
+    pub(super) fn objects_and_segmentation(
         &self,
         raw: &schema::RecipeSchema,
         outputs: Option<&BTreeSet<OutputKind>>,
@@ -36,14 +36,14 @@ impl Resolver<'_> {
             self.refuse_in_changing_scene(raw);
         }
         let objects = self.objects(&raw.objects);
-        self.refuse_masks_of_nothing(raw, outputs, objects.as_deref());
+        self.refuse_segmentation_of_nothing(raw, outputs, objects.as_deref());
         objects
     }
 
     fn objects(&self, field: &Field<Vec<Field<schema::ObjectSection>>>) -> Option<Vec<ObjectSettings>> {
         let Some((list, place)) = field.given() else { return field.is_absent().then(Vec::new) };
-        if list.len() > MAX_PARTS {
-            let message = format!("has {} objects, wanted at most {MAX_PARTS}", list.len());
+        if list.len() > MAX_OBJECTS {
+            let message = format!("has {} objects, wanted at most {MAX_OBJECTS}", list.len());
             return self.refuse(FieldProblem::of_field(message).at(place));
         }
         let mut seen = BTreeSet::new();
@@ -56,14 +56,14 @@ impl Resolver<'_> {
         all(list, |item| self.object(item))
     }
 
-    fn refuse_masks_of_nothing(
+    fn refuse_segmentation_of_nothing(
         &self,
         raw: &schema::RecipeSchema,
         outputs: Option<&BTreeSet<OutputKind>>,
         objects: Option<&[ObjectSettings]>,
     ) {
-        let masks = outputs.into_iter().flatten().any(|output| output.shows_objects());
-        if masks && objects.is_some_and(<[_]>::is_empty) {
+        let is_wanted = outputs.into_iter().flatten().any(|output| output.shows_objects());
+        if is_wanted && objects.is_some_and(<[_]>::is_empty) {
             let problem = FieldProblem::new(
                 "the output segmentation needs objects: it shows which of them a pixel sees",
             );
@@ -143,11 +143,11 @@ impl Resolver<'_> {
         Some(ObjectSource::Scene { at: at?.unwrap_or_default(), turn: turn?, scale: scale?, splat, file })
     }
 
-    fn object_path(&self, raw: &schema::ObjectPathSection) -> Option<PartPath> {
+    fn object_path(&self, raw: &schema::ObjectPathSection) -> Option<ObjectPath> {
         match raw {
             schema::ObjectPathSection::Keyframes(field) => {
                 let (list, place) = field.given()?;
-                let path = PartPath::Keyframes(all(list, |item| self.object_key(item))?);
+                let path = ObjectPath::Keyframes(all(list, |item| self.object_key(item))?);
                 match path.check() {
                     Ok(()) => Some(path),
                     Err(because) => {
@@ -163,20 +163,20 @@ impl Resolver<'_> {
                 let help = "write degrees_per_second: 90";
                 let rate = self.required(&raw.degrees_per_second, "degrees_per_second", place, help);
                 let rate = rate.and_then(|_| self.real(&raw.degrees_per_second, 0.0, TURN));
-                Some(PartPath::Orbit { centre: centre?, axis: axis??, degrees_per_second: rate? })
+                Some(ObjectPath::Orbit { centre: centre?, axis: axis??, degrees_per_second: rate? })
             }
             schema::ObjectPathSection::Straight(field) => {
                 let raw = field.or_default()?;
                 let (velocity, spin) = (self.point(&raw.velocity), self.turn(&raw.spin));
-                Some(PartPath::Straight { velocity: velocity?.unwrap_or_default(), spin: spin? })
+                Some(ObjectPath::Straight { velocity: velocity?.unwrap_or_default(), spin: spin? })
             }
         }
     }
 
-    fn object_key(&self, item: &Field<schema::ObjectKeySection>) -> Option<PartKeyframe> {
+    fn object_key(&self, item: &Field<schema::ObjectKeySection>) -> Option<ObjectKeyframe> {
         let (raw, place) = item.given()?;
         let at = self.required(&raw.at, "at", place, "write its time in seconds, from the first pose");
-        resolved!(PartKeyframe {
+        resolved!(ObjectKeyframe {
             at: at.and_then(|_| self.real(&raw.at, 0.0, SECONDS)),
             shift: self.point(&raw.shift).map(Option::unwrap_or_default),
             turn: self.turn(&raw.turn),

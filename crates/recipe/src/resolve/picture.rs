@@ -143,11 +143,11 @@ impl Resolver<'_> {
     pub(super) fn render(
         &self,
         field: &Field<schema::RenderSection>,
-        usual: RenderRules,
+        default: RenderRules,
     ) -> Option<RenderChoice> {
         let raw = field.or_default()?;
         resolved!(RenderChoice {
-            rules: raw.rules.or(usual),
+            rules: raw.rules.or(default),
             order: self.layering(&raw.order, rules),
             antialiased: raw.antialiased.or(schema::AntialiasedKey::Auto).map(|key| match key {
                 schema::AntialiasedKey::Auto => AntialiasMode::Auto,

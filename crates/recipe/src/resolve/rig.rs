@@ -39,8 +39,8 @@ pub(super) struct RigContext<'a> {
 
 impl Resolver<'_> {
     /// The cameras of the rig; empty without one.
-    pub(super) fn rig(&self, raw: &schema::RecipeSchema, around: RigContext<'_>) -> Option<Vec<RigCamera>> {
-        self.refuse_pairs_of_nothing(raw, around.outputs);
+    pub(super) fn rig(&self, raw: &schema::RecipeSchema, context: RigContext<'_>) -> Option<Vec<RigCamera>> {
+        self.refuse_pairs_of_nothing(raw, context.outputs);
         let Some((rig, place)) = raw.rig.given() else { return raw.rig.is_absent().then(Vec::new) };
         let (list, place) = self.required(&rig.cameras, "cameras", place, CAMERAS)?;
         if list.is_empty() {
@@ -52,7 +52,7 @@ impl Resolver<'_> {
         let camera = |item: &Field<schema::RigCameraSection>| {
             let name = item.given()?.0.name.given().map(|(name, _)| name);
             let is_first = pairs.iter().flatten().any(|(pair, _)| Some(&pair[0]) == name);
-            self.rig_camera(item, is_first, around)
+            self.rig_camera(item, is_first, context)
         };
         let mut cameras: Vec<RigCamera> = all(list, camera)?;
         for ([first, second], place) in pairs? {
@@ -146,7 +146,7 @@ impl Resolver<'_> {
         &self,
         item: &Field<schema::RigCameraSection>,
         is_first: bool,
-        around: RigContext<'_>,
+        context: RigContext<'_>,
     ) -> Option<RigCamera> {
         let (raw, place) = item.given()?;
         let name = self.required(&raw.name, "name", place, "write name: left, its folder in the release");
@@ -156,13 +156,13 @@ impl Resolver<'_> {
             name,
             mount: self.mount(&raw.extrinsic),
             camera: match &raw.camera {
-                Field::Absent => around.camera,
-                own => self.camera(own, around.source),
+                Field::Absent => context.camera,
+                own => self.camera(own, context.source),
             },
             sensors: raw
                 .sensor
-                .optional(|own| self.sensor(own, around.between, around.rate).map(SensorSet::One)),
-            outputs: self.camera_outputs(&raw.outputs, is_first, around.outputs),
+                .optional(|own| self.sensor(own, context.between, context.rate).map(SensorSet::One)),
+            outputs: self.camera_outputs(&raw.outputs, is_first, context.outputs),
             second: Some(None),
         })
     }

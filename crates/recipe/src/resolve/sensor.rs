@@ -85,7 +85,7 @@ impl Resolver<'_> {
     /// Resolves the twin of another sensor. `found` has the sensors that are no twins.
     fn twin(
         &self,
-        own: &str,
+        twin: &str,
         of: &Field<String>,
         sensors: &BTreeMap<String, Field<schema::SensorSection>>,
         found: &BTreeMap<&str, Option<SensorChoice>>,
@@ -96,12 +96,12 @@ impl Resolver<'_> {
                 FieldProblem::of_field(format!("is {}, {what}", quote_text(name))).help(help).at(place),
             )
         };
-        if name == own {
+        if name == twin {
             return refuse("which is the sensor itself", "name the sensor with noise");
         }
         let Some(other) = sensors.get(name) else {
             let others: Vec<&str> =
-                sensors.keys().map(String::as_str).filter(|other| *other != own).collect();
+                sensors.keys().map(String::as_str).filter(|other| *other != twin).collect();
             return self.refuse(FieldProblem::unknown_name("sensor", name, &others).at(place));
         };
         if is_twin(other) {
@@ -169,7 +169,7 @@ impl Resolver<'_> {
         }
         let (on, off) = sensor.as_model().contrast();
         let [on, off] =
-            [(&raw.on, on), (&raw.off, off)].map(|(field, usual)| self.real(field, usual, CONTRAST));
+            [(&raw.on, on), (&raw.off, off)].map(|(field, default)| self.real(field, default, CONTRAST));
         Some(sensor.as_model().with_contrast(on?, off?))
     }
 
@@ -201,20 +201,20 @@ impl Resolver<'_> {
     fn voltmeter(&self, raw: &schema::VoltmeterSection, place: TextSpan) -> Option<VoltmeterModel> {
         let k = self.k(raw, place);
         let preset = Self::preset_of(raw);
-        let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
-        let threshold = self.threshold_in_volts(raw, &usual);
-        let floor = self.floor(&raw.floor, usual.floor.clone());
+        let default = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
+        let threshold = self.threshold_in_volts(raw, &default);
+        let floor = self.floor(&raw.floor, default.floor.clone());
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
             || floor.as_ref().is_some_and(|floor| !floor.is_absent());
         let model = resolved!(VoltmeterModel {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
             threshold_spread: threshold.map(|threshold| threshold.spread),
-            law: raw.law.or(usual.law),
-            gain: raw.gain.or(usual.gain),
-            initial: raw.initial.or(usual.initial),
+            law: raw.law.or(default.law),
+            gain: raw.gain.or(default.gain),
+            initial: raw.initial.or(default.initial),
             floor,
-            settings: models::settings!(self, raw, usual.settings, in_lux: in_lux),
+            settings: models::settings!(self, raw, default.settings, in_lux: in_lux),
             ..VoltmeterModel::new(k?)
         })?;
         // The constants of a preset in lux depend on the light of white.
@@ -252,14 +252,14 @@ impl Resolver<'_> {
     /// The preset of a voltmeter without constants of its own, if its name is known.
     fn preset_of(raw: &schema::VoltmeterSection) -> Option<VoltmeterPreset> {
         match (&raw.preset, &raw.k) {
-            (Field::Absent, Field::Absent) => Some(VoltmeterPreset::USUAL),
+            (Field::Absent, Field::Absent) => Some(VoltmeterPreset::DEFAULT),
             (preset, Field::Absent) => VoltmeterPreset::by_name(preset.given()?.0),
             _ => None,
         }
     }
 
     fn preset(&self, field: &Field<String>) -> Option<VoltmeterPreset> {
-        let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::USUAL) };
+        let Some((name, place)) = field.given() else { return Some(VoltmeterPreset::DEFAULT) };
         let names = VoltmeterPreset::ALL.map(VoltmeterPreset::name);
         VoltmeterPreset::by_name(name)
             .or_else(|| self.refuse(FieldProblem::unknown_name("preset", name, &names).at(place)))
@@ -270,7 +270,7 @@ impl Resolver<'_> {
     fn threshold_in_volts(
         &self,
         raw: &schema::VoltmeterSection,
-        usual: &VoltmeterModel,
+        default: &VoltmeterModel,
     ) -> Option<ThresholdMismatch> {
         if let (Some(at), Field::Absent, Field::Absent) = (raw.threshold.place(), &raw.preset, &raw.k) {
             let found = "has a unit of the preset's own, and the recipe names no preset";
@@ -278,7 +278,7 @@ impl Resolver<'_> {
                         dvs346-paper, where it is 0.190";
             return self.refuse(FieldProblem::of_field(found).help(help).at(at));
         }
-        let (on, off, spread) = (usual.threshold_on, usual.threshold_off, usual.threshold_spread);
+        let (on, off, spread) = (default.threshold_on, default.threshold_off, default.threshold_spread);
         self.threshold_of(&raw.threshold, ThresholdMismatch { on, off, spread })
     }
 }

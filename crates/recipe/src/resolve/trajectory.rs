@@ -108,12 +108,12 @@ impl Resolver<'_> {
         // Every part is resolved before a fault returns, so that all faults are reported.
         let speed = self.speed(&raw.speed, raw.refine.is_absent(), setting.law);
         let flows = matches!(raw.speed.given(), Some((schema::SpeedSection::Flow(_), _)));
-        let around = PathContext { setting, flows };
+        let context = PathContext { setting, flows };
         if self.several_paths(raw, place) {
             return None;
         }
         if let Field::Given(novel, at) = &raw.novel {
-            let groups = self.novel(novel, *at, list, around)?;
+            let groups = self.novel(novel, *at, list, context)?;
             let (written, speed, place) = (name?, speed?, raw.name.place()?);
             let group = |path: NovelGroup| {
                 let name = novel::group_folder(&written, path.group);
@@ -125,7 +125,7 @@ impl Resolver<'_> {
             };
             return groups.drawn(setting.seed?, setting.scene?, &written).map(group).collect();
         }
-        let path = self.path_of(raw, place, around);
+        let path = self.path_of(raw, place, context);
         Some(vec![TrajectoryRecipe::new(name?, path?, speed?)])
     }
 
@@ -147,15 +147,15 @@ impl Resolver<'_> {
         &self,
         raw: &schema::TrajectorySection,
         within: TextSpan,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> Option<CameraPath> {
         match (&raw.orbit, &raw.keyframes) {
-            (Field::Given(raw, place), _) => self.orbit(raw, *place, around).map(CameraPath::Orbit),
-            (_, Field::Given(raw, place)) => self.keyframes(raw, *place, around).map(CameraPath::Keyframes),
+            (Field::Given(raw, place), _) => self.orbit(raw, *place, context).map(CameraPath::Orbit),
+            (_, Field::Given(raw, place)) => self.keyframes(raw, *place, context).map(CameraPath::Keyframes),
             // A faulty `novel` was reported, and must not become the default path.
             (Field::Absent, Field::Absent) if !raw.novel.is_absent() => None,
             (Field::Absent, Field::Absent) => {
-                self.refine(&raw.refine, within, around).map(CameraPath::Refine)
+                self.refine(&raw.refine, within, context).map(CameraPath::Refine)
             }
             _ => None,
         }

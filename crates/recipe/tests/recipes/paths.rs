@@ -25,11 +25,11 @@ fn with(trajectories: &str) -> Recipe {
     let yaml = format!(
         "version: 1\nscene: a\nseed: 7\nsource: {{ procedural: {{}} }}\ntrajectories: [{trajectories}]\n"
     );
-    again(&yaml)
+    reparsed(&yaml)
 }
 
 /// The recipe of a text, whose merged form is checked to mean the same.
-fn again(yaml: &str) -> Recipe {
+fn reparsed(yaml: &str) -> Recipe {
     let first = recipe(yaml).unwrap_or_else(|f| panic!("{yaml}\n{}", f.render_text()));
     let merged = serde_json::to_string_pretty(&first.meta.merged).unwrap();
     let second = recipe(&merged).unwrap_or_else(|f| panic!("{merged}\n{}", f.render_text()));
@@ -215,9 +215,9 @@ fn speeds_are_read() {
 #[test]
 fn the_law_is_summed_or_integrated() {
     let yaml = "version: 1\nscene: a\nsource: { procedural: {} }\ntrajectories: [{ name: b, refine: {} }]\n";
-    assert_eq!(again(yaml).law, SummationRule::Sum);
-    assert_eq!(again(&format!("{yaml}sampling: {{ law: sum }}\n")).law, SummationRule::Sum);
-    assert_eq!(again(&format!("{yaml}sampling: {{ law: integral }}\n")).law, SummationRule::Integral);
+    assert_eq!(reparsed(yaml).law, SummationRule::Sum);
+    assert_eq!(reparsed(&format!("{yaml}sampling: {{ law: sum }}\n")).law, SummationRule::Sum);
+    assert_eq!(reparsed(&format!("{yaml}sampling: {{ law: integral }}\n")).law, SummationRule::Integral);
 }
 
 /// Methods of events take the centre of a picture for one of two places, which no number has to spell.
@@ -232,7 +232,7 @@ fn the_principal_point_has_a_name() {
     let own =
         Camera { size: Size { width: 64, height: 48 }, fx: 50.0, fy: 50.0, cx: 31.0, cy: 25.0, lens: None };
     let centre = |camera: &str| {
-        let camera = again(&yaml(camera)).camera.unwrap().resolve(Some(&own)).unwrap();
+        let camera = reparsed(&yaml(camera)).camera.unwrap().resolve(Some(&own)).unwrap();
         (camera.fx, camera.cx, camera.cy)
     };
     assert_eq!(centre("principal: given"), (50.0, 31.0, 25.0));
@@ -255,10 +255,10 @@ fn a_size_has_a_name() {
     for (name, width, height) in
         [("davis346", 346, 260), ("dsec", 640, 480), ("blender", 800, 800), ("evk4", 1280, 720)]
     {
-        let camera = again(&yaml(&format!("size: {name}, principal: middle"))).camera;
+        let camera = reparsed(&yaml(&format!("size: {name}, principal: middle"))).camera;
         assert_eq!(
             camera,
-            again(&yaml(&format!("width: {width}, height: {height}, principal: middle"))).camera
+            reparsed(&yaml(&format!("width: {width}, height: {height}, principal: middle"))).camera
         );
         assert_eq!(camera.map(|camera| (camera.width, camera.height)), Some((width, height)));
     }
@@ -279,7 +279,7 @@ fn a_scene_without_a_capture_writes_its_camera() {
             "version: 1\nscene: a\nsource: none\nreconstruct: {{ given: {{ path: /a.ply }} }}\ncamera: {{ {camera} }}\n\
              trajectories: [{{ name: b, orbit: {{ centre: [0, 0, 0], from: [0, 0, 4], up: [0, 1, 0] }} }}]\n"
         );
-        let recipe = again(&yaml);
+        let recipe = reparsed(&yaml);
         assert_eq!((&recipe.source, recipe.source.kind().name()), (&SceneSource::None, "none"));
         let wanted = CameraChoice {
             width: 64,

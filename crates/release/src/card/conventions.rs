@@ -8,16 +8,16 @@ use minijinja::{Value, context};
 use std::collections::BTreeSet;
 
 pub(super) fn conventions_values(scenes: &[PublishedScene]) -> Value {
-    let shown = || scenes.iter().filter(|scene| !scene.is_withheld());
+    let included = || scenes.iter().filter(|scene| !scene.is_withheld());
     let id = |scene: &PublishedScene| markup(&scene.recipe.scene);
-    let encoded = shown().filter(|scene| {
+    let encoded = included().filter(|scene| {
         !scene.recipe.shutter.mean.is_linear()
             && scene.file.trajectories.iter().any(|part| part.blur.is_some())
     });
     let encoded: BTreeSet<&str> = encoded.map(|scene| scene.recipe.scene.as_str()).collect();
     let lights =
-        shown().filter_map(|scene| Some([id(scene), markup(scene.recipe.lights.as_ref()?.to_string())]));
-    let rolling = shown().filter(|scene| scene.recipe.has_sharp());
+        included().filter_map(|scene| Some([id(scene), markup(scene.recipe.lights.as_ref()?.to_string())]));
+    let rolling = included().filter(|scene| scene.recipe.has_sharp());
     let readouts = rolling.filter_map(|scene| Some([id(scene), scene.recipe.readout_us?.into()]));
     let sensors = scenes.iter().flat_map(|scene| scene.recipe.every_sensor().map(move |each| (scene, each)));
     let front_ends = sensors
@@ -38,8 +38,8 @@ fn lens_cameras(scenes: &[PublishedScene]) -> Value {
         let camera = scene.recipe.mounted(&part.name).map_or("", |mounted| &mounted.camera.name);
         Some([scene.recipe.scene.clone(), camera.to_owned(), lens.to_string()])
     };
-    let shown = built_trajectories(scenes).filter(|(scene, _)| !scene.is_withheld());
+    let included = built_trajectories(scenes).filter(|(scene, _)| !scene.is_withheld());
     // Trajectories share their cameras.
-    let rows: BTreeSet<[String; 3]> = shown.filter_map(|(scene, part)| row(scene, part)).collect();
+    let rows: BTreeSet<[String; 3]> = included.filter_map(|(scene, part)| row(scene, part)).collect();
     rows.into_iter().map(|row| row.map(markup)).collect()
 }

@@ -31,7 +31,7 @@ fn file_rows(facts: &ReleaseFacts<'_>) -> impl Iterator<Item = &'static FileRow>
         .iter()
         .flat_map(|scene| &scene.files)
         .any(|file| file.path.strip_suffix(layout::HELD_OUT).is_some_and(|folder| folder.ends_with('/')));
-    let shown =
+    let included =
         |is: &dyn Fn(&RigCamera) -> bool| facts.scenes.iter().any(|scene| scene.recipe.rig.iter().any(is));
     let pictures = FOLDERS.into_iter().filter(|product| counts.has(product));
     let rows: Vec<&FileRow> = products::SCENE
@@ -48,8 +48,8 @@ fn file_rows(facts: &ReleaseFacts<'_>) -> impl Iterator<Item = &'static FileRow>
             FilePresence::WithStreams => counts.has(&products::EVENTS),
             FilePresence::WithSeveralSensors => facts.has_several_sensors(),
             FilePresence::WithHeldOut => held_out,
-            FilePresence::WithRig => shown(&|camera| !camera.name.is_empty()),
-            FilePresence::WithStereo => shown(&|camera| camera.second.is_some()),
+            FilePresence::WithRig => included(&|camera| !camera.name.is_empty()),
+            FilePresence::WithStereo => included(&|camera| camera.second.is_some()),
             FilePresence::WithExports => {
                 !facts.info.include.is_empty() && facts.scenes.iter().any(|scene| !scene.is_withheld())
             }

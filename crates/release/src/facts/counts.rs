@@ -41,8 +41,8 @@ impl FileCounts {
 
 impl ReleaseFacts<'_> {
     pub(crate) fn counts(&self) -> FileCounts {
-        let shown = || self.scenes.iter().filter(|scene| !scene.is_withheld());
-        let streams = || shown().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
+        let included = || self.scenes.iter().filter(|scene| !scene.is_withheld());
+        let streams = || included().flat_map(|scene| &scene.file.trajectories).flat_map(streams);
         // Of withheld scenes too: their poses are released, unlike their events and pictures.
         let paths = || self.scenes.iter().flat_map(|scene| &scene.file.trajectories);
         let pictures = |product: &ReleaseProduct| -> usize {
@@ -50,7 +50,7 @@ impl ReleaseFacts<'_> {
                 let paths = scene.file.trajectories.iter();
                 paths.map(|part| scene.in_folder(&part.name, product.name()).count()).sum()
             };
-            shown().map(of).sum()
+            included().map(of).sum()
         };
         let mut files: BTreeMap<OutputKind, usize> =
             FOLDERS.iter().map(|product| (product.output, pictures(product))).collect();
@@ -61,7 +61,7 @@ impl ReleaseFacts<'_> {
             poses: paths().map(|part| part.poses).sum(),
             events: streams().filter_map(|counted| counted.events).sum(),
             files,
-            withheld: self.scenes.len() - shown().count(),
+            withheld: self.scenes.len() - included().count(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{FilePresence, FileRow, FileSet, LicenceClass, PictureNumbers, ProductForm, ReleaseProduct};
 use crate::report::{
-    blurred_picture, depth_picture, disparity_picture, flow_picture, inertial_picture, mask_picture,
+    blurred_picture, depth_picture, disparity_picture, flow_picture, inertial_picture, segmentation_picture,
     sharp_picture,
 };
 use gs2e_recipe::OutputKind;
@@ -167,7 +167,7 @@ static DISPARITY: ReleaseProduct = ReleaseProduct {
 
 static SEGMENTATION: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Segmentation,
-    form: ProductForm::Masks(PictureNumbers::Spaced),
+    form: ProductForm::Segmentations(PictureNumbers::Spaced),
     files: &[material(
         "segmentation/%06d.png, segmentation/objects.csv",
         "8-bit grey: the number of the object with the largest blended weight at a pixel, 0 for what is still; and \
@@ -185,7 +185,7 @@ static SEGMENTATION: ReleaseProduct = ReleaseProduct {
     content: "8-bit masks of moving objects with their poses",
     loading: &["mask = scene.segmentation(0)  # [H, W], 0: what is still"],
     data_type: None,
-    picture: Some(mask_picture),
+    picture: Some(segmentation_picture),
 };
 
 static IMU: ReleaseProduct = ReleaseProduct {

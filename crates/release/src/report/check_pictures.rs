@@ -4,8 +4,8 @@
 use super::ReportPage;
 use super::detail::DetailLevel;
 use super::findings::{is_fault, verdict_rank, worst_verdict, write_badge};
+use super::previews::tree_picture;
 use super::section::{ReportTrajectory, write_image};
-use super::seen::tree_picture;
 use gs2e_check::{Finding, Verdict};
 use gs2e_files::html::HtmlFragment;
 
@@ -45,7 +45,7 @@ impl<'a> CheckPicture<'a> {
 }
 
 /// The pictures of checks that the page shows. The worst are chosen first if there are too many.
-fn shown_pictures<'a>(track: &ReportTrajectory<'a>, detail: DetailLevel) -> Vec<CheckPicture<'a>> {
+fn listed_pictures<'a>(track: &ReportTrajectory<'a>, detail: DetailLevel) -> Vec<CheckPicture<'a>> {
     let paths = track.entry.below(&format!("{}/checks/", track.part.name));
     let mut pictures: Vec<CheckPicture<'_>> = paths.filter_map(CheckPicture::from_path).collect();
     pictures.retain(|picture| detail.passes || picture.verdict(track).is_some_and(is_fault));
@@ -63,7 +63,7 @@ pub(super) fn write_check_pictures(
     page: &ReportPage<'_>,
     track: ReportTrajectory<'_>,
 ) {
-    let pictures = shown_pictures(&track, page.detail);
+    let pictures = listed_pictures(&track, page.detail);
     let fit_one_row = pictures.len() <= COLUMNS;
     for row in pictures.chunk_by(|a, b| fit_one_row || a.check == b.check) {
         html.within("div", &[("class", "row")], |html| {

@@ -75,10 +75,10 @@ impl VerdictCount {
         html.within("svg", &[attributes.as_slice(), &[("aria-label", &words)]].concat(), |html| {
             let mut left = 0;
             for (verdict, width) in self.widths() {
-                let [x, shown] = [left, width].map(|n: usize| n.to_string());
+                let [x, drawn] = [left, width].map(|n: usize| n.to_string());
                 html.empty(
                     "rect",
-                    &[("class", verdict_class(verdict)), ("x", &x), ("width", &shown), ("height", "10")],
+                    &[("class", verdict_class(verdict)), ("x", &x), ("width", &drawn), ("height", "10")],
                 );
                 left += width;
             }

@@ -7,8 +7,9 @@
 use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
 use super::path_views::{self, VIEW};
+use super::previews::{self, Preview, PreviewStream};
 use super::section::{ReportTrajectory, write_image};
-use super::seen::{self, PictureRequest, ShownPicture, ShownStream};
+use super::previews::{self, PictureRequest, Preview, ShownStream};
 use crate::products;
 use crate::published::PublishedTrajectory;
 use crate::scene::{QuantityExtent, TrajectoryStatistics};
@@ -22,7 +23,7 @@ const MAX_STREAMS: usize = 4;
 /// Writes the pictures and plots of a trajectory.
 pub(super) fn write_gallery(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTrajectory<'_>) {
     // A withheld scene has no such files here.
-    let mut streams = seen::shown_streams(track, page.places);
+    let mut streams = previews::preview_streams(track, page.places);
     let all = streams.len();
     streams.truncate(MAX_STREAMS);
     let pictured = has_pictures(page, track);
@@ -71,13 +72,13 @@ fn write_figure(html: &mut HtmlFragment, class: &str, caption: &str, inside: imp
     });
 }
 
-fn write_shown(html: &mut HtmlFragment, shown: Option<ShownPicture>) {
-    match shown {
+fn write_preview(html: &mut HtmlFragment, preview: Option<Preview>) {
+    match preview {
         None => {}
-        Some(ShownPicture { picture, words, wheel: false }) => {
+        Some(Preview { picture, words, wheel: false }) => {
             write_figure(html, "", &words, |html| write_image(html, &picture, "", &words));
         }
-        Some(ShownPicture { picture, words, wheel: true }) => html.within("figure", &[], |html| {
+        Some(Preview { picture, words, wheel: true }) => html.within("figure", &[], |html| {
             write_image(html, &picture, "", &words);
             html.within("figcaption", &[], |html| {
                 // The style sheet draws the colours of all directions.
@@ -96,7 +97,7 @@ fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
     }
     for product in products::products() {
         if let Some(picture_of) = product.picture {
-            write_shown(html, picture_of(PictureRequest { product, track, places, width }));
+            write_preview(html, picture_of(product, track, places, width));
         }
     }
 }
@@ -106,12 +107,12 @@ fn write_events(
     html: &mut HtmlFragment,
     page: &ReportPage<'_>,
     track: ReportTrajectory<'_>,
-    streams: &[ShownStream<'_>],
+    streams: &[PreviewStream<'_>],
 ) {
-    let Some(window) = seen::shared_window(&track, streams) else { return };
-    let most = if page.detail.full { MAX_STREAMS } else { 1 };
+    let Some(window) = previews::shared_window(&track, streams) else { return };
+    let most = if page.detail.every { MAX_STREAMS } else { 1 };
     for stream in streams.iter().take(most) {
-        write_shown(html, seen::events_picture(track, stream, &window, page.detail.picture));
+        write_preview(html, previews::events_picture(track, stream, &window, page.detail.picture));
     }
 }
 
@@ -120,10 +121,10 @@ fn write_rates(
     html: &mut HtmlFragment,
     page: &ReportPage<'_>,
     track: ReportTrajectory<'_>,
-    streams: &[ShownStream<'_>],
+    streams: &[PreviewStream<'_>],
 ) {
-    let pixels = seen::sensor_size(&track).pixels() as f64;
-    let rate = |stream: &ShownStream<'_>| stream.rate(track.part.duration_us, page.detail.points, pixels);
+    let pixels = previews::sensor_size(&track).pixels() as f64;
+    let rate = |stream: &PreviewStream<'_>| stream.rate(track.part.duration_us, page.detail.points, pixels);
     let rates: Vec<ReportCurve> = streams.iter().map(rate).collect();
     let axes = PlotAxes {
         highest: rates.iter().map(ReportCurve::highest).fold(0.0, f64::max),

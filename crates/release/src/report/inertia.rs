@@ -2,7 +2,7 @@
 //! trajectory.
 
 use super::embed::EmbeddedPicture;
-use super::seen::{PictureRequest, ShownPicture};
+use super::previews::{PictureRequest, Preview};
 use gs2e_image::{Image, Size, png};
 use gs2e_trajectory::imu::files::{SAMPLES, SAMPLES_HEAD, read_lines};
 use gs2e_trajectory::picture::short_number;
@@ -19,7 +19,7 @@ const ZERO: [u8; 3] = [200; 3];
 const AXES: [[u8; 3]; 3] = [[200, 40, 40], [30, 140, 30], [40, 60, 200]];
 
 /// The inertial data of a trajectory.
-pub(crate) fn inertial_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+pub(crate) fn inertial_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let bytes = of.read(&of.track.path_of(&format!("{}/{SAMPLES}", of.product.name())))?;
     let lines = read_lines(&bytes, SAMPLES_HEAD).ok()?;
     let columns: Vec<Vec<f64>> =
@@ -33,7 +33,7 @@ pub(crate) fn inertial_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
     );
     let mut file = Vec::new();
     png::write_image(&image, &mut file).ok()?;
-    Some(ShownPicture { picture: EmbeddedPicture::of_png(&file, of.width)?, words, wheel: false })
+    Some(Preview { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
 }
 
 /// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the

@@ -5,7 +5,7 @@
 //! Pixels without a value are grey in both. Values beyond the ends of a scale have the colour of the
 //! end, so that a few extreme pixels do not hide the rest.
 
-use super::seen::{PictureRequest, ShownPicture};
+use super::previews::{PictureRequest, Preview};
 use gs2e_files as files;
 use gs2e_files::LinkRule;
 use gs2e_image::{Image, npy};
@@ -20,17 +20,17 @@ const BEYOND_DEPTH: f64 = 0.05;
 const BEYOND_FLOW: f64 = 0.01;
 
 /// The depth nearest to the middle of the trajectory.
-pub(crate) fn depth_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+pub(crate) fn depth_picture(of: PictureRequest<'_>) -> Option<Preview> {
     scale_picture(of, ["depth", "units"])
 }
 
 /// The disparity nearest to the middle of the trajectory.
-pub(crate) fn disparity_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+pub(crate) fn disparity_picture(of: PictureRequest<'_>) -> Option<Preview> {
     scale_picture(of, ["disparity", "px"])
 }
 
 /// A map of one value per pixel, in the colours of a scale.
-fn scale_picture(of: PictureRequest<'_>, [what, unit]: [&str; 2]) -> Option<ShownPicture> {
+fn scale_picture(of: PictureRequest<'_>, [what, unit]: [&str; 2]) -> Option<Preview> {
     let (number, values) = read_map::<1>(of)?;
     let (image, [low, high]) = colour_depths(&values)?;
     let words = format!(
@@ -43,7 +43,7 @@ fn scale_picture(of: PictureRequest<'_>, [what, unit]: [&str; 2]) -> Option<Show
 }
 
 /// The optical flow nearest to the middle of the trajectory.
-pub(crate) fn flow_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+pub(crate) fn flow_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let (number, flows) = read_map::<2>(of)?;
     let (image, full) = colour_flows(&flows)?;
     let words = format!(
@@ -51,7 +51,7 @@ pub(crate) fn flow_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
         of.moment_words(number),
         short_number(full)
     );
-    Some(ShownPicture { wheel: true, ..of.show_pixels(&image, words)? })
+    Some(Preview { wheel: true, ..of.show_pixels(&image, words)? })
 }
 
 /// The array of a product whose pose is nearest to the shown moment, with the number of this pose.

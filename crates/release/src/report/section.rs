@@ -2,7 +2,7 @@
 
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
-use super::seen::{PictureRequest, sharp_picture, tree_picture};
+use super::previews::tree_picture;
 use super::{ReportPage, trajectory};
 use crate::products::ReleaseProduct;
 use crate::published::{PublishedScene, PublishedTrajectory};
@@ -203,11 +203,11 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let (product, places, width) = (&products::SHARP, page.places, page.detail.thumbnail);
-    let sharp = |track| sharp_picture(PictureRequest { product, track, places, width });
+    let sharp =
+        |track| super::previews::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
     match entry.tracks().find_map(sharp) {
-        Some(shown) => {
-            write_image(html, &shown.picture, "thumb", &format!("{}: {}", entry.id(), shown.words))
+        Some(preview) => {
+            write_image(html, &preview.picture, "thumb", &format!("{}: {}", entry.id(), preview.words))
         }
         None => html.leaf("span", &[("class", "none")], "no frame"),
     }
@@ -239,7 +239,7 @@ fn write_details(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEn
                 write_facts(html, page, entry);
                 write_training(html, page, entry);
                 write_held_out(html, page, entry);
-                own_findings(html, page, entry);
+                scene_findings(html, page, entry);
                 write_files(html, entry);
             });
         });
@@ -413,7 +413,7 @@ fn licence_words(file: &SceneRecord) -> String {
 }
 
 /// Writes the findings on the scene itself, from its photos and its capture.
-fn own_findings(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
+fn scene_findings(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &SceneEntry<'_>) {
     let Some(findings) = &entry.scene.findings else { return };
     write_findings(html, page, "Checks of the scene", entry.id(), findings);
 }
@@ -427,21 +427,21 @@ pub(super) fn write_findings(
     findings: &[Finding],
 ) {
     let count = VerdictCount::from_findings(findings);
-    let shown = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
-    let shown: Vec<&Finding> = findings.iter().filter(shown).collect();
-    if page.detail.full && !shown.is_empty() {
+    let is_listed = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
+    let listed: Vec<&Finding> = findings.iter().filter(is_listed).collect();
+    if page.detail.every && !listed.is_empty() {
         // Folded, so that the next pictures are near. The faults are also in the list of all scenes.
         return html.within("details", &[("class", "fold")], |html| {
             html.within("summary", &[], |html| {
                 html.text(&format!("{caption}: "));
                 count.badges(html);
             });
-            findings::write_table(html, prefix, shown);
+            findings::write_table(html, prefix, listed);
         });
     }
     html.leaf("p", &[("class", "caption")], &format!("{caption}: {}", count.words()));
-    if !shown.is_empty() {
-        findings::write_list(html, prefix, shown);
+    if !listed.is_empty() {
+        findings::write_list(html, prefix, listed);
     }
 }
 

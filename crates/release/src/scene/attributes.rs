@@ -36,8 +36,8 @@ pub(super) fn scene_attributes<'r>(
     mut reports: impl Iterator<Item = &'r SpeedReport>,
     trajectories: &[TrajectoryPart],
 ) -> SceneAttributes {
-    let shown = licence.passing != Redistributability::Withheld;
-    let made = products().filter(|product| shown && recipe.outputs.contains(&product.output));
+    let is_included = licence.passing != Redistributability::Withheld;
+    let made = products().filter(|product| is_included && recipe.outputs.contains(&product.output));
     // If the law varies the frame rate instead of the camera's speed, the speed is uniform by
     // definition.
     let is_uniform = |report: &SpeedReport| {

@@ -103,8 +103,8 @@ pub(super) fn parameter_values(recipe: &Recipe, asked: &TrajectoryRecipe) -> Val
 /// readers of JSON follow.
 fn speed(recipe: &Recipe, asked: &TrajectoryRecipe) -> Value {
     let all = recipe.meta.merged.get("trajectories").and_then(Value::as_array);
-    let of_it = all.into_iter().flatten().find(|shown| shown["name"] == asked.written.as_str());
-    of_it.map(|shown| shown["speed"].clone()).unwrap_or_default()
+    let of_it = all.into_iter().flatten().find(|written| written["name"] == asked.written.as_str());
+    of_it.map(|written| written["speed"].clone()).unwrap_or_default()
 }
 
 pub(super) fn render_rules(asked: RenderChoice, simulation: Option<&SimulationRecord>) -> Value {

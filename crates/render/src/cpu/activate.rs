@@ -43,8 +43,8 @@ pub(super) type Lane = [f32; LANES];
 pub(super) struct GaussianBlock {
     /// Number of Gaussians in the block. Lanes beyond it are padding.
     pub(super) len: usize,
-    /// The part of the scene that its Gaussians belong to: 0 for what is still.
-    pub(super) part: usize,
+    /// The object that its Gaussians belong to: 0 for what is still.
+    pub(super) object: usize,
     /// Indices of the Gaussians in the scene.
     pub(super) numbers: [u32; LANES],
     /// The lanes that each promise may see, one bit per lane.
@@ -117,7 +117,7 @@ impl GaussianBlock {
                 continue;
             }
             self.reach[lane] = extent::opacity_reach(rules, opacity);
-            let axes = moving_axes(&splat);
+            let axes = changing_axes(&splat);
             for (k, [axis, rate]) in axes.into_iter().enumerate() {
                 for c in 0..3 {
                     (self.axes[k][c][lane], motion.axes[k][c][lane]) = (single(axis[c]), single(rate[c]));
@@ -142,14 +142,14 @@ impl GaussianBlock {
 }
 
 /// Applies the activations to the Gaussians with these indices, ascending. No block has Gaussians of two
-/// parts.
+/// objects.
 pub(super) fn activate_all(scene: &Gaussians, rules: RenderRules, numbers: &[u32]) -> Vec<GaussianBlock> {
     let (mut blocks, mut rest) = (Vec::new(), numbers);
-    for part in 0..=scene.part_count() {
-        let end = scene.part_end(part);
+    for object in 0..=scene.object_count() {
+        let end = scene.object_end(object);
         let (own, after) = rest.split_at(rest.partition_point(|number| (*number as usize) < end));
         rest = after;
-        blocks.par_extend(own.par_chunks(LANES).map(|own| activate_block(scene, rules, part, own)));
+        blocks.par_extend(own.par_chunks(LANES).map(|own| activate_block(scene, rules, object, own)));
     }
     blocks
 }
@@ -171,12 +171,12 @@ pub(super) fn sh_degree(scene: &Gaussians) -> u8 {
     (1..=scene.sh_degree).rev().find(|&degree| is_used(degree)).unwrap_or(0)
 }
 
-fn activate_block(scene: &Gaussians, rules: RenderRules, part: usize, numbers: &[u32]) -> GaussianBlock {
+fn activate_block(scene: &Gaussians, rules: RenderRules, object: usize, numbers: &[u32]) -> GaussianBlock {
     // Padding lanes hold zeros. They are projected with the others, and never counted or drawn.
     let zero = [0.0; LANES];
     let mut block = GaussianBlock {
         len: numbers.len(),
-        part,
+        object,
         numbers: [0; LANES],
         promised: [ALL_LANES; PROMISES],
         positions: [zero; 3],
@@ -208,7 +208,7 @@ fn scaled_axes(scene: &Gaussians, i: usize) -> [[f32; 3]; 3] {
 
 /// The scaled axes of a Gaussian that changes, each with its rate. While a unit quaternion `q` changes, axes
 /// turn with the angular velocity `2 qdot q*`.
-fn moving_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
+fn changing_axes(splat: &MomentSplat) -> [[DVec3; 2]; 3] {
     let quaternion = |part: usize| {
         let [w, x, y, z] = splat.rotation.map(|both| both[part]);
         DQuat::from_xyzw(x, y, z, w)

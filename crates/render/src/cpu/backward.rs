@@ -115,7 +115,7 @@ pub struct GradientRenderer {
     /// The last view; its tiles are traced.
     frame: FrameBuffers,
     image: Image<[f32; 3]>,
-    seen: Option<(ViewTransform, TileGrid)>,
+    rendered: Option<(ViewTransform, TileGrid)>,
     pairs: Vec<SplatMoments>,
     sums: Vec<SplatMoments>,
 }
@@ -137,7 +137,7 @@ impl GradientRenderer {
             instructions: InstructionSet::widest_set(),
             frame: FrameBuffers::new(),
             image: Image::from_vec(Size { width: 0, height: 0 }, Vec::new()),
-            seen: None,
+            rendered: None,
             pairs: Vec::new(),
             sums: Vec::new(),
         })
@@ -176,7 +176,7 @@ impl GradientRenderer {
     #[cfg(test)]
     fn set_list_budget(&mut self, pairs: usize) {
         self.frame.lists = TileLists::new(pairs);
-        self.seen = None;
+        self.rendered = None;
     }
 
     /// Changes parameters of the Gaussians with these indices, ascending. The number of Gaussians
@@ -197,7 +197,7 @@ impl GradientRenderer {
                 block.refresh(scene, rules, number as usize - k * LANES);
             }
         });
-        self.seen = None;
+        self.rendered = None;
         changed
     }
 
@@ -208,7 +208,7 @@ impl GradientRenderer {
         self.blocks = Vec::new();
         self.blocks =
             activate::activate_all(&self.scene, self.style.rules, &unseen::all_indices(&self.scene));
-        self.seen = None;
+        self.rendered = None;
         changed
     }
 
@@ -249,7 +249,7 @@ impl GradientRenderer {
             self.image = Image::filled(grid.size, [0.0; 3]);
         }
         show_tiles(tiles, grid, background, &mut self.image);
-        self.seen = Some((eye, grid));
+        self.rendered = Some((eye, grid));
         Ok((&self.image, work))
     }
 
@@ -259,7 +259,7 @@ impl GradientRenderer {
     /// # Panics
     /// No view was rendered since the last change of the scene, or there is not one value per pixel.
     pub fn gradients(&mut self, by_pixel: &[[f32; 3]], score: &[f32], out: &mut ViewGradients) {
-        let (eye, grid) = self.seen.expect("a view was rendered");
+        let (eye, grid) = self.rendered.expect("a view was rendered");
         let pixels = grid.size.pixels();
         assert_eq!((by_pixel.len(), score.len()), (pixels, pixels), "one value per pixel");
         let FrameBuffers { projected, sorter, lists, tiles } = &mut self.frame;

@@ -17,9 +17,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const CHUNK: usize = 1 << 15;
 /// Least number of splats that one task bins. The list of a tile is the concatenation of the tasks' lists, so
 /// threads never write to the same list.
-const LEAST_PART: usize = 1 << 10;
-/// Largest number of parts that a small frame is divided into. Each tile looks into the list of each part.
-const MOST_PARTS: usize = 16;
+const MIN_SLICE: usize = 1 << 10;
+/// Largest number of slices that a small frame is divided into. Each tile looks into the list of each slice.
+const MAX_SLICES: usize = 16;
 /// Number of entries after which a chunk checks whether the budget is exceeded.
 const STEP: usize = 1 << 12;
 
@@ -59,14 +59,14 @@ pub(super) struct TileLists {
     budget: usize,
     /// Indices of the band's tiles in the grid.
     band: Range<usize>,
-    parts: Vec<SplatPart>,
-    /// Number of parts of a chunk.
+    slices: Vec<SplatSlice>,
+    /// Number of slices of a chunk.
     divided: usize,
 }
 
-/// The lists of a part of the splats in the frame's order.
+/// The lists of a slice of the splats in the frame's order.
 #[derive(Debug, Default)]
-struct SplatPart {
+struct SplatSlice {
     /// Start of each tile's list in `places`, then the end of the last list.
     starts: Vec<u32>,
     places: Vec<u32>,
@@ -95,7 +95,7 @@ impl TileLists {
     /// Empty lists. They never hold more than `budget` entries at once, except for a single tile
     /// with more.
     pub(super) fn new(budget: usize) -> Self {
-        Self { budget, band: 0..0, parts: Vec::new(), divided: 1 }
+        Self { budget, band: 0..0, slices: Vec::new(), divided: 1 }
     }
 
     /// Lists the splats of every tile, band by band, and calls `each` with the lists of each band.
@@ -119,43 +119,43 @@ impl TileLists {
         self.band.clone()
     }
 
-    /// The splats of a tile of the band, front to back, in one slice per part.
+    /// The splats of a tile of the band, front to back, in one list per slice.
     pub(super) fn of(&self, tile: usize) -> impl Iterator<Item = &[u32]> {
         let tile = tile - self.band.start;
-        self.parts.iter().map(move |part| part.of(tile))
+        self.slices.iter().map(move |slice| slice.of(tile))
     }
 
     /// The splats of a tile of the band, front to back, in batches.
     #[inline(always)]
     pub(super) fn batches(&self, tile: usize) -> TileBatches<'_> {
         let tile = tile - self.band.start;
-        TileBatches { tile, divided: self.divided, parts: &self.parts, of_chunk: &[], rest: &[] }
+        TileBatches { tile, divided: self.divided, slices: &self.slices, of_chunk: &[], rest: &[] }
     }
 
     /// Lists the splats of the band's tiles, and returns the number of entries. Returns `None` if
     /// there are more than `bound`; the lists are then invalid.
     fn fill(&mut self, frame: OrderedSplats<'_>, band: Range<usize>, bound: usize) -> Option<u64> {
-        let part = part_len(frame.order.len());
-        let used = frame.order.len().div_ceil(part);
-        // Each part keeps one start per tile. These starts count too, even if the lists are short.
+        let slice = slice_len(frame.order.len());
+        let used = frame.order.len().div_ceil(slice);
+        // Each slice keeps one start per tile. These starts count too, even if the lists are short.
         if used.saturating_mul(band.len()) > bound {
             return None;
         }
-        self.divided = CHUNK / part;
-        self.parts.resize_with(used, SplatPart::default);
+        self.divided = CHUNK / slice;
+        self.slices.resize_with(used, SplatSlice::default);
         self.band = band.clone();
         let room = ListCapacity { bound, taken: AtomicUsize::new(0) };
         let fill =
-            |(list, order): (&mut SplatPart, _)| list.run(OrderedSplats { order, ..frame }, &band, &room);
-        // If the total exceeds the bound, the part that adds last sees it, whatever the order.
-        let within = self.parts.par_iter_mut().zip(frame.order.par_chunks(part)).all(fill);
+            |(list, order): (&mut SplatSlice, _)| list.run(OrderedSplats { order, ..frame }, &band, &room);
+        // If the total exceeds the bound, the slice that adds last sees it, whatever the order.
+        let within = self.slices.par_iter_mut().zip(frame.order.par_chunks(slice)).all(fill);
         within.then(|| room.taken.into_inner() as u64)
     }
 
     /// Divides the tiles into bands within the budget.
     fn bands(&self, frame: OrderedSplats<'_>) -> Vec<Range<usize>> {
-        // As in `fill`, the starts of all parts must be within the budget.
-        let most = (self.budget / frame.order.len().div_ceil(part_len(frame.order.len()))).max(1);
+        // As in `fill`, the starts of all slices must be within the budget.
+        let most = (self.budget / frame.order.len().div_ceil(slice_len(frame.order.len()))).max(1);
         let mut bands: Vec<Range<usize>> = Vec::new();
         // Full at first, so that the first tile opens a band.
         let mut listed = usize::MAX;
@@ -212,14 +212,14 @@ impl ListCapacity {
     }
 }
 
-impl SplatPart {
+impl SplatSlice {
     /// The list of a tile, counted from the band's first.
     #[inline(always)]
     fn of(&self, tile: usize) -> &[u32] {
         &self.places[self.starts[tile] as usize..self.starts[tile + 1] as usize]
     }
 
-    /// Lists the part's splats for the band. Returns `false`, with nothing listed, if that exceeds
+    /// Lists the slice's splats for the band. Returns `false`, with nothing listed, if that exceeds
     /// the bound.
     fn run(&mut self, frame: OrderedSplats<'_>, band: &Range<usize>, room: &ListCapacity) -> bool {
         self.pairs.clear();
@@ -276,20 +276,20 @@ impl SplatPart {
     }
 }
 
-/// The list of a tile, in batches. A batch is full, or the last one of a chunk: where parts end does not
+/// The list of a tile, in batches. A batch is full, or the last one of a chunk: where slices end does not
 /// show.
 pub(super) struct TileBatches<'a> {
     tile: usize,
     divided: usize,
-    /// The parts of later chunks, and of this one.
-    parts: &'a [SplatPart],
-    of_chunk: &'a [SplatPart],
-    /// What is left of the present part.
+    /// The slices of later chunks, and of this one.
+    slices: &'a [SplatSlice],
+    of_chunk: &'a [SplatSlice],
+    /// What is left of the present slice.
     rest: &'a [u32],
 }
 
 impl<'a> TileBatches<'a> {
-    /// The next batch, in `room` if it spans parts. Not empty.
+    /// The next batch, in `room` if it spans slices. Not empty.
     #[inline(always)]
     pub(super) fn next<'b, const N: usize>(&mut self, room: &'b mut [u32; N]) -> Option<&'b [u32]>
     where
@@ -303,8 +303,8 @@ impl<'a> TileBatches<'a> {
             let mut count = self.rest.len();
             room[..count].copy_from_slice(self.rest);
             self.rest = &[];
-            while let Some((part, others)) = self.of_chunk.split_first().filter(|_| count < N) {
-                let list = part.of(self.tile);
+            while let Some((slice, others)) = self.of_chunk.split_first().filter(|_| count < N) {
+                let list = slice.of(self.tile);
                 let taken = list.len().min(N - count);
                 room[count..count + taken].copy_from_slice(&list[..taken]);
                 (self.of_chunk, self.rest, count) = (others, &list[taken..], count + taken);
@@ -312,23 +312,23 @@ impl<'a> TileBatches<'a> {
             if count > 0 {
                 return Some(&room[..count]);
             }
-            if self.parts.is_empty() {
+            if self.slices.is_empty() {
                 return None;
             }
-            (self.of_chunk, self.parts) = self.parts.split_at(self.divided.min(self.parts.len()));
+            (self.of_chunk, self.slices) = self.slices.split_at(self.divided.min(self.slices.len()));
         }
     }
 }
 
-/// Number of splats of a part: a chunk, or a fraction of it so that all threads bin the splats of a small
+/// Number of splats of a slice: a chunk, or a fraction of it so that all threads bin the splats of a small
 /// scene.
-fn part_len(splats: usize) -> usize {
+fn slice_len(splats: usize) -> usize {
     // Twice as many as threads, so that threads end at about the same time.
-    let parts = match rayon::current_num_threads() {
+    let slices = match rayon::current_num_threads() {
         1 => 1,
-        threads => (2 * threads).min(MOST_PARTS),
+        threads => (2 * threads).min(MAX_SLICES),
     };
-    splats.div_ceil(parts).next_power_of_two().clamp(LEAST_PART, CHUNK)
+    splats.div_ceil(slices).next_power_of_two().clamp(MIN_SLICE, CHUNK)
 }
 
 fn tiles([first, end]: [u16; 2]) -> Range<usize> {
@@ -372,7 +372,7 @@ mod tests {
             let (columns, rows) = (pixel(tile_of(dot) % 4), pixel(tile_of(dot) / 4));
             Splat { columns, rows, w: [1.0, 0.0, 1.0], ..Splat::default() }
         };
-        // One chunk and a part of the next.
+        // One chunk and a slice of the next.
         let dots = 40_000;
         let splats: Vec<Splat> = (0..dots).map(dot).collect();
         let order: Vec<u64> = (0..dots).map(u64::from).collect();

@@ -143,7 +143,7 @@ impl ViewTransform {
 
     /// As [`Self::sight`], of a point with a velocity of its own in world axes.
     #[inline(always)]
-    pub(super) fn sight_moving<S: RealNumber<Plain = f32>>(
+    pub(super) fn sight_changing<S: RealNumber<Plain = f32>>(
         &self,
         point: DVec3,
         velocity: [f32; 3],
@@ -220,19 +220,27 @@ impl ViewTransform {
     /// A world direction in camera axes. It turns against the camera.
     #[inline(always)]
     pub(super) fn turned<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3]) -> [S; 3] {
-        let seen = [
+        let in_camera = [
             dot_product(self.rows[0], axis),
             dot_product(self.rows[1], axis),
             dot_product(self.rows[2], axis),
         ];
         // `seen x w` is `-w x seen`.
-        let rate = cross_product(seen, self.turning);
-        [S::with_rate(seen[0], rate[0]), S::with_rate(seen[1], rate[1]), S::with_rate(seen[2], rate[2])]
+        let rate = cross_product(in_camera, self.turning);
+        [
+            S::with_rate(in_camera[0], rate[0]),
+            S::with_rate(in_camera[1], rate[1]),
+            S::with_rate(in_camera[2], rate[2]),
+        ]
     }
 
     /// As [`Self::turned`], of a vector that changes at a rate in world axes.
     #[inline(always)]
-    pub(super) fn turned_moving<S: RealNumber<Plain = f32>>(&self, axis: [f32; 3], rate: [f32; 3]) -> [S; 3] {
+    pub(super) fn turned_changing<S: RealNumber<Plain = f32>>(
+        &self,
+        axis: [f32; 3],
+        rate: [f32; 3],
+    ) -> [S; 3] {
         let still: [S; 3] = self.turned(axis);
         let own = |k: usize| dot_product(self.rows[k], rate);
         let with = |k: usize| S::with_rate(still[k].value(), still[k].rate() + own(k));
@@ -248,7 +256,7 @@ impl ViewTransform {
 
     /// As [`Self::direction`], to a point with a velocity of its own.
     #[inline(always)]
-    pub(super) fn direction_moving<S: RealNumber<Plain = f32>>(
+    pub(super) fn direction_changing<S: RealNumber<Plain = f32>>(
         &self,
         point: [f32; 3],
         velocity: [f32; 3],

@@ -8,8 +8,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "positions become f32 once they are camera coordinates")]
 
+mod changing;
 mod colour;
-mod moving;
 
 use super::activate::{GaussianBlock, LANES, Lane, PROMISES};
 use super::cull::{BEHIND, CullCounts, DEGENERATE, DRAWN, Fate, OUTSIDE, count_culled};
@@ -37,13 +37,13 @@ pub(super) const CHUNK: usize = 4096;
 pub(super) struct ProjectionInput<'a> {
     /// The scene.
     pub(super) scene: &'a Gaussians,
-    /// Gaussians that the view may see, in activated form. All blocks but the last of each part are full.
+    /// Gaussians that the view may see, in activated form. All blocks but the last of each object are full.
     pub(super) blocks: &'a [GaussianBlock],
     /// Highest degree of harmonics that is evaluated.
     pub(super) sh_degree: u8,
     /// Rendering parameters.
     pub(super) style: RenderStyle,
-    /// The view, from what is still and from each part.
+    /// The view, from what is still and from each object.
     pub(super) eyes: &'a [ViewTransform],
     /// The features that the splats carry.
     pub(super) want: ChannelSet,
@@ -72,7 +72,7 @@ pub(super) struct ProjectedSplats {
 /// Counts for one [`CHUNK`] of Gaussians.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct ProjectedChunk {
-    /// Number of splats at the front of the chunk's part of `splats`.
+    /// Number of splats at the front of the chunk's piece of `splats`.
     pub(super) drawn: usize,
     /// Counts, without those of culled Gaussians.
     pub(super) work: RenderWork,
@@ -96,7 +96,7 @@ trait LaneValue: RealNumber<Plain = f32> {
     /// An array of zeros.
     const ZEROS: Self::Lanes;
     /// True if there are rates.
-    const MOVING: bool;
+    const HAS_RATES: bool;
 
     fn at(lanes: &Self::Lanes, i: usize) -> Self;
     fn put(self, lanes: &mut Self::Lanes, i: usize);
@@ -105,7 +105,7 @@ trait LaneValue: RealNumber<Plain = f32> {
 impl LaneValue for f32 {
     type Lanes = Lane;
     const ZEROS: Lane = [0.0; LANES];
-    const MOVING: bool = false;
+    const HAS_RATES: bool = false;
 
     #[inline(always)]
     fn at(lanes: &Lane, i: usize) -> Self {
@@ -121,7 +121,7 @@ impl LaneValue for f32 {
 impl LaneValue for DualNumber<f32> {
     type Lanes = DualNumber<Lane>;
     const ZEROS: DualNumber<Lane> = DualNumber { value: [0.0; LANES], rate: [0.0; LANES] };
-    const MOVING: bool = true;
+    const HAS_RATES: bool = true;
 
     #[inline(always)]
     fn at(lanes: &DualNumber<Lane>, i: usize) -> Self {
@@ -169,22 +169,22 @@ impl ProjectionInput<'_> {
         // These chunks of blocks and of splats hold the same Gaussians.
         let drawn =
             (splats.par_chunks_mut(CHUNK), depths.par_chunks_mut(CHUNK), numbers.par_chunks_mut(CHUNK));
-        let parts = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
+        let pieces = self.blocks.par_chunks(CHUNK / LANES).zip(drawn);
         if self.want.luminance_rate {
             rates.resize(count, SplatRates::default());
-            let parts = parts.zip(rates.par_chunks_mut(CHUNK));
-            let parts = parts.map(|((blocks, (splats, depths, numbers)), rates)| {
+            let pieces = pieces.zip(rates.par_chunks_mut(CHUNK));
+            let pieces = pieces.map(|((blocks, (splats, depths, numbers)), rates)| {
                 let drawn = DrawnSplats { splats, depths, numbers, rates, done: ProjectedChunk::default() };
                 dispatch!(self.level, simd => self.chunk::<_, DualNumber<f32>>(simd, blocks, drawn))
             });
-            parts.collect_into_vec(chunks);
+            pieces.collect_into_vec(chunks);
         } else {
-            let parts = parts.map(|(blocks, (splats, depths, numbers))| {
+            let pieces = pieces.map(|(blocks, (splats, depths, numbers))| {
                 let (rates, done) = (&mut [][..], ProjectedChunk::default());
                 let drawn = DrawnSplats { splats, depths, numbers, rates, done };
                 dispatch!(self.level, simd => self.chunk::<_, f32>(simd, blocks, drawn))
             });
-            parts.collect_into_vec(chunks);
+            pieces.collect_into_vec(chunks);
         }
     }
 
@@ -197,9 +197,9 @@ impl ProjectionInput<'_> {
         blocks: &[GaussianBlock],
         mut drawn: DrawnSplats<'_>,
     ) -> ProjectedChunk {
-        let mut seen = ProjectedBlock::<S>::new();
+        let mut projected = ProjectedBlock::<S>::new();
         for block in blocks {
-            self.block(simd, block, &mut seen, &mut drawn);
+            self.block(simd, block, &mut projected, &mut drawn);
         }
         drawn.done
     }
@@ -209,50 +209,50 @@ impl ProjectionInput<'_> {
         &self,
         simd: V,
         block: &GaussianBlock,
-        seen: &mut ProjectedBlock<S>,
+        projected: &mut ProjectedBlock<S>,
         DrawnSplats { splats, depths, numbers, rates, done }: &mut DrawnSplats<'_>,
     ) {
-        let eye = &self.eyes[block.part];
-        seen.locate(eye, self.style.rules, block);
-        seen.outline(eye, self.style, block);
+        let eye = &self.eyes[block.object];
+        projected.locate(eye, self.style.rules, block);
+        projected.outline(eye, self.style, block);
         match self.style.rules {
-            RenderRules::Official => seen.bound(RenderRules::Official, eye.size),
-            RenderRules::Exact | RenderRules::Soft => seen.bound(RenderRules::Exact, eye.size),
-            RenderRules::Gsplat => seen.bound(RenderRules::Gsplat, eye.size),
+            RenderRules::Official => projected.bound(RenderRules::Official, eye.size),
+            RenderRules::Exact | RenderRules::Soft => projected.bound(RenderRules::Exact, eye.size),
+            RenderRules::Gsplat => projected.bound(RenderRules::Gsplat, eye.size),
         }
         if let Some(sample) = self.sample {
-            seen.leave_out(sample);
+            projected.leave_out(sample);
         }
-        let count = seen.count(block.len, &mut done.work);
-        count_culled(&seen.fate[..block.len], block.promised, &mut done.culled);
+        let count = projected.count(block.len, &mut done.work);
+        count_culled(&projected.fate[..block.len], block.promised, &mut done.culled);
         let coloured = self.want.rgb || self.want.luminance || self.want.luminance_rate;
         if coloured {
-            seen.face(eye, block, self.sh_degree, count);
+            projected.face(eye, block, self.sh_degree, count);
         }
         for k in 0..count {
-            let i = usize::from(seen.drawn[k]);
+            let i = usize::from(projected.drawn[k]);
             let mut colour = [S::nearest(0.0); 3];
             if coloured {
                 let number = block.numbers[i] as usize;
                 colour = match self.moment.and_then(|at| at.harmonics(number)) {
                     Some(harmonics) => {
-                        seen.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
+                        projected.changing_colour(k, &harmonics[..sh::function_count(self.sh_degree)])
                     }
                     None => {
                         let coefficients = self.scene.sh_of(number).as_flattened();
-                        seen.colour(simd, k, &coefficients[..3 * sh::function_count(self.sh_degree)])
+                        projected.colour(simd, k, &coefficients[..3 * sh::function_count(self.sh_degree)])
                     }
                 };
             }
             let value = [colour[0].value(), colour[1].value(), colour[2].value()];
-            depths[done.drawn] = S::at(&seen.depth, i).value();
+            depths[done.drawn] = S::at(&projected.depth, i).value();
             numbers[done.drawn] = block.numbers[i];
             let splat = &mut splats[done.drawn];
-            *splat = seen.splat(i);
-            self.write_features(value, seen, i, &mut splat.features);
-            if S::MOVING {
+            *splat = projected.splat(i);
+            self.write_features(value, projected, i, &mut splat.features);
+            if S::HAS_RATES {
                 let rate = [colour[0].rate(), colour[1].rate(), colour[2].rate()];
-                rates[done.drawn] = seen.rates(i, luminance(value), luminance(rate));
+                rates[done.drawn] = projected.rates(i, luminance(value), luminance(rate));
             }
             done.drawn += 1;
         }
@@ -264,7 +264,7 @@ impl ProjectionInput<'_> {
     fn write_features<S: LaneValue>(
         &self,
         colour: [f32; 3],
-        seen: &ProjectedBlock<S>,
+        projected: &ProjectedBlock<S>,
         i: usize,
         features: &mut [f32; MAX_FEATURES],
     ) {
@@ -279,11 +279,11 @@ impl ProjectionInput<'_> {
             n += 1;
         }
         if self.want.depth {
-            features[n] = S::at(&seen.depth, i).value();
+            features[n] = S::at(&projected.depth, i).value();
             n += 1;
         }
         if self.want.doubtful {
-            features[n] = f32::from(u8::from(seen.is_deeper(i, AFFINE_DOUBTFUL)));
+            features[n] = f32::from(u8::from(projected.is_deeper(i, AFFINE_DOUBTFUL)));
         }
     }
 }
@@ -337,10 +337,10 @@ impl<S: LaneValue> ProjectedBlock<S> {
     /// The covariances and the reach.
     #[inline(always)]
     fn outline(&mut self, eye: &ViewTransform, style: RenderStyle, block: &GaussianBlock) {
-        match block.motion.as_deref().filter(|_| S::MOVING) {
-            Some(motion) => self.outline_moving(eye, style, block, motion),
-            None if style.antialiased => self.shape::<_, true>(eye, style.rules, block, Still),
-            None => self.shape::<_, false>(eye, style.rules, block, Still),
+        match block.motion.as_deref().filter(|_| S::HAS_RATES) {
+            Some(motion) => self.outline_changing(eye, style, block, motion),
+            None if style.antialiased => self.shape::<_, true>(eye, style.rules, block, StillGaussians),
+            None => self.shape::<_, false>(eye, style.rules, block, StillGaussians),
         }
         if style.antialiased {
             self.reach_anew(style.rules);
@@ -496,9 +496,9 @@ trait LaneMotion: Copy {
 
 /// The Gaussians of a scene that does not change.
 #[derive(Debug, Clone, Copy)]
-struct Still;
+struct StillGaussians;
 
-impl LaneMotion for Still {
+impl LaneMotion for StillGaussians {
     #[inline(always)]
     fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], _: usize) -> [[S; 3]; 3] {
         [eye.turned(axes[0]), eye.turned(axes[1]), eye.turned(axes[2])]

@@ -72,7 +72,7 @@ pub(super) fn all_indices(scene: &Gaussians) -> Vec<u32> {
 }
 
 /// The indices of the Gaussians that some pose may see, in order; all of them if there is no pose.
-pub(super) fn seen_indices(
+pub(super) fn visible_indices(
     scene: &Gaussians,
     rules: RenderRules,
     camera: &Camera,
@@ -84,10 +84,10 @@ pub(super) fn seen_indices(
         return all_indices(scene);
     }
     let hull = PathHull::new(scene.origin, rules, camera, poses);
-    // The poses say nothing of when a part is where, so all Gaussians of parts are kept.
-    let still = scene.part_end(0);
-    let seen = |i: &u32| *i as usize >= still || !hull.excludes(scene, *i as usize);
-    all_indices(scene).into_par_iter().filter(seen).collect()
+    // The poses say nothing of when an object is where, so all Gaussians of objects are kept.
+    let still = scene.object_end(0);
+    let is_visible = |i: &u32| *i as usize >= still || !hull.excludes(scene, *i as usize);
+    all_indices(scene).into_par_iter().filter(is_visible).collect()
 }
 
 /// The indices of two ascending lists, ascending and each once.

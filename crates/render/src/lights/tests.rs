@@ -118,7 +118,7 @@ fn the_rate_of_luminance_counts_both_changes() {
         let moved = |(c, s): (&[f64; 3], &[f64; 3])| [0, 1, 2].map(|i| c[i] + s[i] * (t - 0.0123));
         colours.iter().zip(&slopes).map(moved).collect()
     };
-    let shown = |t: f64| -> Vec<f64> {
+    let lit = |t: f64| -> Vec<f64> {
         let factor = lights.at(t).factor;
         let lit = at(t).into_iter().map(|c| c.map(|v| srgb::encode(factor * srgb::decode(v))));
         lit.map(|[r, g, b]| 0.299 * r + 0.587 * g + 0.114 * b).collect()
@@ -130,9 +130,9 @@ fn the_rate_of_luminance_counts_both_changes() {
     let mut rate = Image::from_vec(size, slopes.iter().map(|s| luminance(s.map(|v| v as f32))).collect());
     lights.at(0.0123).light_luminance(&unlit, &mut grey, Some(&mut rate));
     let h = 1e-6;
-    for (i, wanted) in shown(0.0123).iter().enumerate() {
+    for (i, wanted) in lit(0.0123).iter().enumerate() {
         assert!((f64::from(grey.pixels()[i]) - wanted).abs() < 1e-6, "{i}");
-        let slope = (shown(0.0123 + h)[i] - shown(0.0123 - h)[i]) / (2.0 * h);
+        let slope = (lit(0.0123 + h)[i] - lit(0.0123 - h)[i]) / (2.0 * h);
         // Rates of up to 100 per second in 32 bits.
         assert!((f64::from(rate.pixels()[i]) - slope).abs() < 1e-4 * (1.0 + slope.abs()), "{i}: {slope}");
     }

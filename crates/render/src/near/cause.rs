@@ -96,7 +96,7 @@ fn candidates(scene: &Gaussians, change: &FlashViews) -> Vec<usize> {
         rules: change.style.rules,
         world_from_camera: view.world_from_camera,
     });
-    let near = super::own_plane(change.style.rules);
+    let near = super::renderer_plane(change.style.rules);
     let cover = |eye: &NearEye<'_>, i: usize| {
         let footprint = eye.footprint(scene, i);
         if footprint.depth > near { footprint.cover() } else { 0.0 }

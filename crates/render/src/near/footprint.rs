@@ -33,9 +33,9 @@ impl NearEye<'_> {
     pub(super) fn footprint(&self, scene: &Gaussians, i: usize) -> Footprint {
         let Se3 { rotation, translation } = self.world_from_camera;
         let turn = DMat3::from_quat(rotation.conjugate());
-        let seen = turn * (scene.position(i) - translation);
-        let depth = seen.z.max(NEAR.into());
-        let slope = seen.truncate() / depth;
+        let in_camera = turn * (scene.position(i) - translation);
+        let depth = in_camera.z.max(NEAR.into());
+        let slope = in_camera.truncate() / depth;
         let [across, down] = slope_bounds(self.camera, self.rules);
         let clamped = DVec2::new(slope.x.clamp(across[0], across[1]), slope.y.clamp(down[0], down[1]));
         let axes = (turn * scaled_axes(scene, i)).to_cols_array_2d();
@@ -46,7 +46,7 @@ impl NearEye<'_> {
         let covariance = [sum(|r| r.x * r.x) + wide, sum(|r| r.x * r.y), sum(|r| r.y * r.y) + high];
         let [low, high] = self.camera.field().map(|corner| corner - slope);
         let opacity = 1.0 / (1.0 + libm::exp(-f64::from(scene.opacity_logits[i])));
-        Footprint { opacity, depth: seen.z, covariance, low, high }
+        Footprint { opacity, depth: in_camera.z, covariance, low, high }
     }
 }
 

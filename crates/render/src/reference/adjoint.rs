@@ -1,7 +1,7 @@
 //! The raster pass backwards in f64, pixel by pixel: the sums of each layer from which the projection
 //! goes back to the parameters. Tests compare the gradients of the back ends with it.
 
-use super::parameters::{GaussianRates, MovingGaussian};
+use super::parameters::{GaussianRates, RatedGaussian};
 use super::{ReferenceLayer, ReferenceRenderer, RenderError, RenderRules};
 use crate::shared::MAX_ALPHA;
 use gs2e_scene::camera::view::CameraView;
@@ -53,7 +53,7 @@ pub(crate) fn layer_sums(
 
 fn empty_sums(renderer: &ReferenceRenderer, layer: &ReferenceLayer) -> LayerSums {
     let index = layer.order.1;
-    let gaussian = MovingGaussian::new(&renderer.scene, index, &GaussianRates::default());
+    let gaussian = RatedGaussian::new(&renderer.scene, index, &GaussianRates::default());
     LayerSums {
         index,
         axes: gaussian.axes().map(|axis| axis.map(|entry| entry.value)),
@@ -72,12 +72,12 @@ fn pixel_terms<'a>(
     gradient: [f64; 3],
     score: f64,
 ) -> Vec<(&'a ReferenceLayer, [f64; 10])> {
-    let (seen, rest, _) = renderer.seen(layers, pixel);
+    let (blend, rest, _) = renderer.blended_layers(layers, pixel);
     // The back ends recover the light in front of a layer by division. Here it is kept on the way
     // forward, so that an error of theirs cannot be repeated.
     let dot = |c: [f64; 3]| c[0] * gradient[0] + c[1] * gradient[1] + c[2] * gradient[2];
     let mut light = 1.0;
-    let before: Vec<f64> = seen
+    let before: Vec<f64> = blend
         .iter()
         .map(|(_, alpha)| {
             let here = light;
@@ -87,7 +87,7 @@ fn pixel_terms<'a>(
         .collect();
     let mut behind = rest.value * dot(renderer.style.background.map(f64::from));
     let mut terms = Vec::new();
-    for (&(layer, alpha), &light) in seen.iter().zip(&before).rev() {
+    for (&(layer, alpha), &light) in blend.iter().zip(&before).rev() {
         let weight = light * alpha.value;
         let lit = dot(layer.colour.map(|c| c.value));
         let by_alpha = light * lit - behind / (1.0 - alpha.value);

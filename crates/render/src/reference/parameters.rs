@@ -26,7 +26,7 @@ fn opacity_of(logit: D) -> D {
 }
 
 /// The parameters of a Gaussian, which may change in time.
-pub(super) struct MovingGaussian {
+pub(super) struct RatedGaussian {
     pub(super) position: [D; 3],
     log_scale: [D; 3],
     rotation: [D; 4],
@@ -34,7 +34,7 @@ pub(super) struct MovingGaussian {
     harmonics: [[D; 3]; sh::MAX_LEN],
 }
 
-impl MovingGaussian {
+impl RatedGaussian {
     pub(super) fn new(scene: &Gaussians, i: usize, rates: &GaussianRates) -> Self {
         let join = |value: f32, rate: f64| D { value: value.into(), rate };
         let triple = |v: [f32; 3], rates: [f64; 3]| from_fn(|k| join(v[k], rates[k]));

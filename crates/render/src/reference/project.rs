@@ -1,7 +1,7 @@
 //! Projection of every Gaussian onto the image plane, with rates for a moving camera.
 
 use super::D;
-use super::parameters::MovingGaussian;
+use super::parameters::RatedGaussian;
 use crate::dual::{RealNumber, cross_product, dot_product};
 use crate::shared::{
     AFFINE_DOUBTFUL, AFFINE_INVALID, COMPENSATION_FLOOR, DILATION, EXTENT_ROOT_FLOOR, EXTENT_SIGMAS,
@@ -63,12 +63,12 @@ impl<'a> ReferenceView<'a> {
         &self,
         scene: &Gaussians,
         i: usize,
-        gaussian: &MovingGaussian,
+        gaussian: &RatedGaussian,
     ) -> Result<ReferenceLayer, CullReason> {
         // Camera and scene origin are subtracted before anything is rotated. Far from the world's
         // origin, a difference of rotated positions would cancel.
         let from_camera: [D; 3] = from_fn(|k| D::constant(self.origin[k]) + gaussian.position[k]);
-        let [x, y, z] = self.seen(from_camera, self.view.velocity.linear);
+        let [x, y, z] = self.in_camera(from_camera, self.view.velocity.linear);
         // A depth that is NaN is in no range, so it counts as behind.
         if !self.in_depth(z.value) {
             return Err(CullReason::Behind);
@@ -79,7 +79,7 @@ impl<'a> ReferenceView<'a> {
             D::constant(camera.fx) * u + D::constant(camera.cx),
             D::constant(camera.fy) * v + D::constant(camera.cy),
         ];
-        let axes = gaussian.axes().map(|axis| self.seen(axis, DVec3::ZERO));
+        let axes = gaussian.axes().map(|axis| self.in_camera(axis, DVec3::ZERO));
         let shape = self.shape(axes, [u, v], z);
         let opacity = self.opacity(gaussian.opacity(), &shape);
         // All back ends leave out what overflows in f32.
@@ -115,7 +115,7 @@ impl<'a> ReferenceView<'a> {
 
     /// A vector in camera axes with its rate: that of the vector, and `-v - w x vector`. For a direction,
     /// `v` is 0.
-    fn seen(&self, vector: [D; 3], linear: DVec3) -> [D; 3] {
+    fn in_camera(&self, vector: [D; 3], linear: DVec3) -> [D; 3] {
         // A rotation is linear, so values and rates turn separately, and the values keep their bits.
         let turned = |part: fn(D) -> f64| self.camera_from_world * DVec3::from_array(vector.map(part));
         let value = turned(|v| v.value);

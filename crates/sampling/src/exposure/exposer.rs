@@ -10,7 +10,7 @@ use gs2e_num::se3::rotation_spline::SplineDiverged;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderError, RenderWork, RenderedImages, Renderer};
 use gs2e_scene::camera::Camera;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
 use gs2e_trajectory::sampled::SampledPath;
 
@@ -250,8 +250,8 @@ impl FrameExposer {
         }
         // Other readers of the same rendering may have asked for the depth.
         let Some(depth) = images.depth.as_ref().filter(|_| self.sees_motion()) else { return };
-        let views = renderer.part_views(&self.view(moment));
-        let flow = flow_of_parts(depth, images.segments.as_ref(), &views);
+        let views = renderer.object_views(&self.view(moment));
+        let flow = flow_of_objects(depth, images.segmentation.as_ref(), &views);
         let flow = with_drift(flow, depth, images.drift.as_ref(), &self.course.camera);
         // Pixels without a depth have no finite flow.
         let squares = flow.pixels().iter().map(|[u, v]| u * u + v * v).filter(|square| square.is_finite());
@@ -317,7 +317,7 @@ mod tests {
     struct Dawn {
         light: f64,
         px_s: f32,
-        seen: Vec<f64>,
+        rendered_at: Vec<f64>,
         promised: Vec<Se3>,
     }
 
@@ -339,7 +339,7 @@ mod tests {
         ) -> Result<RenderWork, RenderError> {
             assert!(self.promised.contains(&view.world_from_camera), "it was promised to be seen from here");
             let x = view.world_from_camera.translation.x;
-            self.seen.push(x);
+            self.rendered_at.push(x);
             let value = srgb::encode(self.light * x) as f32;
             out.rgb = Some(Image::filled(CAMERA.size, [value, 0.0, 2.0]));
             let depth = || {
@@ -362,7 +362,7 @@ mod tests {
 
     fn exposed(px_s: f32, shutter: ShutterSettings) -> (ExposedFrame, Dawn, RenderWork) {
         let (poses, seconds) = walk(40);
-        let mut dawn = Dawn { light: 2.0, px_s, seen: Vec::new(), promised: Vec::new() };
+        let mut dawn = Dawn { light: 2.0, px_s, rendered_at: Vec::new(), promised: Vec::new() };
         let course = ExposureCourse { camera: CAMERA, poses, seconds };
         let mut exposer = FrameExposer::new(course, shutter).unwrap();
         // Only the exposure around pose 20 is of interest.
@@ -410,11 +410,11 @@ mod tests {
                 assert_eq!((*g, *b), (0.0, 1.0));
             }
             // Equal steps of time, each sub-frame in the middle of its own step.
-            let mut seen = dawn.seen;
-            seen.sort_by(f64::total_cmp);
+            let mut rendered_at = dawn.rendered_at;
+            rendered_at.sort_by(f64::total_cmp);
             let all = 7 * subframes;
-            assert_eq!((seen.len(), work.gaussians), (all as usize, u64::from(all)));
-            for (k, x) in (0..all).zip(&seen) {
+            assert_eq!((rendered_at.len(), work.gaussians), (all as usize, u64::from(all)));
+            for (k, x) in (0..all).zip(&rendered_at) {
                 let wanted = 0.165 + 0.07 * (f64::from(k) + 0.5) / f64::from(all);
                 assert!((x - wanted).abs() < 1e-12, "picture {k} of {all} is at {x}, wanted {wanted}");
             }
@@ -430,9 +430,9 @@ mod tests {
             let (ExposedFrame { exposure, .. }, dawn, _) =
                 exposed(px_s, ShutterSettings { subframes, ..SEVEN });
             let wanted: Vec<f64> = poses[17..24].iter().map(|pose| pose.translation.x).collect();
-            assert_eq!(dawn.seen[..7], wanted);
+            assert_eq!(dawn.rendered_at[..7], wanted);
             if subframes == SubframeRule::Literal {
-                assert_eq!((dawn.seen.len(), exposure.subframes, exposure.step_px), (7, 1, None));
+                assert_eq!((dawn.rendered_at.len(), exposure.subframes, exposure.step_px), (7, 1, None));
             }
         }
     }
@@ -460,7 +460,7 @@ mod tests {
     fn a_shutter_can_be_closed_early() {
         // With steps that grow, the dense frames lie between the poses, and are rendered apart.
         let (poses, _) = walk(40);
-        let mut dawn = Dawn { light: 1.0, px_s: 0.0, seen: Vec::new(), promised: Vec::new() };
+        let mut dawn = Dawn { light: 1.0, px_s: 0.0, rendered_at: Vec::new(), promised: Vec::new() };
         let seconds = (0..40).map(|j| f64::from(j * j) / 100.0).collect();
         let course = ExposureCourse { camera: CAMERA, poses, seconds };
         let mut exposer = FrameExposer::new(course, SEVEN).unwrap();

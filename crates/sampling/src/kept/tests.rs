@@ -33,7 +33,7 @@ impl Renderer for Counting {
             flow: want.flow.then(|| Image::filled(SIZE, [x, x])),
             luminance_rate: grey(want.luminance_rate, -x),
             doubtful: grey(want.doubtful, 0.25),
-            segments: None,
+            segmentation: None,
             drift: None,
         };
         Ok(RenderWork { blended: 7, ..RenderWork::default() })
@@ -80,10 +80,10 @@ fn a_second_run_renders_nothing() {
     let fresh = folder.path().join("a");
     let asked = [(1.0, FRAME), (2.0, FRAME), (3.0, MEASURED)];
     let (first, count, summary) = run(&[], &fresh, 1 << 20, &asked);
-    assert_eq!((count, summary.shown, summary.rendered), (3, 0, 3));
+    assert_eq!((count, summary.reused, summary.rendered), (3, 0, 3));
     assert_eq!(summary.bytes, fresh.metadata().unwrap().len());
     let (second, count, summary) = run(&[fresh], &folder.path().join("b"), 1 << 20, &asked);
-    assert_eq!((count, summary.shown, summary.rendered, summary.bytes), (0, 3, 0, 0));
+    assert_eq!((count, summary.reused, summary.rendered, summary.bytes), (0, 3, 0, 0));
     assert!(!folder.path().join("b").exists());
     for (a, b) in first.iter().zip(&second) {
         assert_eq!((&a.luminance, &a.luminance_rate, &a.alpha), (&b.luminance, &b.luminance_rate, &b.alpha));

@@ -9,7 +9,7 @@ pub struct ReaderSeconds {
     /// An estimate of what it takes alone, s: its own work, and each rendering that it took.
     pub alone: f64,
     /// Its own work, s.
-    own: f64,
+    work: f64,
 }
 
 impl ReaderSeconds {
@@ -21,7 +21,7 @@ impl ReaderSeconds {
 
     /// Adds work of its own.
     pub fn worked(&mut self, seconds: f64) {
-        self.own += seconds;
+        self.work += seconds;
         self.share += seconds;
         self.alone += seconds;
     }
@@ -32,11 +32,11 @@ impl ReaderSeconds {
 pub fn share_rest(readers: Vec<&mut ReaderSeconds>, leader: Option<usize>, seconds: f64) {
     let count = readers.len() as f64;
     let rest = (seconds - readers.iter().map(|reader| reader.share).sum::<f64>()).max(0.0);
-    let others: f64 = readers.iter().map(|reader| reader.own).sum();
+    let others: f64 = readers.iter().map(|reader| reader.work).sum();
     for (index, reader) in readers.into_iter().enumerate() {
         match leader {
             Some(leader) if leader == index => {
-                *reader = ReaderSeconds { share: rest, alone: seconds - others, own: rest };
+                *reader = ReaderSeconds { share: rest, alone: seconds - others, work: rest };
             }
             Some(_) => {}
             None => {
@@ -53,11 +53,11 @@ mod tests {
 
     /// Two readers with 1 s and 0.5 s of their own, of renderings of 4 s that `shared` readers took.
     fn two(shared: usize) -> [ReaderSeconds; 2] {
-        [1.0, 0.5].map(|own| {
+        [1.0, 0.5].map(|work| {
             let mut reader = ReaderSeconds::default();
             reader.rendered(3.0, shared);
             reader.rendered(1.0, shared);
-            reader.worked(own);
+            reader.worked(work);
             reader
         })
     }

@@ -48,24 +48,24 @@ pub fn flow_between(depth: &Image<f32>, from: &CameraView, to: &CameraView) -> I
     displacements(depth, from, to, |moved| moved.map_or([f32::NAN; 2], vector))
 }
 
-/// As [`flow_displacement`], where each pixel shows the part of `segments`. The views are those of
-/// `Renderer::part_views`.
+/// As [`flow_displacement`], where each pixel shows the object of `segmentation`. The views are those of
+/// `Renderer::object_views`.
 ///
 /// # Panics
-/// If an image does not have the size of the view's camera, or a part has no view.
+/// If an image does not have the size of the view's camera, or an object has no view.
 #[must_use]
-pub fn displacement_of_parts(
+pub fn displacement_of_objects(
     depth: &Image<f32>,
-    segments: Option<&Image<u8>>,
+    segmentation: Option<&Image<u8>>,
     from: &[CameraView],
     to: &[CameraView],
 ) -> Image<f32> {
     let mut moved = flow_displacement(depth, &from[0], &to[0]);
-    let Some(segments) = segments else { return moved };
-    for (part, (from, to)) in (0_u8..=u8::MAX).zip(from.iter().zip(to)).skip(1) {
+    let Some(segmentation) = segmentation else { return moved };
+    for (object, (from, to)) in (0_u8..=u8::MAX).zip(from.iter().zip(to)).skip(1) {
         let own = flow_displacement(depth, from, to);
-        let pixels = moved.pixels_mut().iter_mut().zip(own.pixels()).zip(segments.pixels());
-        pixels.filter(|(_, segment)| **segment == part).for_each(|((moved, own), _)| *moved = *own);
+        let pixels = moved.pixels_mut().iter_mut().zip(own.pixels()).zip(segmentation.pixels());
+        pixels.filter(|(_, number)| **number == object).for_each(|((moved, own), _)| *moved = *own);
     }
     moved
 }
@@ -93,14 +93,14 @@ pub fn displacement_with_drift(
     Image::from_vec(depth.size(), still.pixels().iter().zip(own.pixels()).map(length).collect())
 }
 
-/// Takes the value, a depth or a flow, from the pixels of moving parts.
+/// Takes the value, a depth or a flow, from the pixels of moving objects.
 ///
 /// # Panics
 /// The images differ in size.
-pub fn leave_out_parts<T: UndefinedPixel>(image: &mut Image<T>, segments: &Image<u8>) {
-    assert_eq!(image.size(), segments.size(), "the parts are those of the view");
-    let pixels = image.pixels_mut().iter_mut().zip(segments.pixels());
-    pixels.filter(|(_, segment)| **segment > 0).for_each(|(value, _)| *value = T::UNDEFINED);
+pub fn leave_out_objects<T: UndefinedPixel>(image: &mut Image<T>, segmentation: &Image<u8>) {
+    assert_eq!(image.size(), segmentation.size(), "the objects are those of the view");
+    let pixels = image.pixels_mut().iter_mut().zip(segmentation.pixels());
+    pixels.filter(|(_, number)| **number > 0).for_each(|(value, _)| *value = T::UNDEFINED);
 }
 
 /// A pixel that can be without a value.
@@ -132,15 +132,15 @@ fn displacements<T: Copy + Default + Send>(
     let turn = to_from_world * from.world_from_camera.rotation_matrix();
     let shift = to_from_world * (from.world_from_camera.translation - to.world_from_camera.translation);
     let width = size.width as usize;
-    let mut seen = vec![T::default(); size.pixels()];
-    seen.par_iter_mut().enumerate().for_each(|(i, seen)| {
+    let mut all = vec![T::default(); size.pixels()];
+    all.par_iter_mut().enumerate().for_each(|(i, found)| {
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         // NaN for a pixel without depth; the projection refuses it, and the result is NaN again.
         let point = from.camera.unproject(pixel, f64::from(depth.pixels()[i]));
         let moved = to.camera.project(turn * point + shift);
-        *seen = see(moved.map(|[x, y]| DVec2::new(x - pixel[0], y - pixel[1])));
+        *found = see(moved.map(|[x, y]| DVec2::new(x - pixel[0], y - pixel[1])));
     });
-    Image::from_vec(size, seen)
+    Image::from_vec(size, all)
 }
 
 /// Image velocity of each pixel's world point for a moving camera, px per unit of the velocity's
@@ -150,26 +150,29 @@ fn displacements<T: Copy + Default + Send>(
 /// If `depth` does not have the size of the view's camera.
 #[must_use]
 pub fn flow_rates(depth: &Image<f32>, view: &CameraView) -> Image<[f32; 2]> {
-    flow_of_parts(depth, None, std::slice::from_ref(view))
+    flow_of_objects(depth, None, std::slice::from_ref(view))
 }
 
-/// As [`flow_rates`], where each pixel shows the part of `segments`, by default what is still. `views` are
-/// those of `Renderer::part_views`; the point of a pixel rests in the axes of its part.
+/// As [`flow_rates`], where each pixel shows the object of `segmentation`, by default what is still. `views`
+/// are those of `Renderer::object_views`; the point of a pixel rests in the axes of its object.
 ///
 /// # Panics
-/// If an image does not have the size of the view's camera, or a part has no view.
+/// If an image does not have the size of the view's camera, or an object has no view.
 #[must_use]
-pub fn flow_of_parts(
+pub fn flow_of_objects(
     depth: &Image<f32>,
-    segments: Option<&Image<u8>>,
+    segmentation: Option<&Image<u8>>,
     views: &[CameraView],
 ) -> Image<[f32; 2]> {
     let (camera, size) = (&views[0].camera, views[0].camera.size);
     assert_eq!(depth.size(), size, "the depth image is that of the view");
-    assert!(segments.is_none_or(|segments| segments.size() == size), "the parts are those of the view");
+    assert!(
+        segmentation.is_none_or(|segmentation| segmentation.size() == size),
+        "the objects are those of the view"
+    );
     let width = size.width as usize;
     let rate = |(i, z): (usize, &f32)| {
-        let view = &views[segments.map_or(0, |segments| usize::from(segments.pixels()[i]))];
+        let view = &views[segmentation.map_or(0, |segmentation| usize::from(segmentation.pixels()[i]))];
         let pixel = [(i % width) as f64 + 0.5, (i / width) as f64 + 0.5];
         let point = camera.unproject(pixel, f64::from(*z));
         // In camera axes the camera rests, and the point moves against it.

@@ -30,7 +30,7 @@ pub struct CameraView {
     pub world_from_camera: Se3,
     /// Velocity, for channels that are rates.
     pub velocity: CameraVelocity,
-    /// Time from the first pose of the trajectory, s: moving parts of the scene are where they are then.
+    /// Time from the first pose of the trajectory, s: moving objects of the scene are where they are then.
     pub seconds: f64,
 }
 

@@ -6,7 +6,7 @@
 //! # use glam::DVec3;
 //! # use gs2e_scene::collector::{Gaussian, GaussianCollector};
 //! # use gs2e_scene::ply;
-//! use gs2e_scene::dynamic::file::{read_dynamic, usual_time};
+//! use gs2e_scene::dynamic::file::{read_dynamic, default_time};
 //!
 //! # let mut collector = GaussianCollector::new(0, 1)?;
 //! # let (log_scale, rotation, sh) = ([-1.0; 3], [1.0, 0.0, 0.0, 0.0], &[[0.0; 3]]);
@@ -17,7 +17,7 @@
 //! for name in ["frame-0.ply", "frame-1.ply"] {
 //!     ply::write_ply(&scene, std::fs::File::create(folder.join(name))?)?;
 //! }
-//! let time = usual_time(&folder)?.ok_or("a scene at rest")?;
+//! let time = default_time(&folder)?.ok_or("a scene at rest")?;
 //! let sequence = read_dynamic(&folder, time)?;
 //! # std::fs::remove_dir_all(&folder)?;
 //! // The usual rate is 30 Hz, and the second frame is the last one.
@@ -62,7 +62,7 @@ pub fn read_dynamic(path: &Path, time: SceneTime) -> Result<Gaussians, SceneErro
 ///
 /// # Errors
 /// The file or the folder cannot be read.
-pub fn usual_time(path: &Path) -> io::Result<Option<SceneTime>> {
+pub fn default_time(path: &Path) -> io::Result<Option<SceneTime>> {
     if path.is_dir() {
         let is_sequence = frame_files(path)?.len() > 1;
         return Ok(is_sequence.then(|| SceneTime { span: SceneSpan::Rate(30.0), ..SceneTime::default() }));
@@ -221,6 +221,6 @@ impl Gaussians {
     #[must_use]
     pub fn with_dynamics(self, time: SceneTime, course: SplatCourse) -> Self {
         let dynamics = Some(SplatDynamics { time, course });
-        Self { motion: Some(Arc::new(SceneMotion { parts: Vec::new(), dynamics })), ..self }
+        Self { motion: Some(Arc::new(SceneMotion { objects: Vec::new(), dynamics })), ..self }
     }
 }

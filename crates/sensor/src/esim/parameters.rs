@@ -70,7 +70,7 @@ impl SensorParameters for EsimModel {
     }
 
     fn brightness(&self, grey: f64) -> f64 {
-        self.seen(grey)
+        self.brightness_of(grey)
     }
 
     fn contrast_spread(&self) -> f64 {

@@ -6,10 +6,10 @@
 //! ```
 //! use gs2e_sensor::frames::anchors::AnchorChoice;
 //!
-//! // 101 frames, a millisecond apart, in two parts: the ends and the middle. At each quarter, a span of
+//! // 101 frames, a millisecond apart, in two intervals: the ends and the middle. At each quarter, a span of
 //! // three neighbours.
 //! let stamps_us: Vec<i64> = (0..=100).map(|i| 1000 * i).collect();
-//! let choice = AnchorChoice::in_parts(&stamps_us, 1, 2);
+//! let choice = AnchorChoice::in_intervals(&stamps_us, 1, 2);
 //! assert_eq!(choice.frames, [0, 25, 26, 27, 50, 51, 52, 75, 76, 77, 100]);
 //! // Spans name places in that list.
 //! assert_eq!(choice.spans[0].map(|place| choice.frames[place]), [25, 26, 27]);
@@ -32,7 +32,7 @@ pub struct AnchorFrames {
 
 /// Time between anchors, if the sequence has room for at least two of these intervals.
 const SPACING_US: i64 = 100_000;
-/// Number of parts of a sequence. Spans begin at the inner borders.
+/// Number of equal intervals of a sequence. Spans begin at the inner borders.
 const QUARTERS: i64 = 4;
 /// Maximum length of a span, as a divisor of the sequence's length.
 const SPANS_IN: usize = 8;
@@ -48,32 +48,32 @@ pub struct AnchorChoice {
 }
 
 impl AnchorChoice {
-    /// The ends of a sequence, and between them the frames nearest to equal parts of 0.1 s or
-    /// slightly more (two parts if the sequence is shorter). At each quarter of the sequence, a
+    /// The ends of a sequence, and between them the frames nearest to equal intervals of 0.1 s or
+    /// slightly more (two intervals if the sequence is shorter). At each quarter of the sequence, a
     /// span of twice `apart` frames, shortened to an eighth of the sequence if necessary.
     #[must_use]
     pub fn from_stamps(stamps_us: &[i64], apart: usize) -> Self {
         let span = stamps_us.last().zip(stamps_us.first()).map_or(0, |(last, first)| last - first);
-        Self::in_parts(stamps_us, apart, (span / SPACING_US).max(2))
+        Self::in_intervals(stamps_us, apart, (span / SPACING_US).max(2))
     }
 
-    /// As [`AnchorChoice::from_stamps`], with this number of equal parts.
+    /// As [`AnchorChoice::from_stamps`], with this number of equal intervals.
     ///
     /// # Panics
-    /// There are no parts.
+    /// There are no intervals.
     #[must_use]
-    pub fn in_parts(stamps_us: &[i64], apart: usize, parts: i64) -> Self {
+    pub fn in_intervals(stamps_us: &[i64], apart: usize, intervals: i64) -> Self {
         let (Some(first), Some(last)) = (stamps_us.first(), stamps_us.last()) else {
             return Self { frames: Vec::new(), spans: Vec::new() };
         };
         let span = last - first;
-        let nearest = |i: i64, parts: i64| {
-            let wanted = first + span * i / parts;
+        let nearest = |i: i64, intervals: i64| {
+            let wanted = first + span * i / intervals;
             let after = stamps_us.partition_point(|t| *t < wanted).min(stamps_us.len() - 1);
             let before = after.saturating_sub(1);
             if wanted - stamps_us[before] < stamps_us[after] - wanted { before } else { after }
         };
-        let mut frames: Vec<usize> = (0..=parts).map(|i| nearest(i, parts)).collect();
+        let mut frames: Vec<usize> = (0..=intervals).map(|i| nearest(i, intervals)).collect();
         // A span is twice `apart` long, hence the 2.
         let apart = apart.clamp(1, (stamps_us.len() / (2 * SPANS_IN)).max(1));
         let starts = (1..QUARTERS).map(|i| nearest(i, QUARTERS));

@@ -56,7 +56,7 @@ const MOVED: f64 = 0.02;
 #[derive(Debug)]
 pub struct FrameMotion {
     last: Option<Image<f32>>,
-    seen: usize,
+    frames: usize,
     /// Pairs between two measured ones.
     apart: usize,
     /// First frame of the next pair that is measured.
@@ -77,7 +77,7 @@ impl FrameMotion {
     pub fn new(frames: usize) -> Self {
         Self {
             last: None,
-            seen: 0,
+            frames: 0,
             apart: frames / PAIRS,
             next: 0,
             medians: Vec::new(),
@@ -98,13 +98,13 @@ impl FrameMotion {
             self.is_repeat = is_repeat;
             if !is_repeat {
                 self.changed.push(changed);
-                if self.seen >= self.next {
-                    self.next = self.seen + self.apart;
+                if self.frames >= self.next {
+                    self.next = self.frames + self.apart;
                     self.medians.extend(block_motion(&last, luminance));
                 }
             }
         }
-        self.seen += 1;
+        self.frames += 1;
         self.last = Some(luminance.clone());
     }
 
@@ -119,7 +119,7 @@ impl FrameMotion {
     /// alternate with others that move.
     #[must_use]
     pub fn repeated(&self) -> Option<[usize; 2]> {
-        let pairs = self.seen.saturating_sub(1);
+        let pairs = self.frames.saturating_sub(1);
         let changed: Vec<f64> = self.changed.clone();
         let moves = median(changed).is_some_and(|share| share >= MOVED);
         // A camera that rests now and then repeats frames in one or two runs.
@@ -221,11 +221,11 @@ struct Displacement {
 }
 
 impl Search<'_> {
-    /// The best place within `around` pixels of a start; `None` if the block is not found there.
-    fn best(&self, start: [isize; 2], around: isize, reach: usize, variance: f32) -> Option<Displacement> {
+    /// The best place within `radius` pixels of a start; `None` if the block is not found there.
+    fn best(&self, start: [isize; 2], radius: isize, reach: usize, variance: f32) -> Option<Displacement> {
         let mut best: Option<(f32, f32, [isize; 2])> = None;
-        for dy in -around..=around {
-            for dx in -around..=around {
+        for dy in -radius..=radius {
+            for dx in -radius..=radius {
                 let place = [start[0] + dx, start[1] + dy];
                 let Some(cost) = self.cost(place) else { continue };
                 let [x, y] = place.map(|side| side as f32 / reach as f32);

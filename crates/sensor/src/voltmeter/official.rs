@@ -52,7 +52,7 @@ pub(super) struct OfficialPixel {
     /// `ln(L + k2)` at the pixel's last event, or at the first frame before any event. Only for
     /// labelled events.
     log: f64,
-    own: PoissonTrain,
+    hot: PoissonTrain,
 }
 
 impl OfficialSampler {
@@ -117,7 +117,7 @@ impl OfficialSampler {
     }
 
     /// The events of a hot pixel's own process.
-    fn own(
+    fn hot_events(
         &self,
         pixel: &mut OfficialPixel,
         pair: &PixelPair,
@@ -125,9 +125,9 @@ impl OfficialSampler {
     ) -> ControlFlow<()> {
         let rates = LinearRate { ends: [self.hot.per_ns(pair.site); 2], length: pair.length };
         let mut start = 0.0;
-        while let Some(t) = pixel.own.advance(&rates, start) {
+        while let Some(t) = pixel.hot.advance(&rates, start) {
             writer.event(t, Polarity::On, EventLabel::Noise)?;
-            pixel.own.wait(pair.site, DrawSpace::Hot);
+            pixel.hot.wait(pair.site, DrawSpace::Hot);
             start = t;
         }
         ControlFlow::Continue(())
@@ -143,7 +143,7 @@ impl FrameLaw for OfficialSampler {
     fn begin(&self, site: PixelSite, luminance: f64, _: f64) -> OfficialPixel {
         let thresholds = thresholds::drawn_pair(self.thresholds, self.spread, site);
         let log = if self.labels { libm::log(luminance + self.process.k2) } else { 0.0 };
-        OfficialPixel { voltage: 0.0, thresholds, log, own: self.hot.train(site) }
+        OfficialPixel { voltage: 0.0, thresholds, log, hot: self.hot.train(site) }
     }
 
     fn cross(
@@ -154,7 +154,7 @@ impl FrameLaw for OfficialSampler {
     ) -> ControlFlow<()> {
         // Two independent processes. Their events are brought into order of time by the window.
         self.walk(pixel, pair, writer)?;
-        self.own(pixel, pair, writer)
+        self.hot_events(pixel, pair, writer)
     }
 
     /// The residual is drawn again in each frame, so the number of events and the drift diverge.

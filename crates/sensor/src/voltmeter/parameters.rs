@@ -171,7 +171,7 @@ impl VoltmeterModel {
         if self.settings.refractory.period_us > 0.0 {
             out["refractory"] = json!(self.settings.refractory);
         }
-        if !self.settings.front_end.is_usual() {
+        if !self.settings.front_end.is_default() {
             out["front_end"] = json!(self.settings.front_end);
         }
         if self.settings.labels {

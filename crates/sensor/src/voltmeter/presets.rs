@@ -94,7 +94,7 @@ impl VoltmeterPreset {
     /// Every preset.
     pub const ALL: [Self; 5] = [Self::Davis346, Self::Evk4, Self::Dvs346, Self::Dvs240, Self::Gs2eSi];
     /// The preset of a recipe that names none.
-    pub const USUAL: Self = Self::Davis346;
+    pub const DEFAULT: Self = Self::Davis346;
 
     /// The preset of this name, as a recipe writes it. `dvs346`, the name in the published program, is
     /// `dvs346-paper`.

@@ -54,13 +54,13 @@ impl ColmapModel {
             let camera = cameras.get(&image.camera_id);
             let camera =
                 camera.ok_or_else(|| fault(format!("camera {} is not in the model", image.camera_id)))?;
-            for seen in &image.observations {
-                let Some(id) = seen.point else { continue };
+            for observation in &image.observations {
+                let Some(id) = observation.point else { continue };
                 let point =
                     points.get(&id).ok_or_else(|| fault(format!("point {id} is not in the model")))?;
                 match project_point(&image, camera, point) {
                     Some([u, v]) => {
-                        let (x, y) = (u - seen.xy[0], v - seen.xy[1]);
+                        let (x, y) = (u - observation.xy[0], v - observation.xy[1]);
                         let distances = of_points.entry(id).or_default();
                         distances.sum_px += (x * x + y * y).sqrt();
                         distances.count += 1.0;

@@ -111,7 +111,7 @@ fn make_model(
     }
     let colmap = |command: &str, options| colmap_run(command, &database, options, workspace);
     colmap("feature_extractor", extraction_options(&images, camera)).end_well()?;
-    let described = features::read_database(&database).map_err(ForeignError::own_product(&database))?;
+    let described = features::read_database(&database).map_err(ForeignError::product_error(&database))?;
     let all = PairRule::Exhaustive.pairs(described.len());
     let matched = features::match_pairs(&described, &all, workspace.goes_on);
     let (matches, pairs) = matched.ok_or(ForeignError::Stopped)?;

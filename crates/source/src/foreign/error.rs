@@ -19,7 +19,7 @@ pub enum ForeignError {
     Io(PathError),
     /// A built product cannot be read by this program.
     #[error("read {}: {cause}", path.display())]
-    Own {
+    Product {
         /// The file.
         path: PathBuf,
         /// Cause.
@@ -34,10 +34,10 @@ impl ForeignError {
     }
 
     /// Converts the error of reading a product of this program.
-    pub(super) fn own_product<E: std::error::Error + Send + Sync + 'static>(
+    pub(super) fn product_error<E: std::error::Error + Send + Sync + 'static>(
         path: &Path,
     ) -> impl FnOnce(E) -> Self {
         let path = path.to_owned();
-        move |cause| Self::Own { path, cause: Box::new(cause) }
+        move |cause| Self::Product { path, cause: Box::new(cause) }
     }
 }

@@ -87,7 +87,7 @@ pub enum PoseError {
 const NO_MODEL: &str = "failed to create sparse model";
 
 /// Finds the poses of photos, given by name and path in natural order, and writes the model to the
-/// folder `to`: `cameras.bin`, `images.bin` and `points3D.bin`. `tell` gets the progress in words.
+/// folder `to`: `cameras.bin`, `images.bin` and `points3D.bin`. `report` gets the progress in words.
 ///
 /// # Errors
 /// See [`PoseError`].
@@ -96,13 +96,13 @@ pub fn solve_photos(
     solving: &PoseSolving,
     to: &Path,
     workspace: ProgramWorkspace<'_>,
-    tell: &(dyn Fn(&str) + Sync),
+    report: &(dyn Fn(&str) + Sync),
 ) -> Result<SolvedPhotos, PoseError> {
     let given = photos.len();
     if given < MIN_PHOTOS {
         return Err(PoseError::Few { found: given });
     }
-    let watch = PoseWatch::new(workspace.log, given, tell);
+    let watch = PoseWatch::new(workspace.log, given, report);
     let place = PoseWorkspace::new(photos, workspace, &watch)?;
     let groups = camera_groups(photos)?;
     for (number, group) in groups.iter().enumerate() {
@@ -248,7 +248,7 @@ impl<'a> PoseWorkspace<'a> {
     /// a match.
     fn match_pairs(&self, rule: PairRule) -> Result<bool, ForeignError> {
         let described =
-            features::read_database(&self.database).map_err(ForeignError::own_product(&self.database))?;
+            features::read_database(&self.database).map_err(ForeignError::product_error(&self.database))?;
         let pairs = rule.pairs(described.len());
         self.watch.say(&format!("matching {} pairs of photos", pairs.len()));
         let found = features::match_pairs(&described, &pairs, self.workspace.goes_on);

@@ -11,13 +11,13 @@ use std::sync::{Mutex, PoisonError};
 pub(super) struct PoseWatch<'a> {
     log: &'a Path,
     photos: usize,
-    tell: &'a (dyn Fn(&str) + Sync),
-    seen: Mutex<SeenLines>,
+    report: &'a (dyn Fn(&str) + Sync),
+    progress: Mutex<LineProgress>,
 }
 
 /// Lines seen so far.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-struct SeenLines {
+struct LineProgress {
     /// Number of bytes read.
     bytes: u64,
     /// Number of calls since the log was read.
@@ -34,36 +34,36 @@ struct SeenLines {
 const CALLS: u32 = 50;
 
 impl<'a> PoseWatch<'a> {
-    pub(super) fn new(log: &'a Path, photos: usize, tell: &'a (dyn Fn(&str) + Sync)) -> Self {
-        Self { log, photos, tell, seen: Mutex::default() }
+    pub(super) fn new(log: &'a Path, photos: usize, report: &'a (dyn Fn(&str) + Sync)) -> Self {
+        Self { log, photos, report, progress: Mutex::default() }
     }
 
     /// Reports the state of the search in words.
     pub(super) fn say(&self, words: &str) {
-        (self.tell)(words);
+        (self.report)(words);
     }
 
     /// Called often while a program runs.
     pub(super) fn look(&self) {
-        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        seen.calls += 1;
-        if seen.calls >= CALLS {
-            self.read(&mut seen);
+        let mut progress = self.progress.lock().unwrap_or_else(PoisonError::into_inner);
+        progress.calls += 1;
+        if progress.calls >= CALLS {
+            self.read(&mut progress);
         }
     }
 
     /// Called when a program has ended.
     pub(super) fn end(&self) {
-        self.read(&mut self.seen.lock().unwrap_or_else(PoisonError::into_inner));
+        self.read(&mut self.progress.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    fn read(&self, seen: &mut SeenLines) {
-        seen.calls = 0;
+    fn read(&self, progress: &mut LineProgress) {
+        progress.calls = 0;
         // Without the log the search goes on, and its failure names the log.
-        let Ok(new) = text_after(self.log, seen.bytes) else { return };
-        seen.take(&new);
-        let counts = [("photo", seen.described), ("registered", seen.registered)];
-        for ((what, count), reported) in counts.into_iter().zip(&mut seen.tenths) {
+        let Ok(new) = text_after(self.log, progress.bytes) else { return };
+        progress.take(&new);
+        let counts = [("photo", progress.described), ("registered", progress.registered)];
+        for ((what, count), reported) in counts.into_iter().zip(&mut progress.tenths) {
             // A second model starts with few photos again, and is not reported below the first.
             let tenth = 10 * count / self.photos.max(1);
             if tenth > *reported {
@@ -74,7 +74,7 @@ impl<'a> PoseWatch<'a> {
     }
 }
 
-impl SeenLines {
+impl LineProgress {
     /// Counts the whole lines of new text.
     fn take(&mut self, new: &str) {
         let Some((whole, _)) = new.rsplit_once('\n') else { return };
@@ -111,14 +111,14 @@ mod tests {
     /// Lines of COLMAP 3.8 and of 4.x.
     #[test]
     fn photos_are_counted_by_whole_lines() {
-        let mut seen = SeenLines::default();
-        seen.take("Processed file [1/9]\n  Name: 000000.jpg\nProcessed file [2/9]\nProcessed fi");
-        assert_eq!((seen.described, seen.bytes), (2, 61));
-        seen.take("Processed file [3/9]\n");
-        seen.take("I2 incremental_pipeline.cc:1] Initializing with image pair #1 and #2\n");
-        seen.take("Registering image #3 (3)\nRegistering image #4 (4)\n  => Could not register, trying another image.\n");
-        assert_eq!((seen.described, seen.registered), (3, 3));
-        seen.take("Registering image #4 (num_reg_frames=4)\n");
-        assert_eq!(seen.registered, 4);
+        let mut progress = LineProgress::default();
+        progress.take("Processed file [1/9]\n  Name: 000000.jpg\nProcessed file [2/9]\nProcessed fi");
+        assert_eq!((progress.described, progress.bytes), (2, 61));
+        progress.take("Processed file [3/9]\n");
+        progress.take("I2 incremental_pipeline.cc:1] Initializing with image pair #1 and #2\n");
+        progress.take("Registering image #3 (3)\nRegistering image #4 (4)\n  => Could not register, trying another image.\n");
+        assert_eq!((progress.described, progress.registered), (3, 3));
+        progress.take("Registering image #4 (num_reg_frames=4)\n");
+        assert_eq!(progress.registered, 4);
     }
 }

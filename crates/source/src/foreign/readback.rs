@@ -93,8 +93,8 @@ pub fn read_back(
     let files: Vec<PathBuf> = looks.iter().map(|picture| whole(&picture.file)).collect::<Result<_, _>>()?;
     let request = json!({ "streams": streams, "pictures": files });
     let answer: ReadbackAnswer = python::ask_script("readback", &request, workspace)?;
-    let own: Vec<OwnColumns> =
-        streams.iter().map(|file| OwnColumns::from_file(file, workspace)).collect::<Result<_, _>>()?;
+    let own: Vec<ColumnDigests> =
+        streams.iter().map(|file| ColumnDigests::from_file(file, workspace)).collect::<Result<_, _>>()?;
     // The script answers in the order of the request.
     let streams = own.iter().zip(&answer.streams).map(|(own, found)| own.against(found)).collect();
     let mut differing = Vec::new();
@@ -113,20 +113,20 @@ pub fn read_back(
 
 /// An event file as this program reads it: SHA-256 of each column, times as 64 bits and the others
 /// as 16, little-endian.
-struct OwnColumns {
+struct ColumnDigests {
     events: u64,
     columns: BTreeMap<&'static str, String>,
 }
 
-impl OwnColumns {
+impl ColumnDigests {
     fn from_file(file: &Path, workspace: ProgramWorkspace<'_>) -> Result<Self, ForeignError> {
-        let mut reader = h5::Reader::open(file).map_err(ForeignError::own_product(file))?;
+        let mut reader = h5::Reader::open(file).map_err(ForeignError::product_error(file))?;
         let names: &[&'static str] =
             if reader.labelled() { &["t", "x", "y", "p", "label"] } else { &["t", "x", "y", "p"] };
         let mut columns: BTreeMap<&'static str, Sha256> =
             names.iter().map(|name| (*name, Sha256::new())).collect();
         let (mut chunk, mut events) = (Vec::new(), 0);
-        while reader.next_chunk(&mut chunk).map_err(ForeignError::own_product(file))? {
+        while reader.next_chunk(&mut chunk).map_err(ForeignError::product_error(file))? {
             if !(workspace.goes_on)() {
                 return Err(ForeignError::Stopped);
             }
@@ -167,7 +167,7 @@ fn column_bytes(column: &str, events: &[Event]) -> Vec<u8> {
 /// Returns the SHA-256 of a picture's pixels.
 fn pixel_hash(file: &Path) -> Result<String, ForeignError> {
     let opened = files::open(file).map_err(ForeignError::io_error(file))?;
-    let picture = png::read_rgb(BufReader::new(opened)).map_err(ForeignError::own_product(file))?;
+    let picture = png::read_rgb(BufReader::new(opened)).map_err(ForeignError::product_error(file))?;
     let mut hash = Sha256::new();
     hash.update(picture.pixels().as_flattened());
     Ok(hex_digest(hash))

@@ -106,7 +106,7 @@ impl AcceptanceRules {
     fn hold_photos(&self, captured: &DiskCapture) -> Result<(), RejectionReason> {
         let mut files = captured.files()?;
         let is_given = captured.is_given();
-        files.retain(|(name, _)| is_given(photos::own_name(name)));
+        files.retain(|(name, _)| is_given(photos::base_name(name)));
         let wanted = self.min_views.max(photos::MIN_PHOTOS);
         if files.len() < wanted {
             return Err(RejectionReason::FewPhotos { found: files.len(), wanted });

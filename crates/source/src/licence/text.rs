@@ -4,7 +4,7 @@
 pub(super) const UNSTATED: &str = "LicenseRef-Unstated";
 
 /// Terms without an id in the SPDX list, with the shipped text.
-const OWN: [(&str, &str); 4] = [
+const BUNDLED: [(&str, &str); 4] = [
     (UNSTATED, include_str!("texts/LicenseRef-Unstated.txt")),
     ("LicenseRef-DL3DV-10K-ToU", include_str!("texts/LicenseRef-DL3DV-10K-ToU.txt")),
     ("LicenseRef-TanksAndTemples", include_str!("texts/LicenseRef-TanksAndTemples.txt")),
@@ -21,7 +21,7 @@ pub fn is_listed(id: &str) -> bool {
 /// their holders, the text says so and names the holders.
 #[must_use]
 pub fn licence_text(id: &str, holders: &[String]) -> String {
-    let own = OWN.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);
+    let own = BUNDLED.iter().find(|(own, _)| *own == id).map(|(_, text)| *text);
     let listed = || spdx::license_id(id).map(spdx::LicenseId::text);
     let exception = || spdx::exception_id(id).map(spdx::ExceptionId::text);
     match own.or_else(listed).or_else(exception) {

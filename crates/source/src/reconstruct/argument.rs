@@ -9,10 +9,10 @@ use std::path::PathBuf;
 
 /// A text with placeholders.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ArgumentTemplate(Vec<ArgumentPart>);
+pub struct ArgumentTemplate(Vec<ArgumentPiece>);
 
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum ArgumentPart {
+enum ArgumentPiece {
     Text(String),
     Place(String),
 }
@@ -35,42 +35,42 @@ impl ArgumentTemplate {
     /// # Errors
     /// A placeholder is unknown, or a brace has no matching brace.
     pub fn parse(text: &str, known: &BTreeMap<&str, Option<String>>) -> Result<Self, ArgumentError> {
-        let mut parts = Vec::new();
+        let mut pieces = Vec::new();
         let mut rest = text;
         while let Some(at) = rest.find(['{', '}']) {
             let (before, braces) = rest.split_at(at);
-            append_text(&mut parts, before);
+            append_text(&mut pieces, before);
             // Doubled braces come first, because `{{` would otherwise begin a placeholder.
             rest = if let Some(after) = braces.strip_prefix("{{") {
-                append_text(&mut parts, "{");
+                append_text(&mut pieces, "{");
                 after
             } else if let Some(after) = braces.strip_prefix("}}") {
-                append_text(&mut parts, "}");
+                append_text(&mut pieces, "}");
                 after
             } else {
                 let inside = braces.strip_prefix('{').and_then(|rest| rest.split_once('}'));
                 let (name, after) = inside.ok_or(ArgumentError::Alone)?;
                 match known.get(name) {
                     // A known value becomes text, and thereby part of the serialised command.
-                    Some(Some(value)) => append_text(&mut parts, value),
-                    Some(None) => parts.push(ArgumentPart::Place(name.to_owned())),
+                    Some(Some(value)) => append_text(&mut pieces, value),
+                    Some(None) => pieces.push(ArgumentPiece::Place(name.to_owned())),
                     None => return Err(ArgumentError::Unknown(name.to_owned())),
                 }
                 after
             };
         }
-        append_text(&mut parts, rest);
-        Ok(Self(parts))
+        append_text(&mut pieces, rest);
+        Ok(Self(pieces))
     }
 
     /// Fills the placeholders. Placeholders without a value remain.
     #[must_use]
     pub fn fill(&self, places: &BTreeMap<&str, PathBuf>) -> OsString {
         let mut filled = OsString::new();
-        for part in &self.0 {
-            match part {
-                ArgumentPart::Text(text) => filled.push(text),
-                ArgumentPart::Place(name) => match places.get(name.as_str()) {
+        for piece in &self.0 {
+            match piece {
+                ArgumentPiece::Text(text) => filled.push(text),
+                ArgumentPiece::Place(name) => match places.get(name.as_str()) {
                     Some(path) => filled.push(path),
                     None => filled.push(format!("{{{name}}}")),
                 },
@@ -82,25 +82,25 @@ impl ArgumentTemplate {
     /// Returns true if this placeholder is still open.
     #[must_use]
     pub fn names(&self, place: &str) -> bool {
-        self.0.iter().any(|part| matches!(part, ArgumentPart::Place(name) if name == place))
+        self.0.iter().any(|piece| matches!(piece, ArgumentPiece::Place(name) if name == place))
     }
 }
 
-fn append_text(parts: &mut Vec<ArgumentPart>, text: &str) {
+fn append_text(pieces: &mut Vec<ArgumentPiece>, text: &str) {
     // Neighbouring texts merge, so that equal arguments compare equal however they were spelled.
-    match parts.last_mut() {
-        Some(ArgumentPart::Text(before)) => before.push_str(text),
+    match pieces.last_mut() {
+        Some(ArgumentPiece::Text(before)) => before.push_str(text),
         _ if text.is_empty() => {}
-        _ => parts.push(ArgumentPart::Text(text.to_owned())),
+        _ => pieces.push(ArgumentPiece::Text(text.to_owned())),
     }
 }
 
 /// Canonical spelling: equal arguments are displayed identically.
 impl fmt::Display for ArgumentTemplate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.iter().try_for_each(|part| match part {
-            ArgumentPart::Text(text) => f.write_str(&text.replace('{', "{{").replace('}', "}}")),
-            ArgumentPart::Place(name) => write!(f, "{{{name}}}"),
+        self.0.iter().try_for_each(|piece| match piece {
+            ArgumentPiece::Text(text) => f.write_str(&text.replace('{', "{{").replace('}', "}}")),
+            ArgumentPiece::Place(name) => write!(f, "{{{name}}}"),
         })
     }
 }

@@ -91,14 +91,14 @@ pub(super) fn lay_out(
         fs::create_dir_all(folder).map_err(layout_error(folder))?;
     }
     let is_held_out = |index: usize| hold_out.is_some_and(|every| index.is_multiple_of(every as usize));
-    let shown: Vec<(usize, &CapturedView)> =
+    let used: Vec<(usize, &CapturedView)> =
         capture.views.iter().enumerate().filter(|(index, _)| !is_held_out(*index)).collect();
     let photos: Vec<(usize, &CapturedView, &Path)> =
-        shown.iter().filter_map(|(index, view)| Some((*index, *view, find_photo(view, files)?))).collect();
-    let without_photo = shown.len() - photos.len();
+        used.iter().filter_map(|(index, view)| Some((*index, *view, find_photo(view, files)?))).collect();
+    let without_photo = used.len() - photos.len();
     if photos.is_empty() {
         let views = capture.views.len();
-        return Err(LayoutError::Nothing { views, without_photo, held_out: views - shown.len() });
+        return Err(LayoutError::Nothing { views, without_photo, held_out: views - used.len() });
     }
     let put = |(index, view, photo): &(usize, &CapturedView, &Path)| {
         // A capture may have thousands of photos, so the work can stop between two of them.

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use tempfile::TempDir;
 
 /// Beginning of the names of folders of one process.
-pub(super) const OWN_FOLDER: &str = "gs2e-";
+pub(super) const PROCESS_FOLDER: &str = "gs2e-";
 
 /// A folder: `VERSION`, `cas/` and `ac/` as in a store, and folders for files that are being written, and
 /// that are about to be deleted.
@@ -25,17 +25,17 @@ pub(super) struct SharedFolder {
     pub(super) disk: StoreDisk,
     /// A folder that no other process has: machines may have equal process ids. Only this user can write to
     /// it, so no link takes the place of a file there. `None` for a reader.
-    pub(super) own: Option<TempDir>,
+    pub(super) private: Option<TempDir>,
     next: AtomicU64,
 }
 
 impl SharedFolder {
     /// Opens a shared folder for reading.
     pub(super) fn open_for_reading(root: &Path, fs: Arc<dyn Fs>) -> Result<Self, StoreError> {
-        // Each file is synced before others can see it, whatever the own store does.
+        // Each file is synced before others can see it, whatever the store of this machine does.
         let disk = StoreDisk::new(root, fs, true);
         examine(root, StoreKind::Shared)?;
-        Ok(Self { root: root.to_owned(), disk, own: None, next: AtomicU64::new(0) })
+        Ok(Self { root: root.to_owned(), disk, private: None, next: AtomicU64::new(0) })
     }
 
     /// Opens a shared folder, and creates it if it is absent.
@@ -49,8 +49,9 @@ impl SharedFolder {
             shared.disk.create_dir(&root.join(folder)).map_err(not_permitted)?;
         }
         let tmp = root.join(TMP);
-        let own = tempfile::Builder::new().prefix(OWN_FOLDER).tempdir_in(&tmp);
-        shared.own = Some(own.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
+        let private = tempfile::Builder::new().prefix(PROCESS_FOLDER).tempdir_in(&tmp);
+        shared.private =
+            Some(private.map_err(disk_error("creating a folder in", &tmp)).map_err(not_permitted)?);
         Ok(shared)
     }
 
@@ -65,8 +66,8 @@ impl SharedFolder {
     }
 
     pub(super) fn fresh(&self) -> PathBuf {
-        let own = self.own.as_ref().expect("a reader writes nothing");
-        own.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
+        let private = self.private.as_ref().expect("a reader writes nothing");
+        private.path().join(self.next.fetch_add(1, Ordering::Relaxed).to_string())
     }
 
     /// Gives a finished file its name. Returns `false` if the name is taken.

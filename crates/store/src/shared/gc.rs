@@ -17,7 +17,7 @@
 //! machines may differ by two hours.
 
 use super::PLANS;
-use super::folder::{OWN_FOLDER, SharedFolder, is_refused};
+use super::folder::{PROCESS_FOLDER, SharedFolder, is_refused};
 use super::medium::read_record;
 use crate::blob::blob_name;
 use crate::disk::{disk_error, is_absent};
@@ -46,7 +46,7 @@ pub struct SharedSweep {
 
 /// The result of a collection, or of its dry run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct SharedSwept {
+pub struct SharedSweepSummary {
     /// Number of records moved to the trash.
     pub records: usize,
     /// Number of blobs moved to the trash.
@@ -82,7 +82,7 @@ struct SharedFile {
 /// # Errors
 /// The folder cannot be read or written, or the clocks differ by more than two hours. Nothing that
 /// was used lately is lost.
-pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, StoreError> {
+pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSweepSummary, StoreError> {
     let shared = SharedFolder::open(root, Arc::new(SystemFs))?;
     // Listed first: a blob that is published later is on no list, and stays.
     let (records, blobs) = (shared.stored("ac", ".json")?, shared.stored("cas", "")?);
@@ -97,7 +97,7 @@ pub fn sweep_shared(root: &Path, sweep: SharedSweep) -> Result<SharedSwept, Stor
     let age = i64::try_from((sweep.older_than + CLOCK_MARGIN).as_nanos()).unwrap_or(i64::MAX);
     // The earlier of both clocks counts, so that a difference keeps files longer and never shorter.
     let until_ns = probed.min(sweep.now_ns).saturating_sub(age);
-    let mut collection = Collection { shared: &shared, until_ns, swept: SharedSwept::default() };
+    let mut collection = Collection { shared: &shared, until_ns, swept: SharedSweepSummary::default() };
     collection.swept.clock_difference = difference.as_secs();
     collection.run(records, blobs, sweep.dry_run)?;
     Ok(collection.swept)
@@ -108,7 +108,7 @@ struct Collection<'a> {
     shared: &'a SharedFolder,
     /// Files of this time and before are old.
     until_ns: i64,
-    swept: SharedSwept,
+    swept: SharedSweepSummary,
 }
 
 impl Collection<'_> {
@@ -257,7 +257,7 @@ impl OldFolder {
     fn names(self, name: &str) -> bool {
         match self {
             Self::Plan => name.len() == 12 && name.chars().all(|c| c.is_ascii_hexdigit()),
-            Self::Trash | Self::Process => name.starts_with(OWN_FOLDER),
+            Self::Trash | Self::Process => name.starts_with(PROCESS_FOLDER),
         }
     }
 
@@ -320,7 +320,7 @@ impl SharedFolder {
     pub(super) fn fresh_trash(&self) -> Result<PathBuf, StoreError> {
         let trash = self.root.join(TRASH);
         self.disk.create_dir(&trash)?;
-        let folder = tempfile::Builder::new().prefix(OWN_FOLDER).tempdir_in(&trash);
+        let folder = tempfile::Builder::new().prefix(PROCESS_FOLDER).tempdir_in(&trash);
         Ok(folder.map_err(disk_error("creating a folder in", &trash))?.keep())
     }
 
@@ -341,9 +341,9 @@ impl SharedFolder {
     /// The folders directly below a folder; empty if it is absent.
     fn folders(&self, name: &str) -> Result<Vec<FolderEntry>, StoreError> {
         let folder = self.root.join(name);
-        let own = self.own.as_ref().map(|own| own.path().to_owned());
+        let private = self.private.as_ref().map(|private| private.path().to_owned());
         let entries = self.disk.entries(&folder)?.into_iter();
-        Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != own.as_ref()).collect())
+        Ok(entries.filter(|entry| entry.is_dir && Some(&entry.path) != private.as_ref()).collect())
     }
 
     /// The files below a folder, as [`StoreDisk::files_below`]; empty if another process removed it.

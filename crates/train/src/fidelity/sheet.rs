@@ -21,12 +21,12 @@ pub struct ComparisonSheet {
 
 impl ComparisonSheet {
     /// Adds a row: a photo and its rendering, which have the same size.
-    pub fn push(&mut self, photo: &Image<[u8; 3]>, shown: &Image<[u8; 3]>) {
-        let pairs = photo.pixels().iter().zip(shown.pixels());
+    pub fn push(&mut self, photo: &Image<[u8; 3]>, rendering: &Image<[u8; 3]>) {
+        let pairs = photo.pixels().iter().zip(rendering.pixels());
         let apart = |a: u8, b: u8| (GAIN * u16::from(a.abs_diff(b))).min(255) as u8;
         let difference = pairs.map(|(a, b)| std::array::from_fn(|c| apart(a[c], b[c]))).collect();
         let difference = Image::from_vec(photo.size(), difference);
-        self.rows.push([photo, shown, &difference].map(|picture| shrink::to_width(picture, CELL)));
+        self.rows.push([photo, rendering, &difference].map(|picture| shrink::to_width(picture, CELL)));
     }
 
     /// The rows below each other; `None` without rows.

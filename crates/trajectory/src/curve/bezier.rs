@@ -39,7 +39,7 @@ pub struct BezierCurve {
 #[derive(Debug, Clone, PartialEq)]
 enum RotationControl {
     /// Rotation vectors about a mean.
-    Around(DQuat, PinnedBulge),
+    AboutMean(DQuat, PinnedBulge),
     /// A spline through the knots; for two knots, their slerp.
     Spline(RotationSpline),
 }
@@ -70,8 +70,8 @@ impl BezierCurve {
         Ok(Self {
             degree,
             centres: fit(&knots.iter().map(|k| k.translation).collect::<Vec<_>>()),
-            rotations: match around_mean(&rotations) {
-                Some((mean, vectors)) => RotationControl::Around(mean, fit(&vectors)),
+            rotations: match about_mean(&rotations) {
+                Some((mean, vectors)) => RotationControl::AboutMean(mean, fit(&vectors)),
                 None => RotationControl::Spline(RotationSpline::new(steps, &rotations)?),
             },
             steps: steps.to_vec(),
@@ -93,7 +93,7 @@ impl BezierCurve {
 
 /// The mean of more than two rotations and their vectors from it, if a curve can be fitted to
 /// these.
-fn around_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
+fn about_mean(rotations: &[DQuat]) -> Option<(DQuat, Vec<DVec3>)> {
     // Two knots determine degree 1, whose curve is their slerp. The spline is that slerp, without a
     // limit on the angle.
     if rotations.len() == 2 {
@@ -115,7 +115,7 @@ impl PoseCurve for BezierCurve {
     fn pose(&self, at: CurvePlace) -> Se3 {
         let x = self.share(at);
         let rotation = match &self.rotations {
-            RotationControl::Around(mean, vectors) => (*mean * exp_vector(vectors.value(x))).normalize(),
+            RotationControl::AboutMean(mean, vectors) => (*mean * exp_vector(vectors.value(x))).normalize(),
             RotationControl::Spline(spline) => spline.rotation(at),
         };
         Se3 { rotation, translation: self.centres.value(x) }
@@ -125,7 +125,7 @@ impl PoseCurve for BezierCurve {
         // The polynomials are over the share of the parameter, rates are per unit of the parameter.
         let (x, whole) = (self.share(at), self.whole());
         let angular = match &self.rotations {
-            RotationControl::Around(_, vectors) => {
+            RotationControl::AboutMean(_, vectors) => {
                 rate_from_slope_times(vectors.value(x), vectors.slope(x) / whole)
             }
             RotationControl::Spline(spline) => spline.rate(at),
@@ -136,7 +136,7 @@ impl PoseCurve for BezierCurve {
     fn acceleration(&self, at: CurvePlace) -> Twist {
         let (x, whole) = (self.share(at), self.whole());
         let angular = match &self.rotations {
-            RotationControl::Around(_, vectors) => {
+            RotationControl::AboutMean(_, vectors) => {
                 let (r, slope) = (vectors.value(x), vectors.slope(x) / whole);
                 rate_from_slope_times(r, vectors.bend(x) / whole / whole) + quadratic_part(r, slope)
             }

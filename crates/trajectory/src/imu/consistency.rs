@@ -104,22 +104,23 @@ pub fn compare_inertial(
     check_stamps(model, samples, poses)?;
     let states: Vec<StatedMotion> = states.iter().map(StatedMotion::from_line).collect();
     let intervals: Vec<StatedInterval> = states.windows(2).map(StatedInterval::between).collect();
-    let shown = |first: usize| samples.iter().map(move |(_, v)| vector(v, first)).collect::<Vec<DVec3>>();
-    let turned = ShownAxes {
-        shown: shown(0),
+    let three_axes =
+        |first: usize| samples.iter().map(move |(_, v)| vector(v, first)).collect::<Vec<DVec3>>();
+    let turned = AxisSamples {
+        samples: three_axes(0),
         axes: model.gyroscope,
         rate: model.rate.to_f64(),
-        of_states: &|i, shown| shown - states[i].biases[0],
-        shown_for: &|i, rate| rate + states[i].biases[0],
+        of_states: &|i, sample| sample - states[i].biases[0],
+        expected_sample: &|i, rate| rate + states[i].biases[0],
         mean: &|i| intervals[i].rate,
         words: &GYROSCOPE,
     };
-    let pushed = ShownAxes {
-        shown: shown(3),
+    let pushed = AxisSamples {
+        samples: three_axes(3),
         axes: model.accelerometer,
         rate: model.rate.to_f64(),
-        of_states: &|i, shown| states[i].rotation * (shown - states[i].biases[1]) + gravity,
-        shown_for: &|i, rate| states[i].rotation.conjugate() * (rate - gravity) + states[i].biases[1],
+        of_states: &|i, sample| states[i].rotation * (sample - states[i].biases[1]) + gravity,
+        expected_sample: &|i, rate| states[i].rotation.conjugate() * (rate - gravity) + states[i].biases[1],
         mean: &|i| intervals[i].acceleration,
         words: &ACCELEROMETER,
     };
@@ -258,14 +259,14 @@ const ACCELEROMETER: SensorWords = SensorWords {
 };
 
 /// The samples of three axes, and what the states say of them.
-struct ShownAxes<'a> {
-    shown: Vec<DVec3>,
+struct AxisSamples<'a> {
+    samples: Vec<DVec3>,
     axes: super::AxisModel,
     rate: f64,
     /// A sample as a rate that the states have, without its bias.
     of_states: &'a dyn Fn(usize, DVec3) -> DVec3,
     /// The sample without noise and range that shows a rate of the states.
-    shown_for: &'a dyn Fn(usize, DVec3) -> DVec3,
+    expected_sample: &'a dyn Fn(usize, DVec3) -> DVec3,
     /// The mean of that rate over an interval.
     mean: &'a dyn Fn(usize) -> DVec3,
     words: &'static SensorWords,
@@ -279,7 +280,7 @@ struct IntervalSums {
     used: u32,
 }
 
-impl ShownAxes<'_> {
+impl AxisSamples<'_> {
     fn compare(&self, found: &mut InertialComparison) {
         found.differences.extend(self.range_differences());
         match self.interval_sums() {
@@ -289,16 +290,16 @@ impl ShownAxes<'_> {
     }
 
     fn is_bounded(&self, i: usize) -> bool {
-        self.axes.range.is_some_and(|range| self.shown[i].abs().max_element() >= range)
+        self.axes.range.is_some_and(|range| self.samples[i].abs().max_element() >= range)
     }
 
     /// The largest value, and the largest distance of the states from the bound that a sample shows.
     fn range_differences(&self) -> Vec<InertialDifference> {
         let Some(range) = self.axes.range else { return Vec::new() };
         let SensorWords { unit, largest, bounded, .. } = *self.words;
-        let most = self.shown.iter().map(|shown| shown.abs().max_element()).fold(0.0, f64::max);
+        let most = self.samples.iter().map(|sample| sample.abs().max_element()).fold(0.0, f64::max);
         let mut found = vec![InertialDifference { what: largest, off: most, allowed: range, unit }];
-        let places = (0..self.shown.len()).filter(|i| self.is_bounded(*i));
+        let places = (0..self.samples.len()).filter(|i| self.is_bounded(*i));
         let below = places.flat_map(|i| self.below_bound(i, range));
         let share = |(off, allowed): &(f64, f64)| off / allowed;
         let worst = below.max_by(|a, b| share(a).total_cmp(&share(b)));
@@ -309,23 +310,22 @@ impl ShownAxes<'_> {
     /// For each axis of a sample that shows its bound, the distance by which the states are below it, and
     /// what noise and interpolation allow.
     fn below_bound(&self, i: usize, range: f64) -> impl Iterator<Item = (f64, f64)> {
-        let last = self.shown.len() - 2;
+        let last = self.samples.len() - 2;
         let [before, after] = [i.saturating_sub(1), i.min(last)].map(|k| (self.mean)(k));
-        let expected = (self.shown_for)(i, 0.5 * (before + after));
+        let expected = (self.expected_sample)(i, 0.5 * (before + after));
         let allowed = DEVIATIONS * self.axes.noise * self.rate.sqrt()
-            + self.change_around(i)
+            + self.local_change(i)
             + ROUNDING * range.max(1.0);
-        let shown = self.shown[i].to_array().into_iter().zip(expected.to_array());
-        shown
-            .filter(move |(shown, _)| shown.abs() >= range)
-            .map(move |(shown, expected)| (range - expected * shown.signum(), allowed))
+        let axes = self.samples[i].to_array().into_iter().zip(expected.to_array());
+        axes.filter(move |(value, _)| value.abs() >= range)
+            .map(move |(value, expected)| (range - expected * value.signum(), allowed))
     }
 
     /// The changes of the rate over the two intervals on either side of a sample. At a peak with a bend, or
     /// at an end of the path, the rate is outside of the means by half of a change, and the changes
     /// themselves are estimates.
-    fn change_around(&self, i: usize) -> f64 {
-        let last = self.shown.len() - 2;
+    fn local_change(&self, i: usize) -> f64 {
+        let last = self.samples.len() - 2;
         let means: Vec<DVec3> =
             (i.min(last).saturating_sub(2)..=last.min(i + 1)).map(|k| (self.mean)(k)).collect();
         // An end has two intervals on one side alone.
@@ -334,10 +334,10 @@ impl ShownAxes<'_> {
     }
 
     fn interval_sums(&self) -> IntervalSums {
-        let count = self.shown.len() - 1;
+        let count = self.samples.len() - 1;
         let mut sums = IntervalSums::default();
         for i in (0..count).filter(|i| !self.is_bounded(*i) && !self.is_bounded(i + 1)) {
-            let ends = [i, i + 1].map(|k| (self.of_states)(k, self.shown[k]));
+            let ends = [i, i + 1].map(|k| (self.of_states)(k, self.samples[k]));
             let own = (self.mean)(i);
             sums.squares += (0.5 * (ends[0] + ends[1]) - own).length_squared();
             let before = i.checked_sub(1).map_or(own, |j| (self.mean)(j));

@@ -16,7 +16,7 @@ pub const STATES: &str = "state.csv";
 pub const SENSOR: &str = "sensor.yaml";
 
 /// Most characters of a value that a sentence shows.
-const MOST_SHOWN: usize = 60;
+const MAX_CHARS: usize = 60;
 
 /// The first line of the samples.
 pub const SAMPLES_HEAD: &str = "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],\
@@ -144,7 +144,7 @@ pub fn sensor_differences(bytes: &[u8], model: &ImuModel, gravity: DVec3) -> Res
     let keys: BTreeSet<&String> = found.keys().chain(wanted.keys()).collect();
     // A text of another origin may be long.
     let shown = |values: Option<&Vec<&str>>| -> String {
-        values.map_or("absent".to_owned(), |values| values.join(" ").chars().take(MOST_SHOWN).collect())
+        values.map_or("absent".to_owned(), |values| values.join(" ").chars().take(MAX_CHARS).collect())
     };
     let differs = |key: &&String| {
         let (found, wanted) = (found.get(*key), wanted.get(*key));

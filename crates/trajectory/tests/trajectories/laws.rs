@@ -13,7 +13,7 @@ use gs2e_trajectory::speed::function::SpeedExpression;
 use gs2e_trajectory::speed::list::SpeedLevels;
 use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::{TrajectoryBuild, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 fn list(multipliers: &[f64], blend: f64, meaning: SpeedMeaning) -> SpeedChoice {
@@ -29,7 +29,7 @@ fn frames(count: u64) -> RefinePath {
     RefinePath { window: 0, count: PoseCount::Frames(count), ..RefinePath::default() }
 }
 
-fn travelled(params: &RefinePath, timing: PoseTiming<'_>) -> Result<MadeTrajectory, TrajectoryError> {
+fn travelled(params: &RefinePath, timing: PoseTiming<'_>) -> Result<TrajectoryBuild, TrajectoryError> {
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
@@ -169,7 +169,7 @@ fn by_flow(
     params: RefinePath,
     speed: &SpeedChoice,
     meter: Option<&mut dyn FlowMeter>,
-) -> Result<MadeTrajectory, TrajectoryError> {
+) -> Result<TrajectoryBuild, TrajectoryError> {
     let views = line();
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();

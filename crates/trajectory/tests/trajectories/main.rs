@@ -20,7 +20,7 @@ use gs2e_trajectory::refine::{RefinePath, refine_views};
 use gs2e_trajectory::sample::SummationRule;
 use gs2e_trajectory::speed::SpeedChoice;
 use gs2e_trajectory::speed::function::SpeedExpression;
-use gs2e_trajectory::{MadeTrajectory, NamedPose, PoseTiming, TrajectoryError};
+use gs2e_trajectory::{TrajectoryBuild, NamedPose, PoseTiming, TrajectoryError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
@@ -47,13 +47,13 @@ fn try_refined(
     views: &[(String, Se3)],
     params: &RefinePath,
     law_text: &str,
-) -> Result<MadeTrajectory, TrajectoryError> {
+) -> Result<TrajectoryBuild, TrajectoryError> {
     let named: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     refine_views(&named, params, timing(&law(law_text)))
 }
 
-fn refined(views: &[(String, Se3)], params: &RefinePath, law_text: &str) -> MadeTrajectory {
+fn refined(views: &[(String, Se3)], params: &RefinePath, law_text: &str) -> TrajectoryBuild {
     try_refined(views, params, law_text).unwrap()
 }
 

@@ -11,7 +11,7 @@ use gs2e_trajectory::novel::{BaseTrajectory, GroupCurve, NovelGroup};
 use gs2e_trajectory::path::{CameraPath, PathInputs};
 use gs2e_trajectory::refine::RefinePath;
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{CourseKind, MadeTrajectory, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::{CourseKind, TrajectoryBuild, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 /// The paper's numbers: 3 groups of 5 key poses, 150 poses each.
@@ -26,16 +26,16 @@ const NOVEL: NovelGroup = NovelGroup {
     curve_seed: Seed(12),
 };
 
-fn try_made(novel: &NovelGroup, poses: &[Se3], scale: f64) -> Result<MadeTrajectory, TrajectoryError> {
+fn try_made(novel: &NovelGroup, poses: &[Se3], scale: f64) -> Result<TrajectoryBuild, TrajectoryError> {
     let ground = PathInputs { views: &[], base: Some(BaseTrajectory { poses, scale }), scene: None };
     CameraPath::Novel(novel.clone()).make(ground, timing(&law("1")), None)
 }
 
-fn made(novel: &NovelGroup, base: &MadeTrajectory) -> MadeTrajectory {
+fn made(novel: &NovelGroup, base: &TrajectoryBuild) -> TrajectoryBuild {
     try_made(novel, &base.trajectory.world_from_camera, base.report.scale_distance).unwrap()
 }
 
-fn dense() -> MadeTrajectory {
+fn dense() -> TrajectoryBuild {
     refined(&orbit(30, 0.005, 0.5, 1), &RefinePath::default(), LAW)
 }
 

@@ -10,12 +10,12 @@ use gs2e_trajectory::orbit::OrbitPath;
 use gs2e_trajectory::path::{CameraPath, PathInputs};
 use gs2e_trajectory::refine::TranslationScale;
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{CourseKind, MadeTrajectory, NamedPose, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::{CourseKind, TrajectoryBuild, NamedPose, TrajectoryError, TrajectoryWarning};
 use std::f64::consts::PI;
 
 const FRAMES: PoseCount = PoseCount::Frames(91);
 
-fn made(path: &CameraPath, views: &Views, law_text: &str) -> Result<MadeTrajectory, TrajectoryError> {
+fn made(path: &CameraPath, views: &Views, law_text: &str) -> Result<TrajectoryBuild, TrajectoryError> {
     let views: Vec<NamedPose<'_>> =
         views.iter().map(|(name, pose)| NamedPose { name, world_from_camera: *pose }).collect();
     path.make(PathInputs { views: &views, base: None, scene: None }, timing(&law(law_text)), None)

@@ -3,12 +3,12 @@
 
 use super::{LAW, named, orbit, refined, still};
 use glam::{DQuat, DVec3};
-use gs2e_trajectory::MadeTrajectory;
+use gs2e_trajectory::TrajectoryBuild;
 use gs2e_trajectory::picture::trajectory_svg;
 use gs2e_trajectory::refine::RefinePath;
 use gs2e_trajectory::travel::PoseCount;
 
-fn picture(refined: &MadeTrajectory) -> String {
+fn picture(refined: &TrajectoryBuild) -> String {
     trajectory_svg(&refined.trajectory, &refined.report)
 }
 

@@ -5,7 +5,7 @@
 //! If Python lacks one of them, a message goes to stderr; with `REQUIRE_ROS_READERS=1` that is a failure.
 
 use super::recording::{Fields, McapFile, Message, crc};
-use super::{Exported, NS_PER_US, plane, recorded};
+use super::{NS_PER_US, TestExport, plane, recorded};
 use crate::release::small::{gs2e, said};
 use crate::support::absent::absent;
 use crate::support::foreign::python;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 /// Findings of both libraries in the recording of an export; `None` if they are absent.
-fn found(exported: &Exported, events: &Path) -> Option<Value> {
+fn found(exported: &TestExport, events: &Path) -> Option<Value> {
     let imports = "import numpy, evt3, mcap.reader, mcap_ros2.decoder, rosbags.highlevel";
     if !python(&["-c", imports]).is_some_and(|output| output.status.success()) {
         absent("REQUIRE_ROS_READERS", "python3 with rosbags, mcap, mcap-ros2-support and evt3 is absent");
@@ -52,7 +52,7 @@ fn picture(message: &Message) -> Value {
 #[test]
 fn foreign_readers_find_the_same() {
     let plane = plane::centred();
-    let exported = Exported::of(plane, "mcap", &[]);
+    let exported = TestExport::of(plane, "mcap", &[]);
     let Some(found) = found(&exported, &plane.folder("events.h5")) else { return };
     let file = McapFile::read(&recorded(&exported));
     let list = |topic: &str, one: &dyn Fn(&Message) -> Value| {

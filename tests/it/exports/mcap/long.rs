@@ -2,7 +2,7 @@
 
 use super::convert::builder::{self, Packet};
 use super::recording::{Fields, McapFile, Message};
-use super::{EPOCH_NS, Exported, NS_PER_US, all_events, export, recorded};
+use super::{EPOCH_NS, NS_PER_US, TestExport, all_events, export, recorded};
 use crate::release::forger::edit;
 use crate::release::small;
 use glam::{DQuat, DVec3};
@@ -91,13 +91,13 @@ pub(super) fn count() -> usize {
     events().len()
 }
 
-pub(super) fn exported() -> &'static Exported {
-    static EXPORTED: OnceLock<Exported> = OnceLock::new();
+pub(super) fn exported() -> &'static TestExport {
+    static EXPORTED: OnceLock<TestExport> = OnceLock::new();
     EXPORTED.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let output = export(release(), &folder.path().join("out"), "mcap", &["--trajectory", "base"]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        Exported { folder }
+        TestExport { folder }
     })
 }
 

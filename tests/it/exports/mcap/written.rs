@@ -1,12 +1,12 @@
 //! The file itself: order, sums, indexes, statistics, names, and the description of the bag.
 
 use super::recording::{Fields, McapFile, chunk, crc};
-use super::{EPOCH_NS, Exported, plane, recorded};
+use super::{EPOCH_NS, TestExport, plane, recorded};
 use std::collections::BTreeMap;
 
 #[test]
 fn topics_have_the_types_that_viewers_know() {
-    let exported = Exported::of(plane::centred(), "mcap", &["--window", "0..100000"]);
+    let exported = TestExport::of(plane::centred(), "mcap", &["--window", "0..100000"]);
     let file = McapFile::read(&recorded(&exported));
     let found: BTreeMap<&str, &str> =
         file.channels.values().map(|c| (c.topic.as_str(), c.kind.as_str())).collect();
@@ -36,7 +36,7 @@ fn topics_have_the_types_that_viewers_know() {
 
 #[test]
 fn messages_are_in_order_and_indexed() {
-    let exported = Exported::of(plane::centred(), "mcap", &[]);
+    let exported = TestExport::of(plane::centred(), "mcap", &[]);
     let file = McapFile::read(&recorded(&exported));
     assert!(file.all().is_sorted_by_key(|message| message.log_time));
     for id in file.channels.keys() {
@@ -85,7 +85,7 @@ fn messages_are_in_order_and_indexed() {
 
 #[test]
 fn sums_and_statistics_hold() {
-    let exported = Exported::of(plane::centred(), "mcap", &[]);
+    let exported = TestExport::of(plane::centred(), "mcap", &[]);
     let file = McapFile::read(&recorded(&exported));
     let end = file.of_kind(0x0f)[0];
     assert_eq!(Fields::record(&end.content).u32(), crc(&file.bytes[..end.at]));
@@ -123,7 +123,7 @@ fn sums_and_statistics_hold() {
 /// rosbag2 opens the folder by `metadata.yaml`.
 #[test]
 fn the_folder_is_a_bag() {
-    let exported = Exported::of(plane::centred(), "mcap", &["--window", "0..100000"]);
+    let exported = TestExport::of(plane::centred(), "mcap", &["--window", "0..100000"]);
     let file = McapFile::read(&recorded(&exported));
     let bag: serde_json::Value = serde_saphyr::from_str(&exported.text("metadata.yaml")).unwrap();
     let bag = &bag["rosbag2_bagfile_information"];

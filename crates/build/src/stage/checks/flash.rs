@@ -2,7 +2,7 @@
 
 use super::ChecksStage;
 use crate::artifact::{SceneFiles, SharpFrames, SimulationRecord, TrajectoryProduct};
-use crate::stage::near::seen_along;
+use crate::stage::near::hide_near_along;
 use crate::stage::{StageContext, StageError, StepTarget};
 use gs2e_check::flash::PictureFlash;
 use gs2e_check::flash::blocks::FrameBlocks;
@@ -81,11 +81,11 @@ impl ChecksStage {
     /// The words for the Gaussian that made a flash.
     fn cause(&self, found: &PictureFlash, ground: &FlashGround<'_>) -> Result<Option<String>, StageError> {
         let scene = ground.scene.read().map_err(StageError::work_failed("read the scene"))?;
-        let (scene, _) = seen_along(&Arc::new(scene), ground.motion, &ground.camera, &self.render);
+        let (scene, _) = hide_near_along(&Arc::new(scene), ground.motion, &ground.camera, &self.render);
         let view = |pose: usize| {
             let trajectory = &ground.motion.trajectory;
-            let seen = CameraView::at_rest(ground.camera, trajectory.world_from_camera[pose]);
-            seen.at_time(trajectory.seconds(pose))
+            let view = CameraView::at_rest(ground.camera, trajectory.world_from_camera[pose]);
+            view.at_time(trajectory.seconds(pose))
         };
         let views =
             FlashViews { views: found.poses.map(view), style: self.render.resolve(scene.antialiased) };

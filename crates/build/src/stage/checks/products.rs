@@ -5,7 +5,7 @@ use crate::artifact::{DisparityPictures, EventStreams, ImuRecording, PictureSet,
 use crate::stage::{StageContext, StageError, StepTarget};
 use gs2e_check::Finding;
 use gs2e_check::depth_consistency::disparity::DisparityDifference;
-use gs2e_check::geometry::Measured;
+use gs2e_check::geometry::Measurement;
 use gs2e_check::records::inertial::{InertialBytes, judge_inertial};
 use gs2e_check::records::judge_agreement;
 use gs2e_files as files;
@@ -64,7 +64,7 @@ impl ChecksStage {
         motion: &TrajectoryProduct,
         events: Option<&EventStreams>,
         cx: &StageContext<'_>,
-    ) -> Result<Option<Measured<Vec<DisparityDifference>>>, StageError> {
+    ) -> Result<Option<Measurement<Vec<DisparityDifference>>>, StageError> {
         let (_, disparity, depth, capture) = products;
         let (Some(pair), Some(disparity), Some(capture)) = (&self.pair, disparity, capture) else {
             return Ok(None);

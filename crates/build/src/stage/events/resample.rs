@@ -106,13 +106,13 @@ impl EventsStage {
             // Sensors count time from their first frame.
             let t = Timestamp(frame.t.0 - start.get_or_insert(frame.t).0);
             let frame = DenseFrame { index, t, ..frame.clone() };
-            let seen = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
+            let brightness = if front_end.is_plain() { frame } else { front_end.see(&frame, None) };
             let pixels = match &mut pixels {
                 Some(pixels) => pixels,
                 // With the seed of the stream, two runs differ by their frames only.
-                none => none.insert(model.start(seen.luminance.size(), [0, 0], self.seed)?),
+                none => none.insert(model.start(brightness.luminance.size(), [0, 0], self.seed)?),
             };
-            pixels.advance(&seen, &mut events)?;
+            pixels.advance(&brightness, &mut events)?;
         }
         if let Some(mut pixels) = pixels {
             pixels.finish(&mut events)?;

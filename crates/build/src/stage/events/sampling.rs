@@ -95,7 +95,7 @@ impl EventsStage {
 
     /// Reports the numbers of events and frames, and warns of each sensor whose own noise exceeds
     /// the tolerance.
-    pub(super) fn tell(
+    pub(super) fn report(
         &self,
         trajectory: &Trajectory,
         chosen: Option<&SamplingChoice>,

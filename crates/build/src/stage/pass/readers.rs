@@ -3,7 +3,7 @@
 use super::{PassEnd, PassGround, PoseStage, PoseTaker};
 use crate::stage::shot::ShotParameters;
 use crate::stage::{StageContext, StageError, choose_camera};
-use gs2e_render::parts::near_warnings;
+use gs2e_render::objects::near_warnings;
 use gs2e_render::{ChannelSet, RenderWork, RenderedImages, Renderer};
 use gs2e_sampling::rendered::{PoseReader, ReadFrames, ReaderSeconds, RenderedFrames, RenderedPose};
 use gs2e_scene::camera::Camera;

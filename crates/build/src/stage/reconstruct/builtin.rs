@@ -40,7 +40,7 @@ impl BuiltinStage {
     }
 
     pub(super) fn need(&self, capture: &Capture) -> StepNeed {
-        StepNeed::for_parts([training::memory_needed(&self.settings, &capture.views)])
+        StepNeed::for_memory([training::memory_needed(&self.settings, &capture.views)])
     }
 
     pub(super) fn run(
@@ -51,11 +51,11 @@ impl BuiltinStage {
     ) -> Result<Gaussians, StageError> {
         let files = self.source.training_files(solved)?;
         let state = cx.resumable()?;
-        let (goes_on, progress, mut again) = (|| !cx.is_cancelled(), cx.progress, None);
+        let (goes_on, progress, mut restarted) = (|| !cx.is_cancelled(), cx.progress, None);
         let mut news = |news: &TrainingNews| match news {
-            TrainingNews::StartsAgain { because } => again = Some(because.clone()),
+            TrainingNews::Restarted { because } => restarted = Some(because.clone()),
             TrainingNews::Read { .. } | TrainingNews::Report(_) => {
-                progress.iter().for_each(|progress| progress.tell(&news.to_string()));
+                progress.iter().for_each(|progress| progress.report(&news.to_string()));
             }
         };
         let watch = TrainingWatch {
@@ -70,7 +70,7 @@ impl BuiltinStage {
         let judged = record.means();
         cx.remark =
             judged.map(|[psnr, _]| format!("{psnr:.2} dB on {} held-out photos", record.held_out.len()));
-        cx.warnings.extend(again.map(|because| {
+        cx.warnings.extend(restarted.map(|because| {
             format!("the training started again, because its kept state cannot be used: {because}")
         }));
         if without_photo > 0 {

@@ -79,7 +79,7 @@ struct AnchorView<'a> {
     total: f64,
     leak_error: f64,
     /// Duration to and luminance at the ends of the span whose middle this anchor is.
-    around: Option<[(i64, &'a [f32]); 2]>,
+    span_ends: Option<[(i64, &'a [f32]); 2]>,
 }
 
 impl<'a> DriftBalance<'a> {
@@ -139,14 +139,14 @@ impl<'a> DriftBalance<'a> {
         let t_us = self.anchors.stamps_us[number];
         let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error(), t_us);
         let is_last = number + 1 == self.anchors.images.len();
-        let placed = is_last || view.around.is_some();
+        let placed = is_last || view.span_ends.is_some();
         for i in 0..view.now.len() {
             let [on, off] = [counts.on[i], counts.off[i]];
             let change = self.change(&view, i, [on, off]);
             let fitted = stock.add(change, [on, off]);
             let left = fitted.map(|pixel| pixel.left);
             self.must_fire[i] |= fitted.is_some_and(|pixel| pixel.must_fire);
-            if let (Some([from, to]), Some(_)) = (view.around, left) {
+            if let (Some([from, to]), Some(_)) = (view.span_ends, left) {
                 let left = stock.mean_left(change, [on, off]);
                 let ways = self.ways([(from.0, from.1[i]), (0, view.now[i]), (to.0, to.1[i])]);
                 let span = (to.0 - from.0) as f64;
@@ -158,8 +158,8 @@ impl<'a> DriftBalance<'a> {
             if placed {
                 self.places.see(i, known, change.s);
             }
-            let shown = |left| in_thresholds(left, self.law.thresholds, change.unequal);
-            self.found.residuals[i] = left.map_or(f32::NAN, shown);
+            let scaled = |left| in_thresholds(left, self.law.thresholds, change.unequal);
+            self.found.residuals[i] = left.map_or(f32::NAN, scaled);
         }
         self.intervals.settle(number);
         if placed {
@@ -190,7 +190,7 @@ impl<'a> DriftBalance<'a> {
             leak_error: self.law.leak_error(step, number),
             // A lag needs the drift on both sides of an instant, which only the middle of a span
             // has.
-            around: span
+            span_ends: span
                 .map(|[from, _, to]| [*from, *to].map(|i| (stamps[i] - stamps[number], images[i].pixels()))),
         }
     }

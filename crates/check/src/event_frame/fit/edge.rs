@@ -24,7 +24,7 @@ const MODELLED: usize = 40_000;
 /// Change of the thresholds for which the answer of an unequal edge is computed.
 const TRIED: f64 = 0.1;
 /// Ratio of a pixel whose events all have the wrong sign, in place of infinity.
-const MAX_SHOWN: f64 = 1000.0;
+const MAX_RATIO: f64 = 1000.0;
 
 /// A measured threshold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,11 +32,11 @@ pub struct EventEdge {
     /// Number of pixels used.
     pub pixels: usize,
     /// The measured threshold, relative to the stated one. With unequal pixels, their mean.
-    pub shown: f64,
-    /// Smallest and largest value of `shown` that scatter and reversals of the drift can cause if
+    pub measured: f64,
+    /// Smallest and largest value of `measured` that scatter and reversals of the drift can cause if
     /// the stated thresholds hold; 1 and 1 for equal pixels.
     pub within: [f64; 2],
-    /// The value of `shown` for pixels that drift straight from the first frame to this one: near 1
+    /// The value of `measured` for pixels that drift straight from the first frame to this one: near 1
     /// if enough pixels are about to fire. If it is lower, the stream cannot show the threshold.
     /// With unequal pixels, the relative change of the edge for a change of the thresholds.
     pub reachable: f64,
@@ -56,7 +56,7 @@ pub(super) struct NearPixel {
 }
 
 impl NearPixel {
-    fn shown(self) -> f32 {
+    fn measured(self) -> f32 {
         ratio(self.way, self.said + 1.0)
     }
 
@@ -72,14 +72,14 @@ impl NearPixel {
 
 #[expect(clippy::cast_possible_truncation, reason = "seven digits are plenty for a limit of percents")]
 fn ratio(way: f64, next: f64) -> f32 {
-    if next > 0.0 { (way / next).min(MAX_SHOWN) as f32 } else { MAX_SHOWN as f32 }
+    if next > 0.0 { (way / next).min(MAX_RATIO) as f32 } else { MAX_RATIO as f32 }
 }
 
 /// The edge of equal pixels; `None` if there are too few.
 pub(super) fn find_edge(near: &[NearPixel]) -> Option<EventEdge> {
     (near.len() >= MIN_NEAR).then(|| EventEdge {
         pixels: near.len(),
-        shown: quantile(&mut near.iter().map(|pixel| pixel.shown()).collect::<Vec<_>>(), EDGE),
+        measured: quantile(&mut near.iter().map(|pixel| pixel.measured()).collect::<Vec<_>>(), EDGE),
         within: [1.0; 2],
         reachable: quantile(&mut near.iter().map(|pixel| pixel.reachable()).collect::<Vec<_>>(), EDGE),
     })
@@ -101,10 +101,10 @@ pub(super) fn find_unequal_edge(near: &[NearPixel], other: f64) -> Option<EventE
         [turned - share, UNEQUAL_EDGE, UNEQUAL_EDGE + share].map(|at| quantile(&mut stated, at));
     let [lower, upper] =
         [1.0 - TRIED, 1.0 + TRIED].map(|scale| quantile(&mut modelled(near, scale), UNEQUAL_EDGE));
-    let shown = quantile(&mut near.iter().map(|pixel| pixel.shown()).collect::<Vec<_>>(), UNEQUAL_EDGE);
+    let measured = quantile(&mut near.iter().map(|pixel| pixel.measured()).collect::<Vec<_>>(), UNEQUAL_EDGE);
     Some(EventEdge {
         pixels: near.len(),
-        shown: shown / middle,
+        measured: measured / middle,
         within: [low / middle, high / middle],
         reachable: (middle - lower).min(upper - middle) / (TRIED * middle),
     })

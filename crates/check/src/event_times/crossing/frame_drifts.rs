@@ -1,13 +1,13 @@
 //! The drifts of the pixels between the two frames around the present.
 
-use super::PARTS;
+use super::BLOCKS;
 use crate::drift::DriftLaw;
 use gs2e_event::{Event, Polarity};
 use gs2e_image::{Image, Size};
 
 /// A frame as the sensor sees it.
 #[derive(Debug, Clone)]
-pub struct SeenFrame {
+pub struct BrightnessFrame {
     /// Stamp, us.
     pub t_us: i64,
     /// Brightness on the grey scale.
@@ -31,16 +31,16 @@ pub(super) struct FrameDrifts {
     exposure: Vec<f64>,
     /// The two frames around the present. Drifts are computed for the pixels with events only: most
     /// pixels have none between two frames, and a logarithm costs more than an event.
-    frames: [SeenFrame; 2],
+    frames: [BrightnessFrame; 2],
 }
 
 /// An event, and the drift of its pixel as the frames show it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
-    /// Number of the pixel, and of the part in which it lies, both counted from the start of its row of
-    /// parts.
+    /// Number of the pixel, and of the block in which it lies, both counted from the start of its row of
+    /// blocks.
     pub(super) pixel: usize,
-    pub(super) part: usize,
+    pub(super) block: usize,
     pub(super) t_us: f64,
     pub(super) polarity: Polarity,
     pub(super) threshold: f64,
@@ -75,8 +75,8 @@ fn integral_between(step_us: f64, ends: [f32; 2]) -> f64 {
 
 impl FrameDrifts {
     /// Every `apart`-th line is compared.
-    pub(super) fn new(law: DriftLaw, first: SeenFrame, end_us: i64, apart: u64) -> Self {
-        let SeenFrame { t_us, brightness, cut } = &first;
+    pub(super) fn new(law: DriftLaw, first: BrightnessFrame, end_us: i64, apart: u64) -> Self {
+        let BrightnessFrame { t_us, brightness, cut } = &first;
         let log = |(l, cut): (&f32, &bool)| if *cut { f64::NAN } else { law.brightness(*l) };
         let first_logs: Vec<f64> = brightness.pixels().iter().zip(cut).map(log).collect();
         Self {
@@ -100,7 +100,7 @@ impl FrameDrifts {
         self.middle_us - self.first_us as f64
     }
 
-    pub(super) fn take_frame(&mut self, frame: SeenFrame) {
+    pub(super) fn take_frame(&mut self, frame: BrightnessFrame) {
         assert_eq!(frame.brightness.pixels().len(), self.exposure.len(), "frames of one size");
         let [from, to] = &self.frames;
         let step_us = (to.t_us - from.t_us) as f64;
@@ -122,7 +122,7 @@ impl FrameDrifts {
 
     /// The bits of the values that determine the drift of a pixel.
     pub(super) fn met_at(&self, pixel: usize) -> u64 {
-        let of_frame = |frame: &SeenFrame| {
+        let of_frame = |frame: &BrightnessFrame| {
             u64::from(frame.brightness.pixels()[pixel].to_bits()) ^ u64::from(frame.cut[pixel])
         };
         let [from, to] = &self.frames;
@@ -130,12 +130,12 @@ impl FrameDrifts {
         drift ^ of_frame(from) ^ of_frame(to)
     }
 
-    /// The column of parts in which a pixel lies. Pixels may be counted from any line.
+    /// The column of blocks in which a pixel lies. Pixels may be counted from any line.
     pub(super) fn column(&self, pixel: usize) -> usize {
-        pixel % self.width * PARTS / self.width
+        pixel % self.width * BLOCKS / self.width
     }
 
-    /// An event of the given pixel of its row of parts, which begins at pixel `first`.
+    /// An event of the given pixel of its row of blocks, which begins at pixel `first`.
     pub(super) fn crossing(&self, event: &Event, pixel: usize, first: usize) -> Crossing {
         let [from, to] = self.drifts(first + pixel);
         let [start, end] = [0, 1].map(|i| self.frames[i].t_us as f64);
@@ -145,7 +145,7 @@ impl FrameDrifts {
         let [a, b] = [0, 1].map(|i| f64::from(self.frames[i].brightness.pixels()[first + pixel]));
         Crossing {
             pixel,
-            part: self.column(pixel),
+            block: self.column(pixel),
             t_us,
             polarity: event.polarity,
             threshold: self.law.thresholds[usize::from(event.polarity == Polarity::Off)],
@@ -166,7 +166,7 @@ impl FrameDrifts {
     fn drifts(&self, pixel: usize) -> [f64; 2] {
         let exposures = [self.exposure[pixel], self.exposure[pixel] + self.added_exposure(pixel)];
         [0, 1].map(|i| {
-            let SeenFrame { t_us, brightness, cut } = &self.frames[i];
+            let BrightnessFrame { t_us, brightness, cut } = &self.frames[i];
             let log = if cut[pixel] { f64::NAN } else { self.law.brightness(brightness.pixels()[pixel]) };
             self.law.drift(log - self.first_logs[pixel], (t_us - self.first_us) as f64, exposures[i])
         })

@@ -15,13 +15,13 @@ pub(super) struct LevelResiduals {
     /// Voltage of the events of each pixel.
     levels: Vec<f64>,
     /// Sums over events with small residuals, and over those that a lag of some frames explains: of
-    /// each pixel where its level is unknown, and otherwise of each part of the picture.
+    /// each pixel where its level is unknown, and otherwise of each block of the picture.
     sums: Vec<[LineSums; 2]>,
 }
 
 impl LevelResiduals {
-    pub(super) fn new(law: DriftLaw, pixels: usize, parts: usize) -> Self {
-        let places = if law.from_zero { parts } else { pixels };
+    pub(super) fn new(law: DriftLaw, pixels: usize, blocks: usize) -> Self {
+        let places = if law.from_zero { blocks } else { pixels };
         Self { law, levels: vec![0.0; pixels], sums: vec![[LineSums::default(); 2]; places] }
     }
 
@@ -32,7 +32,7 @@ impl LevelResiduals {
     }
 
     pub(super) fn see(&mut self, crossing: &Crossing) {
-        let Crossing { pixel, part, drift, moves, threshold, .. } = *crossing;
+        let Crossing { pixel, block, drift, moves, threshold, .. } = *crossing;
         self.levels[pixel] += crossing.jump();
         // An event against the drift is noise, or comes from another interval. NaN is left out.
         if !crossing.is_along() {
@@ -42,7 +42,7 @@ impl LevelResiduals {
         // Where voltages start anywhere, a pixel's own level is up to a threshold off, and only
         // the noise around it counts.
         let own = if self.law.from_zero { 0.0 } else { self.law.most_residual() };
-        let place = if self.law.from_zero { part } else { pixel };
+        let place = if self.law.from_zero { block } else { pixel };
         for (sums, most) in self.sums[place].iter_mut().zip([SMALL, LARGE]) {
             let size = left.abs() / (own + most * threshold);
             if size < 1.0 {
@@ -54,15 +54,20 @@ impl LevelResiduals {
         }
     }
 
-    /// The sums of each part, for small or large residuals. `part` is the part of a pixel.
-    pub(super) fn parts(&self, width: usize, parts: usize, part: impl Fn(usize) -> usize) -> Vec<LineSums> {
+    /// The sums of each block, for small or large residuals. `block` is the block of a pixel.
+    pub(super) fn blocks(
+        &self,
+        width: usize,
+        blocks: usize,
+        block: impl Fn(usize) -> usize,
+    ) -> Vec<LineSums> {
         if self.law.from_zero {
             return self.sums.iter().map(|sums| sums[width]).collect();
         }
-        let mut all = vec![LineSums::default(); parts];
+        let mut all = vec![LineSums::default(); blocks];
         for (pixel, sums) in self.sums.iter().enumerate() {
-            let part = &mut all[part(pixel)];
-            *part = part.plus(sums[width].centred(), 1.0);
+            let block = &mut all[block(pixel)];
+            *block = block.plus(sums[width].centred(), 1.0);
         }
         all
     }

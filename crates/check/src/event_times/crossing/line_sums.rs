@@ -40,10 +40,10 @@ impl LineSums {
     }
 
     /// Degrees of freedom of the standard errors of both coefficients, from the shares of the
-    /// parts.
-    pub(super) fn freedom(self, parts: &[Self]) -> [f64; 2] {
+    /// blocks.
+    pub(super) fn freedom(self, blocks: &[Self]) -> [f64; 2] {
         let of = |square: fn(&Self) -> f64| {
-            let shares = parts.iter().map(|part| square(part) / square(&self));
+            let shares = blocks.iter().map(|block| square(block) / square(&self));
             // Equal parts give their number, and one part that outweighs all others gives 1.
             1.0 / shares.map(|share| share * share).sum::<f64>()
         };

@@ -39,7 +39,7 @@ pub(super) struct PairResiduals {
     /// Sums over the pairs of each pixel that end with an ON or with an OFF event; empty for equal
     /// thresholds.
     groups: Vec<[MeanSums; 2]>,
-    parts: Vec<LineSums>,
+    blocks: Vec<LineSums>,
     /// Number of pairs that are left out because noise may be their cause.
     pub(super) noisy: u64,
 }
@@ -54,7 +54,7 @@ struct PairStart {
 }
 
 impl PairResiduals {
-    pub(super) fn new(law: DriftLaw, first_us: f64, pixels: usize, parts: usize) -> Self {
+    pub(super) fn new(law: DriftLaw, first_us: f64, pixels: usize, blocks: usize) -> Self {
         // From zero, the first frame is like an event: the voltage is at the level, and does not
         // move yet.
         let drift = if law.from_zero { 0.0 } else { f64::NAN };
@@ -63,7 +63,7 @@ impl PairResiduals {
             law,
             last: vec![start; pixels],
             groups: vec![[MeanSums::default(); 2]; if law.spread > 0.0 { pixels } else { 0 }],
-            parts: vec![LineSums::default(); parts],
+            blocks: vec![LineSums::default(); blocks],
             noisy: 0,
         }
     }
@@ -75,7 +75,7 @@ impl PairResiduals {
     }
 
     pub(super) fn see(&mut self, crossing: &Crossing) {
-        let Crossing { pixel, part, t_us, drift, moves, threshold, .. } = *crossing;
+        let Crossing { pixel, block, t_us, drift, moves, threshold, .. } = *crossing;
         // A pair has a residual only if both of its events follow the drift, and if the drift is known.
         let drift = if crossing.is_along() { drift } else { f64::NAN };
         // Every event starts a pair, also one that is left out: the next pair is counted from it.
@@ -93,13 +93,13 @@ impl PairResiduals {
         // thresholds are far from the stated ones, and with them the widest residuals.
         let size = left.abs() / (SMALL * threshold + SPREADS * self.law.spread);
         if size < 1.0 {
-            self.parts[part].add(moves, left);
+            self.blocks[block].add(moves, left);
             if let Some(groups) = self.groups.get_mut(pixel) {
                 groups[group_of(crossing.polarity)].add(moves, left);
             }
         }
         if (size - 1.0).abs() < BAND {
-            self.parts[part].add_near_bound(moves);
+            self.blocks[block].add_near_bound(moves);
         }
     }
 
@@ -112,18 +112,18 @@ impl PairResiduals {
         others >= MAX_DISTURBED || self.law.noise(*brightness, length_us) >= MAX_NOISE * threshold
     }
 
-    /// The sums of each part. `part` is the part of a pixel.
-    pub(super) fn parts(&self, part: impl Fn(usize) -> usize) -> Vec<LineSums> {
-        let mut parts = self.parts.clone();
+    /// The sums of each block. `block` is the block of a pixel.
+    pub(super) fn blocks(&self, block: impl Fn(usize) -> usize) -> Vec<LineSums> {
+        let mut blocks = self.blocks.clone();
         for (pixel, groups) in self.groups.iter().enumerate() {
-            let sums = &mut parts[part(pixel)];
+            let sums = &mut blocks[block(pixel)];
             for group in groups.iter().filter(|group| group.n > 0.0) {
                 *sums = sums.less(*group);
                 // The mean takes as much as one pair says, so a single pair says nothing.
                 sums.n -= 1.0;
             }
         }
-        parts
+        blocks
     }
 }
 

@@ -31,27 +31,27 @@ fn settings() -> impl Iterator<Item = WorldSettings> {
 }
 
 /// Frames of 8 bits.
-fn rounded_frame(setting: WorldSettings, j: usize, t_us: i64) -> SeenFrame {
+fn rounded_frame(setting: WorldSettings, j: usize, t_us: i64) -> BrightnessFrame {
     let picture = wave_picture(setting, j);
     let cut = picture.pixels().iter().map(|l| !(0.5..=254.5).contains(l)).collect();
     let grey = picture.pixels().iter().map(|l| l.round().clamp(0.0, 255.0)).collect();
-    SeenFrame { t_us, brightness: Image::from_vec(picture.size(), grey), cut }
+    BrightnessFrame { t_us, brightness: Image::from_vec(picture.size(), grey), cut }
 }
 
-fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<SeenFrame> {
+fn rounded_frames(world: &PlantedWorld, setting: WorldSettings) -> Vec<BrightnessFrame> {
     let stamps = world.trajectory.stamps_us.iter().enumerate();
     stamps.map(|(j, t_us)| rounded_frame(setting, j, *t_us)).collect()
 }
 
 /// The clock of a world whose events have other times.
-fn clock_of(world: &PlantedWorld, frames: &[SeenFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
+fn clock_of(world: &PlantedWorld, frames: &[BrightnessFrame], time: impl Fn(f64) -> f64) -> CrossingFit {
     clock_of_lines(world, frames, 1, time)
 }
 
 /// The clock by the events on every `apart`-th line.
 fn clock_of_lines(
     world: &PlantedWorld,
-    frames: &[SeenFrame],
+    frames: &[BrightnessFrame],
     apart: u64,
     time: impl Fn(f64) -> f64,
 ) -> CrossingFit {
@@ -97,7 +97,7 @@ fn clocks_of_unequal_and_noisy_pixels_are_measured() {
     }
 }
 
-/// A part of the lines shows the same clock, with a larger error.
+/// Some of the lines show the same clock, with a larger error.
 #[test]
 fn some_lines_of_the_picture_show_the_clock() {
     let setting = settings().next().unwrap();
@@ -107,7 +107,7 @@ fn some_lines_of_the_picture_show_the_clock() {
     let some = clock_of_lines(&world, &frames, 3, |t| t + 50.0);
     println!("all {all:?}, some {some:?}");
     assert!((0.2..0.5).contains(&(some.events as f64 / all.events as f64)));
-    // The standard error grows with the root of 3, and varies by a third with its 64 parts or fewer.
+    // The standard error grows with the root of 3, and varies by a third with its 64 blocks or fewer.
     let growth = some.offset_us.deviation / all.offset_us.deviation;
     assert!((1.0..3.0).contains(&growth), "{growth}");
     // A third of the events is in both.

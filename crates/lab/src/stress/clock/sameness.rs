@@ -135,7 +135,7 @@ fn threads_case() -> CaseResult {
 }
 
 /// Events of the part of the clip that begins at a place, in the coordinates of the part.
-fn of_part(sensor: &VoltmeterModel, clip: &ArrayFrames, [left, top]: [u16; 2], size: Size) -> Vec<Event> {
+fn of_crop(sensor: &VoltmeterModel, clip: &ArrayFrames, [left, top]: [u16; 2], size: Size) -> Vec<Event> {
     // Draws belong to places on the sensor, so a part begins at its own place.
     let origin = [CORNER[0] + left, CORNER[1] + top];
     let mut pixels = sensor.start(size, origin, Seed(4)).expect("a sound sensor");
@@ -156,23 +156,23 @@ fn crops_case() -> CaseResult {
     let mut worst = WorstPoint::default();
     let clip = moving_clip(SIZE, 0);
     for (name, sensor) in compared_sensors() {
-        let whole = of_part(&sensor, &clip, [0, 0], SIZE);
+        let whole = of_crop(&sensor, &clip, [0, 0], SIZE);
         for [left, top, width, height] in
             [[0, 0, 24, 10], [3, 2, 7, 5], [23, 9, 1, 1], [0, 4, 24, 1], [5, 0, 1, 10]]
         {
             let size = Size { width: width.into(), height: height.into() };
             let inside =
                 |e: &&Event| (left..left + width).contains(&e.x) && (top..top + height).contains(&e.y);
-            let part = whole.iter().filter(inside).map(|e| Event { x: e.x - left, y: e.y - top, ..*e });
-            let wanted: Vec<Event> = part.collect();
-            let found = of_part(&sensor, &clip, [left, top], size);
+            let crop = whole.iter().filter(inside).map(|e| Event { x: e.x - left, y: e.y - top, ..*e });
+            let wanted: Vec<Event> = crop.collect();
+            let found = of_crop(&sensor, &clip, [left, top], size);
             add_same(&mut worst, &found, &wanted, || format!("{name}, {size} at ({left}, {top})"));
         }
     }
     // Every pixel by itself: together, the tiles cover the whole.
-    let whole = of_part(&noisy_sensor(), &clip, [0, 0], SIZE);
+    let whole = of_crop(&noisy_sensor(), &clip, [0, 0], SIZE);
     let tile = |x: u16, y: u16| {
-        let tile = of_part(&noisy_sensor(), &clip, [x, y], Size { width: 1, height: 1 });
+        let tile = of_crop(&noisy_sensor(), &clip, [x, y], Size { width: 1, height: 1 });
         tile.into_iter().map(move |e| Event { x, y, ..e })
     };
     let mut tiles: Vec<Event> =

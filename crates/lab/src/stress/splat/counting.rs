@@ -115,8 +115,9 @@ pub(super) fn near_plane(by: CaseRenderer<'_>) -> Outcome {
             worst.see(StressPoint::exact_count(work.behind, behind), || {
                 format!("{rules:?}, depth {z}: behind")
             });
-            let seen = u64::from(pixel_opacities(&image).iter().any(|alpha| *alpha > 0.0));
-            worst.see(StressPoint::exact_count(seen, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
+            let visible = u64::from(pixel_opacities(&image).iter().any(|alpha| *alpha > 0.0));
+            worst
+                .see(StressPoint::exact_count(visible, 1 - behind), || format!("{rules:?}, depth {z}: seen"));
         }
     }
     Ok(worst.found())

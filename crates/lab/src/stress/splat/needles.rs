@@ -15,7 +15,7 @@ const ALPHA: ChannelSet = ChannelSet {
     flow: false,
     luminance_rate: false,
     doubtful: false,
-    segments: false,
+    segmentation: false,
     drift: false,
 };
 
@@ -113,7 +113,7 @@ pub(super) fn undilated_case(by: CaseRenderer<'_>) -> Outcome {
     /// Ratio below which the rule is constant.
     const FLOOR: f64 = 2.5e-5;
     /// Ratio from which on a pixel shows it with six digits.
-    const SEEN: f64 = 0.02;
+    const VISIBLE_RATIO: f64 = 0.02;
     let mut worst = WorstPoint::default();
     for needle in by.some(scenes::all_needles()) {
         let [a, b] = needle.variances();
@@ -122,7 +122,7 @@ pub(super) fn undilated_case(by: CaseRenderer<'_>) -> Outcome {
         let nearest = needle.powers().into_iter().zip(values).min_by(|(a, _), (b, _)| a[0].total_cmp(&b[0]));
         let Some(([_, power], found)) = nearest else { continue };
         let wanted = ratio.sqrt() * libm::exp(-power);
-        if ratio <= FLOOR || wanted < SEEN {
+        if ratio <= FLOOR || wanted < VISIBLE_RATIO {
             continue;
         }
         let limit = match by.precision() {

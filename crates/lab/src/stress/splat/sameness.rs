@@ -127,8 +127,8 @@ pub(super) fn unsound_case(by: CaseRenderer<'_>) -> Outcome {
     for rules in ALL_RULES {
         let (clean, alone) = render_picture(by, scenes::without_gaussian(&scene, I), rules, &view)?;
         // A Gaussian that is not seen would make every comparison pass.
-        let [seen, _] = differing_values(&render_picture(by, scene.clone(), rules, &view)?.0, &clean);
-        worst.see(StressPoint::exact_count(u64::from(seen > 0), 1), || {
+        let [differing, _] = differing_values(&render_picture(by, scene.clone(), rules, &view)?.0, &clean);
+        worst.see(StressPoint::exact_count(u64::from(differing > 0), 1), || {
             format!("{rules:?}: Gaussian {I} is seen")
         });
         for (what, spoil) in scenes::UNSOUND {

@@ -28,7 +28,7 @@ const SEED: &str = "seed";
 const ITERATIONS: &str = "iterations";
 
 /// Names that may occur in braces, with the known values.
-type Known<'k> = BTreeMap<&'k str, Option<String>>;
+type KnownNames<'k> = BTreeMap<&'k str, Option<String>>;
 
 impl Resolver<'_> {
     pub(super) fn command(
@@ -41,7 +41,8 @@ impl Resolver<'_> {
         let iterations = raw.iterations.optional(|iterations| self.whole(iterations, 0, NUMBER));
         // Names become known step by step: the program may refer to files, the version command also
         // to values of the recipe, and only the arguments to the folders of a training.
-        let mut known: Known<'_> = files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
+        let mut known: KnownNames<'_> =
+            files.iter().flatten().map(|(name, _)| (name.as_str(), None)).collect();
         let program = self
             .required(&raw.program, "program", place, PROGRAM)
             .and_then(|(text, at)| self.program(text, at, &known));
@@ -71,7 +72,7 @@ impl Resolver<'_> {
     }
 
     /// A bare name or a placeholder for a file. A path would enter the key.
-    fn program(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
+    fn program(&self, text: &str, place: TextSpan, known: &KnownNames<'_>) -> Option<ArgumentTemplate> {
         let program = self.argument(&self.filled(text, place)?, place, known)?;
         if text.contains(std::path::MAIN_SEPARATOR) {
             let problem = FieldProblem::of_field(format!("is {}, a path", quote_text(text)));
@@ -83,14 +84,14 @@ impl Resolver<'_> {
     fn arguments(
         &self,
         field: &Field<Vec<Field<String>>>,
-        known: &Known<'_>,
+        known: &KnownNames<'_>,
     ) -> Option<Vec<ArgumentTemplate>> {
         all(field.or_default()?, |item: Field<String>| {
             item.given().and_then(|(text, place)| self.argument(text, place, known))
         })
     }
 
-    fn argument(&self, text: &str, place: TextSpan, known: &Known<'_>) -> Option<ArgumentTemplate> {
+    fn argument(&self, text: &str, place: TextSpan, known: &KnownNames<'_>) -> Option<ArgumentTemplate> {
         let names: Vec<&str> = known.keys().copied().collect();
         match ArgumentTemplate::parse(text, known) {
             Ok(_) if text.contains('\0') => self

@@ -28,17 +28,17 @@ const RATE: RealRange = RealRange::new(0.0, 1e9);
 /// The settings that the sections of all sensors have. `in_lux` is true if the sensor depends on the light of
 /// white by more than its latency.
 macro_rules! settings {
-    ($resolver:ident, $raw:ident, $usual:expr, in_lux: $in_lux:expr) => {{
+    ($resolver:ident, $raw:ident, $default:expr, in_lux: $in_lux:expr) => {{
         let latency = $resolver.latency(&$raw.latency);
         let follows_light = latency.flatten().is_some_and(|latency| latency.tau_us > 0.0);
         resolved!(SensorSettings {
-            refractory: $resolver.refractory(&$raw.refractory, $usual.refractory),
+            refractory: $resolver.refractory(&$raw.refractory, $default.refractory),
             hot_pixels: $resolver.hot_pixels(&$raw.hot_pixels),
             max_events_per_pixel_frame: $resolver
-                .cap(&$raw.max_events_per_pixel_frame, $usual.max_events_per_pixel_frame),
-            allow_cap: $raw.allow_cap.or($usual.allow_cap),
+                .cap(&$raw.max_events_per_pixel_frame, $default.max_events_per_pixel_frame),
+            allow_cap: $raw.allow_cap.or($default.allow_cap),
             front_end: $resolver.front_end(&$raw.front_end, $in_lux || follows_light),
-            labels: $raw.labels.or($usual.labels),
+            labels: $raw.labels.or($default.labels),
             readout: $resolver.readout(&$raw.readout),
             latency,
         })
@@ -57,26 +57,26 @@ impl Resolver<'_> {
             }
             None => raw.preset.is_absent().then(EsimModel::default),
         };
-        let usual = preset.clone().unwrap_or_default();
+        let default = preset.clone().unwrap_or_default();
         let model = resolved!(EsimModel {
-            threshold: self.threshold_of(&raw.threshold, usual.threshold),
-            mismatch: raw.mismatch.or(usual.mismatch),
-            intensity: raw.intensity.or(usual.intensity),
-            eps: self.real(&raw.eps, usual.eps, RealRange::above(0.0, 1e6)),
-            settings: settings!(self, raw, usual.settings, in_lux: false),
+            threshold: self.threshold_of(&raw.threshold, default.threshold),
+            mismatch: raw.mismatch.or(default.mismatch),
+            intensity: raw.intensity.or(default.intensity),
+            eps: self.real(&raw.eps, default.eps, RealRange::above(0.0, 1e6)),
+            settings: settings!(self, raw, default.settings, in_lux: false),
         });
         preset.and(model)
     }
 
     pub(super) fn v2e(&self, raw: &schema::V2eSection) -> Option<V2eModel> {
-        let usual = V2eModel::from(self.v2e_preset(&raw.preset)?);
+        let default = V2eModel::from(self.v2e_preset(&raw.preset)?);
         resolved!(V2eModel {
-            threshold: self.threshold_of(&raw.threshold, usual.threshold),
-            cutoff: self.real(&raw.cutoff, usual.cutoff, RATE),
-            filter: raw.filter.or(usual.filter),
-            leak: self.leak(&raw.leak, usual.leak),
-            shot: self.real(&raw.shot, usual.shot, RATE),
-            settings: settings!(self, raw, usual.settings, in_lux: false),
+            threshold: self.threshold_of(&raw.threshold, default.threshold),
+            cutoff: self.real(&raw.cutoff, default.cutoff, RATE),
+            filter: raw.filter.or(default.filter),
+            leak: self.leak(&raw.leak, default.leak),
+            shot: self.real(&raw.shot, default.shot, RATE),
+            settings: settings!(self, raw, default.settings, in_lux: false),
         })
     }
 
@@ -107,34 +107,34 @@ impl Resolver<'_> {
     pub(super) fn threshold_of(
         &self,
         field: &Field<schema::ThresholdSection>,
-        usual: ThresholdMismatch,
+        default: ThresholdMismatch,
     ) -> Option<ThresholdMismatch> {
         let raw = field.or_default()?;
         resolved!(ThresholdMismatch {
-            on: self.real(&raw.on, usual.on, THRESHOLD),
-            off: self.real(&raw.off, usual.off, THRESHOLD),
-            spread: self.real(&raw.spread, usual.spread, SPREAD),
+            on: self.real(&raw.on, default.on, THRESHOLD),
+            off: self.real(&raw.off, default.off, THRESHOLD),
+            spread: self.real(&raw.spread, default.spread, SPREAD),
         })
     }
 
-    fn leak(&self, field: &Field<schema::LeakSection>, usual: LeakNoise) -> Option<LeakNoise> {
+    fn leak(&self, field: &Field<schema::LeakSection>, default: LeakNoise) -> Option<LeakNoise> {
         let raw = field.or_default()?;
         resolved!(LeakNoise {
-            rate: self.real(&raw.rate, usual.rate, RATE),
-            jitter: self.real(&raw.jitter, usual.jitter, RealRange::new(0.0, 10.0)),
-            cov: self.real(&raw.cov, usual.cov, RealRange::new(0.0, 3.0)),
+            rate: self.real(&raw.rate, default.rate, RATE),
+            jitter: self.real(&raw.jitter, default.jitter, RealRange::new(0.0, 10.0)),
+            cov: self.real(&raw.cov, default.cov, RealRange::new(0.0, 3.0)),
         })
     }
 
     pub(super) fn refractory(
         &self,
         field: &Field<schema::RefractorySection>,
-        usual: RefractoryPeriod,
+        default: RefractoryPeriod,
     ) -> Option<RefractoryPeriod> {
         let raw = field.or_default()?;
         resolved!(RefractoryPeriod {
-            period_us: self.real(&raw.period_us, usual.period_us, RealRange::new(0.0, 1e9)),
-            reference: raw.reference.or(usual.reference),
+            period_us: self.real(&raw.period_us, default.period_us, RealRange::new(0.0, 1e9)),
+            reference: raw.reference.or(default.reference),
         })
     }
 
@@ -142,9 +142,9 @@ impl Resolver<'_> {
     pub(super) fn floor(
         &self,
         field: &Field<Vec<Field<schema::FloorPointSection>>>,
-        usual: NoiseFloor,
+        default: NoiseFloor,
     ) -> Option<NoiseFloor> {
-        let Some((points, place)) = field.given() else { return field.is_absent().then_some(usual) };
+        let Some((points, place)) = field.given() else { return field.is_absent().then_some(default) };
         let point = |field: &Field<schema::FloorPointSection>| {
             let (raw, place) = field.given()?;
             self.required(&raw.lux, "lux", place, "write lux: 10, the light on the sensor")?;
@@ -206,7 +206,7 @@ impl Resolver<'_> {
         .map(Some)
     }
 
-    pub(super) fn cap(&self, field: &Field<u64>, usual: u32) -> Option<u32> {
-        self.small(field, usual, WholeRange::new(1, 1_000_000_000))
+    pub(super) fn cap(&self, field: &Field<u64>, default: u32) -> Option<u32> {
+        self.small(field, default, WholeRange::new(1, 1_000_000_000))
     }
 }

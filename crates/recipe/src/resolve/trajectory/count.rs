@@ -26,16 +26,16 @@ impl Resolver<'_> {
     pub(super) fn spread(
         &self,
         raw: PoseSpread<'_>,
-        usual: PoseCount,
+        default: PoseCount,
         place: TextSpan,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> (Option<PoseCount>, Option<bool>) {
-        let count = if around.flows {
+        let count = if context.flows {
             self.flow_count(raw)
         } else {
-            self.count(raw, usual, place, around.setting.rate)
+            self.count(raw, default, place, context.setting.rate)
         };
-        (count, self.literal(raw, around))
+        (count, self.literal(raw, context))
     }
 
     /// Refuses any number of poses, because a flow determines it.
@@ -55,7 +55,7 @@ impl Resolver<'_> {
     fn count(
         &self,
         raw: PoseSpread<'_>,
-        usual: PoseCount,
+        default: PoseCount,
         place: TextSpan,
         rate: Option<Hertz>,
     ) -> Option<PoseCount> {
@@ -75,7 +75,7 @@ impl Resolver<'_> {
         }
         match factor {
             Some(factor) => self.ratio(factor, 1, RealRange::above(0.0, 1e6)).map(PoseCount::Factor),
-            None => Some(usual),
+            None => Some(default),
         }
     }
 
@@ -93,10 +93,10 @@ impl Resolver<'_> {
         Some(PoseCount::Duration(seconds))
     }
 
-    fn literal(&self, raw: PoseSpread<'_>, around: PathContext<'_>) -> Option<bool> {
+    fn literal(&self, raw: PoseSpread<'_>, context: PathContext<'_>) -> Option<bool> {
         let Some(field) = raw.literal else { return Some(false) };
         let literal = field.or(false)?;
-        if literal && around.flows {
+        if literal && context.flows {
             let problem = FieldProblem::of_key(
                 "cannot be combined with a speed in px/s, which is not a share of chords",
             );

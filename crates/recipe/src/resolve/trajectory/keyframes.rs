@@ -2,7 +2,7 @@
 
 use super::PathContext;
 use super::count::PoseSpread;
-use super::novel::USUAL_FRAMES;
+use super::novel::DEFAULT_FRAMES;
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::resolve::number::RealRange;
@@ -21,12 +21,12 @@ impl Resolver<'_> {
         &self,
         raw: &schema::KeyframesSection,
         place: TextSpan,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> Option<KeyframePath> {
         let poses = self.poses(&raw.poses, place);
         let schema::KeyframesSection { factor, frames, duration, literal, .. } = raw;
         let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
-        let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
+        let (count, literal) = self.spread(spread, DEFAULT_FRAMES, place, context);
         resolved!(KeyframePath {
             poses,
             count,

@@ -18,13 +18,13 @@ use gs2e_trajectory::travel::PoseCount;
 /// Number of groups of a novel trajectory; each is a trajectory of its own.
 const GROUPS: WholeRange = WholeRange::new(1, MAX_GROUPS);
 const MAX_GROUPS: u64 = 1000;
-const USUAL_GROUPS: u32 = 3;
+const DEFAULT_GROUPS: u32 = 3;
 /// Number of key poses of a group. A path has two ends, so at least two.
 const KEYFRAMES: WholeRange = WholeRange::new(2, 1_000_000);
-const USUAL_KEYFRAMES: u32 = 5;
+const DEFAULT_KEYFRAMES: u32 = 5;
 /// Default number of poses of a group (the paper's F), and of other paths without a capture that
 /// implies a number.
-pub(super) const USUAL_FRAMES: PoseCount = PoseCount::Frames(150);
+pub(super) const DEFAULT_FRAMES: PoseCount = PoseCount::Frames(150);
 
 const BASES: &str = "key poses are drawn from a trajectory with refine, orbit or keyframes";
 
@@ -70,7 +70,7 @@ pub(super) fn group_folder(written: &str, group: u32) -> String {
 /// be faulty.
 pub(super) fn group_folders(name: &str, raw: &schema::TrajectorySection) -> Vec<String> {
     let Some((novel, _)) = raw.novel.given() else { return vec![name.to_owned()] };
-    let groups = novel.groups.given().map_or(u64::from(USUAL_GROUPS), |(groups, _)| *groups);
+    let groups = novel.groups.given().map_or(u64::from(DEFAULT_GROUPS), |(groups, _)| *groups);
     // A number out of range must not make a list of that length.
     let groups = usize::try_from(groups.min(MAX_GROUPS)).expect("groups are few");
     (0..).take(groups).map(|group| group_folder(name, group)).collect()
@@ -82,16 +82,16 @@ impl Resolver<'_> {
         raw: &schema::NovelSection,
         place: TextSpan,
         list: &List,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> Option<NovelGroups> {
         let base = self.base(&raw.base, place, list);
         let schema::NovelSection { frames, duration, literal, .. } = raw;
         let spread = PoseSpread { factor: None, frames, duration, literal: Some(literal) };
-        let (count, literal) = self.spread(spread, USUAL_FRAMES, place, around);
+        let (count, literal) = self.spread(spread, DEFAULT_FRAMES, place, context);
         resolved!(NovelGroups {
             base,
-            groups: self.small(&raw.groups, USUAL_GROUPS, GROUPS),
-            keyframes: self.small(&raw.keyframes, USUAL_KEYFRAMES, KEYFRAMES),
+            groups: self.small(&raw.groups, DEFAULT_GROUPS, GROUPS),
+            keyframes: self.small(&raw.keyframes, DEFAULT_KEYFRAMES, KEYFRAMES),
             count,
             curve: self.novel_curve(&raw.curve),
             literal,

@@ -2,7 +2,7 @@
 
 use super::PathContext;
 use super::count::PoseSpread;
-use super::novel::USUAL_FRAMES;
+use super::novel::DEFAULT_FRAMES;
 use crate::field::Field;
 use crate::problem::FieldProblem;
 use crate::resolve::Resolver;
@@ -20,15 +20,15 @@ impl Resolver<'_> {
         &self,
         raw: &schema::OrbitSection,
         place: TextSpan,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> Option<OrbitPath> {
         let [centre, from] = [&raw.centre, &raw.from].map(|field| self.point(field));
         let up = self.direction(&raw.up);
         let arc = self.arc(&raw.arc);
         let spread = PoseSpread { factor: None, frames: &raw.frames, duration: &raw.duration, literal: None };
-        let (count, _) = self.spread(spread, USUAL_FRAMES, place, around);
+        let (count, _) = self.spread(spread, DEFAULT_FRAMES, place, context);
         let fields = [(&raw.centre, "centre"), (&raw.from, "from"), (&raw.up, "up")];
-        if !around.setting.has_views() && !around.setting.has_scene {
+        if !context.setting.has_views() && !context.setting.has_scene {
             let help = "without a capture or a scene, an orbit needs centre, from and up";
             fields.into_iter().for_each(|(field, name)| {
                 self.required(field, name, place, help);

@@ -20,9 +20,9 @@ impl Resolver<'_> {
         &self,
         field: &Field<schema::RefineSection>,
         within: TextSpan,
-        around: PathContext<'_>,
+        context: PathContext<'_>,
     ) -> Option<RefinePath> {
-        if !around.setting.has_views() {
+        if !context.setting.has_views() {
             let instead = "write orbit or keyframes, whose poses come from the recipe";
             let problem = match field.place() {
                 Some(place) => {
@@ -34,18 +34,18 @@ impl Resolver<'_> {
         }
         let help = "write refine: {} for the path of the paper: the captured path, smoothed and densified";
         let (raw, place) = self.required(field, "refine", within, help)?;
-        let usual = RefinePath::default();
+        let default = RefinePath::default();
         let schema::RefineSection { factor, frames, duration, literal, .. } = raw;
         let spread = PoseSpread { factor: Some(factor), frames, duration, literal: Some(literal) };
-        let (count, literal) = self.spread(spread, usual.count, place, around);
+        let (count, literal) = self.spread(spread, default.count, place, context);
         resolved!(RefinePath {
-            window: self.small(&raw.window, usual.window, WholeRange::new(0, 1000)),
+            window: self.small(&raw.window, default.window, WholeRange::new(0, 1000)),
             count,
-            order: raw.order.or(usual.order),
-            rotation: raw.rotation.or(usual.rotation),
-            ends: raw.ends.or(usual.ends),
+            order: raw.order.or(default.order),
+            rotation: raw.rotation.or(default.rotation),
+            ends: raw.ends.or(default.ends),
             scale: self.scale(&raw.metric),
-            gaps: raw.gaps.or(usual.gaps),
+            gaps: raw.gaps.or(default.gaps),
             curve: self.curve(&raw.curve),
             literal,
         })

@@ -21,12 +21,12 @@ impl Resolver<'_> {
     pub(super) fn speed(
         &self,
         field: &Field<schema::SpeedSection>,
-        usually_constant: bool,
+        constant_by_default: bool,
         law: Option<SummationRule>,
     ) -> Option<SpeedChoice> {
         match field {
             Field::Absent => {
-                let text = if usually_constant { CONSTANT_SPEED } else { PAPERS_SPEED };
+                let text = if constant_by_default { CONSTANT_SPEED } else { PAPERS_SPEED };
                 Some(SpeedChoice::Function(default_speed(text)))
             }
             Field::Bad => None,
@@ -112,7 +112,7 @@ impl Resolver<'_> {
         };
         let help = "write a formula in t that stays above 0 for t from 0 to 1, such as 0.25*sin(t) + 1.1";
         let problem = FieldProblem::of_field(format!("is not a speed law: {error}")).help(help).at(place);
-        self.refuse(match seen_at(&error) {
+        self.refuse(match error_range(&error) {
             Some(bytes) => problem.in_text(place, text, bytes),
             None => problem,
         })
@@ -124,7 +124,7 @@ fn default_speed(text: &str) -> SpeedExpression {
 }
 
 /// Returns the bytes of the formula that an error concerns.
-fn seen_at(error: &ExpressionError) -> Option<std::ops::Range<usize>> {
+fn error_range(error: &ExpressionError) -> Option<std::ops::Range<usize>> {
     match error {
         ExpressionError::Name { at, name } => Some(*at..*at + name.len()),
         ExpressionError::Syntax { at, .. } | ExpressionError::TooDeep { at, .. } => Some(*at..*at),

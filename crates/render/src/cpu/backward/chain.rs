@@ -101,7 +101,7 @@ impl ProjectionChain<'_> {
         // Moving the point by d changes u = x/z by (dx - u dz) / z.
         let [du, dv] = on_image.slopes;
         let [u, v] = slopes.map(S::nearest);
-        let seen = [du / depth, dv / depth, on_image.depth - (du * u + dv * v) / depth];
+        let in_camera = [du / depth, dv / depth, on_image.depth - (du * u + dv * v) / depth];
         let direction = ray.normalize().to_array().map(S::nearest);
         // A colour that the clamp holds at 0 does not follow a small change.
         let colour = moments.colour();
@@ -110,7 +110,7 @@ impl ProjectionChain<'_> {
         let length = S::nearest(ray.length());
         // Only the component across the ray turns it.
         let along = dot_product(direction, turned);
-        let position = self.world_gradient(seen);
+        let position = self.world_gradient(in_camera);
         let [a, b, c] = on_image.axes;
         let axes = [self.world_gradient(a), self.world_gradient(b), self.world_gradient(c)];
         GaussianGradient {

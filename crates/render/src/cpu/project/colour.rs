@@ -1,6 +1,6 @@
 //! Colours: harmonics in the directions of the drawn lanes, and their sums.
 
-use super::{LaneMotion, LaneValue, ProjectedBlock, Still};
+use super::{LaneMotion, LaneValue, ProjectedBlock, StillGaussians};
 use crate::cpu::activate::GaussianBlock;
 use crate::cpu::eye::ViewTransform;
 use fearless_simd::{Simd, SimdBase as _, f32x4};
@@ -16,15 +16,15 @@ impl<S: LaneValue> ProjectedBlock<S> {
                 to[k] = from[i];
             }
         }
-        if let Some(motion) = block.motion.as_deref().filter(|_| S::MOVING) {
-            return self.face_moving(eye, motion, degree, count);
+        if let Some(motion) = block.motion.as_deref().filter(|_| S::HAS_RATES) {
+            return self.face_changing(eye, motion, degree, count);
         }
         // With a constant degree, the compiler drops the functions above it.
         match degree {
-            0 => self.face_to(eye, 0, count, Still),
-            1 => self.face_to(eye, 1, count, Still),
-            2 => self.face_to(eye, 2, count, Still),
-            _ => self.face_to(eye, 3, count, Still),
+            0 => self.face_to(eye, 0, count, StillGaussians),
+            1 => self.face_to(eye, 1, count, StillGaussians),
+            2 => self.face_to(eye, 2, count, StillGaussians),
+            _ => self.face_to(eye, 3, count, StillGaussians),
         }
     }
 
@@ -84,7 +84,7 @@ impl<S: LaneValue> ProjectedBlock<S> {
             let b = S::at(&self.basis[n], k);
             let c = f32x4::from_slice(simd, &coefficients[3 * n..3 * n + 4]);
             sums[0] += c * b.value();
-            if S::MOVING {
+            if S::HAS_RATES {
                 sums[1] += c * b.rate();
             }
         }

@@ -46,23 +46,23 @@ impl OpencvRequest<'_> {
     /// these.
     fn views(&self) -> Vec<serde_json::Value> {
         let Trajectory { world_from_camera, stamps_us } = self.trajectory;
-        let shown: Vec<usize> = self.pictures.iter().map(|picture| picture.pose).collect();
+        let pictured: Vec<usize> = self.pictures.iter().map(|picture| picture.pose).collect();
         // Without pictures, the file contains every pose.
-        let candidates = if shown.is_empty() { (0..stamps_us.len()).collect() } else { shown };
+        let candidates = if pictured.is_empty() { (0..stamps_us.len()).collect() } else { pictured };
         let steps = world_from_camera.windows(2).map(|w| w[1].translation.distance(w[0].translation));
         let path: f64 = steps.sum();
         // A camera at rest has no path to scale the depths by.
         let unit = if path > 0.0 { path } else { 1.0 };
         let view = |k: usize| {
             let pose = candidates[k];
-            let (points, pixels) = self.seen(&world_from_camera[pose], unit);
+            let (points, pixels) = self.grid_projections(&world_from_camera[pose], unit);
             json!({ "pose": pose, "t_us": stamps_us[pose], "points": points, "pixels": pixels })
         };
         spread_evenly(candidates.len(), VIEWS).into_iter().map(view).collect()
     }
 
     /// Returns the points of a grid at each depth, in the world, and their projections.
-    fn seen(&self, world_from_camera: &Se3, unit: f64) -> (Vec<DVec3>, Vec<[f64; 2]>) {
+    fn grid_projections(&self, world_from_camera: &Se3, unit: f64) -> (Vec<DVec3>, Vec<[f64; 2]>) {
         let size = self.camera.size;
         let across = |side: u32, i: u8| f64::from(side) * f64::from(i) / f64::from(GRID - 1);
         let camera_from_world = world_from_camera.inverse();
@@ -75,8 +75,8 @@ impl OpencvRequest<'_> {
             })
         });
         let project = |point: DVec3| {
-            let seen = camera_from_world.rotation * point + camera_from_world.translation;
-            Some((point, self.camera.project(seen)?))
+            let in_camera = camera_from_world.rotation * point + camera_from_world.translation;
+            Some((point, self.camera.project(in_camera)?))
         };
         points.filter_map(project).unzip()
     }

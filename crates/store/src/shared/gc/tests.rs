@@ -56,11 +56,16 @@ impl Place {
         }
     }
 
-    fn sweep(&self, older_than: Duration) -> SharedSwept {
+    fn sweep(&self, older_than: Duration) -> SharedSweepSummary {
         self.sweep_at(older_than, now_ns(), false).unwrap()
     }
 
-    fn sweep_at(&self, older_than: Duration, now_ns: i64, dry_run: bool) -> Result<SharedSwept, StoreError> {
+    fn sweep_at(
+        &self,
+        older_than: Duration,
+        now_ns: i64,
+        dry_run: bool,
+    ) -> Result<SharedSweepSummary, StoreError> {
         sweep_shared(&self.shared(), SharedSweep { older_than, now_ns, dry_run })
     }
 }
@@ -96,7 +101,7 @@ fn unused_files_go_to_the_trash_and_are_deleted_after_the_same_time() {
     let planned = place.sweep_at(2 * DAY, now_ns(), true).unwrap();
     let swept = place.sweep(2 * DAY);
     assert_eq!((swept.records, swept.blobs, swept.bytes, swept.kept_records), (1, 1, 9, 1));
-    assert_eq!(SharedSwept { kept_records: 1, ..planned }, swept);
+    assert_eq!(SharedSweepSummary { kept_records: 1, ..planned }, swept);
     assert!(!place.record_path(&old).exists() && !place.blob_path("old bytes").exists());
     // The old blob of the young record stays.
     assert!(place.blob_path("young").exists());

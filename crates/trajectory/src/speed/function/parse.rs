@@ -24,7 +24,7 @@ pub(super) fn parse_expression(text: &str) -> Result<SyntaxNode, ExpressionError
 }
 
 /// A tree and its height.
-type Tall = (SyntaxNode, usize);
+type SizedTree = (SyntaxNode, usize);
 
 struct ExpressionParser<'a> {
     text: &'a str,
@@ -55,7 +55,7 @@ impl ExpressionParser<'_> {
         ExpressionError::TooDeep { at: self.at, limit }
     }
 
-    fn join(&self, op: BinaryOperator, a: Tall, b: Tall) -> Result<Tall, ExpressionError> {
+    fn join(&self, op: BinaryOperator, a: SizedTree, b: SizedTree) -> Result<SizedTree, ExpressionError> {
         let height = 1 + a.1.max(b.1);
         if height > TALLEST {
             Err(self.too_deep(TALLEST))
@@ -64,7 +64,7 @@ impl ExpressionParser<'_> {
         }
     }
 
-    fn sum(&mut self) -> Result<Tall, ExpressionError> {
+    fn sum(&mut self) -> Result<SizedTree, ExpressionError> {
         let mut left = self.product()?;
         loop {
             let op = match self.peek() {
@@ -78,7 +78,7 @@ impl ExpressionParser<'_> {
         }
     }
 
-    fn product(&mut self) -> Result<Tall, ExpressionError> {
+    fn product(&mut self) -> Result<SizedTree, ExpressionError> {
         let mut left = self.sign()?;
         loop {
             let op = match self.peek() {
@@ -93,7 +93,7 @@ impl ExpressionParser<'_> {
     }
 
     /// Every path to nested text leads through this function, so depth is counted here.
-    fn sign(&mut self) -> Result<Tall, ExpressionError> {
+    fn sign(&mut self) -> Result<SizedTree, ExpressionError> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err(self.too_deep(DEEPEST));
@@ -111,7 +111,7 @@ impl ExpressionParser<'_> {
         Ok(signed)
     }
 
-    fn power(&mut self) -> Result<Tall, ExpressionError> {
+    fn power(&mut self) -> Result<SizedTree, ExpressionError> {
         let base = self.atom()?;
         if self.takes("**") || self.takes("^") {
             // Through `sign`, so that powers associate to the right and an exponent may be
@@ -122,7 +122,7 @@ impl ExpressionParser<'_> {
         Ok(base)
     }
 
-    fn atom(&mut self) -> Result<Tall, ExpressionError> {
+    fn atom(&mut self) -> Result<SizedTree, ExpressionError> {
         match self.peek() {
             Some('(') => {
                 self.at += 1;
@@ -168,7 +168,7 @@ impl ExpressionParser<'_> {
         }
     }
 
-    fn named(&mut self) -> Result<Tall, ExpressionError> {
+    fn named(&mut self) -> Result<SizedTree, ExpressionError> {
         let at = self.at;
         let rest = &self.text[at..];
         let name = &rest[..rest.bytes().take_while(|b| b.is_ascii_alphanumeric() || *b == b'_').count()];
@@ -199,7 +199,7 @@ impl ExpressionParser<'_> {
     }
 
     /// The arguments of `min` or `max`, two or more.
-    fn extreme(&mut self, op: BinaryOperator) -> Result<Tall, ExpressionError> {
+    fn extreme(&mut self, op: BinaryOperator) -> Result<SizedTree, ExpressionError> {
         self.open()?;
         let mut left = self.sum()?;
         if !self.takes(",") {

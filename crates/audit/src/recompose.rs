@@ -105,7 +105,7 @@ pub(super) fn scene(
 fn described(scene: &PublishedScene) -> Vec<AuditFault> {
     // Maximum number of listed differences: many values follow from one wrong value of a recipe.
     const MAX_LISTED: usize = 8;
-    let mut files = [scene.file.clone(), scene::again(scene)];
+    let mut files = [scene.file.clone(), scene::recompose(scene)];
     // As values, the list of photos takes ten times its memory, and mostly it was copied.
     if files[0].images == files[1].images {
         files.iter_mut().for_each(|file| file.images.clear());
@@ -169,7 +169,7 @@ fn trajectory(
     let poses = &motion.trajectory.world_from_camera;
     let law = scene.recipe.law;
     let schedule = known.and_then(|asked| PoseSchedule::new(&asked.speed, poses.len(), law).ok());
-    let speed = motion.report.measured_again(poses, schedule.as_ref());
+    let speed = motion.report.remeasured(poses, schedule.as_ref());
     // No trajectory of these poses has a report with another number of steps. The report cannot be
     // drawn, and the empty bytes wanted here make it a fault.
     let Some(speed) = speed else {

@@ -1,13 +1,13 @@
-//! Views of moving parts: each part is seen from the camera's place in the part's own axes.
+//! Views of moving objects: each object is seen from the camera's place in the object's own axes.
 //!
-//! Let a point rest in the axes of a part, which moves with the velocity `v` of its origin `T` and the
+//! Let a point rest in the axes of an object, which moves with the velocity `v` of its origin `T` and the
 //! angular velocity `W`, in world axes. In the axes of a camera at `C` that moves with `v_c` and `w_c`, the
 //! point `q` moves by
 //!
 //! ```text
 //! qdot = -(v_c - u) - (w_c - r) x q,    u = R_c^T (v + W x (C - T)),    r = R_c^T W
 //! ```
-//! which is the motion of a point at rest for a camera with the velocities in brackets. The part's
+//! which is the motion of a point at rest for a camera with the velocities in brackets. The object's
 //! projection, the direction from which its harmonics are seen, and all rates therefore follow from that
 //! camera, without a rotation of covariances or harmonics.
 //!
@@ -17,15 +17,15 @@
 //! # use glam::DVec3;
 //! # use gs2e_image::Size;
 //! # use gs2e_num::se3::Se3;
-//! use gs2e_render::parts::views_of_motions;
+//! use gs2e_render::objects::views_of_motions;
 //! use gs2e_scene::camera::{Camera, view::CameraView};
-//! use gs2e_scene::motion::PartMotion;
+//! use gs2e_scene::motion::ObjectMotion;
 //!
 //! let camera = Camera::pinhole(Size { width: 64, height: 48 }, [100.0, 100.0, 32.0, 24.0]);
-//! // A part at x = 3, which goes to the right.
+//! // An object at x = 3, which goes to the right.
 //! let pose = Se3 { translation: DVec3::X * 3.0, ..Se3::IDENTITY };
-//! let part = PartMotion { pose, velocity: DVec3::X, angular: DVec3::ZERO };
-//! let views = views_of_motions(&[part], &CameraView::at_rest(camera, Se3::IDENTITY));
+//! let object = ObjectMotion { pose, velocity: DVec3::X, angular: DVec3::ZERO };
+//! let views = views_of_motions(&[object], &CameraView::at_rest(camera, Se3::IDENTITY));
 //! // In its axes, the camera is at x = -3 and goes to the left.
 //! assert_eq!(views[1].world_from_camera.translation, DVec3::X * -3.0);
 //! assert_eq!(views[1].velocity.linear, DVec3::NEG_X);
@@ -39,53 +39,57 @@ use gs2e_num::se3::rotation::renormalised;
 use gs2e_scene::Gaussians;
 use gs2e_scene::camera::Camera;
 use gs2e_scene::camera::view::{CameraVelocity, CameraView};
-use gs2e_scene::motion::{MovingPart, PartMotion};
+use gs2e_scene::motion::{MovingObject, ObjectMotion};
 use gs2e_trajectory::Trajectory;
 use rayon::prelude::*;
 
-/// The view as it looks from what is still, and then from the axes of each part.
+/// The view as it looks from what is still, and then from the axes of each object.
 ///
 /// # Errors
-/// A part has no place at the time of the view.
-pub(super) fn part_views(scene: &Gaussians, view: &CameraView) -> Result<Vec<CameraView>, RenderError> {
+/// An object has no place at the time of the view.
+pub(super) fn object_views(scene: &Gaussians, view: &CameraView) -> Result<Vec<CameraView>, RenderError> {
     let Some(motion) = &scene.motion else { return Ok(vec![*view]) };
     motion.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
     if let Some(dynamics) = &motion.dynamics {
         dynamics.check(view.seconds).map_err(|e| RenderError::View(e.to_string()))?;
     }
-    let seen = motion.parts.iter().map(|part| seen_from(&part.at(view.seconds), view));
-    Ok(std::iter::once(*view).chain(seen).collect())
+    let of_objects = motion.objects.iter().map(|object| view_from_object(&object.at(view.seconds), view));
+    Ok(std::iter::once(*view).chain(of_objects).collect())
 }
 
-/// As [`part_views`], with parts after their last keyframe left there.
-pub(super) fn held_part_views(scene: &Gaussians, view: &CameraView) -> Vec<CameraView> {
-    let parts = scene.motion.iter().flat_map(|motion| &motion.parts);
-    std::iter::once(*view).chain(parts.map(|part| seen_from(&part.at(view.seconds), view))).collect()
+/// As [`object_views`], with objects after their last keyframe left there.
+pub(super) fn held_object_views(scene: &Gaussians, view: &CameraView) -> Vec<CameraView> {
+    let objects = scene.motion.iter().flat_map(|motion| &motion.objects);
+    std::iter::once(*view)
+        .chain(objects.map(|object| view_from_object(&object.at(view.seconds), view)))
+        .collect()
 }
 
-/// The view as it looks from what is still, and then from the axes of parts with these motions.
+/// The view as it looks from what is still, and then from the axes of objects with these motions.
 #[must_use]
-pub fn views_of_motions(motions: &[PartMotion], view: &CameraView) -> Vec<CameraView> {
-    std::iter::once(*view).chain(motions.iter().map(|part| seen_from(part, view))).collect()
+pub fn views_of_motions(motions: &[ObjectMotion], view: &CameraView) -> Vec<CameraView> {
+    std::iter::once(*view).chain(motions.iter().map(|object| view_from_object(object, view))).collect()
 }
 
-/// A view in the axes of a part.
-fn seen_from(part: &PartMotion, view: &CameraView) -> CameraView {
+/// A view in the axes of an object.
+fn view_from_object(object: &ObjectMotion, view: &CameraView) -> CameraView {
     let Se3 { rotation, translation } = view.world_from_camera;
-    let part_from_world = part.pose.rotation.conjugate();
-    let arm = translation - part.pose.translation;
+    let object_from_world = object.pose.rotation.conjugate();
+    let arm = translation - object.pose.translation;
     let camera_from_world = rotation.conjugate();
-    let moved = camera_from_world * (part.velocity + part.angular.cross(arm));
+    let moved = camera_from_world * (object.velocity + object.angular.cross(arm));
     let velocity = CameraVelocity {
         linear: view.velocity.linear - moved,
-        angular: view.velocity.angular - camera_from_world * part.angular,
+        angular: view.velocity.angular - camera_from_world * object.angular,
     };
-    let pose = Se3 { rotation: renormalised(part_from_world * rotation), translation: part_from_world * arm };
+    let pose =
+        Se3 { rotation: renormalised(object_from_world * rotation), translation: object_from_world * arm };
     CameraView { world_from_camera: pose, velocity, ..*view }
 }
 
-/// A warning for each part that reaches the near plane within the view, with the number of poses at which it
-/// does: what is nearer is not drawn. A part counts as the ball about its mean that holds 95 % of its means.
+/// A warning for each object that reaches the near plane within the view, with the number of poses at which
+/// it does: what is nearer is not drawn. An object counts as the ball about its mean that holds 95 % of its
+/// means.
 #[must_use]
 pub fn near_warnings(
     scene: &Gaussians,
@@ -95,24 +99,24 @@ pub fn near_warnings(
 ) -> Vec<String> {
     let near = f64::from(if rules == RenderRules::Gsplat { GSPLAT_NEAR } else { NEAR });
     let (poses, field) = (trajectory.world_from_camera.len(), camera.field());
-    let warning = |(part, number): (&MovingPart, usize)| {
-        let (centre, radius) = scene.part_ball(number);
+    let warning = |(object, number): (&MovingObject, usize)| {
+        let (centre, radius) = scene.object_ball(number);
         let reaches = |pose: &usize| {
-            let world_from_part = part.at(trajectory.seconds(*pose)).pose;
+            let world_from_object = object.at(trajectory.seconds(*pose)).pose;
             let Se3 { rotation, translation } = trajectory.world_from_camera[*pose];
-            let world = world_from_part.rotation * centre + world_from_part.translation;
+            let world = world_from_object.rotation * centre + world_from_object.translation;
             reaches_near(rotation.conjugate() * (world - translation), radius, near, field)
         };
         let count = (0..poses).into_par_iter().filter(reaches).count();
         (count > 0).then(|| {
-            let name = &part.record.name;
+            let name = &object.record.name;
             format!(
                 "object {name} reaches the near plane, {near:.2} units before the camera, at {count} of {poses} poses: \
                  what is nearer is not drawn"
             )
         })
     };
-    scene.motion.iter().flat_map(|motion| motion.parts.iter().zip(1..)).filter_map(warning).collect()
+    scene.motion.iter().flat_map(|motion| motion.objects.iter().zip(1..)).filter_map(warning).collect()
 }
 
 /// Returns true if a ball touches the rectangle of the near plane within these slopes ([`Camera::field`]).

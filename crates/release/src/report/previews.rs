@@ -61,19 +61,19 @@ impl<'a> PictureRequest<'a> {
     }
 
     /// The picture from a PNG file of the tree.
-    fn show_file(&self, path: &str, words: String) -> Option<ShownPicture> {
-        Some(ShownPicture { picture: tree_picture(path, self.places, self.width)?, words, wheel: false })
+    fn show_file(&self, path: &str, words: String) -> Option<Preview> {
+        Some(Preview { picture: tree_picture(path, self.places, self.width)?, words, wheel: false })
     }
 
     /// The picture from pixels.
-    pub(super) fn show_pixels(&self, image: &Image<[u8; 3]>, words: String) -> Option<ShownPicture> {
-        Some(ShownPicture { picture: EmbeddedPicture::from_image(image, self.width)?, words, wheel: false })
+    pub(super) fn show_pixels(&self, image: &Image<[u8; 3]>, words: String) -> Option<Preview> {
+        Some(Preview { picture: EmbeddedPicture::from_image(image, self.width)?, words, wheel: false })
     }
 }
 
 /// A picture and what it shows.
 #[derive(Debug)]
-pub(crate) struct ShownPicture {
+pub(crate) struct Preview {
     pub(super) picture: EmbeddedPicture,
     pub(super) words: String,
     /// True if the caption starts with the wheel of directions.
@@ -104,26 +104,57 @@ fn read_file(path: &str, places: StoredPlaces<'_>) -> Option<Vec<u8>> {
 }
 
 /// The sharp frame nearest to the middle.
-pub(crate) fn sharp_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+<<<<<<< HEAD:crates/release/src/report/seen.rs
+pub(crate) fn sharp_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let (number, path) = middle_frame(&of.track)?;
     of.show_file(path, format!("sharp frame at pose {number}, {}", of.moment_words(number)))
 }
 
 /// The blurred frame whose exposure is nearest to that frame in time.
-pub(crate) fn blurred_picture(of: PictureRequest<'_>) -> Option<ShownPicture> {
+pub(crate) fn blurred_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let exposures = published::exposures(of.track.part, &of.track.published.motion);
     let moment = moment_us(&of.track);
+=======
+pub(crate) fn sharp_picture(
+    _: &ReleaseProduct,
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<Preview> {
+    let (number, path) = middle_frame(&track)?;
+    let words = format!("sharp frame at pose {number}, {:.1} ms", moment_us(&track) as f64 * 1e-3);
+    Some(Preview { picture: tree_picture(path, places, width)?, words, wheel: false })
+}
+
+/// The blurred frame whose exposure is nearest to that frame in time.
+pub(crate) fn blurred_picture(
+    product: &ReleaseProduct,
+    track: ReportTrajectory<'_>,
+    places: StoredPlaces<'_>,
+    width: u32,
+) -> Option<Preview> {
+    let exposures = published::exposures(track.part, &track.published.motion);
+    let moment = moment_us(&track);
+>>>>>>> names:crates/release/src/report/previews.rs
     // Twice the distance from the exposure's centre, which is a whole number.
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
     let (_, path) = of.track.numbered(of.product).find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
+<<<<<<< HEAD:crates/release/src/report/seen.rs
     of.show_file(path, format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"))
+=======
+    Some(Preview {
+        picture: tree_picture(path, places, width)?,
+        words: format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"),
+        wheel: false,
+    })
+>>>>>>> names:crates/release/src/report/previews.rs
 }
 
 /// A stream of events of a trajectory.
 #[derive(Debug)]
-pub(super) struct ShownStream<'a> {
+pub(super) struct PreviewStream<'a> {
     /// Name of the sensor, if there are several.
     pub(super) name: Option<&'a str>,
     file: PathBuf,
@@ -131,7 +162,7 @@ pub(super) struct ShownStream<'a> {
     index: Vec<u64>,
 }
 
-impl ShownStream<'_> {
+impl PreviewStream<'_> {
     /// Number of events in a range of milliseconds.
     fn count(&self, ms: &Range<usize>) -> u64 {
         let before = |k: usize| self.index.get(k).or(self.index.last()).copied().unwrap_or(0);
@@ -150,15 +181,15 @@ impl ShownStream<'_> {
 }
 
 /// The streams of a trajectory whose files can be read.
-pub(super) fn shown_streams<'a>(
+pub(super) fn preview_streams<'a>(
     track: ReportTrajectory<'a>,
     places: StoredPlaces<'_>,
-) -> Vec<ShownStream<'a>> {
+) -> Vec<PreviewStream<'a>> {
     let names = published::stream_names(track.part).into_iter();
     let stream = |name: Option<&'a str>| {
         let file = places(&track.path_of(&event_file(name)))?;
         let index = h5::Reader::open(&file).ok()?.index().ok()?;
-        Some(ShownStream { name, file, index })
+        Some(PreviewStream { name, file, index })
     };
     names.filter_map(stream).collect()
 }
@@ -166,7 +197,7 @@ pub(super) fn shown_streams<'a>(
 /// The milliseconds around the shown moment that all event pictures of a trajectory show.
 pub(super) fn shared_window(
     track: &ReportTrajectory<'_>,
-    streams: &[ShownStream<'_>],
+    streams: &[PreviewStream<'_>],
 ) -> Option<Range<usize>> {
     let middle = usize::try_from(moment_us(track) / 1000).ok()?;
     busy_window(streams, middle, sensor_size(track).pixels() as u64 / DENSITY)
@@ -195,10 +226,10 @@ fn millisecond_rates(counts: &[f64], whole_ms: f64) -> (Vec<f64>, Vec<f64>) {
 /// A picture of the events of a stream in a range of milliseconds.
 pub(super) fn events_picture(
     track: ReportTrajectory<'_>,
-    stream: &ShownStream<'_>,
+    stream: &PreviewStream<'_>,
     window: &Range<usize>,
     width: u32,
-) -> Option<ShownPicture> {
+) -> Option<Preview> {
     let mut reader = h5::Reader::open(&stream.file).ok()?;
     let us = |ms: usize| i64::try_from(ms).ok()?.checked_mul(1000);
     let window_us = us(window.start)?..us(window.end)?;
@@ -220,7 +251,7 @@ pub(super) fn events_picture(
         "{of}{count} events from {} to {} ms: red is brighter, blue darker",
         window.start, window.end
     );
-    Some(ShownPicture { picture, words, wheel: false })
+    Some(Preview { picture, words, wheel: false })
 }
 
 /// Number of pixels for each event that a picture should have.
@@ -230,7 +261,7 @@ const MAX_WINDOW_MS: usize = 40;
 
 /// The milliseconds around `middle` that hold about `wanted` events of each stream, in the mean;
 /// `None` if no stream has a millisecond.
-fn busy_window(streams: &[ShownStream<'_>], middle: usize, wanted: u64) -> Option<Range<usize>> {
+fn busy_window(streams: &[PreviewStream<'_>], middle: usize, wanted: u64) -> Option<Range<usize>> {
     // The last entry of an index is the end of the last millisecond.
     let last = streams.iter().filter_map(|stream| stream.index.len().checked_sub(2)).max()?;
     let wanted = wanted.saturating_mul(streams.len() as u64);
@@ -247,8 +278,8 @@ fn busy_window(streams: &[ShownStream<'_>], middle: usize, wanted: u64) -> Optio
 mod tests {
     use super::*;
 
-    fn stream(index: &[u64]) -> ShownStream<'static> {
-        ShownStream { name: None, file: PathBuf::new(), index: index.to_vec() }
+    fn stream(index: &[u64]) -> PreviewStream<'static> {
+        PreviewStream { name: None, file: PathBuf::new(), index: index.to_vec() }
     }
 
     #[test]

@@ -12,15 +12,15 @@ use gs2e_scene::dynamic::Rated;
 impl<S: LaneValue> ProjectedBlock<S> {
     /// The means again and the covariances, with their rates.
     #[inline(never)]
-    pub(super) fn outline_moving(
+    pub(super) fn outline_changing(
         &mut self,
         eye: &ViewTransform,
         style: RenderStyle,
         block: &GaussianBlock,
         motion: &BlockMotion,
     ) {
-        self.locate_moving(eye, block, motion);
-        let moving = Moving { motion, drawn: self.drawn };
+        self.locate_changing(eye, block, motion);
+        let moving = ChangingGaussians { motion, drawn: self.drawn };
         if style.antialiased {
             self.shape::<_, true>(eye, style.rules, block, moving);
         } else {
@@ -31,22 +31,22 @@ impl<S: LaneValue> ProjectedBlock<S> {
 
     /// The harmonics in the directions of the drawn lanes, with the rates of the directions.
     #[inline(never)]
-    pub(super) fn face_moving(
+    pub(super) fn face_changing(
         &mut self,
         eye: &ViewTransform,
         motion: &BlockMotion,
         degree: u8,
         count: usize,
     ) {
-        self.face_to(eye, degree, count, Moving { motion, drawn: self.drawn });
+        self.face_to(eye, degree, count, ChangingGaussians { motion, drawn: self.drawn });
     }
 
     /// The means again, with the rates of Gaussians that move.
-    fn locate_moving(&mut self, eye: &ViewTransform, block: &GaussianBlock, motion: &BlockMotion) {
+    fn locate_changing(&mut self, eye: &ViewTransform, block: &GaussianBlock, motion: &BlockMotion) {
         let ([x, y, z], [u, v, w]) = (&block.positions, &motion.velocity);
         for i in 0..LANES {
             let point = eye.camera_from_world * eye.ray([x[i], y[i], z[i]]);
-            let sight = eye.sight_moving::<S>(point, [u[i], v[i], w[i]]);
+            let sight = eye.sight_changing::<S>(point, [u[i], v[i], w[i]]);
             sight.depth.put(&mut self.depth, i);
             for k in 0..2 {
                 sight.mean[k].put(&mut self.mean[k], i);
@@ -82,26 +82,26 @@ impl<S: LaneValue> ProjectedBlock<S> {
 
 /// The Gaussians of a block that change.
 #[derive(Debug, Clone, Copy)]
-struct Moving<'a> {
+struct ChangingGaussians<'a> {
     motion: &'a BlockMotion,
     /// The lanes that are drawn.
     drawn: [u8; LANES],
 }
 
-impl LaneMotion for Moving<'_> {
+impl LaneMotion for ChangingGaussians<'_> {
     fn turned<S: LaneValue>(self, eye: &ViewTransform, axes: [[f32; 3]; 3], i: usize) -> [[S; 3]; 3] {
         let rates = &self.motion.axes;
         let rate = |k: usize| [rates[k][0][i], rates[k][1][i], rates[k][2][i]];
         [
-            eye.turned_moving(axes[0], rate(0)),
-            eye.turned_moving(axes[1], rate(1)),
-            eye.turned_moving(axes[2], rate(2)),
+            eye.turned_changing(axes[0], rate(0)),
+            eye.turned_changing(axes[1], rate(1)),
+            eye.turned_changing(axes[2], rate(2)),
         ]
     }
 
     fn direction<S: LaneValue>(self, eye: &ViewTransform, point: [f32; 3], k: usize) -> [S; 3] {
         // Places beyond the last drawn lane have that of an earlier block; nothing reads their values.
         let (velocity, i) = (&self.motion.velocity, usize::from(self.drawn[k]));
-        eye.direction_moving(point, [velocity[0][i], velocity[1][i], velocity[2][i]])
+        eye.direction_changing(point, [velocity[0][i], velocity[1][i], velocity[2][i]])
     }
 }

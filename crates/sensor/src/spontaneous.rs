@@ -1,7 +1,7 @@
 //! Events of hot pixels and of the noise floor, merged into the stream of a law that does not model
 //! them.
 //!
-//! The processes do not interact: an own event does not change the pixel's voltage.
+//! The processes do not interact: a spontaneous event does not change the pixel's voltage.
 
 use super::SimulationAccount;
 use super::chain::{EventFilter, PixelArray};
@@ -22,18 +22,18 @@ const CHUNK: usize = 4096;
 
 /// Merges the events that pixels make by themselves into those of a law.
 #[derive(Debug)]
-pub(super) struct OwnEvents {
-    own: OwnEventQueue,
+pub(super) struct SpontaneousEvents {
+    queue: SpontaneousQueue,
     floor: Option<FloorPixels>,
 }
 
-impl OwnEvents {
+impl SpontaneousEvents {
     /// Hot pixels, if there are any.
     pub(super) fn of_hot(hot: &HotPixelNoise, array: PixelArray) -> Option<Self> {
         (!hot.is_absent()).then(|| {
-            let mut own = OwnEventQueue::new(*hot, array);
-            own.start_hot();
-            Self { own, floor: None }
+            let mut queue = SpontaneousQueue::new(*hot, array);
+            queue.start_hot();
+            Self { queue, floor: None }
         })
     }
 
@@ -41,31 +41,31 @@ impl OwnEvents {
     pub(super) fn of_floor(floor: &NoiseFloor, white_lux: f64, array: PixelArray) -> Option<Self> {
         (!floor.is_absent()).then(|| {
             let floor = Some(FloorPixels::new(FloorTable::new(floor, white_lux), array));
-            Self { own: OwnEventQueue::new(HotPixelNoise::default(), array), floor }
+            Self { queue: SpontaneousQueue::new(HotPixelNoise::default(), array), floor }
         })
     }
 }
 
-impl EventFilter for OwnEvents {
+impl EventFilter for SpontaneousEvents {
     fn see(&mut self, frame: &DenseFrame) {
-        self.own.last = frame.t;
-        // The law passes on its events of this interval next, and all own events before them must be
+        self.queue.last = frame.t;
+        // The law passes on its events of this interval next, and all spontaneous events before them must be
         // known by then.
         if let Some(floor) = &mut self.floor {
-            floor.advance(frame, &mut self.own.waiting);
+            floor.advance(frame, &mut self.queue.waiting);
         }
     }
 
     fn take(&mut self, events: &[Event], sink: &mut dyn EventSink) -> io::Result<()> {
-        self.own.out.clear();
+        self.queue.out.clear();
         for event in events {
             let until = event.file_order();
-            // Up to and including the place of the law's event: where both are equal, the own event
+            // Up to and including the place of the law's event: where both are equal, the spontaneous event
             // is first.
-            self.own.take_until(|own| own.file_order() <= until);
-            self.own.take(*event, false);
+            self.queue.take_until(|next| next.file_order() <= until);
+            self.queue.take(*event, false);
         }
-        sink.append(&self.own.out)
+        sink.append(&self.queue.out)
     }
 
     fn finish(
@@ -73,9 +73,9 @@ impl EventFilter for OwnEvents {
         account: SimulationAccount,
         sink: &mut dyn EventSink,
     ) -> io::Result<SimulationAccount> {
-        // Own events may follow the last event of the law, so they are not all merged by now.
-        self.own.append_rest(sink)?;
-        let OwnEventQueue { on, off, pairs, fired, .. } = &self.own;
+        // Spontaneous events may follow the last event of the law, so they are not all merged by now.
+        self.queue.append_rest(sink)?;
+        let SpontaneousQueue { on, off, pairs, fired, .. } = &self.queue;
         let alone =
             fired.iter().filter(|fired| **fired == FiredCause { by_law: false, by_itself: true }).count();
         Ok(SimulationAccount {
@@ -96,7 +96,7 @@ struct FloorPixels {
     array: PixelArray,
     trains: Vec<PoissonTrain>,
     /// Brightness at the latest frame; empty before the first.
-    seen: Vec<f32>,
+    latest: Vec<f32>,
     /// Stamp of that frame.
     t: Timestamp,
 }
@@ -105,22 +105,23 @@ impl FloorPixels {
     fn new(table: FloorTable, array: PixelArray) -> Self {
         let train = |pixel| PoissonTrain::new(array.site(pixel), DrawSpace::Shot);
         let trains = (0..array.size.pixels()).into_par_iter().map(train).collect();
-        Self { table, array, trains, seen: Vec::new(), t: Timestamp(0) }
+        Self { table, array, trains, latest: Vec::new(), t: Timestamp(0) }
     }
 
     /// Adds the events since the previous frame.
-    fn advance(&mut self, frame: &DenseFrame, waiting: &mut BinaryHeap<Reverse<NextOwnEvent>>) {
+    fn advance(&mut self, frame: &DenseFrame, waiting: &mut BinaryHeap<Reverse<NextSpontaneous>>) {
         let now = frame.luminance.pixels();
-        let Self { table, array, trains, seen, t } = self;
+        let Self { table, array, trains, latest, t } = self;
         let length = (frame.t.0 - t.0) as f64;
         // A frame of another size, or one that is not later, is refused by the law.
-        if seen.len() == now.len() && length > 0.0 {
-            let chunks = trains.par_chunks_mut(CHUNK).zip(seen.par_chunks(CHUNK)).zip(now.par_chunks(CHUNK));
-            let made: Vec<Vec<NextOwnEvent>> = chunks
+        if latest.len() == now.len() && length > 0.0 {
+            let chunks =
+                trains.par_chunks_mut(CHUNK).zip(latest.par_chunks(CHUNK)).zip(now.par_chunks(CHUNK));
+            let made: Vec<Vec<NextSpontaneous>> = chunks
                 .enumerate()
-                .map(|(i, ((trains, seen), now))| {
+                .map(|(i, ((trains, latest), now))| {
                     let mut made = Vec::new();
-                    let pixels = trains.iter_mut().zip(seen.iter().zip(now)).enumerate();
+                    let pixels = trains.iter_mut().zip(latest.iter().zip(now)).enumerate();
                     for (pixel, (train, (from, to))) in pixels {
                         let pixel = i * CHUNK + pixel;
                         let span = FloorSpan { array, pixel, greys: [*from, *to], start: t.0, length };
@@ -132,8 +133,8 @@ impl FloorPixels {
             // Their order does not matter to a heap.
             waiting.extend(made.into_iter().flatten().map(Reverse));
         }
-        seen.clear();
-        seen.extend_from_slice(now);
+        latest.clear();
+        latest.extend_from_slice(now);
         *t = frame.t;
     }
 }
@@ -151,7 +152,7 @@ struct FloorSpan<'a> {
 
 impl FloorSpan<'_> {
     #[inline]
-    fn cross(&self, table: &FloorTable, train: &mut PoissonTrain, made: &mut Vec<NextOwnEvent>) {
+    fn cross(&self, table: &FloorTable, train: &mut PoissonTrain, made: &mut Vec<NextSpontaneous>) {
         let ends = self.greys.map(|grey| table.at(grey).iter().sum());
         let rates = LinearRate { ends, length: self.length };
         let mut start = 0.0;
@@ -168,7 +169,7 @@ impl FloorSpan<'_> {
             #[expect(clippy::cast_possible_truncation, reason = "times between frames are below 2^56 ns")]
             let ns = self.start + (t as i64).max(1);
             let event = Event { t: Timestamp(ns), x, y, polarity, label: self.array.noise_label() };
-            made.push(NextOwnEvent { event, again: None });
+            made.push(NextSpontaneous { event, hot: None });
             start = t;
         }
     }
@@ -181,12 +182,12 @@ struct FiredCause {
     by_itself: bool,
 }
 
-/// An own event that is due, ordered as in files.
+/// A spontaneous event that is due, ordered as in files.
 #[derive(Debug)]
-struct NextOwnEvent {
+struct NextSpontaneous {
     event: Event,
     /// The process that goes on after it, if it is that of a hot pixel.
-    again: Option<HotTrain>,
+    hot: Option<HotTrain>,
 }
 
 /// The process of a hot pixel at one of its events.
@@ -198,21 +199,21 @@ struct HotTrain {
     train: PoissonTrain,
 }
 
-impl PartialEq for NextOwnEvent {
+impl PartialEq for NextSpontaneous {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for NextOwnEvent {}
+impl Eq for NextSpontaneous {}
 
-impl PartialOrd for NextOwnEvent {
+impl PartialOrd for NextSpontaneous {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for NextOwnEvent {
+impl Ord for NextSpontaneous {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         let key = |next: &Self| (next.event.file_order(), next.event.t);
         key(self).cmp(&key(other))
@@ -224,15 +225,15 @@ impl Ord for NextOwnEvent {
 struct CoincidentEvents {
     place: Option<(i64, u16, u16)>,
     all: u64,
-    own: u64,
+    spontaneous: u64,
 }
 
-/// The own events that are known and not passed on yet.
+/// The spontaneous events that are known and not passed on yet.
 #[derive(Debug)]
-struct OwnEventQueue {
+struct SpontaneousQueue {
     hot: HotPixelNoise,
     array: PixelArray,
-    waiting: BinaryHeap<Reverse<NextOwnEvent>>,
+    waiting: BinaryHeap<Reverse<NextSpontaneous>>,
     fired: Vec<FiredCause>,
     /// Stamp of the last frame.
     last: Timestamp,
@@ -241,12 +242,12 @@ struct OwnEventQueue {
     /// Number of OFF events that were passed on.
     off: u64,
     together: CoincidentEvents,
-    /// Number of pairs in one pixel and microsecond with at least one own event.
+    /// Number of pairs in one pixel and microsecond with at least one spontaneous event.
     pairs: u64,
     out: Vec<Event>,
 }
 
-impl OwnEventQueue {
+impl SpontaneousQueue {
     fn new(hot: HotPixelNoise, array: PixelArray) -> Self {
         Self {
             hot,
@@ -280,16 +281,16 @@ impl OwnEventQueue {
         )]
         let t = Timestamp(at as i64);
         let event = Event { t, x, y, polarity: Polarity::On, label: self.array.noise_label() };
-        self.waiting.push(Reverse(NextOwnEvent { event, again: Some(HotTrain { at, ..hot }) }));
+        self.waiting.push(Reverse(NextSpontaneous { event, hot: Some(HotTrain { at, ..hot }) }));
     }
 
-    /// Adds own events to the output, in file order, as long as `holds` is true.
+    /// Adds spontaneous events to the output, in file order, as long as `holds` is true.
     fn take_until(&mut self, holds: impl Fn(&Event) -> bool) {
         while let Some(Reverse(next)) = self.waiting.peek() {
             if !holds(&next.event) {
                 break;
             }
-            let Some(Reverse(NextOwnEvent { event, again })) = self.waiting.pop() else {
+            let Some(Reverse(NextSpontaneous { event, hot })) = self.waiting.pop() else {
                 break;
             };
             self.take(event, true);
@@ -297,35 +298,35 @@ impl OwnEventQueue {
                 Polarity::On => self.on += 1,
                 Polarity::Off => self.off += 1,
             }
-            if let Some(mut hot) = again {
+            if let Some(mut hot) = hot {
                 hot.train.wait(hot.site, DrawSpace::Hot);
                 self.wait([event.x, event.y], hot);
             }
         }
     }
 
-    fn take(&mut self, event: Event, own: bool) {
+    fn take(&mut self, event: Event, is_spontaneous: bool) {
         let place = Some((event.t.floor_micros(), event.y, event.x));
         if self.together.place != place {
             self.together = CoincidentEvents { place, ..CoincidentEvents::default() };
         }
-        // An own event pairs with all events of its microsecond, an event of the law only with own
-        // ones, because the law counts the pairs of its own events.
-        self.pairs += if own { self.together.all } else { self.together.own };
+        // A spontaneous event pairs with all events of its microsecond, an event of the law only with
+        // spontaneous ones, because the law counts the pairs of its own events.
+        self.pairs += if is_spontaneous { self.together.all } else { self.together.spontaneous };
         self.together.all += 1;
-        self.together.own += u64::from(own);
+        self.together.spontaneous += u64::from(is_spontaneous);
         let fired = &mut self.fired[self.array.pixel(&event)];
-        fired.by_itself |= own;
-        fired.by_law |= !own;
+        fired.by_itself |= is_spontaneous;
+        fired.by_law |= !is_spontaneous;
         self.out.push(event);
     }
 
-    /// Passes on the remaining own events up to the last stamp.
+    /// Passes on the remaining spontaneous events up to the last stamp.
     fn append_rest(&mut self, sink: &mut dyn EventSink) -> io::Result<()> {
         // The process of a hot pixel has no end, so the last stamp cuts it off.
         let last = self.last;
         self.out.clear();
-        self.take_until(|own| own.t <= last);
+        self.take_until(|next| next.t <= last);
         sink.append(&self.out)
     }
 }
@@ -399,20 +400,20 @@ mod tests {
         assert!(merged.is_sorted_by_key(Event::file_order));
         assert!(with.events > without.events && with.events == merged.len() as u64);
         assert_eq!((with.off, with.drift_violations), (without.off, 0));
-        // All events of the law are present: without them, the merged stream is the own events.
+        // All events of the law are present: without them, the merged stream is the spontaneous events.
         let key = |e: &Event| (e.file_order(), e.t);
-        let mut own = merged.clone();
-        own.sort_by_key(key);
+        let mut spontaneous = merged.clone();
+        spontaneous.sort_by_key(key);
         for event in &alone {
-            let at = own.binary_search_by_key(&key(event), key).expect("it is there");
-            own.remove(at);
+            let at = spontaneous.binary_search_by_key(&key(event), key).expect("it is there");
+            spontaneous.remove(at);
         }
-        assert_eq!(own.len() as u64, with.events - without.events);
-        assert!(own.iter().all(|e| e.polarity == Polarity::On));
-        // The same own events happen in constant light.
+        assert_eq!(spontaneous.len() as u64, with.events - without.events);
+        assert!(spontaneous.iter().all(|e| e.polarity == Polarity::On));
+        // The same spontaneous events happen in constant light.
         let (mut dark, _) = run(&quiet(hot), |_, _| 90.0);
         dark.sort_by_key(key);
-        assert_eq!(own, dark);
+        assert_eq!(spontaneous, dark);
     }
 
     #[test]

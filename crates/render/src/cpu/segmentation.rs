@@ -1,8 +1,8 @@
-//! The moving part that each pixel shows, and the velocity: a blend of the frame's splats once more, with
-//! their parts or their velocities as features.
+//! The moving object that each pixel shows, and the velocity: a blend of the frame's splats once more, with
+//! their objects or their velocities as features.
 //!
-//! The weight of a part at a pixel is the sum of the blended weights of its Gaussians. What is still, and
-//! what is behind, has the rest of 1. The largest weight decides; of equal ones, the part with the lower
+//! The weight of an object at a pixel is the sum of the blended weights of its Gaussians. What is still, and
+//! what is behind, has the rest of 1. The largest weight decides; of equal ones, the object with the lower
 //! number.
 
 use super::bin::{OrderedSplats, TileGrid, TileLists};
@@ -16,7 +16,7 @@ use fearless_simd::Level;
 use glam::{DMat3, DVec3};
 use gs2e_image::Image;
 use gs2e_scene::Gaussians;
-use gs2e_scene::camera::flow::{flow_of_parts, with_drift};
+use gs2e_scene::camera::flow::{flow_of_objects, with_drift};
 use gs2e_scene::camera::view::CameraView;
 use gs2e_scene::dynamic::SceneAt;
 
@@ -28,11 +28,11 @@ pub(super) struct BlendBuffers<'a> {
     pub(super) tiles: &'a mut Vec<f32>,
 }
 
-/// The frame whose parts or velocities are found.
+/// The frame whose objects or velocities are found.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct SegmentPass<'a> {
+pub(super) struct SegmentationPass<'a> {
     pub(super) scene: &'a Gaussians,
-    /// The view, from what is still and from each part.
+    /// The view, from what is still and from each object.
     pub(super) views: &'a [CameraView],
     /// The moment of a scene that changes with time.
     pub(super) moment: Option<SceneAt<'a>>,
@@ -47,8 +47,8 @@ pub(super) struct SegmentPass<'a> {
     pub(super) level: Level,
 }
 
-impl SegmentPass<'_> {
-    /// Adds the parts, velocities and flow of a frame to its images, and removes what was made for flow
+impl SegmentationPass<'_> {
+    /// Adds the objects, velocities and flow of a frame to its images, and removes what was made for flow
     /// alone.
     pub(super) fn add_motion(
         self,
@@ -57,7 +57,8 @@ impl SegmentPass<'_> {
         out: &mut RenderedImages,
     ) {
         let CameraView { camera, world_from_camera, .. } = &self.views[0];
-        out.segments = (want.segments || want.flow && self.views.len() > 1).then(|| self.parts(&mut buffers));
+        out.segmentation =
+            (want.segmentation || want.flow && self.views.len() > 1).then(|| self.objects(&mut buffers));
         let camera_from_world = world_from_camera.rotation_matrix().transpose();
         out.drift = match self.moment.filter(|_| want.drift || want.flow) {
             Some(at) => Some(self.drift(camera_from_world, at, &mut buffers)),
@@ -65,22 +66,22 @@ impl SegmentPass<'_> {
         };
         let depth = out.depth.as_ref().filter(|_| want.flow);
         out.flow = depth.map(|depth| {
-            let flow = flow_of_parts(depth, out.segments.as_ref(), self.views);
+            let flow = flow_of_objects(depth, out.segmentation.as_ref(), self.views);
             with_drift(flow, depth, out.drift.as_ref(), camera)
         });
         // After the flow, which needs all three.
         out.depth.take_if(|_| !want.depth);
-        out.segments.take_if(|_| !want.segments);
+        out.segmentation.take_if(|_| !want.segmentation);
         out.drift.take_if(|_| !want.drift);
     }
 
-    /// The part of each pixel.
-    fn parts(self, buffers: &mut BlendBuffers<'_>) -> Image<u8> {
+    /// The object of each pixel.
+    fn objects(self, buffers: &mut BlendBuffers<'_>) -> Image<u8> {
         let size = self.grid.size;
-        let mut parts = Image::filled(size, 0_u8);
+        let mut objects = Image::filled(size, 0_u8);
         let mut most = vec![0.0_f32; size.pixels()];
         let mut all = vec![0.0_f32; size.pixels()];
-        let count = self.scene.part_count();
+        let count = self.scene.object_count();
         // A splat has few features, so the parts are blended in groups.
         for before in (0..count).step_by(MAX_FEATURES) {
             let features = MAX_FEATURES.min(count - before);
@@ -89,23 +90,23 @@ impl SegmentPass<'_> {
             for feature in 0..features {
                 let tiles = BlendedTiles { tiles: buffers.tiles, features, grid: self.grid };
                 let weights = feature_image(tiles, feature);
-                let part = u8::try_from(before + feature + 1).expect("a scene has at most 255 parts");
-                let pixels = parts.pixels_mut().iter_mut().zip(&mut most).zip(&mut all);
+                let object = u8::try_from(before + feature + 1).expect("a scene has at most 255 objects");
+                let pixels = objects.pixels_mut().iter_mut().zip(&mut most).zip(&mut all);
                 for (((found, most), all), &weight) in pixels.zip(weights.pixels()) {
                     *all += weight;
                     // Not `>=`: of equal weights the part with the lower number counts.
                     if weight > *most {
-                        (*most, *found) = (weight, part);
+                        (*most, *found) = (weight, object);
                     }
                 }
             }
         }
-        for ((found, most), all) in parts.pixels_mut().iter_mut().zip(&most).zip(&all) {
+        for ((found, most), all) in objects.pixels_mut().iter_mut().zip(&most).zip(&all) {
             if *most <= 1.0 - *all {
                 *found = 0;
             }
         }
-        parts
+        objects
     }
 
     /// The velocity that each pixel shows, camera axes.
@@ -117,19 +118,19 @@ impl SegmentPass<'_> {
     ) -> Image<[f32; 3]> {
         self.each(buffers.splats, |splat, number| {
             let velocity = at.splat(number).velocity();
-            let seen = camera_from_world * DVec3::from_array(velocity);
-            splat.features[..3].copy_from_slice(&seen.as_vec3().to_array());
+            let in_camera = camera_from_world * DVec3::from_array(velocity);
+            splat.features[..3].copy_from_slice(&in_camera.as_vec3().to_array());
         });
         self.blend(3, buffers);
         mean_vectors(BlendedTiles { tiles: buffers.tiles, features: 3, grid: self.grid })
     }
 
-    /// Gives each splat a feature of 1 for its part, if it is one of the next after `before`.
+    /// Gives each splat a feature of 1 for its object, if it is one of the next after `before`.
     fn mark(self, before: usize, splats: &mut [Splat]) {
         self.each(splats, |splat, number| {
-            let part = self.scene.part_of(number);
+            let object = self.scene.object_of(number);
             splat.features = [0.0; MAX_FEATURES];
-            let feature = part.checked_sub(before + 1).and_then(|k| splat.features.get_mut(k));
+            let feature = object.checked_sub(before + 1).and_then(|k| splat.features.get_mut(k));
             feature.into_iter().for_each(|feature| *feature = 1.0);
         });
     }

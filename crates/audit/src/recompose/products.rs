@@ -13,7 +13,7 @@ use gs2e_release::calibration;
 use gs2e_release::published::PublishedScene;
 use gs2e_release::scene::TrajectoryPart;
 use gs2e_scene::camera::stereo::Rectification;
-use gs2e_scene::motion::{MovingPart, PartMotion, PartRecord, SceneMotion, place_lines, write_places};
+use gs2e_scene::motion::{MovingObject, ObjectMotion, ObjectRecord, SceneMotion, place_lines, write_places};
 use gs2e_scene::objects::{ObjectSettings, ObjectSource};
 use gs2e_trajectory::imu::files::{
     SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD, read_gravity, sensor_text, write_sample, write_state,
@@ -44,15 +44,15 @@ pub(super) fn faults(
     motion: &TrajectoryProduct,
 ) -> Vec<AuditFault> {
     let read = ReadTrajectory { tree, scene, part, motion };
-    let (imu, masks) = (OutputKind::Imu.name(), OutputKind::Segmentation.name());
+    let (imu, segmentation) = (OutputKind::Imu.name(), OutputKind::Segmentation.name());
     let mut faults = Vec::new();
     if let Some(model) = &scene.recipe.imu
         && [SAMPLES, STATES, SENSOR].iter().all(|name| tree.has(&read.path(imu, name)))
     {
         faults.extend(read.inertial(model));
     }
-    if tree.has(&read.path(masks, OBJECT_PLACES)) {
-        faults.extend(read.places(&read.path(masks, OBJECT_PLACES)));
+    if tree.has(&read.path(segmentation, OBJECT_PLACES)) {
+        faults.extend(read.places(&read.path(segmentation, OBJECT_PLACES)));
     }
     faults.extend(read.disparity());
     faults
@@ -198,10 +198,10 @@ impl ReadTrajectory<'_> {
     }
 }
 
-/// An object as a moving part, about the origin if its recipe does not state its pivot.
-fn record(object: &ObjectSettings) -> PartRecord {
+/// An object as it is stored, about the origin if its recipe does not state its pivot.
+fn record(object: &ObjectSettings) -> ObjectRecord {
     let rest = object.rest();
-    PartRecord {
+    ObjectRecord {
         name: object.name.clone(),
         first: 0,
         shift: DVec3::ZERO,
@@ -229,7 +229,7 @@ fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> R
             return Err(format!("line {number} has another stamp or object"));
         };
         let place = DVec3::from_slice(&line.values[..3]);
-        fits[k].see(&about_origin.parts[k], stamp as f64 * 1e-6, place);
+        fits[k].see(&about_origin.objects[k], stamp as f64 * 1e-6, place);
     }
     if all.next().is_some() {
         return Err("it ends before the last pose".to_owned());
@@ -241,7 +241,7 @@ fn compare_places(bytes: &[u8], objects: &[ObjectSettings], stamps: &[i64]) -> R
     });
     let motion = prepare(pivots.collect())?;
     for ((number, line), (stamp, k)) in (2..).zip(place_lines(bytes)?).zip(expected()) {
-        if !is_place(&line?.values, &motion.parts[k], stamp as f64 * 1e-6) {
+        if !is_place(&line?.values, &motion.objects[k], stamp as f64 * 1e-6) {
             return Err(format!("line {number} has another place or motion of {}", objects[k].name));
         }
     }
@@ -255,8 +255,8 @@ const FITTED: f64 = 1e-6;
 /// nothing turns.
 const RIDGE: f64 = 1e-12;
 
-/// The places of a part as a system of linear equations for its pivot: `(I - R) pivot = place - place about
-/// the origin`.
+/// The places of an object as a system of linear equations for its pivot: `(I - R) pivot = place - place
+/// about the origin`.
 #[derive(Debug, Clone, Copy)]
 struct PivotFit {
     normal: DMat3,
@@ -267,9 +267,9 @@ struct PivotFit {
 impl PivotFit {
     const NONE: Self = Self { normal: DMat3::ZERO, right: DVec3::ZERO, weight: 0.0 };
 
-    fn see(&mut self, part: &MovingPart, seconds: f64, place: DVec3) {
-        let found = part.at(seconds);
-        let turn = DMat3::from_quat(found.pose.rotation * part.record.rotation.conjugate());
+    fn see(&mut self, object: &MovingObject, seconds: f64, place: DVec3) {
+        let found = object.at(seconds);
+        let turn = DMat3::from_quat(found.pose.rotation * object.record.rotation.conjugate());
         let rows = DMat3::IDENTITY - turn;
         self.normal += rows.transpose() * rows;
         self.right += rows.transpose() * (place - found.pose.translation);
@@ -283,12 +283,12 @@ impl PivotFit {
     }
 }
 
-/// Returns true if the values of a line are place, rotation and motion of a part at this time.
-fn is_place(values: &[f64], part: &MovingPart, seconds: f64) -> bool {
-    let PartMotion { pose, velocity, angular } = part.at(seconds);
+/// Returns true if the values of a line are place, rotation and motion of an object at this time.
+fn is_place(values: &[f64], object: &MovingObject, seconds: f64) -> bool {
+    let ObjectMotion { pose, velocity, angular } = object.at(seconds);
     let [place, moving, turning] = [0, 7, 10].map(|first| DVec3::from_slice(&values[first..first + 3]));
     let rotation = DQuat::from_slice(&values[3..7]);
-    let reach = 1.0 + pose.translation.length() + part.record.pivot.length();
+    let reach = 1.0 + pose.translation.length() + object.record.pivot.length();
     let is_near = |a: DVec3, b: DVec3, scale: f64| (a - b).length() <= FITTED * scale;
     is_near(place, pose.translation, reach)
         && is_near(moving, velocity, 1.0 + velocity.length() + angular.length() * reach)

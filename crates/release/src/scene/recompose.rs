@@ -25,7 +25,7 @@ use serde_json::Value;
 /// file of the tree has them: photos, a capture's own camera, the facts about the Gaussians, the
 /// rate and error that a tolerance led to, and counts of the simulation that the events do not
 /// show.
-pub fn again(scene: &PublishedScene) -> SceneRecord {
+pub fn recompose(scene: &PublishedScene) -> SceneRecord {
     let (recipe, found) = (&scene.recipe, &scene.file);
     let compact = serde_json::to_vec(&recipe.meta.merged).expect("a JSON value is writable");
     let reports = scene.trajectories.iter().map(|trajectory| &trajectory.motion.report);

@@ -1,7 +1,7 @@
-//! Materials, parts and basic shapes of the still life's objects.
+//! Materials, primitives and basic shapes of the still life's items.
 
 use super::light::SphereOccluder;
-use super::shape::{PartShape, Path, Sheet, SurfelCover, SurfelSpot};
+use super::shape::{Path, PrimitiveShape, Sheet, SurfelCover, SurfelSpot};
 use glam::DVec3;
 use gs2e_image::srgb;
 use std::fmt;
@@ -29,37 +29,37 @@ impl SurfaceFinish {
     }
 }
 
-/// The appearance of a part at each of its spots.
+/// The appearance of a primitive at each of its spots.
 pub(super) type Look = Box<dyn Fn(&SurfelSpot) -> SurfaceFinish>;
 
-/// One surface, strand or cloud of an object.
-pub(super) struct ObjectPart {
-    pub(super) object: &'static str,
-    pub(super) shape: PartShape,
+/// One surface, strand or cloud of an item.
+pub(super) struct ScenePrimitive {
+    pub(super) item: &'static str,
+    pub(super) shape: PrimitiveShape,
     pub(super) look: Look,
-    /// Surfel density relative to the other parts.
+    /// Surfel density relative to the other primitives.
     pub(super) detail: f64,
     /// True if its back is visible too; the back is then lit like the front.
     pub(super) thin: bool,
 }
 
-impl fmt::Debug for ObjectPart {
+impl fmt::Debug for ScenePrimitive {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:?} of {}", self.shape, self.object)
+        write!(f, "{:?} of {}", self.shape, self.item)
     }
 }
 
-impl ObjectPart {
-    pub(super) fn sheet(object: &'static str, sheet: Sheet, look: Look) -> Self {
-        Self::covered(object, sheet, SurfelCover::CLOSED, look)
+impl ScenePrimitive {
+    pub(super) fn sheet(item: &'static str, sheet: Sheet, look: Look) -> Self {
+        Self::covered(item, sheet, SurfelCover::CLOSED, look)
     }
 
-    pub(super) fn covered(object: &'static str, sheet: Sheet, how: SurfelCover, look: Look) -> Self {
-        Self { object, shape: PartShape::Sheet(sheet, how), look, detail: 1.0, thin: false }
+    pub(super) fn covered(item: &'static str, sheet: Sheet, how: SurfelCover, look: Look) -> Self {
+        Self { item, shape: PrimitiveShape::Sheet(sheet, how), look, detail: 1.0, thin: false }
     }
 
-    pub(super) fn strand(object: &'static str, path: Path, radius: f64, look: Look) -> Self {
-        Self { object, shape: PartShape::Strand(path, radius), look, detail: 1.0, thin: false }
+    pub(super) fn strand(item: &'static str, path: Path, radius: f64, look: Look) -> Self {
+        Self { item, shape: PrimitiveShape::Strand(path, radius), look, detail: 1.0, thin: false }
     }
 
     pub(super) fn detail(self, detail: f64) -> Self {
@@ -71,16 +71,16 @@ impl ObjectPart {
     }
 }
 
-/// The parts on the table, and the spheres that cast their shadows.
+/// The primitives on the table, and the spheres that cast their shadows.
 #[derive(Debug, Default)]
 pub(super) struct TableArrangement {
-    pub(super) parts: Vec<ObjectPart>,
+    pub(super) primitives: Vec<ScenePrimitive>,
     pub(super) occluders: Vec<SphereOccluder>,
 }
 
 impl TableArrangement {
-    pub(super) fn shadow(&mut self, object: &'static str, centre: DVec3, radius: f64) {
-        self.occluders.push(SphereOccluder { object, centre, radius });
+    pub(super) fn shadow(&mut self, item: &'static str, centre: DVec3, radius: f64) {
+        self.occluders.push(SphereOccluder { item, centre, radius });
     }
 }
 
