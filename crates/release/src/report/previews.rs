@@ -104,7 +104,6 @@ fn read_file(path: &str, places: StoredPlaces<'_>) -> Option<Vec<u8>> {
 }
 
 /// The sharp frame nearest to the middle.
-<<<<<<< HEAD:crates/release/src/report/seen.rs
 pub(crate) fn sharp_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let (number, path) = middle_frame(&of.track)?;
     of.show_file(path, format!("sharp frame at pose {number}, {}", of.moment_words(number)))
@@ -114,42 +113,12 @@ pub(crate) fn sharp_picture(of: PictureRequest<'_>) -> Option<Preview> {
 pub(crate) fn blurred_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let exposures = published::exposures(of.track.part, &of.track.published.motion);
     let moment = moment_us(&of.track);
-=======
-pub(crate) fn sharp_picture(
-    _: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<Preview> {
-    let (number, path) = middle_frame(&track)?;
-    let words = format!("sharp frame at pose {number}, {:.1} ms", moment_us(&track) as f64 * 1e-3);
-    Some(Preview { picture: tree_picture(path, places, width)?, words, wheel: false })
-}
-
-/// The blurred frame whose exposure is nearest to that frame in time.
-pub(crate) fn blurred_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<Preview> {
-    let exposures = published::exposures(track.part, &track.published.motion);
-    let moment = moment_us(&track);
->>>>>>> names:crates/release/src/report/previews.rs
     // Twice the distance from the exposure's centre, which is a whole number.
     let away = |[start, end]: &[i64; 2]| (start + end - 2 * moment).abs();
     let (pose, times) = exposures.iter().min_by_key(|(_, times)| away(times))?;
     let (_, path) = of.track.numbered(of.product).find(|(number, _)| number == pose)?;
     let [from, to] = times.map(|us| us as f64 * 1e-3);
-<<<<<<< HEAD:crates/release/src/report/seen.rs
     of.show_file(path, format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"))
-=======
-    Some(Preview {
-        picture: tree_picture(path, places, width)?,
-        words: format!("blurred frame at pose {pose}, exposed from {from:.1} to {to:.1} ms"),
-        wheel: false,
-    })
->>>>>>> names:crates/release/src/report/previews.rs
 }
 
 /// A stream of events of a trajectory.

@@ -1,15 +1,6 @@
 //! The segmentation by moving objects as a picture: a colour for each object.
 
-<<<<<<< HEAD:crates/release/src/report/masks.rs
 use super::previews::{PictureRequest, Preview};
-=======
-use super::embed::EmbeddedPicture;
-use super::maps::moment_words;
-use super::previews::{Preview, moment_us, sensor_size};
-use super::section::ReportTrajectory;
-use crate::products::ReleaseProduct;
-use crate::published::StoredPlaces;
->>>>>>> names:crates/release/src/report/segmentation.rs
 use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_image::{Image, png};
 use gs2e_scene::motion::read_places;
@@ -28,50 +19,20 @@ const COLOURS: [([u8; 3], &str); 6] = [
 /// Colour of what is still.
 const STILL: [u8; 3] = [40; 3];
 
-<<<<<<< HEAD:crates/release/src/report/masks.rs
 /// The mask nearest to the middle of the trajectory.
 pub(crate) fn segmentation_picture(of: PictureRequest<'_>) -> Option<Preview> {
     let (number, path) = of.nearest_file()?;
     let size = of.checked_size()?;
     let mask = png::read_sized(Cursor::new(of.read(path)?), size).ok()?;
     let objects = of.read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
-=======
-/// The segmentation nearest to the middle of the trajectory.
-pub(crate) fn segmentation_picture(
-    product: &ReleaseProduct,
-    track: ReportTrajectory<'_>,
-    places: StoredPlaces<'_>,
-    width: u32,
-) -> Option<Preview> {
-    let stamps = &track.published.motion.trajectory.stamps_us;
-    let moment = moment_us(&track);
-    let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
-    let segmentations =
-        track.numbered(product).filter_map(|(number, path)| Some((away(number)?, number, path)));
-    let (_, number, path) = segmentations.min()?;
-    let size = sensor_size(&track);
-    // The size comes from a file.
-    size.check_sensor().ok()?;
-    let read = |path: &str| files::read_with(&places(path)?, LinkRule::Refuse, files::MAX_DOCUMENT).ok();
-    let segmentation = png::read_sized(Cursor::new(read(path)?), size).ok()?;
-    let objects = read(&format!("{}/{OBJECT_PLACES}", path.rsplit_once('/')?.0))?;
->>>>>>> names:crates/release/src/report/segmentation.rs
     let names: BTreeMap<u8, String> =
         read_places(&objects).ok()?.into_iter().map(|line| (line.number, line.name)).collect();
     let colour = |[number, ..]: &[u8; 3]| {
         let index = number.checked_sub(1).map(usize::from);
         index.map_or(STILL, |index| COLOURS[index % COLOURS.len()].0)
     };
-<<<<<<< HEAD:crates/release/src/report/masks.rs
     let image = Image::from_vec(size, mask.pixels().iter().map(colour).collect());
     let shown = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
     let words = format!("objects at {}: {}", of.moment_words(number), shown.collect::<Vec<_>>().join(", "));
     of.show_pixels(&image, words)
-=======
-    let image = Image::from_vec(size, segmentation.pixels().iter().map(colour).collect());
-    let legend = names.iter().zip(COLOURS).map(|((_, name), (_, colour))| format!("{name} {colour}"));
-    let words =
-        format!("objects at {}: {}", moment_words(&track, number), legend.collect::<Vec<_>>().join(", "));
-    Some(Preview { picture: EmbeddedPicture::from_image(&image, width)?, words, wheel: false })
->>>>>>> names:crates/release/src/report/segmentation.rs
 }
