@@ -13,7 +13,7 @@ mod verdicts;
 pub use events::{EventStream, EventStreams, SimulationRecord};
 pub use pictures::{BlurredFrames, DisparityPictures, OBJECT_PLACES, PictureSet, SharpFrames};
 pub use scene::{HELD_OUT_PICTURE, SceneFiles, SolvedModel, TRAINING_FILE};
-pub(crate) use scene::{SCENE_PARTS, SCENE_TIME};
+pub(crate) use scene::{SCENE_OBJECTS, SCENE_TIME};
 pub use trajectory::{ImuRecording, TrajectoryProduct};
 pub use verdicts::VerdictsRecord;
 

@@ -176,7 +176,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
         let degree = degree.min(self.scene.sh_degree);
         // The device has the harmonics of the set degree only, so another one is a new upload.
         if degree != self.sh_degree {
-            (self.sh_degree, self.seen) = (degree, None);
+            (self.sh_degree, self.traced_view) = (degree, None);
             self.upload(0..self.scene.len());
         }
     }
@@ -186,7 +186,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
         change(&mut self.scene);
         assert_eq!(self.scene.len(), count, "the number of Gaussians stays");
         changed_spans(numbers).into_iter().for_each(|span| self.upload(span));
-        self.seen = None;
+        self.traced_view = None;
     }
 
     fn rebuild(&mut self, change: &mut dyn FnMut(&mut Gaussians)) -> Result<(), RenderError> {
@@ -196,7 +196,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
         let renderer = &mut self.renderer;
         // Bindings refer to the old scene. They go first, so that the old and the new one do not exist
         // at once.
-        (self.seen, self.buffers) = (None, None);
+        (self.traced_view, self.buffers) = (None, None);
         renderer.parts = Vec::new();
         renderer.parts = scene::upload_scene(&self.scene, self.sh_degree, true, &renderer.device)?;
         (renderer.gaussians, renderer.origin) = (self.scene.len(), self.scene.origin);
@@ -207,10 +207,10 @@ impl DifferentiableRenderer for GpuGradientRenderer {
 
     fn render(&mut self, view: &CameraView) -> Result<(&Image<[f32; 3]>, RenderWork), RenderError> {
         // First: a rendering that fails leaves no whole trace.
-        self.seen = None;
+        self.traced_view = None;
         let pending = self.renderer.begin(view, COLOUR)?;
         let work = self.renderer.finish(pending, &mut self.images)?;
-        self.seen = Some(*view);
+        self.traced_view = Some(*view);
         Ok((self.images.rgb.as_ref().expect("colour was asked for"), work))
     }
 
@@ -220,7 +220,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
         score: &[f32],
         out: &mut ViewGradients,
     ) -> Result<(), RenderError> {
-        let view = self.seen.expect("a view was rendered");
+        let view = self.traced_view.expect("a view was rendered");
         let size = view.camera.size;
         assert_eq!((by_pixel.len(), score.len()), (size.pixels(), size.pixels()), "one value per pixel");
         out.numbers.clear();
@@ -229,7 +229,7 @@ impl DifferentiableRenderer for GpuGradientRenderer {
         for &TracedRegion { region, splats } in &regions {
             // The buffers hold the trace of one region.
             if regions.len() > 1 {
-                self.trace_again(&view, region)?;
+                self.retrace(&view, region)?;
             }
             if splats > 0 {
                 self.make_room()?;

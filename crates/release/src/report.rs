@@ -23,8 +23,8 @@ mod trajectory;
 
 pub(super) use inertia::inertial_picture;
 pub(super) use maps::{depth_picture, disparity_picture, flow_picture};
-pub(super) use segmentation::segmentation_picture;
 pub(super) use previews::{PictureRequest, Preview, blurred_picture, sharp_picture};
+pub(super) use segmentation::segmentation_picture;
 
 use super::facts::ReleaseFacts;
 use super::held_back::HeldBackScene;

@@ -68,7 +68,7 @@ impl ImageLoss {
     ///
     /// # Panics
     /// The two differ in size.
-    pub fn compare(&mut self, rendering: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
+    pub(crate) fn compare(&mut self, rendering: &Image<[f32; 3]>, photo: &TrainingPhoto) -> f64 {
         assert_eq!(rendering.size(), photo.colours.size(), "a rendering has the size of its photo");
         let size = rendering.size();
         let row = size.width as usize * CHANNELS;

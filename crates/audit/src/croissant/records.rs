@@ -14,7 +14,10 @@ impl CroissantAudit<'_> {
         for set in self.record_sets() {
             let fields = node_list(&set["field"]);
             if fields.is_empty() {
-                self.report(FaultCode::CroissantField, format!("the record set {} has no fields", node_id(set)));
+                self.report(
+                    FaultCode::CroissantField,
+                    format!("the record set {} has no fields", node_id(set)),
+                );
             }
             for key in node_list(&set["key"]).iter().map(node_id) {
                 if fields.iter().all(|field| node_id(field) != key) {

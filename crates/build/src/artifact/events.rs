@@ -114,7 +114,7 @@ impl EventStreams {
 
     /// Some frames as the sensor of a stream saw them.
     #[must_use]
-    pub fn seen_by(&self, stream: &EventStream) -> &AnchorFrames {
+    pub fn anchors_of(&self, stream: &EventStream) -> &AnchorFrames {
         // Sensors with equal front ends see the same frames, which are stored once.
         let front_end = stream.sensor.as_model().front_end();
         let at = self.simulation.front_ends().iter().position(|other| *other == front_end);

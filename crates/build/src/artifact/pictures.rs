@@ -4,7 +4,7 @@ use super::{Artifact, ArtifactError, ArtifactFiles};
 use gs2e_sampling::exposure::ExposureRecord;
 use std::path::PathBuf;
 
-/// Name of the places of the objects, next to their masks.
+/// Name of the places of the objects, next to the segmentation.
 pub const OBJECT_PLACES: &str = "objects.csv";
 
 /// Pictures by name: PNG files or arrays of numbers.

@@ -18,8 +18,9 @@ impl Artifact for Capture {
     }
 }
 
-/// Name of the records of the parts that move, next to a scene that has some.
-pub(crate) const SCENE_PARTS: &str = "parts.json";
+/// Name of the records of the objects, next to a scene that has some. Products of every store have this name,
+/// so it stays what it was when objects were called parts.
+pub(crate) const SCENE_OBJECTS: &str = "parts.json";
 
 /// Name of the record of the change of a scene that changes with time, next to the scene.
 pub(crate) const SCENE_TIME: &str = "time.json";
@@ -61,15 +62,15 @@ impl Artifact for Gaussians {
         }
         let scene = gs2e_scene::read_file(path)
             .map_err(|e| ArtifactError { name: "scene.ply".into(), because: e.to_string() })?;
-        if files.size(SCENE_PARTS) == 0 {
+        if files.size(SCENE_OBJECTS) == 0 {
             return Ok(scene);
         }
-        let motion = SceneMotion::prepare(files.json(SCENE_PARTS)?)
-            .map_err(|e| ArtifactError { name: SCENE_PARTS.into(), because: e.to_string() })?;
-        let starts = motion.records().map(|part| part.first);
-        if !starts.is_sorted() || motion.records().any(|part| part.first > scene.len()) {
+        let motion = SceneMotion::prepare(files.json(SCENE_OBJECTS)?)
+            .map_err(|e| ArtifactError { name: SCENE_OBJECTS.into(), because: e.to_string() })?;
+        let starts = motion.records().map(|object| object.first);
+        if !starts.is_sorted() || motion.records().any(|object| object.first > scene.len()) {
             let because = format!("a part begins outside of the {} Gaussians of the scene", scene.len());
-            return Err(ArtifactError { name: SCENE_PARTS.into(), because });
+            return Err(ArtifactError { name: SCENE_OBJECTS.into(), because });
         }
         Ok(Self { motion: Some(Arc::new(motion)), ..scene })
     }

@@ -148,9 +148,9 @@ fn thresholds_off_by_a_tenth_are_found() {
 fn the_shown_threshold_is_that_of_the_sensor() {
     for [on, off] in [[1.0, 1.0], [0.6, 0.9]] {
         let world = PlantedWorld::new(WorldSettings { thresholds: [on, off], ..WorldSettings::default() });
-        for (part, wanted) in [("on", on), ("off", off)] {
-            let shown = world.finding(&format!("event_frame#threshold-{part}")).measured.unwrap();
-            assert!((shown / wanted - 1.0).abs() < 0.02, "{part}: {shown} for {wanted}");
+        for (side, wanted) in [("on", on), ("off", off)] {
+            let shown = world.finding(&format!("event_frame#threshold-{side}")).measured.unwrap();
+            assert!((shown / wanted - 1.0).abs() < 0.02, "{side}: {shown} for {wanted}");
         }
     }
 }

@@ -7,9 +7,8 @@
 use super::ReportPage;
 use super::curve::{self, PlotAxes, ReportCurve};
 use super::path_views::{self, VIEW};
-use super::previews::{self, Preview, PreviewStream};
+use super::previews::{self, PictureRequest, Preview, PreviewStream};
 use super::section::{ReportTrajectory, write_image};
-use super::previews::{self, PictureRequest, Preview, ShownStream};
 use crate::products;
 use crate::published::PublishedTrajectory;
 use crate::scene::{QuantityExtent, TrajectoryStatistics};
@@ -97,7 +96,7 @@ fn write_camera(html: &mut HtmlFragment, page: &ReportPage<'_>, track: ReportTra
     }
     for product in products::products() {
         if let Some(picture_of) = product.picture {
-            write_preview(html, picture_of(product, track, places, width));
+            write_preview(html, picture_of(PictureRequest { product, track, places, width }));
         }
     }
 }
@@ -110,7 +109,7 @@ fn write_events(
     streams: &[PreviewStream<'_>],
 ) {
     let Some(window) = previews::shared_window(&track, streams) else { return };
-    let most = if page.detail.every { MAX_STREAMS } else { 1 };
+    let most = if page.detail.full { MAX_STREAMS } else { 1 };
     for stream in streams.iter().take(most) {
         write_preview(html, previews::events_picture(track, stream, &window, page.detail.picture));
     }

@@ -33,7 +33,7 @@ pub(crate) fn inertial_picture(of: PictureRequest<'_>) -> Option<Preview> {
     );
     let mut file = Vec::new();
     png::write_image(&image, &mut file).ok()?;
-    Some(Preview { picture: EmbeddedPicture::of_png(&file, width)?, words, wheel: false })
+    Some(Preview { picture: EmbeddedPicture::of_png(&file, of.width)?, words, wheel: false })
 }
 
 /// Draws three curves about the middle row of a panel. Returns the largest size of a value, to which the

@@ -2,7 +2,7 @@
 
 use super::embed::EmbeddedPicture;
 use super::findings::{self, VerdictCount, WORST_FIRST};
-use super::previews::tree_picture;
+use super::previews::{PictureRequest, sharp_picture, tree_picture};
 use super::{ReportPage, trajectory};
 use crate::products::ReleaseProduct;
 use crate::published::{PublishedScene, PublishedTrajectory};
@@ -203,8 +203,8 @@ fn write_thumbnail(html: &mut HtmlFragment, page: &ReportPage<'_>, entry: &Scene
     if entry.is_withheld() {
         return html.leaf("span", &[("class", "none")], "withheld");
     }
-    let sharp =
-        |track| super::previews::sharp_picture(&products::SHARP, track, page.places, page.detail.thumbnail);
+    let (product, places, width) = (&products::SHARP, page.places, page.detail.thumbnail);
+    let sharp = |track| sharp_picture(PictureRequest { product, track, places, width });
     match entry.tracks().find_map(sharp) {
         Some(preview) => {
             write_image(html, &preview.picture, "thumb", &format!("{}: {}", entry.id(), preview.words))
@@ -429,7 +429,7 @@ pub(super) fn write_findings(
     let count = VerdictCount::from_findings(findings);
     let is_listed = |f: &&Finding| page.detail.passes || f.verdict != Verdict::Pass;
     let listed: Vec<&Finding> = findings.iter().filter(is_listed).collect();
-    if page.detail.every && !listed.is_empty() {
+    if page.detail.full && !listed.is_empty() {
         // Folded, so that the next pictures are near. The faults are also in the list of all scenes.
         return html.within("details", &[("class", "fold")], |html| {
             html.within("summary", &[], |html| {

@@ -13,7 +13,7 @@ use gs2e_trajectory::speed::function::SpeedExpression;
 use gs2e_trajectory::speed::list::SpeedLevels;
 use gs2e_trajectory::speed::{FlowSpeed, SpeedChoice, SpeedMeaning};
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{TrajectoryBuild, NamedPose, PoseTiming, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::{NamedPose, PoseTiming, TrajectoryBuild, TrajectoryError, TrajectoryWarning};
 use proptest::prelude::*;
 
 fn list(multipliers: &[f64], blend: f64, meaning: SpeedMeaning) -> SpeedChoice {

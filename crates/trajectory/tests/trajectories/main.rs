@@ -20,7 +20,7 @@ use gs2e_trajectory::refine::{RefinePath, refine_views};
 use gs2e_trajectory::sample::SummationRule;
 use gs2e_trajectory::speed::SpeedChoice;
 use gs2e_trajectory::speed::function::SpeedExpression;
-use gs2e_trajectory::{TrajectoryBuild, NamedPose, PoseTiming, TrajectoryError};
+use gs2e_trajectory::{NamedPose, PoseTiming, TrajectoryBuild, TrajectoryError};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;

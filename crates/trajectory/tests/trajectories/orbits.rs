@@ -10,7 +10,7 @@ use gs2e_trajectory::orbit::OrbitPath;
 use gs2e_trajectory::path::{CameraPath, PathInputs};
 use gs2e_trajectory::refine::TranslationScale;
 use gs2e_trajectory::travel::PoseCount;
-use gs2e_trajectory::{CourseKind, TrajectoryBuild, NamedPose, TrajectoryError, TrajectoryWarning};
+use gs2e_trajectory::{CourseKind, NamedPose, TrajectoryBuild, TrajectoryError, TrajectoryWarning};
 use std::f64::consts::PI;
 
 const FRAMES: PoseCount = PoseCount::Frames(91);
