@@ -10,7 +10,7 @@ use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
-use gs2e_sensor::noise::ThresholdMismatch;
+use gs2e_sensor::noise::{PhotoreceptorNoise, ThresholdMismatch};
 use gs2e_sensor::voltmeter::{BetweenFrames, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings};
 use std::collections::BTreeMap;
@@ -204,8 +204,10 @@ impl Resolver<'_> {
         let usual = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
         let threshold = self.threshold_in_volts(raw, &usual);
         let floor = self.floor(&raw.floor, usual.floor.clone());
+        let photoreceptor_noise = self.photoreceptor_noise(&raw.photoreceptor_noise, &usual.photoreceptor_noise);
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
-            || floor.as_ref().is_some_and(|floor| !floor.is_absent());
+            || floor.as_ref().is_some_and(|floor| !floor.is_absent())
+            || photoreceptor_noise.as_ref().is_some_and(PhotoreceptorNoise::follows_light);
         let model = resolved!(VoltmeterModel {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
@@ -214,6 +216,7 @@ impl Resolver<'_> {
             gain: raw.gain.or(usual.gain),
             initial: raw.initial.or(usual.initial),
             floor,
+            photoreceptor_noise,
             settings: models::settings!(self, raw, usual.settings, in_lux: in_lux),
             ..VoltmeterModel::new(k?)
         })?;
