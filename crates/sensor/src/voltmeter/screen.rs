@@ -21,7 +21,8 @@ impl VoltmeterModel {
     /// amplitudes and thresholds.
     #[must_use]
     pub fn receptor_hz(&self, grey: f64) -> [f64; 2] {
-        // The noise is felt in thresholds, so both spreads act as one.
+        // The noise is felt in thresholds, so both spreads act as one. That a pair of events moves the reference of a
+        // pixel with unequal thresholds is left out.
         let of_thresholds = self.threshold_spread / self.threshold_on.min(self.threshold_off);
         [self.receptor_pairs(grey, libm::hypot(self.photoreceptor_noise.spread, of_thresholds)); 2]
     }

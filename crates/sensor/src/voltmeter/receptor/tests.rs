@@ -446,7 +446,6 @@ fn rates_are_those_that_the_sensor_predicts() {
         let sensor = VoltmeterModel {
             initial,
             photoreceptor_noise: PhotoreceptorNoise { spread, points: vec![point] },
-            threshold_spread: 0.05,
             ..VoltmeterModel::new([1.0, 1.0, 0.0, k4, 0.0, 0.0]).without_cap()
         };
         let predicted = sensor.array_noise(77.0);
