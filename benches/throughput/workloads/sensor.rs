@@ -7,7 +7,7 @@ use gs2e_image::{Image, Size};
 use gs2e_num::seed::Seed;
 use gs2e_num::units::{Hertz, Timestamp};
 use gs2e_sensor::frames::DenseFrame;
-use gs2e_sensor::noise::RefractoryPeriod;
+use gs2e_sensor::noise::{PhotoreceptorNoise, ReceptorPoint, RefractoryPeriod};
 use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorModel as _, SensorPixels, SensorSettings};
 use std::sync::Arc;
@@ -27,12 +27,19 @@ pub(super) fn workloads() -> Vec<Workload> {
     let refractory = RefractoryPeriod { period_us: 79.0, ..RefractoryPeriod::default() };
     let settings = SensorSettings { refractory, ..noisy.settings };
     let unequal = VoltmeterModel { threshold_spread: 0.0434, settings, ..noisy.clone() };
+    let points = vec![ReceptorPoint { lux: 250.0, deviation: 0.02, cutoff_hz: 60.0 }];
+    let photoreceptor_noise = PhotoreceptorNoise { spread: 0.35, points };
+    let receptor = VoltmeterModel { photoreceptor_noise, ..quiet.clone() };
+    let models = [
+        ("with noise", &noisy),
+        ("with photoreceptor noise", &receptor),
+        ("without noise", &quiet),
+        ("with spread and dead time", &unequal),
+    ];
     let mut all = Vec::new();
     for rate in RATES {
         let frames: Arc<[DenseFrame]> = frames(rate, &noisy).into();
-        for (name, model) in
-            [("with noise", &noisy), ("without noise", &quiet), ("with spread and dead time", &unequal)]
-        {
+        for (name, model) in models {
             all.push(workload(name, model, rate, &frames, 0));
             all.push(workload(name, model, rate, &frames, 1));
             if rate <= RATES[0] {

@@ -1,17 +1,17 @@
 //! The drift of a pixel's voltage between two frames, by the sensor's law.
 
 mod error;
-mod floor_rates;
+mod light_table;
 mod noise;
 
 pub use error::FrameRounding;
 pub(crate) use error::length;
-use floor_rates::FloorRates;
 use gs2e_sensor::SensorChoice;
 use gs2e_sensor::esim::{EsimModel, IntensityScale};
 use gs2e_sensor::noise::HotPixelNoise;
 use gs2e_sensor::v2e::{V2eModel, lin_log};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
+use light_table::LightTable;
 use noise::ShotNoise;
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
@@ -31,8 +31,10 @@ pub struct DriftLaw {
     pub from_zero: bool,
     /// The noise of a v2e pixel, which replaces `k3` and `k6`.
     shots: Option<ShotNoise>,
-    /// The noise floor of a voltmeter, if it has one.
-    floor: Option<FloorRates>,
+    /// ON and OFF events per second of the noise floor of a voltmeter, if it has one.
+    floor: Option<LightTable>,
+    /// Standard deviation of the photoreceptor's noise in thresholds, and its events per second, if there is any.
+    receptor: Option<LightTable>,
     /// Pixels with events of their own.
     hot: HotPixelNoise,
     /// The reason why events need not balance the drift, if there is one. Signs and places can
@@ -183,6 +185,7 @@ const fn quiet_law(k: [f64; 6], scale: BrightnessScale, thresholds: [f64; 2]) ->
         from_zero: true,
         shots: None,
         floor: None,
+        receptor: None,
         hot: HotPixelNoise { share: 0.0, rate: 0.0, spread: 0.0 },
         loose: None,
         delay_us: 0.0,
@@ -212,13 +215,26 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
         _ if sensor.settings.refractory.period_us > 0.0 => Some(DEAD),
         _ => None,
     };
+    let white_lux = sensor.settings.front_end.white_lux();
     DriftLaw {
-        floor: FloorRates::new(sensor),
+        floor: (!sensor.floor.is_absent())
+            .then(|| LightTable::new(|grey| sensor.floor.rates_at_grey(grey, white_lux))),
+        receptor: (!sensor.photoreceptor_noise.is_absent())
+            .then(|| LightTable::new(|grey| receptor_values(sensor, grey))),
         spread: sensor.threshold_spread,
         from_zero: sensor.initial == InitialVoltage::Zero,
         loose,
         ..quiet_law(sensor.k, BrightnessScale::Log, [sensor.threshold_on, sensor.threshold_off])
     }
+}
+
+/// Deviation of the photoreceptor's noise at a grey, in thresholds of `k`, and its events per second. The deviation
+/// is that of a pixel among the noisiest 2 %.
+fn receptor_values(sensor: &VoltmeterModel, grey: f64) -> [f64; 2] {
+    let noise = &sensor.photoreceptor_noise;
+    let point = noise.at_grey(grey, sensor.settings.front_end.white_lux());
+    let largest = sensor.k[0] * point.deviation * libm::exp(2.0 * noise.spread);
+    [largest, sensor.receptor_hz(grey).iter().sum()]
 }
 
 /// The grey whose delay represents all greys.

@@ -27,8 +27,8 @@ pub(super) use reconstruct::{
 pub(super) use rig::{ExtrinsicSection, RigCameraSection, RigSection};
 pub(super) use sensor::{
     ContrastSection, EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
-    LeakSection, LuminanceSection, RangeSection, ReadoutSection, RefractorySection, SensorSection,
-    ThresholdSection, V2eSection, VoltmeterSection,
+    LeakSection, LuminanceSection, PhotoreceptorNoiseSection, RangeSection, ReadoutSection,
+    ReceptorPointSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{
     CaptureSection, FolderSection, FountainSection, KindKey, ProceduralSection, SourceSection, UnposedSection,

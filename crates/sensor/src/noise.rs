@@ -21,14 +21,17 @@
 //! ```
 
 pub mod floor;
+pub(super) mod grey_table;
 pub mod hot_pixels;
 pub mod mismatch;
+pub mod photoreceptor;
 pub(super) mod poisson;
 pub mod refractory;
 
 pub use floor::{FloorPoint, NoiseFloor};
 pub use hot_pixels::HotPixelNoise;
 pub use mismatch::{RedrawRule, ThresholdMismatch};
+pub use photoreceptor::{PhotoreceptorNoise, ReceptorPoint};
 pub use refractory::{ReferenceRule, RefractoryPeriod};
 
 use gs2e_num::seed::{CellDraws, DrawSpace, Seed, SeedCell};

@@ -96,6 +96,17 @@ pub(super) fn normal_mean(noise: impl Fn(f64) -> ConstantLightNoise) -> Constant
     ConstantLightNoise { leak_hz: leak / weights, total_hz: total / weights, on_share, ..noise(0.0) }
 }
 
+/// The mean of a number over a standard normal variable.
+pub(super) fn standard_normal_mean(value: impl Fn(f64) -> f64) -> f64 {
+    let [mut weights, mut sum] = [0.0; 2];
+    for z in (-REACH..=REACH).map(|i| STEP * f64::from(i)) {
+        let weight = libm::exp(-0.5 * z * z);
+        weights += weight;
+        sum += weight * value(z);
+    }
+    sum / weights
+}
+
 /// The table that every build prints.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SensorScreening {

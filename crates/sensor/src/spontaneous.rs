@@ -5,7 +5,7 @@
 
 use super::SimulationAccount;
 use super::chain::{EventFilter, PixelArray};
-use super::noise::floor::FloorTable;
+use super::noise::grey_table::GreyTable;
 use super::noise::poisson::{LinearRate, PoissonTrain};
 use super::noise::{HotPixelNoise, NoiseFloor, PixelSite};
 use crate::frames::DenseFrame;
@@ -40,7 +40,7 @@ impl SpontaneousEvents {
     /// A noise floor, if there is one. White is `white_lux`.
     pub(super) fn of_floor(floor: &NoiseFloor, white_lux: f64, array: PixelArray) -> Option<Self> {
         (!floor.is_absent()).then(|| {
-            let floor = Some(FloorPixels::new(FloorTable::new(floor, white_lux), array));
+            let floor = Some(FloorPixels::new(floor.table(white_lux), array));
             Self { queue: SpontaneousQueue::new(HotPixelNoise::default(), array), floor }
         })
     }
@@ -92,7 +92,7 @@ impl EventFilter for SpontaneousEvents {
 /// The noise floor of all pixels.
 #[derive(Debug)]
 struct FloorPixels {
-    table: FloorTable,
+    table: GreyTable<2>,
     array: PixelArray,
     trains: Vec<PoissonTrain>,
     /// Brightness at the latest frame; empty before the first.
@@ -102,7 +102,7 @@ struct FloorPixels {
 }
 
 impl FloorPixels {
-    fn new(table: FloorTable, array: PixelArray) -> Self {
+    fn new(table: GreyTable<2>, array: PixelArray) -> Self {
         let train = |pixel| PoissonTrain::new(array.site(pixel), DrawSpace::Shot);
         let trains = (0..array.size.pixels()).into_par_iter().map(train).collect();
         Self { table, array, trains, latest: Vec::new(), t: Timestamp(0) }
@@ -152,7 +152,7 @@ struct FloorSpan<'a> {
 
 impl FloorSpan<'_> {
     #[inline]
-    fn cross(&self, table: &FloorTable, train: &mut PoissonTrain, made: &mut Vec<NextSpontaneous>) {
+    fn cross(&self, table: &GreyTable<2>, train: &mut PoissonTrain, made: &mut Vec<NextSpontaneous>) {
         let ends = self.greys.map(|grey| table.at(grey).iter().sum());
         let rates = LinearRate { ends, length: self.length };
         let mut start = 0.0;

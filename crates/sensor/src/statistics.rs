@@ -17,6 +17,7 @@
 //! ```
 
 pub mod interval_law;
+pub mod receptor_rate;
 
 /// The voltage of a pixel at constant brightness: drift and variance per unit time, and both
 /// thresholds.

@@ -53,6 +53,7 @@ mod noiseless;
 mod official;
 mod parameters;
 pub mod presets;
+mod receptor;
 mod screen;
 mod signal;
 mod thresholds;
@@ -70,7 +71,7 @@ pub use units::ConstantUnits;
 use super::cap::FirstEvents;
 use super::chain::{FilteredPixels, PixelArray};
 use super::dead_time::DeadTime;
-use super::noise::NoiseFloor;
+use super::noise::{NoiseFloor, PhotoreceptorNoise};
 use super::pairs::PairPixels;
 use super::spontaneous::SpontaneousEvents;
 use super::{SensorModel, SensorSettings};
@@ -102,6 +103,9 @@ pub struct VoltmeterModel {
     /// white in the front end.
     #[serde(default)]
     pub floor: NoiseFloor,
+    /// Noise of limited bandwidth that is added to the signal. It needs the law `exact`.
+    #[serde(default)]
+    pub photoreceptor_noise: PhotoreceptorNoise,
     /// The settings that every model has.
     #[serde(flatten)]
     pub settings: SensorSettings,
@@ -176,6 +180,7 @@ impl VoltmeterModel {
             between: BetweenFrames::Linear,
             threshold_spread: 0.0,
             floor: NoiseFloor::default(),
+            photoreceptor_noise: PhotoreceptorNoise::default(),
             settings: SensorSettings::default(),
         }
     }
@@ -206,6 +211,7 @@ impl Serialize for VoltmeterModel {
         add_in_use(&mut out, "threshold_spread", &self.threshold_spread)?;
         add_in_use(&mut out, "hot_pixels", hot_pixels)?;
         add_in_use(&mut out, "floor", &self.floor)?;
+        add_in_use(&mut out, "photoreceptor_noise", &self.photoreceptor_noise)?;
         add_in_use(&mut out, "refractory", refractory)?;
         add_in_use(&mut out, "front_end", front_end)?;
         add_in_use(&mut out, "labels", labels)?;

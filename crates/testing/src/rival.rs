@@ -15,7 +15,12 @@ pub const N: usize = 40_000;
 /// `N` draws of a distribution of `rand_distr`, from a generator that the program uses for no draw
 /// of a sensor.
 pub fn theirs(distribution: &impl Distribution<f64>) -> Vec<f64> {
-    distribution.sample_iter(ChaCha12Rng::seed_from_u64(20_250_521)).take(N).collect()
+    draws(distribution, 20_250_521).take(N).collect()
+}
+
+/// Draws of a distribution of `rand_distr`, without end.
+pub fn draws(distribution: &impl Distribution<f64>, seed: u64) -> impl Iterator<Item = f64> {
+    distribution.sample_iter(ChaCha12Rng::seed_from_u64(seed))
 }
 
 /// The critical value for alpha 1e-4 over the family (Bonferroni): `sqrt(-ln(alpha / 2) / 2)`

@@ -1,9 +1,13 @@
 //! Noise of a pixel by the sensor's law: of its voltage, shots, the floor, and hot pixels.
 
+use super::light_table::LightTable;
 use super::{BrightnessScale, DriftLaw};
 use gs2e_sensor::statistics::RenewalProcess;
 use gs2e_sensor::v2e::V2eModel;
-use std::f64::consts::LN_10;
+use std::f64::consts::{LN_10, SQRT_2};
+
+/// Error of the predicted events of the photoreceptor's noise in pixels that leak.
+const LEAKING: f64 = 1.25;
 
 /// Shot noise in the dark, Hz; it falls towards white as in v2e.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,10 +35,24 @@ impl DriftLaw {
         (k3 * luminance.max(0.0).sqrt() / (luminance.max(0.0) + k2) + k6) * dt_us.sqrt()
     }
 
-    /// The largest of [`DriftLaw::noise`] over all luminances, which is at `L = k2`.
+    /// The largest standard deviation of the voltage after `dt_us` microseconds over all luminances.
     #[must_use]
     pub(crate) fn most_noise(&self, dt_us: f64) -> f64 {
-        self.noise(self.k[1], dt_us)
+        // That of a Brownian motion is largest at `L = k2`.
+        let brownian = self.noise(self.k[1], dt_us);
+        let most = self.receptor.map_or(0.0, LightTable::most);
+        libm::hypot(brownian, SQRT_2 * most)
+    }
+
+    /// Variance by the photoreceptor's noise of the difference between the voltages at two distant times. It does
+    /// not grow with time.
+    #[must_use]
+    pub(crate) fn receptor_variance(&self, luminance: f64) -> f64 {
+        self.receptor.map_or(0.0, |table| 2.0 * table.at(luminance)[0].powi(2))
+    }
+
+    fn receptor_events(&self, luminance: f64) -> f64 {
+        self.receptor.map_or(0.0, |table| 1e-6 * table.at(luminance)[1])
     }
 
     /// Events that a pixel of constant luminance makes per microsecond by its noise and leak.
@@ -45,7 +63,7 @@ impl DriftLaw {
             let [up, down] = self.thresholds;
             let drift = self.drift(0.0, 1.0, luminance);
             let law = RenewalProcess { drift, variance: noise * noise, up, down }.rate();
-            return law + self.floor_events(luminance);
+            return law + self.floor_events(luminance) + self.receptor_events(luminance);
         };
         1e-6 * (shots.at(luminance) + shots.leak_hz)
     }
@@ -108,7 +126,7 @@ impl DriftLaw {
         // The lower threshold is reached more often, so it bounds the events of both.
         let threshold = self.least_threshold();
         let noise = self.noise(luminance, dt_us) / threshold;
-        let own = own + self.floor_events(luminance) * dt_us;
+        let own = own + (self.floor_events(luminance) + LEAKING * self.receptor_events(luminance)) * dt_us;
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise + own
     }
 }

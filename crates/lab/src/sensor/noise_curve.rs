@@ -22,6 +22,8 @@ const SHARE: f64 = 0.1;
 /// Standard errors of a rate that are accepted, and the error of the rates of a floor.
 const ERRORS: f64 = 4.5;
 const TABLE: f64 = 0.01;
+/// Error of the rates that a sensor predicts of the noise of its photoreceptor.
+const RECEPTOR: f64 = 0.25;
 /// Time between two frames, ns. v2e draws the jitter of its leak for each pair.
 const FRAME_NS: i64 = 100_000_000;
 
@@ -96,6 +98,8 @@ pub fn measure_noise(
     let greys: Vec<f64> = lights.iter().map(|(grey, _)| *grey).collect();
     let counted = count_events(sensor, &greys, trial)?;
     let pixel_seconds = f64::from(trial.side * trial.side) * 0.1 * f64::from(trial.tenths);
+    let receptor = sensor.as_voltmeter().is_some_and(|model| !model.photoreceptor_noise.is_absent());
+    let table = if receptor { RECEPTOR } else { TABLE };
     let rows = greys.iter().enumerate().map(|(i, &grey)| {
         let found = counted.events[i].map(|count| count as f64 / pixel_seconds);
         let noise = sensor.as_model().array_noise(grey);
@@ -104,7 +108,7 @@ pub fn measure_noise(
         let holds = found.iter().zip(predicted).all(|(found, wanted)| {
             // The pixels differ, at most by as much as their rate.
             let spread = wanted * wanted / f64::from(trial.side * trial.side);
-            let error = ERRORS * (wanted / pixel_seconds + spread).sqrt() + TABLE * wanted;
+            let error = ERRORS * (wanted / pixel_seconds + spread).sqrt() + table * wanted;
             // Equal pixels that start in step may be half an event early or late.
             let phase = if counted.in_step { 5.0 / f64::from(trial.tenths) } else { 0.0 };
             (found - wanted).abs() <= error + phase + ERRORS / pixel_seconds

@@ -10,7 +10,7 @@ use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
-use gs2e_sensor::noise::ThresholdMismatch;
+use gs2e_sensor::noise::{PhotoreceptorNoise, ThresholdMismatch};
 use gs2e_sensor::voltmeter::{BetweenFrames, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings};
 use std::collections::BTreeMap;
@@ -204,8 +204,11 @@ impl Resolver<'_> {
         let default = preset.map_or_else(|| VoltmeterModel::new([1.0; 6]), VoltmeterPreset::model);
         let threshold = self.threshold_in_volts(raw, &default);
         let floor = self.floor(&raw.floor, default.floor.clone());
+        let photoreceptor_noise =
+            self.photoreceptor_noise(&raw.photoreceptor_noise, &default.photoreceptor_noise);
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
-            || floor.as_ref().is_some_and(|floor| !floor.is_absent());
+            || floor.as_ref().is_some_and(|floor| !floor.is_absent())
+            || photoreceptor_noise.as_ref().is_some_and(PhotoreceptorNoise::follows_light);
         let model = resolved!(VoltmeterModel {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
@@ -214,6 +217,7 @@ impl Resolver<'_> {
             gain: raw.gain.or(default.gain),
             initial: raw.initial.or(default.initial),
             floor,
+            photoreceptor_noise,
             settings: models::settings!(self, raw, default.settings, in_lux: in_lux),
             ..VoltmeterModel::new(k?)
         })?;

@@ -112,6 +112,29 @@ pub(crate) struct FloorPointSection {
     pub off: Field<f64>,
 }
 
+/// Noise of the photoreceptor: a voltage of limited bandwidth, added to the signal. An excursion that makes an ON
+/// event makes an OFF event on its way back.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct PhotoreceptorNoiseSection {
+    /// Standard deviation of the logarithm of a pixel's amplitude, over the pixels. Default: `0`.
+    pub spread: Field<f64>,
+    /// Amplitude and bandwidth against light; `[]` for none. Default: the preset's.
+    pub points: Field<Vec<Field<ReceptorPointSection>>>,
+}
+
+/// Noise of the photoreceptor at one light. Logarithms are linear in between; the nearest point holds outside.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct ReceptorPointSection {
+    /// Light on the sensor; rises from point to point. Unit: lux. Required.
+    pub lux: Field<f64>,
+    /// Standard deviation of the voltage of the median pixel, as a contrast. Required.
+    pub deviation: Field<f64>,
+    /// Bandwidth: the frequency at which the spectrum has fallen to a half. Unit: Hz. Required.
+    pub cutoff_hz: Field<f64>,
+}
+
 /// Delay of events after the crossing of their thresholds. Events of a pixel keep their order.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]

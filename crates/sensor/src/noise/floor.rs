@@ -20,6 +20,7 @@
 //! assert_eq!(floor.rates_hz(0.0), [1.0, 4.0]);
 //! ```
 
+use super::grey_table::{GreyTable, between_lights};
 use crate::WHITE;
 use crate::screening::{ScreenError, at_least_zero};
 use serde::{Deserialize, Serialize};
@@ -50,21 +51,7 @@ impl NoiseFloor {
     /// Rates of ON and OFF events at this light, Hz.
     #[must_use]
     pub fn rates_hz(&self, lux: f64) -> [f64; 2] {
-        let above = self.0.partition_point(|point| point.lux <= lux);
-        let [Some(low), Some(high)] =
-            [above.saturating_sub(1), above.min(self.0.len().saturating_sub(1))].map(|i| self.0.get(i))
-        else {
-            return [0.0; 2];
-        };
-        // Outside the table both are the same point, and the share below would be 0/0.
-        if low.lux >= high.lux || lux <= low.lux {
-            return [low.on, low.off];
-        }
-        let share = libm::log(lux / low.lux) / libm::log(high.lux / low.lux);
-        [(low.on, high.on), (low.off, high.off)].map(|(a, b)| {
-            // The logarithm of 0 has no place on the line, so a rate that vanishes falls linearly.
-            if a > 0.0 && b > 0.0 { a * libm::pow(b / a, share) } else { a + (b - a) * share }
-        })
+        between_lights(&self.0, lux, |point| point.lux, |point| [point.on, point.off])
     }
 
     /// [`NoiseFloor::rates_hz`] at a grey, where white is `white_lux`.
@@ -87,45 +74,20 @@ impl NoiseFloor {
                 return Err(ScreenError::Parameter { name: "floor.lux", found: *lux, wanted });
             }
         }
-        if self.0.windows(2).all(|pair| pair[0].lux < pair[1].lux) {
+        if self.0.is_sorted_by(|before, after| before.lux < after.lux) {
             return Ok(());
         }
         Err(ScreenError::Combination("the lights of `floor` must rise from point to point"))
     }
 }
 
-/// The rates of a floor for all greys, as a table.
-#[derive(Debug, Clone)]
-pub(crate) struct FloorTable {
-    /// Rates of ON and OFF events per ns, one entry per range of greys.
-    rates: Vec<[f64; 2]>,
-}
-
-/// Bits of a 32-bit float that are left out of an index: 7 bits of the mantissa remain, so that a
-/// range of greys is at most 1/128 wide.
-const DROPPED_BITS: u32 = 16;
-/// Darkest and brightest grey of the table, powers of two: 2^-20 and 2^20.
-const ENDS: [u32; 2] = [0x3580_0000, 0x4980_0000];
 /// Events per ns of 1 Hz.
 const PER_NS: f64 = 1e-9;
 
-impl FloorTable {
-    /// The table of a floor, where white is `white_lux`.
-    pub(crate) fn new(floor: &NoiseFloor, white_lux: f64) -> Self {
-        let [first, last] = ENDS.map(|bits| bits >> DROPPED_BITS);
-        let middle = |index: u32| f32::from_bits((index << DROPPED_BITS) + (1 << (DROPPED_BITS - 1)));
-        let rates = |index| floor.rates_at_grey(f64::from(middle(index)), white_lux).map(|hz| hz * PER_NS);
-        Self { rates: (first..=last).map(rates).collect() }
-    }
-
-    /// Rates of ON and OFF events at a grey, per ns.
-    #[inline]
-    pub(crate) fn at(&self, grey: f32) -> [f64; 2] {
-        let [first, last] = ENDS.map(f32::from_bits);
-        // A grey below 0 or NaN is black: the sensor has refused or counted it.
-        // The bits of positive floats rise with their values, so the upper bits number ranges of greys.
-        let index = (grey.max(first).min(last).to_bits() >> DROPPED_BITS) - (ENDS[0] >> DROPPED_BITS);
-        self.rates[index as usize]
+impl NoiseFloor {
+    /// Rates of ON and OFF events by grey, per ns, where white is `white_lux`.
+    pub(crate) fn table(&self, white_lux: f64) -> GreyTable<2> {
+        GreyTable::new(|grey| self.rates_at_grey(grey, white_lux).map(|hz| hz * PER_NS))
     }
 }
 
@@ -155,7 +117,7 @@ mod tests {
 
     #[test]
     fn the_table_follows_the_floor() {
-        let table = FloorTable::new(&floor(), 255.0);
+        let table = floor().table(255.0);
         for grey in [0.0f32, 0.3, 1.0, 2.0, 77.7, 100.0, 255.0, 1e9] {
             let [on, off] = floor().rates_at_grey(f64::from(grey), 255.0);
             let [found_on, found_off] = table.at(grey).map(|rate| rate * 1e9);

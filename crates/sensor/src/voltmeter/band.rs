@@ -17,7 +17,8 @@
 use super::BetweenFrames;
 use super::curve::{DriftCurve, FrameEnds, Wide};
 use super::noiseless::{self, StraightDrift};
-use super::tree::{ROOT_DEVIATION, RootWalk, Walker, Walkers};
+use super::receptor::{self, WideReceptor};
+use super::tree::{ROOT_DEVIATION, RootWalk, Walker, WalkerReceptor, Walkers};
 use super::window::{FrameLeg, TimeStep};
 use super::writer::{BandWriter, PixelTally};
 use crate::SensorError;
@@ -53,6 +54,8 @@ pub(super) struct BandSlice<'a> {
     pub(super) voltage: &'a mut [f64],
     pub(super) drift: &'a mut [f64],
     pub(super) variance: &'a mut [f64],
+    /// The photoreceptor's noise, in thresholds; empty without it.
+    pub(super) receptor: &'a mut [f64],
     /// One tally for each pixel of the image, without padding.
     pub(super) tally: &'a mut [PixelTally],
 }
@@ -106,6 +109,25 @@ struct FreeCrossing<S: Simd> {
     curvature: f64x8<S>,
     /// Bound on the distance between the drift and its chord.
     straying: f64x8<S>,
+    /// `L + k2` in the middle of the root cell; 0 without noise.
+    level: f64x8<S>,
+    /// The photoreceptor's noise.
+    receptor: Option<ReceptorCrossing<S>>,
+}
+
+/// The photoreceptor's noise of eight pixels over a root cell.
+#[derive(Clone, Copy)]
+struct ReceptorCrossing<S: Simd> {
+    noise: WideReceptor<S>,
+    ends: [f64x8<S>; 2],
+}
+
+/// Multiplies the numbers of a block.
+#[inline(always)]
+fn scale<S: Simd>(simd: S, numbers: &mut [f64], factor: f64) {
+    for i in (0..numbers.len()).step_by(8) {
+        store_eight(load_eight(simd, numbers, i) * factor, numbers, i);
+    }
 }
 
 /// Seconds in a nanosecond.
@@ -128,14 +150,22 @@ impl TimeStep<'_> {
             simd.vectorize(
                 #[inline(always)]
                 || {
-                    let mut noise = ZEROS;
-                    self.draw(simd, &slice.seats[start..end], &mut noise);
+                    let [mut noise, mut receptor] = [ZEROS; 2];
+                    if self.law.process.is_brownian() {
+                        self.draw(simd, &slice.seats[start..end], 0, &mut noise);
+                        scale(simd, &mut noise[..end - start], ROOT_DEVIATION);
+                    }
+                    if self.law.receptor.is_some() {
+                        self.draw(simd, &slice.seats[start..end], receptor::BLOCK, &mut receptor);
+                    }
                     self.fill(simd, slice.first + start, end - start, &mut band.block);
                     for i in (start..end).step_by(8) {
                         let increment = load_eight(simd, &noise, i - start);
                         // `crossing` leaves the drift of these eight in the block's pieces, and
                         // `pass` reads it there, so each eight is finished before the next.
-                        let crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
+                        let mut crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
+                        let normal = load_eight(simd, &receptor, i - start);
+                        crossing.receptor = self.receptor(crossing.level, normal, i, &mut slice);
                         let eight = PixelEight { in_band: i, in_block: i - start };
                         self.pass::<C, S>(crossing, eight, &mut slice, band);
                     }
@@ -161,24 +191,36 @@ impl TimeStep<'_> {
         walkers.clear();
     }
 
-    /// Draws the noise over the root cell for each pixel: draw 0 of the tree.
+    /// Draws a normal deviate over the root cell for each pixel: the first of this block of the tree.
     #[inline(always)]
-    fn draw<S: Simd>(&self, simd: S, seats: &[u32], noise: &mut Lane) {
-        if self.law.process.is_noiseless() {
-            return;
-        }
+    fn draw<S: Simd>(&self, simd: S, seats: &[u32], block: u32, noise: &mut Lane) {
         let cells = SeedCells { seed: self.law.seed, space: DrawSpace::Tree, level: 0, index: self.root() };
         for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
             // The other number of this block of bits is the draw that splits the root
             // (`RootWalk::split`).
-            let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
+            let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), block);
             store_eight(eight::uniform_eight(draw), noise, i);
         }
         // In one call for the whole block: the rare tails are then gathered over many pixels.
         eight::normal_deviates(simd, &mut noise[..seats.len()]);
-        for i in (0..seats.len()).step_by(8) {
-            store_eight(load_eight(simd, noise, i) * ROOT_DEVIATION, noise, i);
-        }
+    }
+
+    /// Moves the photoreceptor's noise of eight pixels, from the `first` of the band on, to the end of the root
+    /// cell. `level` is `L + k2`. `None` without this noise.
+    #[inline(always)]
+    fn receptor<S: Simd>(
+        &self,
+        level: f64x8<S>,
+        normal: f64x8<S>,
+        first: usize,
+        slice: &mut BandSlice<'_>,
+    ) -> Option<ReceptorCrossing<S>> {
+        let law = self.law.receptor.as_ref()?;
+        let noise = law.eight(level - self.law.process.k2, slice.first + first);
+        let start = load_eight(normal.simd, slice.receptor, first);
+        let end = noise.go_on(start, normal);
+        store_eight(end, slice.receptor, first);
+        Some(ReceptorCrossing { noise, ends: [start, end] })
     }
 
     /// Fills the block's knots for the pixels from `first` on.
@@ -307,7 +349,7 @@ impl TimeStep<'_> {
         // Over a length `h`, a curve with `|f''| <= c` differs from its chord by at most `c h^2/8`.
         // The knots add the distance of the polygon through the stamps.
         let straying = curvature * (self.widest * self.widest * 0.125) + knots;
-        FreeCrossing { increment, drift, sigma, curvature, straying }
+        FreeCrossing { increment, drift, sigma, curvature, straying, level, receptor: None }
     }
 
     /// Moves eight pixels to the end of the window where no barrier is within reach, and collects
@@ -320,12 +362,18 @@ impl TimeStep<'_> {
         slice: &mut BandSlice<'_>,
         band: &mut BandCrosser,
     ) {
-        let FreeCrossing { increment, drift, sigma, curvature, straying } = crossing;
+        let FreeCrossing { increment, drift, sigma, curvature, straying, receptor, .. } = crossing;
         let PixelEight { in_band: pixel, in_block } = eight;
         let simd = drift.simd;
         let x = load_eight(simd, slice.voltage, pixel);
-        let y = x + drift + sigma * increment;
+        let mut y = x + drift + sigma * increment;
         let square = sigma * sigma;
+        let (mut variance, mut reach) = (square, straying);
+        if let Some(ReceptorCrossing { noise, ends }) = receptor {
+            y += ends[1] - ends[0];
+            variance += noise.variance();
+            reach += receptor::bow(noise.rate, ends, self.length);
+        }
         // Stored for all eight before the test: a walker's voltage is overwritten when its descent
         // ends.
         store_eight(y, slice.voltage, pixel);
@@ -337,7 +385,7 @@ impl TimeStep<'_> {
         }
         // `straying` moves both barriers nearer, so no pixel that needs a walk is left out.
         let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
-        let live = mask_bits(barriers.reached([x, y], square * self.length, straying));
+        let live = mask_bits(barriers.reached([x, y], variance * self.length, reach));
         if live == 0 {
             return;
         }
@@ -368,6 +416,11 @@ impl TimeStep<'_> {
                 curvature: curvature[lane],
                 increment: increment[lane],
                 drift: drift[lane],
+                receptor: receptor.map(|ReceptorCrossing { noise, ends: [from, to] }| WalkerReceptor {
+                    rate: noise.rate[lane],
+                    deviation: noise.deviation[lane],
+                    ends: [from[lane], to[lane]],
+                }),
             };
             band.walkers
                 .push(walker, band.block.pieces.iter().map(|piece| piece.each_ref().map(|c| c[lane])));

@@ -19,6 +19,8 @@ pub(super) struct DriftProcess {
     pub(super) k5: f64,
     k6: f64,
     pub(super) gain: DriftGain,
+    /// True if the photoreceptor has noise.
+    receptor: bool,
 }
 
 impl DriftProcess {
@@ -27,12 +29,26 @@ impl DriftProcess {
         // Noise grows with the square root of time, so its coefficients convert by the root of the
         // unit.
         let root = US.sqrt();
-        Self { k1, k2, k3: k3 * root, k4: k4 * US, k5: k5 * US, k6: k6 * root, gain: sensor.gain }
+        Self {
+            k1,
+            k2,
+            k3: k3 * root,
+            k4: k4 * US,
+            k5: k5 * US,
+            k6: k6 * root,
+            gain: sensor.gain,
+            receptor: !sensor.photoreceptor_noise.is_absent(),
+        }
     }
 
     /// Returns true if there is no noise at any brightness.
     pub(super) fn is_noiseless(&self) -> bool {
-        self.k3 == 0.0 && self.k6 == 0.0
+        !(self.is_brownian() || self.receptor)
+    }
+
+    /// Returns true if the voltage is a Brownian motion at any brightness.
+    pub(super) fn is_brownian(&self) -> bool {
+        self.k3 != 0.0 || self.k6 != 0.0
     }
 
     /// Standard deviation of the noise per square root of a nanosecond, where `L + k2` is `level`.

@@ -11,6 +11,7 @@ use super::bridge::Barriers;
 use super::cubic::CubicDrift;
 use super::drift::DriftProcess;
 use super::line::LineDrift;
+use super::receptor::ReceptorNoise;
 use super::thresholds::PixelThresholds;
 use super::tree::ROOT;
 use super::window::TimeStep;
@@ -33,6 +34,8 @@ pub(super) const VERSION: u32 = 3;
 /// Number of bands per thread. More bands balance quiet and busy parts of the image better; fewer
 /// bands share the fixed cost of a descent between more pixels.
 const BANDS_A_THREAD: usize = 4;
+/// Largest voltage at the first frame, as a share of a threshold.
+const INSIDE: f64 = 1.0 - 1e-9;
 /// Minimum number of pixels in a band.
 const MIN_BAND: usize = 4096;
 
@@ -60,6 +63,8 @@ pub(super) struct ExactSampler {
 pub(super) struct ExactSettings {
     pub(super) process: DriftProcess,
     pub(super) thresholds: PixelThresholds,
+    /// The photoreceptor's noise, if there is any.
+    pub(super) receptor: Option<ReceptorNoise>,
     pub(super) initial: InitialVoltage,
     pub(super) between: BetweenFrames,
     pub(super) cap: u32,
@@ -93,6 +98,8 @@ struct PixelStates {
     drift: Vec<f64>,
     /// Variance of the noise since the first frame.
     variance: Vec<f64>,
+    /// The photoreceptor's noise, in thresholds; empty without it.
+    receptor: Vec<f64>,
     tally: Vec<PixelTally>,
 }
 
@@ -100,9 +107,21 @@ impl ExactSampler {
     /// The pixels of a sensor, which fail beyond `cap` events of one pixel between two frames.
     pub(super) fn new(sensor: &VoltmeterModel, cap: u32, array: PixelArray) -> Self {
         let thresholds = PixelThresholds::new(sensor, &array);
+        let receptor = ReceptorNoise::new(sensor, &array);
         let (process, initial, between) = (DriftProcess::new(sensor), sensor.initial, sensor.between);
         let PixelArray { size, origin, seed, labels } = array;
-        let law = ExactSettings { process, thresholds, initial, between, cap, labels, size, origin, seed };
+        let law = ExactSettings {
+            process,
+            thresholds,
+            receptor,
+            initial,
+            between,
+            cap,
+            labels,
+            size,
+            origin,
+            seed,
+        };
         let (n, padded) = (size.pixels(), size.pixels().next_multiple_of(8));
         let seat = |pixel| {
             let [x, y] = law.at_sensor(pixel);
@@ -114,6 +133,7 @@ impl ExactSampler {
         let bands = BANDS_A_THREAD * rayon::current_num_threads();
         // A multiple of 8, so that no vector of pixels reaches into the next band.
         let band = n.div_ceil(bands).max(MIN_BAND).next_multiple_of(8);
+        let receptor = vec![0.0; if law.receptor.is_some() { padded } else { 0 }];
         Self {
             law,
             level: Level::new(),
@@ -124,6 +144,7 @@ impl ExactSampler {
                 voltage: vec![0.0; padded],
                 drift: vec![0.0; padded],
                 variance: vec![0.0; padded],
+                receptor,
                 tally: vec![PixelTally::default(); n],
             },
             band,
@@ -132,6 +153,12 @@ impl ExactSampler {
             windows: EventWindow::default(),
             negative_luminance: 0,
         }
+    }
+
+    /// Sets the photoreceptor's noise of every pixel.
+    #[cfg(test)]
+    pub(super) fn set_receptor(&mut self, voltage: f64) {
+        self.state.receptor.fill(voltage);
     }
 
     /// The end of the next window.
@@ -168,21 +195,26 @@ impl ExactSampler {
     }
 
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
-        let PixelStates { seats, voltage, drift, variance, tally } = &mut self.state;
+        let PixelStates { seats, voltage, drift, variance, receptor, tally } = &mut self.state;
         let window = TimeStep::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
         let size = self.band;
+        // One slice a band, empty ones without this noise.
+        let mut receptor: Vec<&mut [f64]> = receptor.chunks_mut(size).collect();
+        receptor.resize_with(self.bands.len(), || &mut []);
         let chunks = (
             seats.par_chunks(size),
             voltage.par_chunks_mut(size),
             drift.par_chunks_mut(size),
             variance.par_chunks_mut(size),
+            receptor.into_par_iter(),
             tally.par_chunks_mut(size),
             self.bands.par_iter_mut(),
         );
         // The instruction set is chosen once per band: everything inside is compiled for it.
         let level = self.level;
-        chunks.into_par_iter().enumerate().for_each(|(i, (seats, voltage, drift, variance, tally, band))| {
-            let slice = BandSlice { first: i * size, seats, voltage, drift, variance, tally };
+        chunks.into_par_iter().enumerate().for_each(|(i, parts)| {
+            let (seats, voltage, drift, variance, receptor, tally, band) = parts;
+            let slice = BandSlice { first: i * size, seats, voltage, drift, variance, receptor, tally };
             match window.law.between {
                 BetweenFrames::Linear => {
                     dispatch!(level, simd => window.cross::<LineDrift, _>(simd, slice, band))
@@ -225,7 +257,8 @@ impl ExactSampler {
             stored.rate.resize(self.state.voltage.len(), 0.0);
         }
         if self.frames.is_empty() {
-            self.law.begin(&stored.luminance, &mut self.state.voltage);
+            self.law.begin_receptor(&stored.luminance, &mut self.state.receptor);
+            self.law.begin(&stored.luminance, &self.state.receptor, &mut self.state.voltage);
             self.begin_logs(&stored);
         }
         self.frames.push_back(stored);
@@ -253,7 +286,8 @@ impl ExactSampler {
             let barriers = self.law.thresholds.of(pixel);
             // Events times thresholds can differ from the drift by the voltage left at the end and
             // by the noise. Six standard deviations are exceeded by 2e-9 of the pixels.
-            let bound = self.law.left_over(barriers) + 6.0 * variance.sqrt();
+            let receptor = self.law.receptor.as_ref().map_or(0.0, |noise| noise.change_variance(pixel));
+            let bound = self.law.left_over(barriers) + 6.0 * (variance + receptor).sqrt();
             tally.settle(barriers, *drift, bound, &mut account);
         }
         account.events = account.on + account.off;
@@ -268,8 +302,17 @@ impl ExactSampler {
 }
 
 impl ExactSettings {
-    /// Sets the voltages at the first frame.
-    fn begin(&self, luminance: &[f32], voltage: &mut [f64]) {
+    /// Sets the photoreceptor's noise at the first frame.
+    fn begin_receptor(&self, luminance: &[f32], receptor: &mut [f64]) {
+        let Some(noise) = &self.receptor else { return };
+        receptor.par_iter_mut().take(self.size.pixels()).enumerate().for_each(|(pixel, u)| {
+            *u = noise.initial(luminance[pixel], pixel, self.at_sensor(pixel), self.seed);
+        });
+    }
+
+    /// Sets the voltages at the first frame. Zero means that the pixels were reset there, whatever the
+    /// photoreceptor's noise was.
+    fn begin(&self, luminance: &[f32], receptor: &[f64], voltage: &mut [f64]) {
         if self.initial == InitialVoltage::Zero {
             return;
         }
@@ -280,7 +323,14 @@ impl ExactSettings {
                 // The uniform is the quantile of the stationary law, so one draw is enough.
                 let share = self.seed.draws(cell, DrawSpace::Initial).uniform();
                 let barriers = self.thresholds.of(pixel);
-                *voltage = self.process.at_rest(f64::from(*luminance), barriers).residual(share);
+                let at_rest = self.process.at_rest(f64::from(*luminance), barriers);
+                *voltage = at_rest.residual(share);
+                if let Some(noise) = &self.receptor {
+                    let shift = noise.shift(*luminance, pixel, &at_rest);
+                    // Just inside: a voltage at a barrier has no event before it.
+                    *voltage = (*voltage + shift + receptor[pixel])
+                        .clamp(-barriers.down * INSIDE, barriers.up * INSIDE);
+                }
             },
         );
     }

@@ -3,7 +3,7 @@
 use super::{
     BetweenFrames, DriftGain, SamplerKind, VoltmeterModel, VoltmeterPreset, bridge, drift, thresholds, tree,
 };
-use crate::noise::{NoiseFloor, RefractoryPeriod};
+use crate::noise::{NoiseFloor, PhotoreceptorNoise, RefractoryPeriod};
 use crate::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
 use crate::screening::{ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, array_mean};
 use crate::{SensorChoice, SensorModel, SimulationAccount};
@@ -47,8 +47,8 @@ impl SensorParameters for VoltmeterModel {
         let [k1, k2, ..] = self.k;
         // `k3` and `k6` are the noise, `k4` and `k5` the leak, which makes events without
         // brightness.
-        let floor = NoiseFloor::default();
-        Self { k: [k1, k2, 0.0, 0.0, 0.0, 0.0], floor, ..self.clone() }.into()
+        let (floor, photoreceptor_noise) = (NoiseFloor::default(), PhotoreceptorNoise::default());
+        Self { k: [k1, k2, 0.0, 0.0, 0.0, 0.0], floor, photoreceptor_noise, ..self.clone() }.into()
     }
 
     fn without_idle(&self) -> SensorChoice {
@@ -102,7 +102,8 @@ impl SensorParameters for VoltmeterModel {
         let least = sides.map(|threshold| thresholds::FLOOR * threshold);
         let of_law = array_mean(sides, self.threshold_spread, least, |sides| self.noise_of(sides, grey));
         let [on, off] = self.floor.rates_at_grey(grey, self.settings.front_end.white_lux());
-        of_law.plus([on + self.settings.hot_pixels.mean_hz(), off])
+        let [receptor_on, receptor_off] = self.receptor_hz(grey);
+        of_law.plus([on + self.settings.hot_pixels.mean_hz() + receptor_on, off + receptor_off])
     }
 
     fn released(&self) -> Value {
@@ -167,6 +168,9 @@ impl VoltmeterModel {
     fn add_options(&self, out: &mut Value) {
         if !self.floor.is_absent() {
             out["floor"] = json!(self.floor);
+        }
+        if !self.photoreceptor_noise.is_absent() {
+            out["photoreceptor_noise"] = json!(self.photoreceptor_noise);
         }
         if self.settings.refractory.period_us > 0.0 {
             out["refractory"] = json!(self.settings.refractory);

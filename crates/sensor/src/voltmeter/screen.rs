@@ -3,15 +3,28 @@
 use super::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
 use crate::SensorSettings;
 use crate::noise::{ReferenceRule, RefractoryPeriod};
-use crate::screening::{ConstantLightNoise, ScreenError, at_least_zero};
+use crate::screening::{ConstantLightNoise, ScreenError, at_least_zero, standard_normal_mean};
 use crate::statistics::RenewalProcess;
+use crate::statistics::receptor_rate::{ReceptorRate, leak_distance};
+use std::f64::consts::TAU;
 
 impl VoltmeterModel {
     /// The behaviour of a pixel with nominal thresholds at this constant grey, without the noise
     /// floor.
     #[must_use]
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
-        self.noise_of([self.threshold_on, self.threshold_off], grey)
+        let pairs = self.receptor_pairs(grey, self.photoreceptor_noise.spread);
+        self.noise_of([self.threshold_on, self.threshold_off], grey).plus([pairs, pairs])
+    }
+
+    /// Rates of ON and OFF events by the photoreceptor's noise at this grey, Hz: the mean over pixels with unequal
+    /// amplitudes and thresholds.
+    #[must_use]
+    pub fn receptor_hz(&self, grey: f64) -> [f64; 2] {
+        // The noise is felt in thresholds, so both spreads act as one. That a pair of events moves the reference of a
+        // pixel with unequal thresholds is left out.
+        let of_thresholds = self.threshold_spread / self.threshold_on.min(self.threshold_off);
+        [self.receptor_pairs(grey, libm::hypot(self.photoreceptor_noise.spread, of_thresholds)); 2]
     }
 
     pub(super) fn noise_of(&self, [up, down]: [f64; 2], grey: f64) -> ConstantLightNoise {
@@ -30,6 +43,35 @@ impl VoltmeterModel {
         }
     }
 
+    /// Rate of ON events, and of OFF events, by the photoreceptor's noise, Hz: the mean over pixels whose
+    /// amplitudes have this spread.
+    fn receptor_pairs(&self, grey: f64, spread: f64) -> f64 {
+        let noise = &self.photoreceptor_noise;
+        if noise.is_absent() {
+            return 0.0;
+        }
+        let (up, down) = (self.threshold_on, self.threshold_off);
+        let drift = self.k[3] + self.k[4] * grey;
+        let point = noise.at_grey(grey, self.settings.front_end.white_lux());
+        let theta = TAU * point.cutoff_hz;
+        standard_normal_mean(|z| {
+            let deviation = self.k[0] * point.deviation * libm::exp(spread * z);
+            let rate = ReceptorRate { deviation, theta, up, down };
+            if drift == 0.0 && self.initial == InitialVoltage::Zero {
+                // The pixel keeps the noise of the first frame as its reference.
+                return standard_normal_mean(|start| rate.pairs((deviation * start).clamp(-down, up)));
+            }
+            if drift == 0.0 {
+                return rate.pairs(0.0);
+            }
+            // A leak passes through all voltages that the noise leaves it.
+            let distance = leak_distance(deviation, theta, PER_SECOND * drift).min(0.5 * (up + down));
+            let span = if drift > 0.0 { [-distance, up - distance] } else { [distance - down, distance] };
+            let at = |i: u8| span[0] + (span[1] - span[0]) * (f64::from(i) + 0.5) / f64::from(PHASES);
+            (0..PHASES).map(|i| rate.pairs(at(i))).sum::<f64>() / f64::from(PHASES)
+        })
+    }
+
     /// Checks that the law supports the settings other than `k` and the thresholds.
     pub(super) fn validate_options(&self) -> Result<(), ScreenError> {
         let SensorSettings { refractory, front_end, .. } = self.settings;
@@ -38,6 +80,15 @@ impl VoltmeterModel {
         self.floor.validate()?;
         if !self.floor.is_absent() && front_end.lux.is_none() {
             return Err(ScreenError::Combination("`floor` requires `front_end.lux`, the light of white"));
+        }
+        self.photoreceptor_noise.validate()?;
+        if self.photoreceptor_noise.follows_light() && front_end.lux.is_none() {
+            let found =
+                "`photoreceptor_noise` with several points requires `front_end.lux`, the light of white";
+            return Err(ScreenError::Combination(found));
+        }
+        if self.law == SamplerKind::Official && !self.photoreceptor_noise.is_absent() {
+            return Err(ScreenError::Combination("`photoreceptor_noise` requires `law: exact`"));
         }
         let RefractoryPeriod { period_us, reference } = refractory;
         if period_us > 0.0 && (period_us < 1.0 || reference != ReferenceRule::Passing) {
@@ -54,6 +105,9 @@ impl VoltmeterModel {
         Ok(())
     }
 }
+
+/// Voltages of a leaking pixel that a mean takes.
+const PHASES: u8 = 8;
 
 /// Microseconds per second: rates of the published program are per microsecond.
 const PER_SECOND: f64 = 1e6;

@@ -31,6 +31,7 @@ use super::bridge::WideBarriers;
 use super::cell_list::{CellCrowd, CellList};
 use super::curve::DriftCurve;
 use super::leaf::{ClockLeaf, LeafSpan};
+use super::receptor;
 use super::thresholds::PixelThresholds;
 use super::window::TimeStep;
 use super::writer::BandWriter;
@@ -65,6 +66,8 @@ pub(super) struct Walkers {
     sigma: Vec<f64>,
     /// Bound on the second derivative of the drift.
     curvature: Vec<f64>,
+    /// `theta` and standard deviation of the photoreceptor's noise; empty without it.
+    receptor: [Vec<f64>; 2],
     /// For each walker and leg: the drift from the window's start to the leg's earlier frame, then
     /// the leg's curve.
     pieces: Vec<[f64; 5]>,
@@ -92,6 +95,19 @@ pub(super) struct Walker {
     pub(super) increment: f64,
     /// Drift over the window, in thresholds.
     pub(super) drift: f64,
+    /// The photoreceptor's noise, if there is any.
+    pub(super) receptor: Option<WalkerReceptor>,
+}
+
+/// The photoreceptor's noise of a walker in a root cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WalkerReceptor {
+    /// `theta`, per ns.
+    pub(super) rate: f64,
+    /// Standard deviation, in thresholds.
+    pub(super) deviation: f64,
+    /// Voltages at both ends.
+    pub(super) ends: [f64; 2],
 }
 
 impl Walkers {
@@ -101,6 +117,7 @@ impl Walkers {
         self.voltage.clear();
         self.sigma.clear();
         self.curvature.clear();
+        self.receptor.iter_mut().for_each(Vec::clear);
         self.pieces.clear();
         // Levels 0 to LEVELS, and one more list that holds the root's walkers while level 0 is
         // filled.
@@ -114,8 +131,13 @@ impl Walkers {
 
     #[inline(always)]
     pub(super) fn push(&mut self, walker: Walker, pieces: impl Iterator<Item = [f64; 5]>) {
-        let Walker { pixel, seat, voltage, sigma, curvature, increment, drift } = walker;
-        self.lists[0].push(self.pixels.len() as u64, increment, [0.0, drift]);
+        let Walker { pixel, seat, voltage, sigma, curvature, increment, drift, receptor } = walker;
+        let ends = receptor.map(|receptor| receptor.ends);
+        self.lists[0].push(self.pixels.len() as u64, increment, [0.0, drift], ends);
+        if let Some(WalkerReceptor { rate, deviation, .. }) = receptor {
+            self.receptor[0].push(rate);
+            self.receptor[1].push(deviation);
+        }
         self.pixels.push(pixel);
         self.seats.push(seat);
         self.voltage.push(voltage);
@@ -143,6 +165,36 @@ impl Walkers {
             f64x8::from_slice(simd, d),
             f64x8::from_slice(simd, e),
         ]
+    }
+
+    /// `theta` and standard deviation of eight walkers.
+    #[inline(always)]
+    fn receptor_of<S: Simd>(&self, simd: S, members: &[usize; 8]) -> [f64x8<S>; 2] {
+        let [rates, deviations] = &self.receptor;
+        [gather_eight(simd, rates, members), gather_eight(simd, deviations, members)]
+    }
+
+    /// Change of the photoreceptor's noise over a leaf, and its variance per ns; 0 without it.
+    #[inline(always)]
+    fn receptor_in_leaf(&self, member: usize, leaves: &CellList, at: usize) -> (f64, f64) {
+        let [rates, deviations] = &self.receptor;
+        match (leaves.receptor.change(at), rates.get(member)) {
+            (Some(change), Some(rate)) => (change, rate * deviations[member] * deviations[member] * 2.0),
+            _ => (0.0, 0.0),
+        }
+    }
+
+    /// Draws the second normal deviate of a block for the members of a list. The first belongs to the end of a
+    /// root cell.
+    #[inline(always)]
+    fn draw<S: Simd>(&self, simd: S, cells: SeedCells, block: u32, members: &[u64], to: &mut [f64]) {
+        for i in (0..members.len()).step_by(8) {
+            let places = places_of(members, i);
+            let seats = u64x8::from_fn(simd, |lane| self.seats[places[lane]]);
+            let [_, draw] = cells.pair(seats, block);
+            store_eight(eight::uniform_eight(draw), to, i);
+        }
+        eight::normal_deviates(simd, &mut to[..members.len()]);
     }
 
     /// Each walker's pixel and its present voltage.
@@ -269,14 +321,14 @@ impl RootWalk<'_> {
         let (space, level, index) = (DrawSpace::Tree, node.level, node.index(window.root()));
         let cells = SeedCells { seed: law.seed, space, level, index };
         let end = list.len.next_multiple_of(8);
-        for i in (0..end).step_by(8) {
-            let members = places_of(&list.members, i);
-            let seats = u64x8::from_fn(simd, |lane| walkers.seats[members[lane]]);
-            // The first number is left out: at the root it is the increment of the whole cell.
-            let [_, draw] = cells.pair(seats, 0);
-            store_eight(eight::uniform_eight(draw), &mut list.half, i);
+        if law.receptor.is_some() {
+            walkers.draw(simd, cells, receptor::BLOCK, &list.members[..end], &mut list.receptor.middle);
         }
-        eight::normal_deviates(simd, &mut list.half[..end]);
+        if law.process.is_brownian() {
+            walkers.draw(simd, cells, 0, &list.members[..end], &mut list.half);
+        } else {
+            list.half[..end].fill(0.0);
+        }
         // Two passes over the list: `normal_deviates` runs faster over one long array than eight at
         // a time.
         // The variance in the middle is a quarter of the cell's length: `sqrt(length / 4)`.
@@ -294,6 +346,12 @@ impl RootWalk<'_> {
             // The rest, so that both halves add up to the cell: its end stays where it was before
             // the split.
             store_eight(load_eight(simd, &list.increment, i) - half, &mut list.increment, i);
+            if let Some(ends) = list.whole().receptor_ends(simd, i) {
+                let normal = load_eight(simd, &list.receptor.middle, i);
+                let length = f64::from(node.length());
+                let middle = receptor::middle(walkers.receptor_of(simd, &members), ends, length, normal);
+                store_eight(middle, &mut list.receptor.middle, i);
+            }
         }
     }
 
@@ -320,9 +378,19 @@ impl RootWalk<'_> {
             if !knots.is_empty() {
                 straying += self.knots_of(node, &members, [from, to], knots.clone());
             }
-            let y = x + (to - from) + sigma * increment;
+            let mut y = x + (to - from) + sigma * increment;
+            let (mut variance, mut reach) = (sigma * sigma, straying);
+            let mut short = u64::MAX;
+            let receptor = crowd.receptor_ends(simd, i);
+            if let Some(ends) = receptor {
+                let [rate, deviation] = self.walkers.receptor_of(simd, &members);
+                y += ends[1] - ends[0];
+                variance += rate * deviation * deviation * 2.0;
+                reach += receptor::bow(rate, ends, length);
+                short = mask_bits((rate * length).simd_le(receptor::SHORT));
+            }
             let barriers = self.barriers(simd, &members);
-            let live = mask_bits(barriers.reached([x, y], sigma * sigma * length, straying));
+            let live = mask_bits(barriers.reached([x, y], variance * length, reach));
             // The last eight may end with padding, which moves no voltage and joins no list.
             let known = u64::MAX >> (64 - 8.min(crowd.len - i));
             for lane in set_lanes(!live & known) {
@@ -336,10 +404,12 @@ impl RootWalk<'_> {
                 let sure = if knots.is_empty() { mask_bits((straying * 2.1).simd_le(STRAIGHT)) } else { 0 };
                 leaf = live & known & sure;
                 leaf |= self.leaves::<C>(node, &members, live & known & !sure);
+                // A cell of one nanosecond is short for every bandwidth that is allowed.
+                leaf &= short;
             }
             let all = u64x8::from_slice(simd, &crowd.members[i..i + 8]);
-            leaves.extend(leaf, all, [increment, from, to]);
-            next.extend(live & known & !leaf, all, [increment, from, to]);
+            leaves.extend(leaf, all, [increment, from, to], receptor);
+            next.extend(live & known & !leaf, all, [increment, from, to], receptor);
         }
         self.walkers.lists[level] = next;
         self.walkers.leaves = leaves;
@@ -454,13 +524,15 @@ impl RootWalk<'_> {
                 let member = list.members[i + lane] as usize;
                 let drift = list.to[i + lane] - list.from[i + lane];
                 let sigma = walkers.sigma[member];
+                let (noise, receptor_variance) = walkers.receptor_in_leaf(member, list, i + lane);
                 let draws = [first[0][lane], first[1][lane], second[0][lane], second[1][lane]];
                 let draws = cells.go_on(seats[lane], draws);
-                let variance = sigma * sigma;
+                let variance = sigma * sigma + receptor_variance;
                 let barriers = law.thresholds.of(writer.first + walkers.pixels[member]);
                 let mut leaf = ClockLeaf { barriers, variance, draws, time: begin };
                 let x = walkers.voltage[member];
-                let whole = LeafSpan { end: x + drift + sigma * list.increment[i + lane], until: end };
+                let end_voltage = x + drift + sigma * list.increment[i + lane] + noise;
+                let whole = LeafSpan { end: end_voltage, until: end };
                 let mut emit = writer.of(walkers.pixels[member], walkers.seats[member]);
                 walkers.voltage[member] = leaf.cross(x, whole, &mut walkers.spans, &mut emit)?;
             }

@@ -8,9 +8,10 @@ use gs2e_num::seed::Seed;
 use gs2e_sensor::esim::EsimModel;
 use gs2e_sensor::frames::FrameSequence;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
-use gs2e_sensor::noise::{HotPixelNoise, RedrawRule, ThresholdMismatch};
+use gs2e_sensor::front_end::FrontEnd;
+use gs2e_sensor::noise::{HotPixelNoise, PhotoreceptorNoise, ReceptorPoint, RedrawRule, ThresholdMismatch};
 use gs2e_sensor::v2e::{LeakNoise, V2eModel};
-use gs2e_sensor::voltmeter::{SamplerKind, VoltmeterModel, VoltmeterPreset};
+use gs2e_sensor::voltmeter::{InitialVoltage, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorModel, SensorSettings, v2e};
 
 const SIZE: Size = Size { width: 24, height: 10 };
@@ -37,14 +38,25 @@ fn noisy() -> VoltmeterModel {
     VoltmeterModel::new([5.0, 16.0, 2e-2, 1e-5, 1e-7, 4e-3])
 }
 
+/// Noise of the photoreceptor, with and without that of the voltage. It is the same at any light.
+fn with_receptor() -> [VoltmeterModel; 2] {
+    let points = vec![ReceptorPoint { lux: 1.0, deviation: 0.15, cutoff_hz: 300.0 }];
+    let photoreceptor_noise = PhotoreceptorNoise { spread: 0.3, points };
+    let alone =
+        VoltmeterModel { photoreceptor_noise, ..VoltmeterModel::new([5.0, 16.0, 0.0, 1e-5, 1e-7, 0.0]) };
+    [VoltmeterModel { k: noisy().k, ..alone.clone() }, alone]
+}
+
 #[test]
 fn static_pixels_do_not_depend_on_the_frame_rate() {
     let grey = |x: u32, y: u32, _| f64::from(x * 10 + y);
-    let at = |rate| run(&noisy(), &frames(SIZE, &stamps(rate, 300_000), grey), 5).0;
-    let coarse = at(10.0);
-    assert!(coarse.len() > 1000, "{}", coarse.len());
-    for rate in [37.3, 240.0, 2400.0] {
-        same_events(SIZE, &coarse, &at(rate), 1);
+    for sensor in with_receptor().into_iter().chain([noisy()]) {
+        let at = |rate| run(&sensor, &frames(SIZE, &stamps(rate, 300_000), grey), 5).0;
+        let coarse = at(10.0);
+        assert!(coarse.len() > 1000, "{}", coarse.len());
+        for rate in [37.3, 240.0, 2400.0] {
+            same_events(SIZE, &coarse, &at(rate), 1);
+        }
     }
 }
 
@@ -53,15 +65,17 @@ fn a_signal_that_stays_the_same_can_be_sampled_finer() {
     // L + 16 runs from 16 to 256 in four octaves, so a frame at each octave represents it exactly.
     let octaves = |t: i64, end: i64| 16.0 * (4.0 * t as f64 / end as f64).exp2() - 16.0;
     let end = 80_000;
-    let ramp = |stamps: &[i64]| run(&noisy(), &frames(SIZE, stamps, |_, _, t| octaves(t, end)), 6).0;
-    let coarse = ramp(&[0, end]);
-    assert!(coarse.len() > 3000, "{}", coarse.len());
-    same_events(SIZE, &coarse, &ramp(&[0, 20_000, 40_000, 60_000, end]), 1);
-    // At other times a frame rounds L to 24 bits, and the drift by 3e-7 thresholds. The signal
-    // drifts by 1.7e-4 per us, so events move by 2 ns, and some hundred times as far where noise
-    // makes the path flat at the barrier.
-    for rate in [240.0, 1429.0, 2400.0] {
-        same_events(SIZE, &coarse, &ramp(&stamps(rate, end)), 500);
+    for sensor in with_receptor().into_iter().chain([noisy()]) {
+        let ramp = |stamps: &[i64]| run(&sensor, &frames(SIZE, stamps, |_, _, t| octaves(t, end)), 6).0;
+        let coarse = ramp(&[0, end]);
+        assert!(coarse.len() > 3000, "{}", coarse.len());
+        same_events(SIZE, &coarse, &ramp(&[0, 20_000, 40_000, 60_000, end]), 1);
+        // At other times a frame rounds L to 24 bits, and the drift by 3e-7 thresholds. The signal
+        // drifts by 1.7e-4 per us, so events move by 2 ns, and some hundred times as far where noise
+        // makes the path flat at the barrier.
+        for rate in [240.0, 1429.0, 2400.0] {
+            same_events(SIZE, &coarse, &ramp(&stamps(rate, end)), 500);
+        }
     }
 }
 
@@ -155,7 +169,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
 }
 
 /// One noisy member of each kind of law, with labels.
-pub(super) fn models() -> [SensorChoice; 5] {
+pub(super) fn models() -> [SensorChoice; 6] {
     let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0, ..HotPixelNoise::default() };
     let noisy = VoltmeterModel { settings: SensorSettings { labels: true, ..noisy().settings }, ..noisy() };
     let unequal = VoltmeterModel {
@@ -181,9 +195,18 @@ pub(super) fn models() -> [SensorChoice; 5] {
         settings: SensorSettings { hot_pixels, labels: true, ..usual.settings },
         ..usual
     };
-    let voltmeters = [noisy, unequal, official].map(SensorChoice::Voltmeter);
-    let [plain, unequal, official] = voltmeters;
-    [plain, unequal, official, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]
+    let point = |lux, deviation, cutoff_hz| ReceptorPoint { lux, deviation, cutoff_hz };
+    let points = vec![point(1.0, 0.3, 100.0), point(250.0, 0.1, 900.0)];
+    let front_end = FrontEnd { lux: Some(100.0), ..FrontEnd::default() };
+    let receptor = VoltmeterModel {
+        photoreceptor_noise: PhotoreceptorNoise { spread: 0.4, points },
+        initial: InitialVoltage::Stationary,
+        settings: SensorSettings { front_end, ..unequal.settings },
+        ..unequal.clone()
+    };
+    let voltmeters = [noisy, unequal, official, receptor].map(SensorChoice::Voltmeter);
+    let [plain, unequal, official, receptor] = voltmeters;
+    [plain, unequal, official, receptor, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]
 }
 
 /// A clip that moves, with dark, bright and static parts.

@@ -215,7 +215,9 @@ impl<'a> DriftBalance<'a> {
         let rounding = self.first_rounding[i] + law.rounding_error_at(now, brightness);
         let unequal = law.spread_error(counts);
         // A uniform error has a standard deviation of its half-width over the root of 3.
-        let others = (rounding * rounding / 3.0) + law.between_error() * law.between_error();
+        let others = (rounding * rounding / 3.0)
+            + law.between_error() * law.between_error()
+            + law.receptor_variance(f64::from(now));
         let [a, b] = law.thresholds;
         // `max` would turn an unknown luminance into black.
         let is_hot = self.hot_hz.get(i).is_some_and(|hz| *hz > 0.0);

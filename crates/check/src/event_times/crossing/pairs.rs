@@ -109,7 +109,9 @@ impl PairResiduals {
         let length_us = length_us.max(0.0);
         let floor: f64 = self.law.floor_rates(*brightness).iter().sum();
         let others = floor * length_us + self.law.disturbances(*brightness, length_us);
-        others >= MAX_DISTURBED || self.law.noise(*brightness, length_us) >= MAX_NOISE * threshold
+        let receptor = self.law.receptor_variance(*brightness).sqrt();
+        let noise = libm::hypot(self.law.noise(*brightness, length_us), receptor);
+        others >= MAX_DISTURBED || noise >= MAX_NOISE * threshold
     }
 
     /// The sums of each block. `block` is the block of a pixel.

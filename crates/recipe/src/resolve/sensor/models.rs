@@ -11,7 +11,10 @@ use gs2e_sensor::SensorSettings;
 use gs2e_sensor::esim::{EsimModel, TRAINABLE};
 use gs2e_sensor::latency;
 use gs2e_sensor::latency::PixelLatency;
-use gs2e_sensor::noise::{FloorPoint, HotPixelNoise, NoiseFloor, RefractoryPeriod, ThresholdMismatch};
+use gs2e_sensor::noise::{
+    FloorPoint, HotPixelNoise, NoiseFloor, PhotoreceptorNoise, ReceptorPoint, RefractoryPeriod,
+    ThresholdMismatch, photoreceptor,
+};
 use gs2e_sensor::readout::ReadoutBus;
 use gs2e_sensor::v2e::{LeakNoise, V2eModel, V2ePreset};
 use gs2e_sensor::voltmeter::BetweenFrames;
@@ -155,11 +158,57 @@ impl Resolver<'_> {
             })
         };
         let points: Vec<FloorPoint> = all(points, point)?;
-        if points.windows(2).any(|pair| pair[0].lux >= pair[1].lux) {
-            let found = FieldProblem::of_field("has lights that do not rise from point to point");
-            return self.refuse(found.help("order the points by lux, each light once").at(place));
+        self.rising(&points, |point| point.lux, place).map(|()| NoiseFloor(points))
+    }
+
+    /// Checks that the lights of points rise.
+    fn rising<P>(&self, points: &[P], lux: impl Fn(&P) -> f64, place: TextSpan) -> Option<()> {
+        if points.is_sorted_by(|before, after| lux(before) < lux(after)) {
+            return Some(());
         }
-        Some(NoiseFloor(points))
+        let found = FieldProblem::of_field("has lights that do not rise from point to point");
+        self.refuse(found.help("order the points by lux, each light once").at(place))
+    }
+
+    /// Resolves the noise of the photoreceptor.
+    pub(super) fn photoreceptor_noise(
+        &self,
+        field: &Field<schema::PhotoreceptorNoiseSection>,
+        default: &PhotoreceptorNoise,
+    ) -> Option<PhotoreceptorNoise> {
+        let raw = field.or_default()?;
+        resolved!(PhotoreceptorNoise {
+            spread: self.real(&raw.spread, default.spread, RealRange::new(0.0, photoreceptor::MAX_SPREAD)),
+            points: self.receptor_points(&raw.points, &default.points),
+        })
+    }
+
+    fn receptor_points(
+        &self,
+        field: &Field<Vec<Field<schema::ReceptorPointSection>>>,
+        default: &[ReceptorPoint],
+    ) -> Option<Vec<ReceptorPoint>> {
+        let Some((points, place)) = field.given() else { return field.is_absent().then(|| default.to_vec()) };
+        let point = |field: &Field<schema::ReceptorPointSection>| {
+            let (raw, place) = field.given()?;
+            let lux = self.required(&raw.lux, "lux", place, "write lux: 100, the light on the sensor");
+            let deviation =
+                self.required(&raw.deviation, "deviation", place, "write deviation: 0.02, a contrast");
+            let cutoff = self.required(&raw.cutoff_hz, "cutoff_hz", place, "write cutoff_hz: 200, in Hz");
+            // An absent key was reported, and the defaults below are not for use.
+            lux.and(deviation).and(cutoff)?;
+            resolved!(ReceptorPoint {
+                lux: self.real(&raw.lux, 1.0, RealRange::above(0.0, 1e9)),
+                deviation: self.real(&raw.deviation, 0.0, RealRange::new(0.0, 10.0)),
+                cutoff_hz: self.real(
+                    &raw.cutoff_hz,
+                    1.0,
+                    RealRange::above(0.0, photoreceptor::MAX_CUTOFF_HZ)
+                ),
+            })
+        };
+        let points: Vec<ReceptorPoint> = all(points, point)?;
+        self.rising(&points, |point| point.lux, place).map(|()| points)
     }
 
     pub(super) fn hot_pixels(&self, field: &Field<schema::HotPixelsSection>) -> Option<HotPixelNoise> {

@@ -1,8 +1,8 @@
 //! DVS-Voltmeter as written.
 
 use super::{
-    ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection, ReadoutSection,
-    RefractorySection, ThresholdSection,
+    ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
+    PhotoreceptorNoiseSection, ReadoutSection, RefractorySection, ThresholdSection,
 };
 use crate::field::Field;
 use gs2e_sensor::voltmeter::{ConstantUnits, DriftGain, InitialVoltage, SamplerKind};
@@ -44,6 +44,8 @@ pub(crate) struct VoltmeterSection {
     pub hot_pixels: Field<HotPixelsSection>,
     /// Rates of random events of all pixels against light; `[]` for none. Default: the preset's.
     pub floor: Field<Vec<Field<FloorPointSection>>>,
+    /// Noise of the photoreceptor; it requires `law: exact`. Default: the preset's, or none.
+    pub photoreceptor_noise: Field<PhotoreceptorNoiseSection>,
     /// Dead time after an event; `reference` is `passing`. Default: the preset's.
     pub refractory: Field<RefractorySection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.

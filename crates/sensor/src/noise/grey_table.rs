@@ -1,0 +1,61 @@
+//! Values that follow the light on a pixel: points of a table, and a fine table by grey for the inner loops.
+
+/// The values at a light, from points at rising lights. Between two points, the logarithm of a value is linear
+/// in the logarithm of the light; outside the points, the values of the nearest hold. All 0 without points.
+pub(crate) fn between_lights<P, const N: usize>(
+    points: &[P],
+    lux: f64,
+    light: impl Fn(&P) -> f64,
+    values: impl Fn(&P) -> [f64; N],
+) -> [f64; N] {
+    let above = points.partition_point(|point| light(point) <= lux);
+    let [Some(low), Some(high)] =
+        [above.saturating_sub(1), above.min(points.len().saturating_sub(1))].map(|i| points.get(i))
+    else {
+        return [0.0; N];
+    };
+    let [from, to] = [low, high].map(&values);
+    // Outside the points both are the same point, and the share below would be 0/0.
+    let [darker, brighter] = [low, high].map(&light);
+    if darker >= brighter || lux <= darker {
+        return from;
+    }
+    let share = libm::log(lux / darker) / libm::log(brighter / darker);
+    std::array::from_fn(|i| {
+        let (a, b) = (from[i], to[i]);
+        // The logarithm of 0 has no place on the line, so a value that vanishes falls linearly.
+        if a > 0.0 && b > 0.0 { a * libm::pow(b / a, share) } else { a + (b - a) * share }
+    })
+}
+
+/// `N` values for every grey.
+#[derive(Debug, Clone)]
+pub(crate) struct GreyTable<const N: usize> {
+    /// One entry per range of greys.
+    values: Vec<[f64; N]>,
+}
+
+/// Bits of a 32-bit float that are left out of an index: 7 bits of the mantissa remain, so that a
+/// range of greys is at most 1/128 wide.
+const DROPPED_BITS: u32 = 16;
+/// Darkest and brightest grey of the table, powers of two: 2^-20 and 2^20.
+const ENDS: [u32; 2] = [0x3580_0000, 0x4980_0000];
+
+impl<const N: usize> GreyTable<N> {
+    /// The table of a function of the grey.
+    pub(crate) fn new(of_grey: impl Fn(f64) -> [f64; N]) -> Self {
+        let [first, last] = ENDS.map(|bits| bits >> DROPPED_BITS);
+        let middle = |index: u32| f32::from_bits((index << DROPPED_BITS) + (1 << (DROPPED_BITS - 1)));
+        Self { values: (first..=last).map(|index| of_grey(f64::from(middle(index)))).collect() }
+    }
+
+    /// The values at a grey.
+    #[inline]
+    pub(crate) fn at(&self, grey: f32) -> [f64; N] {
+        let [first, last] = ENDS.map(f32::from_bits);
+        // A grey below 0 or NaN is black: the sensor has refused or counted it.
+        // The bits of positive floats rise with their values, so the upper bits number ranges of greys.
+        let index = (grey.max(first).min(last).to_bits() >> DROPPED_BITS) - (ENDS[0] >> DROPPED_BITS);
+        self.values[index as usize]
+    }
+}

@@ -1,0 +1,170 @@
+//! The photoreceptor's noise in the exact law: an Ornstein-Uhlenbeck voltage on the dyadic clock.
+//!
+//! Between known ends `a` and `b`, a time `h` apart, the process is Gaussian too. In the middle it has mean `(a
+//! + b) / (2 cosh z)` and variance `s^2 tanh z`, where `z = theta h / 2` and `s` is its standard deviation. So
+//! the clock carries over: a root cell takes one normal draw for the end, a split one for the middle. The
+//! values at the ends of cells have the exact law, whatever is split.
+//!
+//! In a leaf, the bridge is taken for a Brownian one of the same quadratic variation, `2 theta s^2` per time,
+//! around the chord. Two things are neglected: the mean strays from the chord by at most `|u| (theta h)^2 / 8`, as
+//! it solves `m'' = theta^2 m`, and the variance in the middle is smaller by the share `(theta h)^2 / 12`. A leaf
+//! has `theta h` of at most [`SHORT`], so both are below 4e-5.
+//!
+//! Deviation and bandwidth follow the light. They are those of the middle of a root cell for the whole cell,
+//! as the noise of the Brownian voltage is.
+
+use super::VoltmeterModel;
+use crate::chain::PixelArray;
+use crate::noise::grey_table::GreyTable;
+use crate::statistics::RenewalProcess;
+use crate::statistics::receptor_rate::leak_distance;
+use crate::voltmeter::tree::ROOT;
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8};
+use gs2e_num::elementary::{exp_eight, load_eight};
+use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
+use std::f64::consts::TAU;
+
+/// Largest length of a leaf as a share of the time `1 / theta` in which the noise returns.
+pub(super) const SHORT: f64 = 1.0 / 64.0;
+/// Block of the draws of a cell of the tree: block 0 is the Brownian motion's.
+pub(super) const BLOCK: u32 = 1;
+
+/// The photoreceptor's noise of all pixels of a sensor.
+#[derive(Debug)]
+pub(super) struct ReceptorNoise {
+    table: GreyTable<3>,
+    /// Factor of the amplitude of each pixel, padded with 1 to a multiple of 8. Empty where all have the same.
+    amplitude: Vec<f64>,
+    /// Largest standard deviation at any light, in thresholds, where the factor is 1.
+    largest: f64,
+}
+
+/// The noise of eight pixels in a root cell.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WideReceptor<S: Simd> {
+    /// `theta`, per ns.
+    pub(super) rate: f64x8<S>,
+    /// Standard deviation, in thresholds.
+    pub(super) deviation: f64x8<S>,
+    /// Share of the voltage that is left after a root cell.
+    decay: f64x8<S>,
+}
+
+impl ReceptorNoise {
+    /// The noise of a sensor; `None` if it has none.
+    pub(super) fn new(sensor: &VoltmeterModel, array: &PixelArray) -> Option<Self> {
+        let noise = &sensor.photoreceptor_noise;
+        if noise.is_absent() {
+            return None;
+        }
+        let (white_lux, k1) = (sensor.settings.front_end.white_lux(), sensor.k[0]);
+        let table = GreyTable::new(|grey| {
+            let point = noise.at_grey(grey, white_lux);
+            let rate = TAU * point.cutoff_hz * 1e-9;
+            [rate, k1 * point.deviation, libm::exp(-rate * ROOT as f64)]
+        });
+        let mut amplitude = Vec::new();
+        if noise.spread > 0.0 {
+            amplitude.extend((0..array.size.pixels()).map(|pixel| noise.amplitude(array.site(pixel))));
+            amplitude.resize(amplitude.len().next_multiple_of(8), 1.0);
+        }
+        let largest = noise.points.iter().map(|point| k1 * point.deviation).fold(0.0, f64::max);
+        Some(Self { table, amplitude, largest })
+    }
+
+    /// The noise of eight pixels from `first` on, at these greys.
+    #[inline(always)]
+    pub(super) fn eight<S: Simd>(&self, greys: f64x8<S>, first: usize) -> WideReceptor<S> {
+        let simd = greys.simd;
+        let [mut rate, mut deviation, mut decay] = [[0.0; 8]; 3];
+        for lane in 0..8 {
+            #[expect(clippy::cast_possible_truncation, reason = "the table has steps of 1 %")]
+            let grey = greys[lane] as f32;
+            [rate[lane], deviation[lane], decay[lane]] = self.table.at(grey);
+        }
+        let mut deviation = f64x8::from_slice(simd, &deviation);
+        if !self.amplitude.is_empty() {
+            deviation *= load_eight(simd, &self.amplitude, first);
+        }
+        WideReceptor {
+            rate: f64x8::from_slice(simd, &rate),
+            deviation,
+            decay: f64x8::from_slice(simd, &decay),
+        }
+    }
+
+    /// Deviation of a pixel at a grey, in thresholds.
+    fn deviation_of(&self, grey: f32, pixel: usize) -> f64 {
+        let [_, deviation, _] = self.table.at(grey);
+        deviation * self.factor(pixel)
+    }
+
+    /// A bound on the variance of the difference of a pixel's noise at two times, at any light.
+    pub(super) fn change_variance(&self, pixel: usize) -> f64 {
+        let deviation = self.largest * self.factor(pixel);
+        2.0 * deviation * deviation
+    }
+
+    fn factor(&self, pixel: usize) -> f64 {
+        self.amplitude.get(pixel).copied().unwrap_or(1.0)
+    }
+
+    /// How much lower the voltage without this noise lies in a pixel that leaks up and has seen a grey for a
+    /// long time; above 0 where it leaks down, 0 without a leak.
+    pub(super) fn shift(&self, grey: f32, pixel: usize, at_rest: &RenewalProcess) -> f64 {
+        let [rate, ..] = self.table.at(grey);
+        if at_rest.drift == 0.0 {
+            return 0.0;
+        }
+        let distance = leak_distance(self.deviation_of(grey, pixel), rate, at_rest.drift);
+        // A noise as large as the thresholds forgets its start at once.
+        -distance.min(0.5 * (at_rest.up + at_rest.down)).copysign(at_rest.drift)
+    }
+
+    /// The voltage of a pixel at the first frame, which it has seen for a long time.
+    pub(super) fn initial(&self, grey: f32, pixel: usize, [x, y]: [u16; 2], seed: Seed) -> f64 {
+        // Draw 0 of the cell is that of the voltage at the first frame.
+        let normal = seed.normal(SeedCell { x, y, level: 0, index: 0 }, DrawSpace::Initial, 1);
+        self.deviation_of(grey, pixel) * normal
+    }
+}
+
+impl<S: Simd> WideReceptor<S> {
+    /// The voltages at the end of a root cell, from those at its start and a normal deviate.
+    #[inline(always)]
+    pub(super) fn go_on(&self, start: f64x8<S>, normal: f64x8<S>) -> f64x8<S> {
+        start * self.decay + self.deviation * (self.decay * self.decay * -1.0 + 1.0).sqrt() * normal
+    }
+
+    /// Variance per ns of a short piece.
+    #[inline(always)]
+    pub(super) fn variance(&self) -> f64x8<S> {
+        self.rate * self.deviation * self.deviation * 2.0
+    }
+}
+
+/// The voltage in the middle of a cell of this length, ns, between two ends.
+#[inline(always)]
+pub(super) fn middle<S: Simd>(
+    [rate, deviation]: [f64x8<S>; 2],
+    [from, to]: [f64x8<S>; 2],
+    length: f64,
+    normal: f64x8<S>,
+) -> f64x8<S> {
+    // With `e = exp(-z)`: `1/(2 cosh z) = e/(1 + e^2)` and `tanh z = (1 - e^2)/(1 + e^2)`.
+    let e = exp_eight(rate * (-0.5 * length));
+    let square = e * e;
+    let share = 1.0 / (square + 1.0);
+    (from + to) * e * share + deviation * ((1.0 - square) * share).sqrt() * normal
+}
+
+/// A bound on the distance between the mean of a bridge and its chord over a cell: `|u| (theta h)^2 / 8`, and
+/// never more than `|u|`, because the mean lies between 0 and the chord.
+#[inline(always)]
+pub(super) fn bow<S: Simd>(rate: f64x8<S>, [from, to]: [f64x8<S>; 2], length: f64) -> f64x8<S> {
+    let turns = rate * length;
+    (turns * turns * 0.125).min(1.0) * from.abs().max(to.abs())
+}
+
+#[cfg(test)]
+mod tests;
