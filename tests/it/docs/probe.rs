@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 43] = [
+const CONTEXTS: [(&str, &str); 44] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -60,6 +60,10 @@ const CONTEXTS: [(&str, &str); 43] = [
     ("sensor.voltmeter.latency", "{ sensor: { voltmeter: { latency: { us: 100 } } } }"),
     ("sensor.voltmeter.hot_pixels", "{ sensor: { voltmeter: { hot_pixels: { share: 0.1, rate: 1 } } } }"),
     ("sensor.voltmeter.floor", "{ sensor: { voltmeter: { floor: [{ lux: 1 }] } } }"),
+    (
+        "sensor.voltmeter.photoreceptor_noise",
+        "{ sensor: { voltmeter: { photoreceptor_noise: { points: [{ lux: 1, deviation: 0, cutoff_hz: 1 }] } } } }",
+    ),
     ("lights.flicker", "{ lights: { flicker: { hz: 100, depth: 0.5 } } }"),
     ("lights.level", "{ lights: { level: [{ t: 0, stops: 0 }] } }"),
     ("rig", "{ rig: { cameras: [{ name: a }, { name: b }] } }"),
