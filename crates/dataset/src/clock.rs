@@ -396,7 +396,8 @@ fn solve_clock(pairs: &[EventPair], bursts: &FrameBursts, start: ClockLine) -> O
         return None;
     }
     let blocks = sum_blocks(&samples, bursts, line, unit);
-    let used: Vec<usize> = (0..blocks.len()).filter(|block| blocks[*block] != NormalSums::EMPTY).collect();
+    let filled = blocks.iter().enumerate().filter(|(_, block)| **block != NormalSums::EMPTY);
+    let used: Vec<usize> = filled.map(|(number, _)| number).collect();
     let error = |which: usize| {
         jackknife_error(used.len(), &|skip| total_without(&blocks, used[skip]).solve(unit)[which])
     };
