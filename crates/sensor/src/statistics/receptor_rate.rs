@@ -18,6 +18,12 @@
 //! assert!(noise.pairs(0.4) > 50.0 * noise.pairs(0.0));
 //! ```
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places in a table of a few thousand entries"
+)]
+
 use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 use std::sync::LazyLock;
 

@@ -1,6 +1,12 @@
 //! The law of the photoreceptor's noise, judged by the Fokker-Planck equation, by moments of first passages,
 //! and by a fine grid.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "stamps are below 2^53 ns, and places are those of grids of a few thousand"
+)]
+
 use super::super::exact::ExactSampler;
 use crate::chain::PixelArray;
 use crate::frames::DenseFrame;
@@ -89,7 +95,7 @@ impl Passage {
     /// - x + drift t) dt + deviation sqrt(2) dW`, by Crank and Nicolson's scheme on cells.
     fn fokker_planck(&self, until: f64, steps: usize) -> Vec<[f64; 2]> {
         const CELLS: usize = 800;
-        assert_eq!(self.brownian, 0.0, "with both noises, the voltage alone is no Markov process");
+        assert!(self.brownian <= 0.0, "with both noises, the voltage alone is no Markov process");
         let width = (self.up + self.down) / CELLS as f64;
         let diffusion = self.deviation * self.deviation;
         let centre = |i: usize| -self.down + (i as f64 + 0.5) * width;
