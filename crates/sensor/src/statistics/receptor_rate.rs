@@ -13,7 +13,7 @@
 //! // A noise of a fifth of the thresholds, and a bandwidth of 60 Hz.
 //! let noise = ReceptorRate { deviation: 0.2, theta: 377.0, up: 1.0, down: 1.0 };
 //! // Rarely does it go five deviations away.
-//! assert!((noise.pairs(0.0) - 0.0011).abs() < 1e-4);
+//! assert!((noise.pairs(0.0) - 0.0054).abs() < 1e-4);
 //! // A pixel whose mean voltage lies nearer to a threshold makes more events.
 //! assert!(noise.pairs(0.4) > 50.0 * noise.pairs(0.0));
 //! ```
