@@ -176,7 +176,7 @@ fn pictures(plan: &ExportPlan<'_>) -> Vec<Picture> {
 fn held_out_every(plan: &ExportPlan<'_>) -> usize {
     match plan.test {
         TestViews::Every(every) => (*every).max(1),
-        // `unmet_own_views` has refused such a plan before anything is written.
+        // `unmet_held_out_views` has refused such a plan before anything is written.
         TestViews::From(_) => 1,
     }
 }
