@@ -4,7 +4,7 @@ use super::pass::{PassGround, PoseProduct, PoseStage, PoseTaker};
 use super::shot::{ShotParameters, record_work};
 use super::size::PNG_BYTES;
 use super::{ExpectedSize, PathLength, StageContext, StageError};
-use crate::artifact::{BlurredFrames, write_json};
+use crate::artifact::BlurredFrames;
 use gs2e_image::png;
 use gs2e_recipe::OutputKind;
 use gs2e_render::lights::SceneLights;
@@ -97,8 +97,7 @@ impl PoseTaker for BlurTaker {
 
     fn finish(self: Box<Self>, cx: &mut StageContext<'_>) -> Result<(), StageError> {
         cx.warnings.extend(exposure::ghost_warning(&self.exposures));
-        let out = cx.out.join(BlurredFrames::EXPOSURES);
-        write_json(&out, &self.exposures).map_err(StageError::io_error(&out))?;
+        cx.write_record(BlurredFrames::EXPOSURES, &self.exposures)?;
         record_work(&self.exposer.work, cx)
     }
 }

@@ -1,7 +1,7 @@
 //! Stage `capture`: reads and normalises a source.
 
 use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
-use crate::artifact::{PictureSet, SolvedModel, write_json};
+use crate::artifact::{PictureSet, SolvedModel};
 use gs2e_demo as procedural;
 use gs2e_demo::StillLife;
 use gs2e_files::is_there;
@@ -153,8 +153,7 @@ impl Stage for CaptureStage {
             Self::None => (Vec::new().into(), Vec::new()),
         };
         cx.warnings.extend(warnings.iter().map(ToString::to_string));
-        let out = cx.out.join("capture.json");
-        write_json(&out, &capture).map_err(StageError::io_error(&out))
+        cx.write_record("capture.json", &capture)
     }
 }
 

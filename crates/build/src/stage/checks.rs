@@ -13,7 +13,7 @@ use products::CheckedProducts;
 
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget};
 use crate::artifact::{
-    ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, VerdictsRecord, write_json,
+    ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, VerdictsRecord,
 };
 use flash::FlashGround;
 use gs2e_check::coverage::ViewCoverage;
@@ -155,8 +155,7 @@ impl Stage for ChecksStage {
         write_stream_pictures(&streams, &tallies, cx)?;
         let verdicts =
             VerdictsRecord { findings, peaks_ev_per_ms: tallies.iter().map(|t| t.peak_per_ms).collect() };
-        let out = cx.out.join("verdicts.json");
-        write_json(&out, &verdicts).map_err(StageError::io_error(&out))
+        cx.write_record("verdicts.json", &verdicts)
     }
 }
 

@@ -1,12 +1,14 @@
 //! The surroundings of a running stage: its folder, its programs, its warnings, and the flag that stops it.
 
 use super::StageError;
+use crate::artifact::write_json;
 use gs2e_files as files;
 use gs2e_files::Removal;
 use gs2e_files::programs::ProgramFinder;
 use gs2e_sampling::kept::KeptFrames;
 use gs2e_sampling::rendered::TimeSaved;
 use gs2e_source::reconstruct::ProgramWorkspace;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -78,6 +80,15 @@ impl<'a> StageContext<'a> {
             kept: None,
             resume: None,
         }
+    }
+
+    /// Writes a record of the product, as JSON.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(crate) fn write_record<T: Serialize>(&self, name: &str, record: &T) -> Result<(), StageError> {
+        let path = self.out.join(name);
+        write_json(&path, record).map_err(StageError::io_error(&path))
     }
 
     /// The file that keeps the state of a step that is interrupted, in a folder that exists; `None`

@@ -8,9 +8,7 @@ use super::near::{self, hide_near_along};
 use super::pass::{PassGround, PassInputs, PassRole, PoseReaders};
 use super::shot::ShotParameters;
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed};
-use crate::artifact::{
-    ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct, write_json,
-};
+use crate::artifact::{ArtifactFiles, EventStream, EventStreams, SimulationRecord, TrajectoryProduct};
 use gs2e_event::{LawStamp, StreamHeader, h5};
 use gs2e_image::{Image, Size, npy};
 use gs2e_num::seed::Seed;
@@ -186,8 +184,7 @@ impl EventsStage {
         for (i, anchors) in anchors.iter().enumerate() {
             write_product(&cx.out.join(EventStreams::brightness_name(i)), |file| anchors.write_images(file))?;
         }
-        let out = cx.out.join("simulation.json");
-        write_json(&out, &simulation).map_err(StageError::io_error(&out))
+        cx.write_record("simulation.json", &simulation)
     }
 
     /// Measures the time that leaving work out saves, if it does.

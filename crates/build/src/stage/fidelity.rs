@@ -3,7 +3,7 @@
 
 use super::capture::{CaptureStage, SolvingInputs};
 use super::{OpenedInputs, SourceFile, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget};
-use crate::artifact::{ArtifactFiles, HELD_OUT_PICTURE, write_json};
+use crate::artifact::{ArtifactFiles, HELD_OUT_PICTURE};
 use gs2e_files as files;
 use gs2e_image::{photo, png};
 use gs2e_render::RenderChoice;
@@ -77,8 +77,7 @@ impl Stage for FidelityStage {
             let write = |file| png::write_image(&image, BufWriter::new(file));
             File::create(&out).and_then(write).map_err(StageError::io_error(&out))?;
         }
-        let out = cx.out.join("fidelity.json");
-        write_json(&out, &fidelity).map_err(StageError::io_error(&out))
+        cx.write_record("fidelity.json", &fidelity)
     }
 }
 

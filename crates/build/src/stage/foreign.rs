@@ -3,7 +3,7 @@
 //! a program that is installed later is asked.
 
 use super::{OpenedInputs, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget, known_program};
-use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct, write_json};
+use crate::artifact::{ArtifactFiles, EventStreams, PictureSet, TrajectoryProduct};
 use gs2e_check::Limits;
 use gs2e_scene::camera::CameraChoice;
 use gs2e_source::Capture;
@@ -116,8 +116,7 @@ impl Stage for ExternalToolsStage {
             let ask = |workspace: ProgramWorkspace<'_>| readback::read_back(&streams, &pictures, workspace);
             foreign.readback = Some(known_program("readback", cx, ask)?);
         }
-        let out = cx.out.join("foreign.json");
-        write_json(&out, &foreign).map_err(StageError::io_error(&out))
+        cx.write_record("foreign.json", &foreign)
     }
 }
 

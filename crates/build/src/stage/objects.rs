@@ -1,7 +1,7 @@
 //! Stage `objects`: the scene with its moving objects.
 
 use super::{SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
-use crate::artifact::{SCENE_OBJECTS, write_json};
+use crate::artifact::SCENE_OBJECTS;
 use gs2e_scene::Gaussians;
 use gs2e_scene::motion::ObjectRecord;
 use gs2e_scene::objects::{ObjectSettings, add_objects};
@@ -38,7 +38,6 @@ impl Stage for ObjectsStage {
         let out = cx.out.join("scene.ply");
         File::create(&out).and_then(|file| write_ply(&made, file)).map_err(StageError::io_error(&out))?;
         let records: Vec<&ObjectRecord> = made.motion.iter().flat_map(|motion| motion.records()).collect();
-        let out = cx.out.join(SCENE_OBJECTS);
-        write_json(&out, &records).map_err(StageError::io_error(&out))
+        cx.write_record(SCENE_OBJECTS, &records)
     }
 }

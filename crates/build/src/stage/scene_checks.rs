@@ -5,7 +5,7 @@
 
 use super::capture::{CaptureStage, SolvingInputs};
 use super::{OpenedInputs, SourceFile, Stage, StageContext, StageError, StageFacts, StepTarget};
-use crate::artifact::{VerdictsRecord, write_json};
+use crate::artifact::VerdictsRecord;
 use gs2e_check::{CapturePhotos, Limits, SceneSubject, judge_scene};
 use gs2e_source::colmap::{ColmapModel, ReprojectionStats};
 use gs2e_source::{Capture, UnusedReason};
@@ -59,8 +59,7 @@ impl Stage for CheckingScene {
             limits: &self.limits,
         };
         let verdicts = VerdictsRecord { findings: judge_scene(&subject), peaks_ev_per_ms: Vec::new() };
-        let out = cx.out.join("verdicts.json");
-        write_json(&out, &verdicts).map_err(StageError::io_error(&out))
+        cx.write_record("verdicts.json", &verdicts)
     }
 }
 

@@ -3,7 +3,7 @@
 use super::near::hide_near_along;
 use super::pass::{PassGround, PoseTaker};
 use super::{StageContext, StageError, StepNeed};
-use crate::artifact::{ArtifactFiles, write_json};
+use crate::artifact::ArtifactFiles;
 use gs2e_render::backend::Backend;
 use gs2e_render::{ChannelSet, OmissionPolicy, RenderChoice, RenderWork, RenderedImages, Renderer};
 use gs2e_sampling::rendered::RenderedPose;
@@ -127,6 +127,5 @@ impl<K: Sync> PoseTaker for FileTaker<K> {
 
 /// Writes the counts of the rendering.
 pub(super) fn record_work(work: &RenderWork, cx: &StageContext<'_>) -> Result<(), StageError> {
-    let out = cx.out.join("work.json");
-    write_json(&out, work).map_err(StageError::io_error(&out))
+    cx.write_record("work.json", work)
 }

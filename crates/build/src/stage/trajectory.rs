@@ -4,7 +4,7 @@
 use super::{
     ExpectedSize, OpenedInputs, PathLength, Stage, StageContext, StageError, StageFacts, StepNeed, StepTarget,
 };
-use crate::artifact::{ArtifactFiles, TrajectoryProduct, write_json};
+use crate::artifact::{ArtifactFiles, TrajectoryProduct};
 use gs2e_image::Size;
 use gs2e_num::units::Hertz;
 use gs2e_render::RenderChoice;
@@ -153,8 +153,7 @@ pub(super) fn write_trajectory(
     write("poses.txt", &|file| trajectory.write_poses(file))?;
     write("timestamps_us.txt", &|file| trajectory.write_stamps(file))?;
     write("trajectory.svg", &|file| file.write_all(picture::trajectory_svg(trajectory, report).as_bytes()))?;
-    let out = cx.out.join("speed.json");
-    write_json(&out, report).map_err(StageError::io_error(&out))
+    cx.write_record("speed.json", report)
 }
 
 impl TrajectoryStage {

@@ -1,6 +1,6 @@
 //! Training inside the program, on the CPU.
 
-use crate::artifact::{TRAINING_FILE, write_json};
+use crate::artifact::TRAINING_FILE;
 use crate::stage::capture::{CaptureStage, SolvedInputs};
 use crate::stage::{SourceFile, StageContext, StageError, StageFacts as _, StepNeed};
 use gs2e_render::backend::Backend;
@@ -84,8 +84,7 @@ impl BuiltinStage {
                  another run may make other bytes"
             ));
         }
-        let out = cx.out.join(TRAINING_FILE);
-        write_json(&out, &record).map_err(StageError::io_error(&out))?;
+        cx.write_record(TRAINING_FILE, &record)?;
         Ok(scene)
     }
 }
