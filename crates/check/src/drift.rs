@@ -33,7 +33,8 @@ pub struct DriftLaw {
     shots: Option<ShotNoise>,
     /// ON and OFF events per second of the noise floor of a voltmeter, if it has one.
     floor: Option<LightTable>,
-    /// Standard deviation of the photoreceptor's noise in thresholds, and its events per second, if there is any.
+    /// Standard deviation of the photoreceptor's noise in thresholds, and its events per second, if there is
+    /// any.
     receptor: Option<LightTable>,
     /// Pixels with events of their own.
     hot: HotPixelNoise,
@@ -228,8 +229,8 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     }
 }
 
-/// Deviation of the photoreceptor's noise at a grey, in thresholds of `k`, and its events per second. The deviation
-/// is that of a pixel among the noisiest 2 %.
+/// Deviation of the photoreceptor's noise at a grey, in thresholds of `k`, and its events per second. The
+/// deviation is that of a pixel among the noisiest 2 %.
 fn receptor_values(sensor: &VoltmeterModel, grey: f64) -> [f64; 2] {
     let noise = &sensor.photoreceptor_noise;
     let point = noise.at_grey(grey, sensor.settings.front_end.white_lux());

@@ -44,8 +44,8 @@ impl DriftLaw {
         libm::hypot(brownian, SQRT_2 * most)
     }
 
-    /// Variance by the photoreceptor's noise of the difference between the voltages at two distant times. It does
-    /// not grow with time.
+    /// Variance by the photoreceptor's noise of the difference between the voltages at two distant times. It
+    /// does not grow with time.
     #[must_use]
     pub(crate) fn receptor_variance(&self, luminance: f64) -> f64 {
         self.receptor.map_or(0.0, |table| 2.0 * table.at(luminance)[0].powi(2))

@@ -112,8 +112,8 @@ pub(crate) struct FloorPointSection {
     pub off: Field<f64>,
 }
 
-/// Noise of the photoreceptor: a voltage of limited bandwidth, added to the signal. An excursion that makes an ON
-/// event makes an OFF event on its way back.
+/// Noise of the photoreceptor: a voltage of limited bandwidth, added to the signal. An excursion that makes
+/// an ON event makes an OFF event on its way back.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct PhotoreceptorNoiseSection {
@@ -123,7 +123,8 @@ pub(crate) struct PhotoreceptorNoiseSection {
     pub points: Field<Vec<Field<ReceptorPointSection>>>,
 }
 
-/// Noise of the photoreceptor at one light. Logarithms are linear in between; the nearest point holds outside.
+/// Noise of the photoreceptor at one light. Logarithms are linear in between; the nearest point holds
+/// outside.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct ReceptorPointSection {

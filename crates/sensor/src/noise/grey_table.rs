@@ -1,7 +1,8 @@
 //! Values that follow the light on a pixel: points of a table, and a fine table by grey for the inner loops.
 
-/// The values at a light, from points at rising lights. Between two points, the logarithm of a value is linear
-/// in the logarithm of the light; outside the points, the values of the nearest hold. All 0 without points.
+/// The values at a light, from points at rising lights. Between two points, the logarithm of a value is
+/// linear in the logarithm of the light; outside the points, the values of the nearest hold. All 0 without
+/// points.
 pub(crate) fn between_lights<P, const N: usize>(
     points: &[P],
     lux: f64,

@@ -1,10 +1,11 @@
 //! Noise of the photoreceptor: a voltage of limited bandwidth that is added to the signal of a pixel.
 //!
 //! It is an Ornstein-Uhlenbeck process, `du = -theta u dt + deviation sqrt(2 theta) dW` with `theta = 2 pi
-//! cutoff`: white noise behind a low-pass of first order, which is what the noise of the photoreceptor becomes
-//! behind its bandwidth (`--photoreceptor_noise` of v2e; Graça and Delbruck, arXiv 2505.07386). Unlike a
-//! Brownian motion, it returns: an excursion that makes an ON event makes an OFF event on its way back. A table
-//! gives deviation and cutoff by light, and the amplitude of each pixel has a log-normal factor.
+//! cutoff`: white noise behind a low-pass of first order, which is what the noise of the photoreceptor
+//! becomes behind its bandwidth (`--photoreceptor_noise` of v2e; Graça and Delbruck, arXiv 2505.07386).
+//! Unlike a Brownian motion, it returns: an excursion that makes an ON event makes an OFF event on its way
+//! back. A table gives deviation and cutoff by light, and the amplitude of each pixel has a log-normal
+//! factor.
 //!
 //! # Examples
 //!

@@ -1,9 +1,10 @@
-//! Events of the photoreceptor's noise at constant light: an Ornstein-Uhlenbeck voltage between two thresholds.
+//! Events of the photoreceptor's noise at constant light: an Ornstein-Uhlenbeck voltage between two
+//! thresholds.
 //!
 //! With time in units of `1 / theta` and voltages in deviations, the generator is `f'' - z f'`. From `r`, the
 //! process leaves `(l, h)` upwards with probability `(S(r) - S(l)) / (S(h) - S(l))`, after the mean time `q
-//! G(l) + p G(h) - G(r)`, where `S(z)` is the integral of `exp(w^2/2)` and `G(z)` that of `exp(y^2/2) sqrt(pi/2)
-//! erf(y/sqrt 2)` (Siegert, Physical Review 81, 1951).
+//! G(l) + p G(h) - G(r)`, where `S(z)` is the integral of `exp(w^2/2)` and `G(z)` that of `exp(y^2/2)
+//! sqrt(pi/2) erf(y/sqrt 2)` (Siegert, Physical Review 81, 1951).
 //!
 //! # Examples
 //!
@@ -87,8 +88,8 @@ impl ReceptorRate {
         theta / (time + on * after_on + (1.0 - on) * after_off)
     }
 
-    /// Mean time until the noise leaves an interval, in units of `1 / theta`, and the probability that it does so
-    /// upwards.
+    /// Mean time until the noise leaves an interval, in units of `1 / theta`, and the probability that it
+    /// does so upwards.
     fn exit(self, from: f64, ends: [f64; 2]) -> (f64, f64) {
         let [low, high] = ends.map(|end| integrals(end / self.deviation));
         let at = integrals(from / self.deviation);
@@ -101,9 +102,9 @@ impl ReceptorRate {
 
 /// How far from a threshold the noise makes the events of a pixel that leaks towards it, instead of the leak.
 ///
-/// At a distance `d` it does so at the rate `theta d/s / sqrt(2 pi) exp(-(d/s)^2 / 2)`, that of crossings of a high
-/// level. The leak comes nearer by `leak` per time, so the expected number of events reaches 1 where `exp((d/s)^2
-/// / 2)` is `theta s / (leak sqrt(2 pi))`.
+/// At a distance `d` it does so at the rate `theta d/s / sqrt(2 pi) exp(-(d/s)^2 / 2)`, that of crossings of
+/// a high level. The leak comes nearer by `leak` per time, so the expected number of events reaches 1 where
+/// `exp((d/s)^2 / 2)` is `theta s / (leak sqrt(2 pi))`.
 #[must_use]
 pub fn leak_distance(deviation: f64, theta: f64, leak: f64) -> f64 {
     let crossings = theta * deviation / (leak.abs() * TAU.sqrt());
@@ -114,8 +115,8 @@ pub fn leak_distance(deviation: f64, theta: f64, leak: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Mean exit times from (-1, 1): 1/2 for a deviation that is large beside it (a Brownian motion of variance 2
-    /// deviation^2), and the asymptote `sqrt(pi/2) e^(z^2/2) / z` of a high level.
+    /// Mean exit times from (-1, 1): 1/2 for a deviation that is large beside it (a Brownian motion of
+    /// variance 2 deviation^2), and the asymptote `sqrt(pi/2) e^(z^2/2) / z` of a high level.
     #[test]
     fn exits_have_their_limits() {
         let noise = |deviation| ReceptorRate { deviation, theta: 1.0, up: 1.0, down: 1.0 };

@@ -122,6 +122,30 @@ struct ReceptorCrossing<S: Simd> {
     ends: [f64x8<S>; 2],
 }
 
+impl<S: Simd> FreeCrossing<S> {
+    /// One of the eight pixels as a walker, with its place in the band, its seat, and its voltage at the
+    /// start.
+    #[inline(always)]
+    fn walker(&self, lane: usize, pixel: usize, seat: u64, voltage: f64) -> Walker {
+        let Self { increment, drift, sigma, curvature, receptor, .. } = self;
+        let receptor = receptor.map(|ReceptorCrossing { noise, ends: [from, to] }| WalkerReceptor {
+            rate: noise.rate[lane],
+            deviation: noise.deviation[lane],
+            ends: [from[lane], to[lane]],
+        });
+        Walker {
+            pixel,
+            seat,
+            voltage,
+            sigma: sigma[lane],
+            curvature: curvature[lane],
+            increment: increment[lane],
+            drift: drift[lane],
+            receptor,
+        }
+    }
+}
+
 /// Multiplies the numbers of a block.
 #[inline(always)]
 fn scale<S: Simd>(simd: S, numbers: &mut [f64], factor: f64) {
@@ -205,8 +229,8 @@ impl TimeStep<'_> {
         eight::normal_deviates(simd, &mut noise[..seats.len()]);
     }
 
-    /// Moves the photoreceptor's noise of eight pixels, from the `first` of the band on, to the end of the root
-    /// cell. `level` is `L + k2`. `None` without this noise.
+    /// Moves the photoreceptor's noise of eight pixels, from the `first` of the band on, to the end of the
+    /// root cell. `level` is `L + k2`. `None` without this noise.
     #[inline(always)]
     fn receptor<S: Simd>(
         &self,
@@ -362,7 +386,7 @@ impl TimeStep<'_> {
         slice: &mut BandSlice<'_>,
         band: &mut BandCrosser,
     ) {
-        let FreeCrossing { increment, drift, sigma, curvature, straying, receptor, .. } = crossing;
+        let FreeCrossing { increment, drift, sigma, straying, receptor, .. } = crossing;
         let PixelEight { in_band: pixel, in_block } = eight;
         let simd = drift.simd;
         let x = load_eight(simd, slice.voltage, pixel);
@@ -408,20 +432,8 @@ impl TimeStep<'_> {
             return self.run::<C>(LiveLanes { pixel, lanes: live }, *x, slice, band);
         }
         for lane in live {
-            let walker = Walker {
-                pixel: pixel + lane,
-                seat: slice.seats[pixel + lane].into(),
-                voltage: x[lane],
-                sigma: sigma[lane],
-                curvature: curvature[lane],
-                increment: increment[lane],
-                drift: drift[lane],
-                receptor: receptor.map(|ReceptorCrossing { noise, ends: [from, to] }| WalkerReceptor {
-                    rate: noise.rate[lane],
-                    deviation: noise.deviation[lane],
-                    ends: [from[lane], to[lane]],
-                }),
-            };
+            let place = pixel + lane;
+            let walker = crossing.walker(lane, place, slice.seats[place].into(), x[lane]);
             band.walkers
                 .push(walker, band.block.pieces.iter().map(|piece| piece.each_ref().map(|c| c[lane])));
         }

@@ -1,14 +1,14 @@
 //! The photoreceptor's noise in the exact law: an Ornstein-Uhlenbeck voltage on the dyadic clock.
 //!
-//! Between known ends `a` and `b`, a time `h` apart, the process is Gaussian too. In the middle it has the mean
-//! `(a + b) / (2 cosh z)` and the variance `s^2 tanh z`, where `z = theta h / 2` and `s` is its standard
+//! Between known ends `a` and `b`, a time `h` apart, the process is Gaussian too. In the middle it has the
+//! mean `(a + b) / (2 cosh z)` and the variance `s^2 tanh z`, where `z = theta h / 2` and `s` is its standard
 //! deviation. So the clock carries over: a root cell takes one normal draw for the end, a split one for the
 //! middle. The values at the ends of cells have the exact law, whatever is split.
 //!
 //! In a leaf, the bridge is taken for a Brownian one of the same quadratic variation, `2 theta s^2` per time,
-//! around the chord. Two things are neglected: the mean strays from the chord by at most `|u| (theta h)^2 / 8`, as
-//! it solves `m'' = theta^2 m`, and the variance in the middle is smaller by the share `(theta h)^2 / 12`. A leaf
-//! has `theta h` of at most [`SHORT`], so both are below 4e-5.
+//! around the chord. Two things are neglected: the mean strays from the chord by at most `|u| (theta h)^2 /
+//! 8`, as it solves `m'' = theta^2 m`, and the variance in the middle is smaller by the share `(theta h)^2 /
+//! 12`. A leaf has `theta h` of at most [`SHORT`], so both are below 4e-5.
 //!
 //! Deviation and bandwidth follow the light. They are those of the middle of a root cell for the whole cell,
 //! as the noise of the Brownian voltage is.
@@ -33,7 +33,8 @@ pub(super) const BLOCK: u32 = 1;
 #[derive(Debug)]
 pub(super) struct ReceptorNoise {
     table: GreyTable<3>,
-    /// Factor of the amplitude of each pixel, padded with 1 to a multiple of 8. Empty where all have the same.
+    /// Factor of the amplitude of each pixel, padded with 1 to a multiple of 8. Empty where all have the
+    /// same.
     amplitude: Vec<f64>,
     /// Largest standard deviation at any light, in thresholds, where the factor is 1.
     largest: f64,

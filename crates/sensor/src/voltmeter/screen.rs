@@ -17,12 +17,12 @@ impl VoltmeterModel {
         self.noise_of([self.threshold_on, self.threshold_off], grey).plus([pairs, pairs])
     }
 
-    /// Rates of ON and OFF events by the photoreceptor's noise at this grey, Hz: the mean over pixels with unequal
-    /// amplitudes and thresholds.
+    /// Rates of ON and OFF events by the photoreceptor's noise at this grey, Hz: the mean over pixels with
+    /// unequal amplitudes and thresholds.
     #[must_use]
     pub fn receptor_hz(&self, grey: f64) -> [f64; 2] {
-        // The noise is felt in thresholds, so both spreads act as one. That a pair of events moves the reference of a
-        // pixel with unequal thresholds is left out.
+        // The noise is felt in thresholds, so both spreads act as one. That a pair of events moves the
+        // reference of a pixel with unequal thresholds is left out.
         let of_thresholds = self.threshold_spread / self.threshold_on.min(self.threshold_off);
         [self.receptor_pairs(grey, libm::hypot(self.photoreceptor_noise.spread, of_thresholds)); 2]
     }

@@ -184,8 +184,8 @@ impl Walkers {
         }
     }
 
-    /// Draws the second normal deviate of a block for the members of a list. The first belongs to the end of a
-    /// root cell.
+    /// Draws the second normal deviate of a block for the members of a list. The first belongs to the end of
+    /// a root cell.
     #[inline(always)]
     fn draw<S: Simd>(&self, simd: S, cells: SeedCells, block: u32, members: &[u64], to: &mut [f64]) {
         for i in (0..members.len()).step_by(8) {

@@ -90,9 +90,9 @@ impl Passage {
         first
     }
 
-    /// Probabilities that the first event is ON and happens by the end of each of `steps` steps up to `until`,
-    /// and the same of OFF: the Fokker-Planck equation of the voltage between its barriers, `dx = (drift - start
-    /// - x + drift t) dt + deviation sqrt(2) dW`, by Crank and Nicolson's scheme on cells.
+    /// Probabilities that the first event is ON and happens by the end of each of `steps` steps up to
+    /// `until`, and the same of OFF. The Fokker-Planck equation of the voltage between its barriers, whose
+    /// drift is `drift - u` with the noise `u = start + x - drift t`, by Crank and Nicolson's scheme on cells.
     fn fokker_planck(&self, until: f64, steps: usize) -> Vec<[f64; 2]> {
         const CELLS: usize = 800;
         assert!(self.brownian <= 0.0, "with both noises, the voltage alone is no Markov process");
@@ -137,8 +137,8 @@ impl Passage {
             let x = -self.down + face as f64 * width;
             self.drift - self.start - x + self.drift * (t + 0.5 * dt)
         };
-        // Flux through face i, from cell i - 1 to cell i, is `a[i] left + b[i] right`. At a barrier the density
-        // is 0, half a cell away.
+        // Flux through face i, from cell i - 1 to cell i, is `a[i] left + b[i] right`. At a barrier the
+        // density is 0, half a cell away.
         let face = |i: usize| {
             let v = velocity(i);
             let across = diffusion / width;
@@ -182,8 +182,8 @@ impl Passage {
         [0, 1].map(|side| 0.5 * dt * out[side] * (before[side] + after[side]))
     }
 
-    /// Largest distance of first events of `n` pixels from the Fokker-Planck equation, of ON and of OFF, times
-    /// the square root of `n`.
+    /// Largest distance of first events of `n` pixels from the Fokker-Planck equation, of ON and of OFF,
+    /// times the square root of `n`.
     fn distance(&self, n: u32, until: f64, seed: u64, judged: &Self) -> f64 {
         self.distance_from(n, until, seed, &judged.fokker_planck(until, 800))
     }
@@ -209,8 +209,8 @@ impl Passage {
         farthest * f64::from(n).sqrt()
     }
 
-    /// Shares of `n` paths whose first event is ON, and OFF, by the end of each unit's hundredth: Euler's scheme,
-    /// `steps` steps a hundredth, which looks for a crossing at the end of each step only.
+    /// Shares of `n` paths whose first event is ON, and OFF, by the end of each unit's hundredth: Euler's
+    /// scheme, `steps` steps a hundredth, which looks for a crossing at the end of each step only.
     fn grid(&self, n: u32, until: u32, steps: u32) -> Vec<[f64; 2]> {
         let h = 0.01 / f64::from(steps);
         let (noise, voltage) = (self.deviation * (2.0 * h).sqrt(), self.brownian * h.sqrt());
@@ -297,8 +297,8 @@ fn first_events_have_the_law_of_the_fokker_planck_equation() {
     assert!(worst < LIMIT);
 }
 
-/// With a Brownian motion as well, no equation of one dimension holds. The error of a grid falls with the root
-/// of its step, so two grids, one with steps of a fourth, give the limit without steps.
+/// With a Brownian motion as well, no equation of one dimension holds. The error of a grid falls with the
+/// root of its step, so two grids, one with steps of a fourth, give the limit without steps.
 #[test]
 fn first_events_of_both_noises_have_the_law_of_an_extrapolated_grid() {
     if !runs_slow_tests() {
@@ -337,7 +337,8 @@ fn planted_defects_of_the_law_are_noticed() {
 }
 
 /// Mean and second moment of the first passage from 0 to a level `a`, in deviations: Siegert's recursion
-/// (Physical Review 81, 1951), with the values of Ricciardi and Sato (Journal of Applied Probability 25, 1988).
+/// (Physical Review 81, 1951), with the values of Ricciardi and Sato (Journal of Applied Probability 25,
+/// 1988).
 #[test]
 fn first_passages_through_one_level_have_siegerts_moments() {
     let level = 1.5;
@@ -385,9 +386,9 @@ fn first_passages_through_one_level_have_siegerts_moments() {
     assert!((found_mean / mean - 1.0).abs() < 0.01 && (found / deviation - 1.0).abs() < 0.01);
 }
 
-/// With equal thresholds and without drift, the noise at events lies on a lattice around its value at the first
-/// frame, and walks on it: from `r` up with the probability that the exit from `(r - 1, r + 1)` is up. Rates and
-/// alternation follow from the stationary law of that walk.
+/// With equal thresholds and without drift, the noise at events lies on a lattice around its value at the
+/// first frame, and walks on it: from `r` up with the probability that the exit from `(r - 1, r + 1)` is up.
+/// Rates and alternation follow from the stationary law of that walk.
 #[test]
 fn later_events_have_the_rate_of_a_walk_on_a_lattice() {
     let passage = Passage { deviation: 0.6, up: 1.0, down: 1.0, ..passage(60.0, 0.0, 0.3) };
@@ -446,7 +447,8 @@ fn later_events_have_the_rate_of_a_walk_on_a_lattice() {
 #[test]
 fn rates_are_those_that_the_sensor_predicts() {
     let size = Size { width: 120, height: 120 };
-    // The last number is the error: with a leak, the voltages that the noise leaves are taken as equally likely.
+    // The last number is the error: with a leak, the voltages that the noise leaves are taken as equally
+    // likely.
     for (deviation, spread, k4, initial, error) in [
         (0.2, 0.2, 0.0, InitialVoltage::Stationary, 0.02),
         (0.3, 0.0, 0.0, InitialVoltage::Zero, 0.08),
