@@ -6,7 +6,6 @@ use super::{ExpectedSize, PathLength, StageError};
 use crate::artifact::DisparityPictures;
 use gs2e_image::npy;
 use gs2e_num::se3::Se3;
-use gs2e_recipe::OutputKind;
 use gs2e_render::ChannelSet;
 use gs2e_sampling::exposure;
 use gs2e_scene::camera;
@@ -41,7 +40,7 @@ const BYTES_A_PIXEL: u64 = 8;
 const BYTES_OF_IMAGE: f64 = 4.0;
 
 impl PoseProduct for DisparityStage {
-    const NAME: &'static str = OutputKind::Disparity.name();
+    const NAME: &'static str = "disparity";
     const REVISION: u32 = 1;
     type Output = DisparityPictures;
 
