@@ -195,7 +195,7 @@ fn half_block(block: [u32; 4], number: u32) -> u64 {
 /// The upper 52 bits as a number strictly between 0 and 1. With 53 bits, the largest value would
 /// round to 1.
 fn to_uniform(bits: u64) -> f64 {
-    // The added half keeps 0 out, of which the quantile and the logarithm are infinite.
+    // The added half keeps 0 out: its quantile and its logarithm are infinite.
     ((bits >> 12) as f64 + 0.5) * STEP
 }
 

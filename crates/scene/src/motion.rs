@@ -177,7 +177,7 @@ impl SceneMotion {
         Ok(Self { objects: records.into_iter().map(prepare).collect::<Result<_, _>>()?, dynamics: None })
     }
 
-    /// What is stored of the objects.
+    /// The records of the objects, as they are stored.
     pub fn records(&self) -> impl Iterator<Item = &ObjectRecord> {
         self.objects.iter().map(|object| &object.record)
     }

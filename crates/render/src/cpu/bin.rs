@@ -284,7 +284,7 @@ pub(super) struct TileBatches<'a> {
     /// The slices of later chunks, and of this one.
     slices: &'a [SplatSlice],
     of_chunk: &'a [SplatSlice],
-    /// What is left of the present slice.
+    /// The rest of the present slice.
     rest: &'a [u32],
 }
 

@@ -92,7 +92,8 @@ impl Passage {
 
     /// Probabilities that the first event is ON and happens by the end of each of `steps` steps up to
     /// `until`, and the same of OFF. The Fokker-Planck equation of the voltage between its barriers, whose
-    /// drift is `drift - u` with the noise `u = start + x - drift t`, by Crank and Nicolson's scheme on cells.
+    /// drift is `drift - u` with the noise `u = start + x - drift t`, by Crank and Nicolson's scheme on
+    /// cells.
     fn fokker_planck(&self, until: f64, steps: usize) -> Vec<[f64; 2]> {
         const CELLS: usize = 800;
         assert!(self.brownian <= 0.0, "with both noises, the voltage alone is no Markov process");

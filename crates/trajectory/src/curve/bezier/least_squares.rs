@@ -42,7 +42,7 @@ pub(super) fn solve_columns(mut columns: Vec<Vec<f64>>, mut right: Vec<DVec3>) -
 
 /// The column with the largest norm from row `k` on, and that norm.
 fn widest_column(columns: &[Vec<f64>], k: usize) -> Option<(usize, f64)> {
-    // Computed anew for each pivot: updating the squares by subtraction would cancel in dependent columns.
+    // Computed for each pivot: if the squares were updated by subtraction, dependent columns would cancel.
     let norm = |column: &Vec<f64>| column[k..].iter().map(|a| a * a).sum::<f64>().sqrt();
     columns.iter().map(norm).enumerate().reduce(|a, b| if b.1 > a.1 { b } else { a })
 }
