@@ -55,7 +55,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, value_name = "N", value_parser = sequence::parse_rate)]
     fps: Option<Hertz>,
     /// Recipe, one of its sensors as recipe.yaml:name, file with the content of a recipe's
-    /// `sensor`, or preset: davis346, evk4, dvs346-paper, dvs240, gs2e-si, v2e-noisy, v2e-clean, esim
+    /// `sensor`, or preset: davis346, evk4, dvxplorer, dvs346-paper, dvs240, gs2e-si, v2e-noisy, v2e-clean, esim
     #[arg(long, value_name = "FILE or NAME")]
     sensor: String,
     /// Contrast thresholds: the change of ln(brightness) that makes an event [default: the sensor's]
@@ -85,7 +85,7 @@ pub(super) struct SimulateArgs {
     /// Range that brightness is clamped to, in grey: 0,255 or 5,inf [default: the sensor's]
     #[arg(long, value_name = "MIN,MAX", value_parser = sensor::parse_range)]
     range: Option<GreyRange>,
-    /// Light on the sensor at grey 255 in lux, for the presets davis346 and evk4 [default: 250]
+    /// Light on the sensor at grey 255 in lux, for the presets davis346, evk4 and dvxplorer [default: 250]
     #[arg(long, value_name = "LUX")]
     lux: Option<f64>,
     /// White in float frames: 1 or 255 [default: decided by the first two frames, and printed]

@@ -10,8 +10,17 @@ const ESIM: &str = "esim";
 
 impl SensorChoice {
     /// The names of [`SensorChoice::by_name`].
-    pub const NAMES: [&'static str; 8] =
-        ["davis346", "evk4", "dvs346-paper", "dvs240", "gs2e-si", "v2e-noisy", "v2e-clean", ESIM];
+    pub const NAMES: [&'static str; 9] = [
+        "davis346",
+        "evk4",
+        "dvxplorer",
+        "dvs346-paper",
+        "dvs240",
+        "gs2e-si",
+        "v2e-noisy",
+        "v2e-clean",
+        ESIM,
+    ];
 
     /// The sensor with this name: a preset of the voltmeter, a preset of v2e after `v2e-`, or `esim` with its
     /// defaults.

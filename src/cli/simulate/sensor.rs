@@ -119,7 +119,7 @@ pub(in crate::cli) fn sensor_from(
 /// A preset with `lux` as the light of white.
 fn sensor_in_light(preset: Option<VoltmeterPreset>, name: &str, lux: f64) -> Result<SensorChoice, VerbError> {
     let Some(preset) = preset else {
-        let what = format!("--lux applies to the presets evk4 and davis346, not to {name}");
+        let what = format!("--lux applies to the presets davis346, evk4 and dvxplorer, not to {name}");
         let help = "leave it out, or write front_end: { lux: 250 } in the file of the sensor";
         return Err(VerbError::usage("sensor", what).help(help));
     };

@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 /// Arguments of `study sensor`.
 #[derive(Debug, clap::Args)]
 pub(super) struct SensorArgs {
-    /// Preset (davis346, evk4, dvs346-paper, dvs240, gs2e-si), recipe, or file with the content of a
+    /// Preset (davis346, evk4, dvxplorer, dvs346-paper, dvs240, gs2e-si), recipe, or file with the content of a
     /// recipe's `sensor`
     #[arg(value_name = "PRESET or FILE")]
     sensor: String,
-    /// Light on the sensor at grey 255 in lux, for the presets davis346 and evk4 [default: 250]
+    /// Light on the sensor at grey 255 in lux, for the presets davis346, evk4 and dvxplorer [default: 250]
     #[arg(long, value_name = "LUX")]
     lux: Option<f64>,
     /// File for the picture, a .svg

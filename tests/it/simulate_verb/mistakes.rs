@@ -87,7 +87,11 @@ fn mistakes_are_named_and_nothing_is_written() {
     t([both, "gone"], 2, "info.txt:2: b.png is not there");
     t([both, "fraction"], 2, "info.txt:1: the timestamp is 0.0, wanted an integer in microseconds");
     t([both, "two --fps 30"], 2, "2.png: 5x3, wanted 4x3 like the first image");
-    t(["dvs346", "dvs347"], 2, "dvs347 is neither a file nor a preset: davis346, evk4, dvs346-paper, dvs240");
+    t(
+        ["dvs346", "dvs347"],
+        2,
+        "dvs347 is neither a file nor a preset: davis346, evk4, dvxplorer, dvs346-paper, dvs240",
+    );
     t(["dvs346", "text.yaml"], 2, "unknown field \"presett\"");
     t(["dvs346", "loud.yaml"], 2, "events per second from noise only");
     t(["dvs346", "unitless.yaml"], 2, "missing field \"sensor.voltmeter.units\"");

@@ -39,7 +39,7 @@ fn wrong_names_and_thresholds_are_refused() {
     t("several.yaml:c", "it has no sensor c");
     t(
         "gone.yaml:a",
-        "gone.yaml:a is neither a file nor a preset: davis346, evk4, dvs346-paper, dvs240, gs2e-si, v2e-noisy, v2e-clean, esim",
+        "gone.yaml:a is neither a file nor a preset: davis346, evk4, dvxplorer, dvs346-paper, dvs240, gs2e-si, v2e-noisy, v2e-clean, esim",
     );
     t("esim --threshold 0", "`0` is not a number above 0");
     t("esim --threshold 0.2,nan", "`0.2,nan` is not a number above 0");

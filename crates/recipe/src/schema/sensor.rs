@@ -177,7 +177,7 @@ pub(crate) struct FrontEndSection {
     pub exposure: Field<f64>,
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
-    /// Light on the sensor at grey 255. Only the presets `davis346` and `evk4`, a `floor` and a latency
+    /// Light on the sensor at grey 255. Only the presets `davis346`, `evk4` and `dvxplorer`, a `floor` and a latency
     /// with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for other
     /// sensors.
     pub lux: Field<f64>,

@@ -100,6 +100,98 @@ impl ReceptorRate {
     }
 }
 
+/// Voltages of a pixel, without its noise, after a long time in constant light.
+///
+/// A pair of events moves the reference by the difference of the thresholds, and the leak moves it too. So
+/// the voltage walks: it stays where pairs are rare, and hurries where they are frequent. It walks in a
+/// circle, because a pixel at one end of the range makes the same pairs as one at the other, one event later.
+/// The circle has [`PHASES`] places. The walk from place to place is a Markov chain in continuous time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestingVoltages {
+    range: [f64; 2],
+    /// Share of the time up to the end of each place.
+    below: [f64; PHASES],
+    /// Mean rate of pairs.
+    pub pairs: f64,
+}
+
+/// Places of the circle. The mean rate of a noise from 0.15 to 0.3 of the thresholds is 0.3 % off.
+pub const PHASES: usize = 32;
+
+impl ReceptorRate {
+    /// The voltages of a pixel with this leak, thresholds per unit of time. The thresholds may differ by a
+    /// small share; where they differ much, events do not come in pairs.
+    #[must_use]
+    pub fn at_rest(self, leak: f64) -> RestingVoltages {
+        let Self { deviation, theta, up, down } = self;
+        let half = 0.5 * (up + down);
+        let distance = leak_distance(deviation, theta, leak).min(0.5 * half);
+        let range = if leak == 0.0 {
+            [-0.5 * down, 0.5 * up]
+        } else if leak > 0.0 {
+            [-distance, up - distance]
+        } else {
+            [distance - down, distance]
+        };
+        let step = (range[1] - range[0]) / PHASES as f64;
+        let pairs: [f64; PHASES] =
+            std::array::from_fn(|place| self.pairs(range[0] + (place as f64 + 0.5) * step));
+        // Without a leak, the time at each place is that of a pair, whatever a pair moves.
+        let moved = if leak == 0.0 { 1.0 } else { down - up };
+        let towards = |sign: f64| {
+            // A voltage without any noise stays where it is.
+            pairs.map(|pairs| {
+                let moved = (sign * moved).max(0.0) * pairs.max(f64::MIN_POSITIVE);
+                ((sign * leak).max(0.0) + moved) / step
+            })
+        };
+        let mut below = time_on_a_circle(towards(1.0), towards(-1.0));
+        let mean = pairs.iter().zip(&below).map(|(pairs, share)| pairs * share).sum();
+        let mut sum = 0.0;
+        for share in &mut below {
+            sum += *share;
+            *share = sum;
+        }
+        RestingVoltages { range, below, pairs: mean }
+    }
+}
+
+impl RestingVoltages {
+    /// The quantile `u` of the voltage.
+    #[must_use]
+    pub fn quantile(&self, u: f64) -> f64 {
+        let place = self.below.partition_point(|&below| below <= u).min(PHASES - 1);
+        let before = if place == 0 { 0.0 } else { self.below[place - 1] };
+        let within = ((u - before) / (self.below[place] - before)).clamp(0.0, 1.0);
+        self.range[0] + (self.range[1] - self.range[0]) * (place as f64 + within) / PHASES as f64
+    }
+}
+
+/// Shares of the time that a walk on a circle spends at its places, from its rates to the next and to the
+/// previous place. Places are eliminated from the last on, without a subtraction (Grassmann, Taksar and
+/// Heyman, Operations Research 33, 1985).
+fn time_on_a_circle(mut next: [f64; PHASES], mut previous: [f64; PHASES]) -> [f64; PHASES] {
+    // The rates at which each eliminated place was entered from its two neighbours, the second of them place 0.
+    let mut entered = [[0.0; 2]; PHASES];
+    for last in (2..PHASES).rev() {
+        entered[last] = [next[last - 1], previous[0]];
+        // What a walk does in the place is a step between its neighbours, or none.
+        let leaving = next[last] + previous[last];
+        next[last - 1] *= next[last] / leaving;
+        previous[0] *= previous[last] / leaving;
+    }
+    // Two places are left, with two ways between them.
+    let mut shares = [0.0; PHASES];
+    [shares[0], shares[1]] = [next[1] + previous[1], next[0] + previous[0]];
+    for place in 2..PHASES {
+        let [from_before, from_first] = entered[place];
+        let entering = shares[place - 1] * from_before + shares[0] * from_first;
+        shares[place] = entering / (next[place] + previous[place]);
+    }
+    let sum: f64 = shares.iter().sum();
+    shares.map(|share| share / sum)
+}
+
 /// How far from a threshold the noise makes the events of a pixel that leaks towards it, instead of the leak.
 ///
 /// At a distance `d` it does so at the rate `theta d/s / sqrt(2 pi) exp(-(d/s)^2 / 2)`, that of crossings of
@@ -114,6 +206,7 @@ pub fn leak_distance(deviation: f64, theta: f64, leak: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gs2e_num::seed::{DrawSpace, Seed, SeedCell};
 
     /// Mean exit times from (-1, 1): 1/2 for a deviation that is large beside it (a Brownian motion of
     /// variance 2 deviation^2), and the asymptote `sqrt(pi/2) e^(z^2/2) / z` of a high level.
@@ -129,5 +222,70 @@ mod tests {
         // Mirrored, an exit upwards is one downwards.
         let ups = [-0.9, 0.9].map(|from| noise(0.3).exit(from, [-1.0, 1.0]).1);
         assert!((ups[0] + ups[1] - 1.0).abs() < 1e-12 && ups[0] < ups[1], "{ups:?}");
+    }
+
+    /// Events and voltages by a walk that is played out: the phase moves with the leak, and jumps by the
+    /// difference of the thresholds at every pair.
+    fn played([up, down]: [f64; 2], deviation: f64, leak: f64) -> (f64, [f64; 3]) {
+        let noise = ReceptorRate { deviation, theta: 190.0, up, down };
+        let mut draws = Seed(3).draws(SeedCell { x: 0, y: 0, level: 0, index: 0 }, DrawSpace::Leaf);
+        let (mut x, mut pairs, step) = (0.0f64, 0.0, 0.02);
+        let resting = noise.at_rest(leak);
+        let [low, high] = resting.range;
+        let mut at = Vec::new();
+        for _ in 0..400_000 {
+            if draws.uniform() < noise.pairs(x) * step {
+                x += down - up;
+                pairs += 1.0;
+            }
+            x = low + (x + leak * step - low).rem_euclid(high - low);
+            at.push(x);
+        }
+        at.sort_by(f64::total_cmp);
+        (pairs / (400_000.0 * step), [0.1, 0.5, 0.9].map(|u| at[(u * 400_000.0) as usize]))
+    }
+
+    #[test]
+    fn voltages_at_rest_are_those_of_a_walk() {
+        // The difference of the thresholds acts alone, helps the leak, and holds it off.
+        for (thresholds, deviation, leak) in
+            [([1.02, 0.98], 0.25, 0.0), ([0.97, 1.03], 0.25, 0.05), ([1.03, 0.97], 0.25, 0.05)]
+        {
+            let (pairs, wanted) = played(thresholds, deviation, leak);
+            let [up, down] = thresholds;
+            let found = ReceptorRate { deviation, theta: 190.0, up, down }.at_rest(leak);
+            let quantiles = [0.1, 0.5, 0.9].map(|u| found.quantile(u));
+            println!(
+                "{thresholds:?} {leak}: pairs {:.3} {pairs:.3}, {quantiles:.3?} {wanted:.3?}",
+                found.pairs
+            );
+            assert!((found.pairs / pairs - 1.0).abs() < 0.1);
+            for (found, wanted) in quantiles.into_iter().zip(wanted) {
+                // A place is 1/32 wide.
+                assert!((found - wanted).abs() < 0.05);
+            }
+        }
+    }
+
+    /// Few places are enough: the harmonic mean over 32 is that over 4096.
+    #[test]
+    fn rates_at_rest_need_few_places() {
+        for deviation in [0.15, 0.2, 0.3] {
+            let noise = ReceptorRate { deviation, theta: 1.0, up: 1.0, down: 1.0 };
+            let n = 4096;
+            let inverse = (0..n).map(|i| 1.0 / noise.pairs((f64::from(i) + 0.5) / f64::from(n) - 0.5));
+            let wanted = f64::from(n) / inverse.sum::<f64>();
+            let found = noise.at_rest(0.0).pairs;
+            println!("{deviation}: {:.3}", found / wanted);
+            assert!((found / wanted - 1.0).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn a_leak_without_noise_passes_all_voltages() {
+        let still = ReceptorRate { deviation: 0.0, theta: 190.0, up: 1.2, down: 0.7 };
+        let [leaks, rests] = [0.1, 0.0].map(|leak| still.at_rest(leak));
+        assert!((leaks.quantile(0.25) - 0.3).abs() < 1e-9 && leaks.pairs == 0.0);
+        assert!(rests.quantile(0.5).is_finite() && rests.pairs == 0.0);
     }
 }

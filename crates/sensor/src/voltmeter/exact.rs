@@ -324,13 +324,12 @@ impl ExactSettings {
                 let share = self.seed.draws(cell, DrawSpace::Initial).uniform();
                 let barriers = self.thresholds.of(pixel);
                 let at_rest = self.process.at_rest(f64::from(*luminance), barriers);
-                *voltage = at_rest.residual(share);
-                if let Some(noise) = &self.receptor {
-                    let shift = noise.shift(*luminance, pixel, &at_rest);
+                *voltage = match &self.receptor {
+                    None => at_rest.residual(share),
                     // Just inside: a voltage at a barrier has no event before it.
-                    *voltage = (*voltage + shift + receptor[pixel])
-                        .clamp(-barriers.down * INSIDE, barriers.up * INSIDE);
-                }
+                    Some(noise) => (noise.at_rest(*luminance, pixel, &at_rest, share) + receptor[pixel])
+                        .clamp(-barriers.down * INSIDE, barriers.up * INSIDE),
+                };
             },
         );
     }

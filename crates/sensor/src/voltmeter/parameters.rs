@@ -134,7 +134,12 @@ impl SensorParameters for VoltmeterModel {
         if anchored || self.threshold_spread > 0.0 {
             out["threshold"]["spread"] = json!(self.threshold_spread);
         }
-        if self.settings.hot_pixels != Default::default() {
+        let preset = VoltmeterPreset::with_constants_of(self).map(VoltmeterPreset::model);
+        let of_preset =
+            |is_absent: fn(&VoltmeterModel) -> bool| preset.as_ref().is_some_and(|of| !is_absent(of));
+        if self.settings.hot_pixels != Default::default()
+            || of_preset(|preset| preset.settings.hot_pixels.is_absent())
+        {
             out["hot_pixels"] = json!(self.settings.hot_pixels);
         }
         if self.settings.allow_cap {
@@ -143,6 +148,9 @@ impl SensorParameters for VoltmeterModel {
         if anchored {
             out["floor"] = json!(self.floor);
             out["refractory"] = json!(self.settings.refractory);
+            if of_preset(|preset| preset.photoreceptor_noise.is_absent()) {
+                out["photoreceptor_noise"] = json!(self.photoreceptor_noise);
+            }
         }
         self.add_options(&mut out);
         out

@@ -17,7 +17,7 @@ use super::VoltmeterModel;
 use crate::chain::PixelArray;
 use crate::noise::grey_table::GreyTable;
 use crate::statistics::RenewalProcess;
-use crate::statistics::receptor_rate::leak_distance;
+use crate::statistics::receptor_rate::{ReceptorRate, leak_distance};
 use crate::voltmeter::tree::ROOT;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8};
 use gs2e_num::elementary::{exp_eight, load_eight};
@@ -110,16 +110,19 @@ impl ReceptorNoise {
         self.amplitude.get(pixel).copied().unwrap_or(1.0)
     }
 
-    /// How much lower the voltage without this noise lies in a pixel that leaks up and has seen a grey for a
-    /// long time; above 0 where it leaks down, 0 without a leak.
-    pub(super) fn shift(&self, grey: f32, pixel: usize, at_rest: &RenewalProcess) -> f64 {
-        let [rate, ..] = self.table.at(grey);
-        if at_rest.drift == 0.0 {
-            return 0.0;
+    /// The quantile `share` of the voltage, without this noise, of a pixel that has seen a grey for a long time.
+    pub(super) fn at_rest(&self, grey: f32, pixel: usize, at_rest: &RenewalProcess, share: f64) -> f64 {
+        let [theta, ..] = self.table.at(grey);
+        let RenewalProcess { drift, variance, up, down } = *at_rest;
+        let deviation = self.deviation_of(grey, pixel);
+        if variance == 0.0 {
+            let noise = ReceptorRate { deviation, theta, up, down };
+            // Rates are per ns here and in the drift.
+            return noise.at_rest(drift).quantile(share);
         }
-        let distance = leak_distance(self.deviation_of(grey, pixel), rate, at_rest.drift);
-        // A noise as large as the thresholds forgets its start at once.
-        -distance.min(0.5 * (at_rest.up + at_rest.down)).copysign(at_rest.drift)
+        // A Brownian motion forgets what pairs of events have moved. The leak ends before its threshold.
+        let distance = leak_distance(deviation, theta, drift).min(0.5 * (up + down));
+        at_rest.residual(share) - if drift == 0.0 { 0.0 } else { distance.copysign(drift) }
     }
 
     /// The voltage of a pixel at the first frame, which it has seen for a long time.

@@ -5,15 +5,15 @@ use crate::SensorSettings;
 use crate::noise::{ReferenceRule, RefractoryPeriod};
 use crate::screening::{ConstantLightNoise, ScreenError, at_least_zero, standard_normal_mean};
 use crate::statistics::RenewalProcess;
-use crate::statistics::receptor_rate::{ReceptorRate, leak_distance};
-use std::f64::consts::TAU;
+use crate::statistics::receptor_rate::ReceptorRate;
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
 impl VoltmeterModel {
     /// The behaviour of a pixel with nominal thresholds at this constant grey, without the noise
     /// floor.
     #[must_use]
     pub fn noise(&self, grey: f64) -> ConstantLightNoise {
-        let pairs = self.receptor_pairs(grey, self.photoreceptor_noise.spread);
+        let pairs = self.receptor_pairs(grey, 0.0);
         self.noise_of([self.threshold_on, self.threshold_off], grey).plus([pairs, pairs])
     }
 
@@ -21,10 +21,7 @@ impl VoltmeterModel {
     /// unequal amplitudes and thresholds.
     #[must_use]
     pub fn receptor_hz(&self, grey: f64) -> [f64; 2] {
-        // The noise is felt in thresholds, so both spreads act as one. That a pair of events moves the
-        // reference of a pixel with unequal thresholds is left out.
-        let of_thresholds = self.threshold_spread / self.threshold_on.min(self.threshold_off);
-        [self.receptor_pairs(grey, libm::hypot(self.photoreceptor_noise.spread, of_thresholds)); 2]
+        [self.receptor_pairs(grey, self.threshold_spread); 2]
     }
 
     pub(super) fn noise_of(&self, [up, down]: [f64; 2], grey: f64) -> ConstantLightNoise {
@@ -44,8 +41,8 @@ impl VoltmeterModel {
     }
 
     /// Rate of ON events, and of OFF events, by the photoreceptor's noise, Hz: the mean over pixels whose
-    /// amplitudes have this spread.
-    fn receptor_pairs(&self, grey: f64, spread: f64) -> f64 {
+    /// thresholds have this deviation.
+    fn receptor_pairs(&self, grey: f64, of_thresholds: f64) -> f64 {
         let noise = &self.photoreceptor_noise;
         if noise.is_absent() {
             return 0.0;
@@ -54,6 +51,10 @@ impl VoltmeterModel {
         let drift = self.k[3] + self.k[4] * grey;
         let point = noise.at_grey(grey, self.settings.front_end.white_lux());
         let theta = TAU * point.cutoff_hz;
+        // Sum and difference of the thresholds are independent. The noise is felt in thresholds, so their sum
+        // and the amplitude act as one.
+        let apart = of_thresholds * FRAC_1_SQRT_2;
+        let spread = libm::hypot(noise.spread, apart / (0.5 * (up + down)));
         standard_normal_mean(|z| {
             let deviation = self.k[0] * point.deviation * libm::exp(spread * z);
             let rate = ReceptorRate { deviation, theta, up, down };
@@ -61,14 +62,19 @@ impl VoltmeterModel {
                 // The pixel keeps the noise of the first frame as its reference.
                 return standard_normal_mean(|start| rate.pairs((deviation * start).clamp(-down, up)));
             }
-            if drift == 0.0 {
-                return rate.pairs(0.0);
+            let leak = PER_SECOND * drift;
+            // Without a leak, a difference of the thresholds moves the voltages, but not their distribution.
+            if drift == 0.0 || apart == 0.0 {
+                return rate.at_rest(leak).pairs;
             }
-            // A leak passes through all voltages that the noise leaves it.
-            let distance = leak_distance(deviation, theta, PER_SECOND * drift).min(0.5 * (up + down));
-            let span = if drift > 0.0 { [-distance, up - distance] } else { [distance - down, distance] };
-            let at = |i: u8| span[0] + (span[1] - span[0]) * (f64::from(i) + 0.5) / f64::from(PHASES);
-            (0..PHASES).map(|i| rate.pairs(at(i))).sum::<f64>() / f64::from(PHASES)
+            // Three points of Gauss and Hermite.
+            [(-SQRT_3, 1.0 / 6.0), (0.0, 2.0 / 3.0), (SQRT_3, 1.0 / 6.0)].into_iter().fold(
+                0.0,
+                |mean, (z, weight)| {
+                    let rate = ReceptorRate { up: up + z * apart, down: down - z * apart, ..rate };
+                    mean + weight * rate.at_rest(leak).pairs
+                },
+            )
         })
     }
 
@@ -106,9 +112,8 @@ impl VoltmeterModel {
     }
 }
 
-/// Voltages of a leaking pixel that a mean takes.
-const PHASES: u8 = 8;
-
+/// Place of a point of Gauss and Hermite, in standard deviations.
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
 /// Microseconds per second: rates of the published program are per microsecond.
 const PER_SECOND: f64 = 1e6;
 

@@ -39,7 +39,9 @@ impl Resolver<'_> {
             Some(place) if !in_lux => {
                 let problem = FieldProblem::of_key("has no effect: the constants of this sensor are in grey");
                 self.refuse(
-                    problem.help("remove it, or use the preset davis346 or evk4 of voltmeter").at(place),
+                    problem
+                        .help("remove it, or use the preset davis346, evk4 or dvxplorer of voltmeter")
+                        .at(place),
                 )
             }
             _ => Some(in_lux.then_some(lux)),

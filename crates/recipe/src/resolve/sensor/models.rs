@@ -36,7 +36,7 @@ macro_rules! settings {
         let follows_light = latency.flatten().is_some_and(|latency| latency.tau_us > 0.0);
         resolved!(SensorSettings {
             refractory: $resolver.refractory(&$raw.refractory, $default.refractory),
-            hot_pixels: $resolver.hot_pixels(&$raw.hot_pixels),
+            hot_pixels: $resolver.hot_pixels(&$raw.hot_pixels, $default.hot_pixels),
             max_events_per_pixel_frame: $resolver
                 .cap(&$raw.max_events_per_pixel_frame, $default.max_events_per_pixel_frame),
             allow_cap: $raw.allow_cap.or($default.allow_cap),
@@ -211,10 +211,12 @@ impl Resolver<'_> {
         self.rising(&points, |point| point.lux, place).map(|()| points)
     }
 
-    pub(super) fn hot_pixels(&self, field: &Field<schema::HotPixelsSection>) -> Option<HotPixelNoise> {
-        let Some((raw, place)) = field.given() else {
-            return field.is_absent().then_some(HotPixelNoise::default());
-        };
+    pub(super) fn hot_pixels(
+        &self,
+        field: &Field<schema::HotPixelsSection>,
+        default: HotPixelNoise,
+    ) -> Option<HotPixelNoise> {
+        let Some((raw, place)) = field.given() else { return field.is_absent().then_some(default) };
         let share = self.required(&raw.share, "share", place, "write share: 0.001, of all pixels");
         let rate = self.required(&raw.rate, "rate", place, "write rate: 10, events per second");
         // An absent key was reported, and the defaults below are not for use.

@@ -13,8 +13,8 @@ use serde::Deserialize;
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct VoltmeterSection {
-    /// Named set of parameters: `davis346`, `evk4`, `dvs346-paper` (or `dvs346`), `dvs240` or
-    /// `gs2e-si`. Default: `davis346`.
+    /// Named set of parameters: `davis346`, `evk4`, `dvxplorer`, `dvs346-paper` (or `dvs346`), `dvs240`
+    /// or `gs2e-si`. Default: `davis346`.
     pub preset: Field<String>,
     /// The values `k1` to `k6` in `units`, instead of a preset. Range: `k1`, `k2` above 0; `k3`,
     /// `k6` at least 0; at most 1e12 in size. Default: the preset's.
@@ -30,7 +30,7 @@ pub(crate) struct VoltmeterSection {
     pub law: Field<SamplerKind>,
     /// Brightness that drives the drift. Default: `log`.
     pub gain: Field<DriftGain>,
-    /// Voltages at the first frame. Default: `zero`.
+    /// Voltages at the first frame. Default: the preset's, which is `stationary` for `evk4`; or `zero`.
     pub initial: Field<InitialVoltage>,
     /// Maximum number of events of one pixel between two frames; the step fails beyond it. Default:
     /// `1000`.
@@ -40,7 +40,7 @@ pub(crate) struct VoltmeterSection {
     pub allow_cap: Field<bool>,
     /// Conversion of colours to the brightness that the pixels see. Default: `{}`.
     pub front_end: Field<FrontEndSection>,
-    /// Pixels that fire by themselves. Default: none.
+    /// Pixels that fire by themselves. Default: the preset's, or none.
     pub hot_pixels: Field<HotPixelsSection>,
     /// Rates of random events of all pixels against light; `[]` for none. Default: the preset's.
     pub floor: Field<Vec<Field<FloorPointSection>>>,

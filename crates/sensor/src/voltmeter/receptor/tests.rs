@@ -448,17 +448,18 @@ fn later_events_have_the_rate_of_a_walk_on_a_lattice() {
 #[test]
 fn rates_are_those_that_the_sensor_predicts() {
     let size = Size { width: 120, height: 120 };
-    // The last number is the error: with a leak, the voltages that the noise leaves are taken as equally
-    // likely.
-    for (deviation, spread, k4, initial, error) in [
-        (0.2, 0.2, 0.0, InitialVoltage::Stationary, 0.02),
-        (0.3, 0.0, 0.0, InitialVoltage::Zero, 0.08),
-        (0.25, 0.1, 2e-6, InitialVoltage::Stationary, 0.25),
-        (0.2, 0.1, -1e-6, InitialVoltage::Stationary, 0.25),
+    // The last number is the error: that of the pairs between 32 voltages, or of a start that is forgotten.
+    for (deviation, spread, threshold_spread, k4, initial, error) in [
+        (0.2, 0.2, 0.0, 0.0, InitialVoltage::Stationary, 0.05),
+        (0.2, 0.0, 0.05, 0.0, InitialVoltage::Stationary, 0.05),
+        (0.3, 0.0, 0.0, 0.0, InitialVoltage::Zero, 0.08),
+        (0.25, 0.1, 0.0, 2e-6, InitialVoltage::Stationary, 0.25),
+        (0.2, 0.1, 0.04, -1e-6, InitialVoltage::Stationary, 0.25),
     ] {
         let point = ReceptorPoint { lux: 250.0, deviation, cutoff_hz: 60.0 };
         let sensor = VoltmeterModel {
             initial,
+            threshold_spread,
             photoreceptor_noise: PhotoreceptorNoise { spread, points: vec![point] },
             ..VoltmeterModel::new([1.0, 1.0, 0.0, k4, 0.0, 0.0]).without_cap()
         };
@@ -483,7 +484,7 @@ fn rates_are_those_that_the_sensor_predicts() {
         let (share, wanted) = (on / events.len() as f64, predicted.total_hz);
         let predicted = predicted.on_share.unwrap();
         println!(
-            "{deviation} {k4}: {first:.3}, {rest:.3} of {wanted:.3} Hz, ON {share:.3} of {predicted:.3}"
+            "{deviation} {threshold_spread} {k4}: {first:.3}, {rest:.3} of {wanted:.3} Hz, ON {share:.3} of {predicted:.3}"
         );
         // Five standard deviations of a count of pairs.
         let scatter =
