@@ -90,8 +90,10 @@ fn measure_step(
         })
         .collect();
     let settling = SETTLED * model.settling_seconds(grey.min(after[columns - 1]));
-    // A slow filter needs so long that shot noise would answer in place of the step.
-    let quiet = (settling > 1e-3).then(|| measured_sensor.without_noise());
+    // A slow filter needs so long that shot noise would answer in place of the step. The noise of the
+    // photoreceptor is in the voltage before the step.
+    let returns = measured_sensor.as_voltmeter().is_some_and(|found| !found.photoreceptor_noise.is_absent());
+    let quiet = (settling > 1e-3 || returns).then(|| measured_sensor.without_noise());
     let until = STEP_NS + ANSWER_NS.max((settling * 1e9) as i64);
     let picture = |greys: &dyn Fn(usize) -> f64| -> Vec<f32> {
         (0..SIZE.pixels()).map(|pixel| (unit * greys(pixel % columns)) as f32).collect()

@@ -76,7 +76,7 @@ const EVK4_RECEPTOR: [[f64; 3]; 9] = [
     [10.0, 0.0335, 30.0],
     [15.0, 0.0319, 30.0],
     [25.0, 0.0299, 30.0],
-    [100.0, 0.0303, 30.0],
+    [100.0, 0.030_67, 30.0],
 ];
 /// The OFF events of [`EVK4_NOISE`] that no ON event goes with. The recording of a room has none.
 const EVK4_FLOOR: [FloorPoint; 9] = [
@@ -113,7 +113,7 @@ const DVXPLORER_CONTRAST: [f64; 2] = [0.122_218, 0.139_262];
 const DVXPLORER_NOISE: [NoiseAnchor; 1] = [NoiseAnchor { lux: 250.0, on: 0.229, off: 0.198 }];
 /// Its hot pixels: of those above 5 Hz, 49 % have more than 20 Hz, 15 % more than 100 Hz and 2.6 % more than
 /// 500 Hz.
-const DVXPLORER_HOT: HotPixelNoise = HotPixelNoise { share: 0.001_6, rate: 18.5, spread: 0.72 };
+const DVXPLORER_HOT: HotPixelNoise = HotPixelNoise { share: 0.001_8, rate: 18.5, spread: 0.72 };
 
 impl VoltmeterPreset {
     /// Every preset.
