@@ -52,7 +52,7 @@ impl OutputKind {
     /// Name of the output in recipes. It is also the name of its step, and of its folder in the
     /// release.
     #[must_use]
-    pub fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Events => "events",
             Self::Sharp => "sharp",

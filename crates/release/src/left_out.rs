@@ -157,30 +157,3 @@ fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<Qu
     let span_us = stamps.last()? - stamps.first()?;
     stream.sensor.as_model().quiet_cells(&stream.account, simulation.camera.size, span_us)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use gs2e_build::stage::blur::BlurStage;
-    use gs2e_build::stage::disparity::DisparityStage;
-    use gs2e_build::stage::geometry::{DepthQuantity, FlowQuantity, PixelQuantity as _};
-    use gs2e_build::stage::imu::ImuStage;
-    use gs2e_build::stage::segmentation::SegmentationStage;
-    use gs2e_build::stage::sharp::SharpStage;
-
-    #[test]
-    fn the_stage_of_an_output_has_its_name() {
-        let stages = [
-            EventsStage::NAME,
-            SharpStage::NAME,
-            BlurStage::NAME,
-            DepthQuantity::NAME,
-            FlowQuantity::NAME,
-            DisparityStage::NAME,
-            SegmentationStage::NAME,
-            ImuStage::NAME,
-        ];
-        assert_eq!(OutputKind::ALL.map(OutputKind::name), stages);
-        assert!(!is_rendering("trajectory") && is_rendering("flow") && !is_rendering("imu"));
-    }
-}

@@ -57,8 +57,9 @@ pub enum ProductForm {
         /// The poses that have a file.
         poses: PictureNumbers,
     },
-    /// Segmentations of 8-bit grey, PNG, and the places of the objects.
-    Segmentations(PictureNumbers),
+    /// Pictures of 8-bit grey, PNG, one file per pose of the row. The places of the objects are next to a
+    /// segmentation.
+    Greys(PictureNumbers),
     /// Inertial data, with the names of [`imu::files`].
     Samples,
 }
@@ -164,7 +165,7 @@ impl ReleaseProduct {
                 return names.map(|name| format!("{}/{name}", self.name())).to_vec();
             }
             ProductForm::Colours(numbers)
-            | ProductForm::Segmentations(numbers)
+            | ProductForm::Greys(numbers)
             | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
@@ -175,8 +176,8 @@ impl ReleaseProduct {
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
         let (folder, end) = (self.name(), self.form.extensions()[0]);
-        let places =
-            matches!(self.form, ProductForm::Segmentations(_)).then(|| format!("{folder}/{OBJECT_PLACES}"));
+        let has_places = self.output == OutputKind::Segmentation;
+        let places = has_places.then(|| format!("{folder}/{OBJECT_PLACES}"));
         kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(places).collect()
     }
 }
@@ -188,7 +189,7 @@ impl ProductForm {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],
             Self::Numbers { .. } => &[".npy"],
-            Self::Segmentations(_) => &[".png", ".csv"],
+            Self::Greys(_) => &[".png", ".csv"],
             Self::Samples => &[".csv", ".yaml"],
         }
     }

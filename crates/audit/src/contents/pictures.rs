@@ -63,10 +63,8 @@ fn picture_fault(
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             same(check_numbers(kind, size, channels, positive, &bytes))
         }
-        Some((_, ProductForm::Segmentations(_))) if name.ends_with(OBJECT_PLACES) => {
-            motion::is_canonical(&bytes)
-        }
-        Some((_, ProductForm::Segmentations(_))) => same(check_segmentation(size, &bytes)),
+        Some((_, ProductForm::Greys(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
+        Some((_, ProductForm::Greys(_))) => same(check_greys(size, &bytes)),
         // The text on the sensor has the form of the version that wrote it.
         Some((_, ProductForm::Samples)) if name.ends_with(imu::files::SENSOR) => Ok(true),
         Some((_, ProductForm::Samples)) => imu::files::is_canonical(&bytes),
@@ -93,12 +91,12 @@ fn picture_fault(
     }
 }
 
-/// Decodes a segmentation and returns its file as this program writes it.
-fn check_segmentation(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
+/// Decodes a picture of 8-bit grey and returns its file as this program writes it.
+fn check_greys(size: Size, bytes: &[u8]) -> Result<Vec<u8>, String> {
     let image = png::read_sized(Cursor::new(bytes), size).map_err(|e| e.to_string())?;
-    let segmentation = Image::from_vec(size, image.pixels().iter().map(|[number, ..]| *number).collect());
+    let greys = Image::from_vec(size, image.pixels().iter().map(|[grey, ..]| *grey).collect());
     let mut rewritten = Vec::new();
-    png::write_image(&segmentation, &mut rewritten).expect("a Vec takes any bytes");
+    png::write_image(&greys, &mut rewritten).expect("a Vec takes any bytes");
     Ok(rewritten)
 }
 

@@ -6,6 +6,7 @@ use super::size::PNG_BYTES;
 use super::{ExpectedSize, PathLength, StageContext, StageError};
 use crate::artifact::BlurredFrames;
 use gs2e_image::png;
+use gs2e_recipe::OutputKind;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, Renderer};
 use gs2e_sampling::exposure;
@@ -37,7 +38,7 @@ pub struct BlurStage {
 const BYTES_A_PIXEL: u64 = 72;
 
 impl PoseProduct for BlurStage {
-    const NAME: &'static str = "blur";
+    const NAME: &'static str = OutputKind::Blur.name();
     const REVISION: u32 = 1;
     type Output = BlurredFrames;
 

@@ -6,6 +6,7 @@ use super::{ExpectedSize, PathLength, StageError};
 use crate::artifact::DisparityPictures;
 use gs2e_image::npy;
 use gs2e_num::se3::Se3;
+use gs2e_recipe::OutputKind;
 use gs2e_render::ChannelSet;
 use gs2e_sampling::exposure;
 use gs2e_scene::camera;
@@ -40,7 +41,7 @@ const BYTES_A_PIXEL: u64 = 8;
 const BYTES_OF_IMAGE: f64 = 4.0;
 
 impl PoseProduct for DisparityStage {
-    const NAME: &'static str = "disparity";
+    const NAME: &'static str = OutputKind::Disparity.name();
     const REVISION: u32 = 1;
     type Output = DisparityPictures;
 

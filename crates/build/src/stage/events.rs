@@ -13,6 +13,7 @@ use gs2e_event::{LawStamp, StreamHeader, h5};
 use gs2e_image::{Image, Size, npy};
 use gs2e_num::seed::Seed;
 use gs2e_num::stats::nearest_ranks;
+use gs2e_recipe::OutputKind;
 use gs2e_render::doubt::BlendDoubt;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::objects::near_warnings;
@@ -103,7 +104,7 @@ impl StageFacts for EventsStage {
 }
 
 impl Stage for EventsStage {
-    const NAME: &'static str = "events";
+    const NAME: &'static str = OutputKind::Events.name();
     const REVISION: u32 = 7;
     type Inputs = PassInputs;
     type Output = EventStreams;

@@ -6,6 +6,7 @@ use super::{ExpectedSize, PathLength, StageError};
 use crate::artifact::PictureSet;
 use gs2e_image::npy::NpyPixel;
 use gs2e_image::{Image, npy};
+use gs2e_recipe::OutputKind;
 use gs2e_render::{ChannelSet, RenderedImages};
 use gs2e_sampling::exposure;
 use gs2e_scene::camera::Camera;
@@ -63,7 +64,7 @@ pub struct DepthQuantity;
 pub struct FlowQuantity;
 
 impl PixelQuantity for DepthQuantity {
-    const NAME: &'static str = "depth";
+    const NAME: &'static str = OutputKind::Depth.name();
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 8;
     const FILE_BYTES: f64 = 4.0;
@@ -77,7 +78,7 @@ impl PixelQuantity for DepthQuantity {
 }
 
 impl PixelQuantity for FlowQuantity {
-    const NAME: &'static str = "flow";
+    const NAME: &'static str = OutputKind::Flow.name();
     const REVISION: u32 = 1;
     const BYTES_A_PIXEL: u64 = 20;
     const FILE_BYTES: f64 = 8.0;

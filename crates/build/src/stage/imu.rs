@@ -5,6 +5,7 @@ use super::{
 };
 use crate::artifact::{ImuRecording, TrajectoryProduct};
 use gs2e_num::seed::Seed;
+use gs2e_recipe::OutputKind;
 use gs2e_source::Capture;
 use gs2e_trajectory::imu::files::{SAMPLES, SAMPLES_HEAD, SENSOR, STATES, STATES_HEAD};
 use gs2e_trajectory::imu::{ImuModel, ImuSampler, files};
@@ -38,7 +39,7 @@ impl StageFacts for ImuStage {
 }
 
 impl Stage for ImuStage {
-    const NAME: &'static str = "imu";
+    const NAME: &'static str = OutputKind::Imu.name();
     const REVISION: u32 = 1;
     /// The capture, if its views say what is up.
     type Inputs = (StepTarget<TrajectoryProduct>, Option<StepTarget<Capture>>);

@@ -5,6 +5,7 @@ use super::shot::{FileTaker, PoseFileForm, ShotParameters};
 use super::{ExpectedSize, PathLength, StageContext, StageError};
 use crate::artifact::{OBJECT_PLACES, PictureSet};
 use gs2e_image::{Image, png};
+use gs2e_recipe::OutputKind;
 use gs2e_render::{ChannelSet, RenderedImages, Renderer};
 use gs2e_sampling::exposure;
 use gs2e_sampling::rendered::RenderedPose;
@@ -33,7 +34,7 @@ const BYTES_A_PIXEL: u64 = 48;
 const BYTES_A_SEGMENTED_PIXEL: f64 = 0.02;
 
 impl PoseProduct for SegmentationStage {
-    const NAME: &'static str = "segmentation";
+    const NAME: &'static str = OutputKind::Segmentation.name();
     const REVISION: u32 = 1;
     type Output = PictureSet;
 

@@ -6,6 +6,7 @@ use super::size::PNG_BYTES;
 use super::{ExpectedSize, PathLength, StageContext, StageError};
 use crate::artifact::PictureSet;
 use gs2e_image::{Image, png};
+use gs2e_recipe::OutputKind;
 use gs2e_render::lights::SceneLights;
 use gs2e_render::{ChannelSet, RenderedImages, Renderer};
 use gs2e_sampling::exposure;
@@ -41,7 +42,7 @@ const BYTES_A_PIXEL: u64 = 44;
 const BYTES_OF_ROWS: u64 = 36;
 
 impl PoseProduct for SharpStage {
-    const NAME: &'static str = "sharp";
+    const NAME: &'static str = OutputKind::Sharp.name();
     const REVISION: u32 = 2;
     type Output = PictureSet;
 

@@ -167,7 +167,7 @@ static DISPARITY: ReleaseProduct = ReleaseProduct {
 
 static SEGMENTATION: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Segmentation,
-    form: ProductForm::Segmentations(PictureNumbers::Spaced),
+    form: ProductForm::Greys(PictureNumbers::Spaced),
     files: &[material(
         "segmentation/%06d.png, segmentation/objects.csv",
         "8-bit grey: the number of the object with the largest blended weight at a pixel, 0 for what is still; and \

@@ -31,7 +31,7 @@ pub(crate) struct PictureRequest<'a> {
 
 impl<'a> PictureRequest<'a> {
     /// The file of the product whose pose is nearest to the shown moment, with the number of this pose.
-    pub(super) fn nearest_file(&self) -> Option<(usize, &'a str)> {
+    pub(crate) fn nearest_file(&self) -> Option<(usize, &'a str)> {
         let stamps = &self.track.published.motion.trajectory.stamps_us;
         let moment = moment_us(&self.track);
         let away = |number: usize| stamps.get(number).map(|us| us.abs_diff(moment));
@@ -43,7 +43,7 @@ impl<'a> PictureRequest<'a> {
     }
 
     /// The time of a pose, in words.
-    pub(super) fn moment_words(&self, number: usize) -> String {
+    pub(crate) fn moment_words(&self, number: usize) -> String {
         let us = self.track.published.motion.trajectory.stamps_us.get(number).copied().unwrap_or(0);
         format!("{:.1} ms", us as f64 * 1e-3)
     }
@@ -61,7 +61,7 @@ impl<'a> PictureRequest<'a> {
     }
 
     /// The picture from a PNG file of the tree.
-    fn show_file(&self, path: &str, words: String) -> Option<Preview> {
+    pub(crate) fn show_file(&self, path: &str, words: String) -> Option<Preview> {
         Some(Preview { picture: tree_picture(path, self.places, self.width)?, words, wheel: false })
     }
 
