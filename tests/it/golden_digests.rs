@@ -313,9 +313,17 @@ fn every_stage_is_pinned() {
     let entries = walkdir::WalkDir::new(folder).into_iter().map(Result::unwrap);
     for file in entries.filter(|entry| entry.file_type().is_file()) {
         let text = std::fs::read_to_string(file.path()).unwrap();
+        // A name in quotes, or that of an output: `OutputKind::Blur.name()`.
         let named =
-            text.lines().filter(|line| line.contains("const NAME: ")).filter_map(|l| l.split('"').nth(1));
-        stages.extend(named.map(str::to_owned));
+            text.lines().filter_map(|line| line.split_once("const NAME: ")).filter_map(|(_, value)| {
+                let of_output =
+                    value.split_once("OutputKind::").and_then(|(_, rest)| rest.split_once(".name()"));
+                match of_output {
+                    Some((variant, _)) => Some(variant.to_lowercase()),
+                    None => value.split('"').nth(1).map(str::to_owned),
+                }
+            });
+        stages.extend(named);
     }
     assert!(stages.len() >= 6, "the sources are not read as they are written: {stages:?}");
     // The answers of other programs depend on the installed versions.

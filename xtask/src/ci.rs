@@ -9,7 +9,7 @@ use std::time::Instant;
 type Step = (&'static str, fn() -> Outcome);
 
 /// Less than 25 minutes on two cores, from a clean checkout.
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 7] = [
     ("formatting", || cargo(&["fmt", "--all", "--check"]).run()),
     ("clippy", || {
         // `--all-targets` does not include targets that plain `cargo test` leaves out. The optional feature
@@ -19,8 +19,7 @@ const STEPS: [Step; 8] = [
         cargo(&all).args(PACKAGES).args(by_name).run()
     }),
     ("tests", suite::run_all),
-    ("faults, fuzzing and bombs", trials),
-    ("Python", python::in_ci),
+    ("faults, fuzzing, bombs and Python", trials),
     ("documentation", || {
         cargo(&["doc", "--quiet", "--no-deps"]).args(PACKAGES).env("RUSTDOCFLAGS", "-D warnings").run()
     }),
@@ -44,12 +43,13 @@ const LONG: [Step; 7] = [
     ("builds beside ninja", builds_beside_ninja),
 ];
 
-/// Trials of the whole program, at the same time: each waits for processes that it kills or starves.
+/// Trials of the whole program and the tests of the wheel, at the same time: each waits for processes, or
+/// keeps one core busy.
 fn trials() -> Outcome {
     // Compiled first, because cargo compiles for one command at a time.
     let binaries = ["faults", "fuzz", "bombs"].into_iter().flat_map(|name| ["--test", name]);
     cargo(&["test", "--quiet", "--no-run"]).args(PACKAGES).args(binaries).run()?;
-    let trials: [fn() -> Outcome; 3] = [faults::short, fuzz::short, || bombs::run(&[])];
+    let trials: [fn() -> Outcome; 4] = [faults::short, fuzz::short, || bombs::run(&[]), python::in_ci];
     std::thread::scope(|scope| {
         let running = trials.map(|trial| scope.spawn(trial));
         // All are waited for, so that one failure does not hide another.

@@ -5,6 +5,7 @@ use crate::command::{Outcome, cargo, program, root, say};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io::Write as _;
+use std::num::NonZero;
 use std::time::Instant;
 
 /// The packages that are tested, checked and documented together: all. A command that leaves one of them out
@@ -99,7 +100,12 @@ fn run_each(calls: &[Vec<String>]) -> Outcome {
     let mut passed = true;
     for call in calls {
         let test = cargo(&["test", "--no-fail-fast"]).args(call);
-        let test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
+        let mut test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
+        if std::env::var_os("RUST_TEST_THREADS").is_none() {
+            // Every third test waits for programs that it starts.
+            let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+            test = test.env("RUST_TEST_THREADS", &(cores + cores.div_ceil(2)).to_string());
+        }
         passed &= test.each_line(|line| {
             total.add(line);
             // A closed pipe (`| head`) is no failed test.

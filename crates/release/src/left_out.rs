@@ -157,3 +157,13 @@ fn quiet_cells(simulation: &SimulationRecord, stream: &EventStream) -> Option<Qu
     let span_us = stamps.last()? - stamps.first()?;
     stream.sensor.as_model().quiet_cells(&stream.account, simulation.camera.size, span_us)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_that_render_have_the_names_of_their_outputs() {
+        assert!(is_rendering("flow") && !is_rendering("trajectory") && !is_rendering("imu"));
+    }
+}

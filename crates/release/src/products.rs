@@ -10,7 +10,6 @@ pub use outputs::{BLUR, EVENTS, FOLDERS, SHARP};
 pub(super) use plain::{CALIBRATION, CHECKS, EXPORTS, PATH, SCENE, SCENE_FILES, TOP};
 
 use super::report::{PictureRequest, Preview};
-use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_recipe::OutputKind;
 use gs2e_sampling::exposure;
 use gs2e_trajectory::imu;
@@ -57,9 +56,13 @@ pub enum ProductForm {
         /// The poses that have a file.
         poses: PictureNumbers,
     },
-    /// Pictures of 8-bit grey, PNG, one file per pose of the row. The places of the objects are next to a
-    /// segmentation.
-    Greys(PictureNumbers),
+    /// Pictures of 8-bit grey, PNG, one file per pose of the row.
+    Greys {
+        /// The poses that have a file.
+        poses: PictureNumbers,
+        /// A file beside them.
+        beside: Option<&'static str>,
+    },
     /// Inertial data, with the names of [`imu::files`].
     Samples,
 }
@@ -165,7 +168,7 @@ impl ReleaseProduct {
                 return names.map(|name| format!("{}/{name}", self.name())).to_vec();
             }
             ProductForm::Colours(numbers)
-            | ProductForm::Greys(numbers)
+            | ProductForm::Greys { poses: numbers, .. }
             | ProductForm::Numbers { poses: numbers, .. } => numbers,
         };
         let kept = match numbers {
@@ -176,9 +179,11 @@ impl ReleaseProduct {
             PictureNumbers::SpacedAndExposed => exposure::kept_poses(poses, every, exposed),
         };
         let (folder, end) = (self.name(), self.form.extensions()[0]);
-        let has_places = self.output == OutputKind::Segmentation;
-        let places = has_places.then(|| format!("{folder}/{OBJECT_PLACES}"));
-        kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(places).collect()
+        let beside = match self.form {
+            ProductForm::Greys { beside, .. } => beside.map(|name| format!("{folder}/{name}")),
+            _ => None,
+        };
+        kept.into_iter().map(|pose| format!("{folder}/{pose:06}{end}")).chain(beside).collect()
     }
 }
 
@@ -189,7 +194,7 @@ impl ProductForm {
             Self::Streams => &[".h5"],
             Self::Colours(_) => &[".png"],
             Self::Numbers { .. } => &[".npy"],
-            Self::Greys(_) => &[".png", ".csv"],
+            Self::Greys { .. } => &[".png", ".csv"],
             Self::Samples => &[".csv", ".yaml"],
         }
     }

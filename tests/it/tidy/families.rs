@@ -86,6 +86,7 @@ fn families() -> [Family; 3] {
             special: &[
                 ("crates/recipe/src/canonical/trajectory.rs", "`flow` is also a form of speed"),
                 ("crates/recipe/src/resolve/lights.rs", "`depth` is also that of a modulation"),
+                ("crates/build/src/stage", "a stage has the name of its output"),
                 ("crates/build/src/plan/edits.rs", "the steps that more than their own section decides"),
                 ("crates/audit/src/recheck", "checks of a release read its pictures"),
                 (

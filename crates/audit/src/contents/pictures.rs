@@ -63,8 +63,8 @@ fn picture_fault(
         Some((kind, ProductForm::Numbers { channels, positive, .. })) => {
             same(check_numbers(kind, size, channels, positive, &bytes))
         }
-        Some((_, ProductForm::Greys(_))) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
-        Some((_, ProductForm::Greys(_))) => same(check_greys(size, &bytes)),
+        Some((_, ProductForm::Greys { .. })) if name.ends_with(OBJECT_PLACES) => motion::is_canonical(&bytes),
+        Some((_, ProductForm::Greys { .. })) => same(check_greys(size, &bytes)),
         // The text on the sensor has the form of the version that wrote it.
         Some((_, ProductForm::Samples)) if name.ends_with(imu::files::SENSOR) => Ok(true),
         Some((_, ProductForm::Samples)) => imu::files::is_canonical(&bytes),

@@ -5,6 +5,7 @@ use crate::report::{
     blurred_picture, depth_picture, disparity_picture, flow_picture, inertial_picture, segmentation_picture,
     sharp_picture,
 };
+use gs2e_build::artifact::OBJECT_PLACES;
 use gs2e_recipe::OutputKind;
 
 const HDF5: &str = "application/x-hdf5";
@@ -167,7 +168,7 @@ static DISPARITY: ReleaseProduct = ReleaseProduct {
 
 static SEGMENTATION: ReleaseProduct = ReleaseProduct {
     output: OutputKind::Segmentation,
-    form: ProductForm::Greys(PictureNumbers::Spaced),
+    form: ProductForm::Greys { poses: PictureNumbers::Spaced, beside: Some(OBJECT_PLACES) },
     files: &[material(
         "segmentation/%06d.png, segmentation/objects.csv",
         "8-bit grey: the number of the object with the largest blended weight at a pixel, 0 for what is still; and \
