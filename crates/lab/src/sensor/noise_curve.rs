@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn a_planted_rate_is_found() {
         let mut wrong = VoltmeterPreset::Evk4.model();
-        wrong.floor.0.iter_mut().for_each(|point| (point.on, point.off) = (2.5 * point.on, point.off));
+        wrong.floor.0.iter_mut().for_each(|point| point.on += 1.5);
         let found = measured(&wrong.into(), VoltmeterPreset::Evk4.noise_anchors(), SMALL);
         assert!(!found.passes);
     }
