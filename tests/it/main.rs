@@ -3,6 +3,7 @@
 
 mod audit;
 mod bad_input;
+mod bandwidth;
 mod behaviour;
 mod between_frames;
 mod checks;

@@ -6,6 +6,7 @@ use gs2e_event::{Event, EventSink};
 use gs2e_image::{Image, Size};
 use gs2e_num::seed::Seed;
 use gs2e_num::units::{Hertz, Timestamp};
+use gs2e_sensor::bandwidth::{BandwidthPoint, PixelBandwidth};
 use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::noise::{PhotoreceptorNoise, ReceptorPoint, RefractoryPeriod};
 use gs2e_sensor::voltmeter::{VoltmeterModel, VoltmeterPreset};
@@ -30,9 +31,12 @@ pub(super) fn workloads() -> Vec<Workload> {
     let points = vec![ReceptorPoint { lux: 250.0, deviation: 0.02, cutoff_hz: 60.0 }];
     let photoreceptor_noise = PhotoreceptorNoise { spread: 0.35, points };
     let receptor = VoltmeterModel { photoreceptor_noise, ..quiet.clone() };
+    let [plain_noise, filtered] = [&noisy, &receptor].map(with_bandwidth);
     let models = [
         ("with noise", &noisy),
+        ("with noise and bandwidth", &plain_noise),
         ("with photoreceptor noise", &receptor),
+        ("with photoreceptor noise and bandwidth", &filtered),
         ("without noise", &quiet),
         ("with spread and dead time", &unequal),
     ];
@@ -48,6 +52,15 @@ pub(super) fn workloads() -> Vec<Workload> {
         }
     }
     all
+}
+
+/// A sensor whose pixels are slower in the dark.
+fn with_bandwidth(model: &VoltmeterModel) -> VoltmeterModel {
+    let point = |lux, cutoff_hz| BandwidthPoint { lux, cutoff_hz };
+    let mut filtered = model.clone();
+    filtered.bandwidth = PixelBandwidth { order: 1, points: vec![point(1.0, 20.0), point(100.0, 200.0)] };
+    filtered.settings.front_end.lux = Some(250.0);
+    filtered
 }
 
 /// One pass per frame over the arrays that the sensor reads and writes, on one core: the frame and its copy, the frame

@@ -103,6 +103,7 @@ impl DriftLaw {
             }
             SensorChoice::Voltmeter(VoltmeterModel { law: SamplerKind::Official, .. }) => Some(OFFICIAL),
             SensorChoice::Voltmeter(VoltmeterModel { gain: DriftGain::Midpoint, .. }) => Some(MIDPOINT),
+            SensorChoice::Voltmeter(voltmeter) if !voltmeter.bandwidth.is_absent() => Some(DELAYED),
             SensorChoice::Voltmeter(voltmeter) => (voltmeter.between != BetweenFrames::Linear).then_some(
                 "brightness is not linear between frames (`sampling.between`), so crossing times are not known well",
             ),
@@ -214,6 +215,7 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
         (_, DriftGain::Midpoint) => Some(MIDPOINT),
         _ if !sensor.settings.hot_pixels.is_absent() => Some(HOT),
         _ if sensor.settings.refractory.period_us > 0.0 => Some(DEAD),
+        _ if !sensor.bandwidth.is_absent() => Some(DELAYED),
         _ => None,
     };
     let white_lux = sensor.settings.front_end.white_lux();
@@ -225,6 +227,7 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
         spread: sensor.threshold_spread,
         from_zero: sensor.initial == InitialVoltage::Zero,
         loose,
+        delay_us: 1e6 * sensor.bandwidth.delay_seconds(white_lux * MEDIUM / 255.0),
         ..quiet_law(sensor.k, BrightnessScale::Log, [sensor.threshold_on, sensor.threshold_off])
     }
 }
@@ -354,12 +357,33 @@ mod tests {
         assert!((law.drift(0.0, 1e6, 128e6) - 0.74).abs() < 1e-12);
     }
 
+    /// The sensor behind a filter of 100 Hz.
+    fn filtered(sensor: &VoltmeterModel) -> VoltmeterModel {
+        use gs2e_sensor::bandwidth::{BandwidthPoint, PixelBandwidth};
+        let points = vec![BandwidthPoint { lux: 1.0, cutoff_hz: 100.0 }];
+        VoltmeterModel { bandwidth: PixelBandwidth { order: 2, points }, ..sensor.clone() }
+    }
+
+    #[test]
+    fn a_filter_delays_and_hides_no_other_reason() {
+        let paper = VoltmeterModel::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
+        let law = |sensor: VoltmeterModel| DriftLaw::for_sensor(&sensor.into());
+        let slow = law(filtered(&paper));
+        assert_eq!(slow.loose, Some(DELAYED));
+        // Two time constants of 100 Hz.
+        assert!((slow.delay_us - 2e6 / (std::f64::consts::TAU * 100.0)).abs() < 1e-9);
+        assert_eq!(law(filtered(&gs2e_sensor::voltmeter::VoltmeterPreset::Evk4.model())).loose, Some(DEAD));
+        let at_once = SensorChoice::from(filtered(&paper)).without_bandwidth();
+        assert_eq!(DriftLaw::for_sensor(&at_once), law(paper));
+    }
+
     #[test]
     fn sensors_whose_noise_moves_the_level_balance_nothing() {
         use gs2e_sensor::noise::RefractoryPeriod;
         use gs2e_sensor::v2e::{V2eModel, V2ePreset};
         let voltmeter = VoltmeterModel::new([5.265, 20.0, 1e-4, 1e-7, 5e-9, 1e-5]);
         let official = VoltmeterModel { law: SamplerKind::Official, ..voltmeter.clone() };
+        let slow = filtered(&voltmeter);
         let dead = EsimModel {
             settings: SensorSettings {
                 refractory: RefractoryPeriod { period_us: 1.0, ..RefractoryPeriod::default() },
@@ -376,6 +400,7 @@ mod tests {
         };
         t(SensorChoice::Voltmeter(voltmeter), true, true);
         t(SensorChoice::Voltmeter(official), false, false);
+        t(SensorChoice::Voltmeter(slow), true, false);
         t(SensorChoice::Esim(EsimModel::default()), true, true);
         t(SensorChoice::Esim(dead), false, false);
         t(SensorChoice::V2e(V2eModel::from(V2ePreset::Clean)), true, true);
@@ -419,6 +444,7 @@ mod tests {
         let paper = VoltmeterPreset::Dvs346.model();
         t(paper.clone().into(), true, true, true);
         t(VoltmeterModel { law: SamplerKind::Official, ..paper.clone() }.into(), false, false, false);
+        t(filtered(&paper).into(), false, false, true);
         t(VoltmeterModel { between: BetweenFrames::Catmull, ..paper }.into(), false, false, true);
         t(SensorChoice::Esim(EsimModel::default()), true, true, true);
         t(

@@ -15,6 +15,7 @@ pub mod still;
 use super::drift::DriftLaw;
 use super::subject::{Judgement, JudgementResult, LimitSide, Statements};
 use super::{TrajectorySubject, ValidationPass, limits};
+use gs2e_sensor::SensorChoice;
 use serde::{Deserialize, Serialize};
 use still::StillPixelCounts;
 
@@ -54,8 +55,9 @@ fn judge_still(subject: &TrajectorySubject<'_>) -> Result<Statements, String> {
     let tally = subject.events()?;
     // Late events keep their rate, except behind a bus, which loses some.
     let loses = subject.sensor.is_some_and(|sensor| sensor.readout().is_some());
-    // A latency hides no other reason.
-    let law = subject.compared_sensor().map(|sensor| DriftLaw::for_sensor(&sensor.without_latency()));
+    // A latency and a filter hide no other reason.
+    let at_once = |sensor: SensorChoice| sensor.without_latency().without_bandwidth();
+    let law = subject.compared_sensor().map(|sensor| DriftLaw::for_sensor(&at_once(sensor)));
     if let Some(because) = law.and_then(|law| law.loose.filter(|_| loses || law.delay_us <= 0.0)) {
         return Err(because.into());
     }

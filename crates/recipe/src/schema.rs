@@ -26,9 +26,10 @@ pub(super) use reconstruct::{
 };
 pub(super) use rig::{ExtrinsicSection, RigCameraSection, RigSection};
 pub(super) use sensor::{
-    ContrastSection, EsimSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
-    LeakSection, LuminanceSection, PhotoreceptorNoiseSection, RangeSection, ReadoutSection,
-    ReceptorPointSection, RefractorySection, SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
+    BandwidthPointSection, BandwidthSection, ContrastSection, EsimSection, FloorPointSection,
+    FrontEndSection, HotPixelsSection, LatencySection, LeakSection, LuminanceSection,
+    PhotoreceptorNoiseSection, RangeSection, ReadoutSection, ReceptorPointSection, RefractorySection,
+    SensorSection, ThresholdSection, V2eSection, VoltmeterSection,
 };
 pub(super) use source::{
     CaptureSection, FolderSection, FountainSection, KindKey, ProceduralSection, SourceSection, UnposedSection,

@@ -1,5 +1,6 @@
 //! The sensor of a recipe, one of a closed family.
 
+use super::bandwidth::PixelBandwidth;
 use super::latency::PixelLatency;
 use super::noise::HotPixelNoise;
 use super::readout::ReadoutBus;
@@ -102,6 +103,18 @@ impl SensorChoice {
     #[must_use]
     pub fn without_latency(&self) -> Self {
         self.clone().with_settings(SensorSettings { latency: None, ..self.settings() })
+    }
+
+    /// The sensor with pixels that follow their brightness at once; unchanged if the model has no such
+    /// setting.
+    #[must_use]
+    pub fn without_bandwidth(&self) -> Self {
+        match self {
+            Self::Voltmeter(sensor) => {
+                voltmeter::VoltmeterModel { bandwidth: PixelBandwidth::default(), ..sensor.clone() }.into()
+            }
+            other => other.clone(),
+        }
     }
 
     /// The sensor with a label on each event, signal or noise.

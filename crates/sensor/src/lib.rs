@@ -22,6 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod bandwidth;
 mod cap;
 mod chain;
 mod choice;

@@ -134,11 +134,20 @@ pub fn simulate_one(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SensorChoice, SensorSettings, esim, front_end, latency, noise, v2e, voltmeter};
+    use super::super::{
+        SensorChoice, SensorSettings, bandwidth, esim, front_end, latency, noise, v2e, voltmeter,
+    };
     use super::*;
     use crate::frames::array::{ArrayFrames, ArraySamples, FullScale};
     use gs2e_event::Event;
     use gs2e_image::{Image, Size};
+
+    /// The sensor with a bandwidth.
+    fn slow(sensor: &voltmeter::VoltmeterModel) -> voltmeter::VoltmeterModel {
+        let points = vec![bandwidth::BandwidthPoint { lux: 1.0, cutoff_hz: 2000.0 }];
+        let bandwidth = bandwidth::PixelBandwidth { order: 2, points };
+        voltmeter::VoltmeterModel { bandwidth, ..sensor.clone() }
+    }
 
     /// All members of the family, without noise.
     fn quiet() -> Vec<SensorChoice> {
@@ -147,6 +156,7 @@ mod tests {
         let official =
             voltmeter::VoltmeterModel { law: voltmeter::SamplerKind::Official, ..voltmeter.clone() };
         vec![
+            SensorChoice::Voltmeter(slow(&voltmeter)),
             SensorChoice::Voltmeter(voltmeter),
             SensorChoice::Voltmeter(official),
             SensorChoice::Esim(esim::EsimModel::default()),
@@ -179,7 +189,8 @@ mod tests {
             settings: SensorSettings { hot_pixels, ..v2e::V2eModel::from(v2e::V2ePreset::Noisy).settings },
             ..v2e::V2eModel::from(v2e::V2ePreset::Noisy)
         };
-        let voltmeters = presets.into_iter().chain([official]).map(SensorChoice::Voltmeter);
+        let slow = slow(&presets[0]);
+        let voltmeters = presets.into_iter().chain([official, slow]).map(SensorChoice::Voltmeter);
         voltmeters
             .chain([esim, redrawn, late].map(SensorChoice::Esim))
             .chain([SensorChoice::V2e(noisy)])

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
-//! event. It then returns to 0. The process has no refractory time and no bandwidth limit. Thresholds
-//! may differ between pixels (`thresholds.rs`). Hot pixels, a noise floor and a dead time act on the
+//! event. It then returns to 0. The process has no refractory time. A low-pass filter of `ln(L + k2)` may
+//! stand in front of it (`low_pass.rs`). Thresholds may differ between pixels (`thresholds.rs`). Hot pixels, a noise floor and a dead time act on the
 //! stream of the process (`spontaneous.rs`, `dead_time.rs`).
 //!
 //! The published program takes the drift at the midpoint of two frames (`gain: midpoint`) and draws
@@ -49,6 +49,7 @@ mod drift;
 mod exact;
 mod leaf;
 mod line;
+mod low_pass;
 mod noiseless;
 mod official;
 mod parameters;
@@ -68,6 +69,7 @@ pub(super) use parameters::FACTS;
 pub use presets::VoltmeterPreset;
 pub use units::ConstantUnits;
 
+use super::bandwidth::PixelBandwidth;
 use super::cap::FirstEvents;
 use super::chain::{FilteredPixels, PixelArray};
 use super::dead_time::DeadTime;
@@ -106,6 +108,9 @@ pub struct VoltmeterModel {
     /// Noise of limited bandwidth that is added to the signal. It needs the law `exact`.
     #[serde(default)]
     pub photoreceptor_noise: PhotoreceptorNoise,
+    /// A low-pass filter in front of the thresholds. It needs the law `exact`.
+    #[serde(default)]
+    pub bandwidth: PixelBandwidth,
     /// The settings that every model has.
     #[serde(flatten)]
     pub settings: SensorSettings,
@@ -181,6 +186,7 @@ impl VoltmeterModel {
             threshold_spread: 0.0,
             floor: NoiseFloor::default(),
             photoreceptor_noise: PhotoreceptorNoise::default(),
+            bandwidth: PixelBandwidth::default(),
             settings: SensorSettings::default(),
         }
     }
@@ -212,6 +218,7 @@ impl Serialize for VoltmeterModel {
         add_in_use(&mut out, "hot_pixels", hot_pixels)?;
         add_in_use(&mut out, "floor", &self.floor)?;
         add_in_use(&mut out, "photoreceptor_noise", &self.photoreceptor_noise)?;
+        add_in_use(&mut out, "bandwidth", &self.bandwidth)?;
         add_in_use(&mut out, "refractory", refractory)?;
         add_in_use(&mut out, "front_end", front_end)?;
         add_in_use(&mut out, "labels", labels)?;
@@ -236,7 +243,11 @@ impl VoltmeterModel {
         let SensorSettings { allow_cap, max_events_per_pixel_frame: most, hot_pixels, .. } = self.settings;
         // The sampler has no cap of its own if it must drop events: it would end the run at the cap.
         let own_cap = if allow_cap { u32::MAX } else { most };
-        let pixels = FilteredPixels::new(exact::ExactSampler::new(self, own_cap, array));
+        let pixels = if self.bandwidth.is_absent() {
+            FilteredPixels::new(exact::ExactSampler::new(self, own_cap, array))
+        } else {
+            FilteredPixels::new(low_pass::LowPassPixels::new(self, own_cap, array))
+        };
         let first = allow_cap.then(|| FirstEvents::new(most, array));
         // Behind the cap, which counts the events of the law only.
         pixels.behind(first).behind(SpontaneousEvents::of_hot(&hot_pixels, array))

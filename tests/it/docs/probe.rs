@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 
 /// Smallest recipes that can hold a key, by the beginning of the key's path. Their keys replace
 /// those of [`BASE`].
-const CONTEXTS: [(&str, &str); 44] = [
+const CONTEXTS: [(&str, &str); 45] = [
     ("", ""),
     ("source.colmap", CAPTURE),
     ("source.nerfstudio", "{ source: { nerfstudio: { path: c } }, outputs: [] }"),
@@ -63,6 +63,10 @@ const CONTEXTS: [(&str, &str); 44] = [
     (
         "sensor.voltmeter.photoreceptor_noise",
         "{ sensor: { voltmeter: { photoreceptor_noise: { points: [{ lux: 1, deviation: 0, cutoff_hz: 1 }] } } } }",
+    ),
+    (
+        "sensor.voltmeter.bandwidth",
+        "{ sensor: { voltmeter: { bandwidth: { points: [{ lux: 1, cutoff_hz: 1 }] } } } }",
     ),
     ("lights.flicker", "{ lights: { flicker: { hz: 100, depth: 0.5 } } }"),
     ("lights.level", "{ lights: { level: [{ t: 0, stops: 0 }] } }"),

@@ -81,6 +81,10 @@ const BYTES_OF_BUS: u64 = 64;
 /// Bytes per pixel of a latency: the past of the pixel, a waiting event, and ten frames of light.
 const BYTES_OF_LATENCY: u64 = 16 + 40 + 10 * 4;
 
+/// Bytes per pixel of a bandwidth: three frames of logarithms and slopes, two stages, and the ends of eight
+/// pieces with their rates.
+const BYTES_OF_BANDWIDTH: u64 = 3 * 16 + 2 * 8 + 8 * 8;
+
 /// Maximum number of pairs of neighbouring poses at which the optical flow is measured.
 const FLOW_SAMPLES: usize = 9;
 
@@ -232,9 +236,12 @@ impl EventsStage {
         let front_ends = self.front_ends().iter().filter(is_coloured).count() as u64;
         let buses = self.sensors().filter(|(_, sensor)| sensor.readout().is_some()).count() as u64;
         let late = self.sensors().filter(|(_, sensor)| sensor.latency().is_some()).count() as u64;
-        let behind = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late;
+        let slow =
+            |sensor: &SensorChoice| sensor.as_voltmeter().is_some_and(|own| !own.bandwidth.is_absent());
+        let slow = self.sensors().filter(|(_, sensor)| slow(sensor)).count() as u64;
+        let around = BYTES_OF_BUS * buses + BYTES_OF_LATENCY * late + BYTES_OF_BANDWIDTH * slow;
         let lit = if self.lights.is_some() { BYTES_OF_LIGHT } else { 0 };
-        BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + behind + lit
+        BYTES_A_PIXEL * sensors + BYTES_OF_FRONT_END * front_ends + around + lit
     }
 
     /// The frames with all that the sensors read: rates for [`BetweenFrames::Hermite`], and colour.

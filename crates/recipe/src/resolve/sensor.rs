@@ -10,6 +10,7 @@ use crate::problem::{FieldProblem, quote_text};
 use crate::text::TextSpan;
 use crate::{names, schema};
 use gs2e_num::units::Hertz;
+use gs2e_sensor::bandwidth::PixelBandwidth;
 use gs2e_sensor::noise::{PhotoreceptorNoise, ThresholdMismatch};
 use gs2e_sensor::voltmeter::{BetweenFrames, SamplerKind, VoltmeterModel, VoltmeterPreset};
 use gs2e_sensor::{SensorChoice, SensorSet, SensorSettings};
@@ -206,9 +207,11 @@ impl Resolver<'_> {
         let floor = self.floor(&raw.floor, default.floor.clone());
         let photoreceptor_noise =
             self.photoreceptor_noise(&raw.photoreceptor_noise, &default.photoreceptor_noise);
+        let bandwidth = self.bandwidth(&raw.bandwidth, &default.bandwidth);
         let in_lux = preset.is_some_and(VoltmeterPreset::is_in_lux)
             || floor.as_ref().is_some_and(|floor| !floor.is_absent())
-            || photoreceptor_noise.as_ref().is_some_and(PhotoreceptorNoise::follows_light);
+            || photoreceptor_noise.as_ref().is_some_and(PhotoreceptorNoise::follows_light)
+            || bandwidth.as_ref().is_some_and(PixelBandwidth::follows_light);
         let model = resolved!(VoltmeterModel {
             threshold_on: threshold.map(|threshold| threshold.on),
             threshold_off: threshold.map(|threshold| threshold.off),
@@ -218,6 +221,7 @@ impl Resolver<'_> {
             initial: raw.initial.or(default.initial),
             floor,
             photoreceptor_noise,
+            bandwidth,
             settings: models::settings!(self, raw, default.settings, in_lux: in_lux),
             ..VoltmeterModel::new(k?)
         })?;

@@ -136,6 +136,27 @@ pub(crate) struct ReceptorPointSection {
     pub cutoff_hz: Field<f64>,
 }
 
+/// Bandwidth of the pixels: a low-pass filter of the logarithm of the brightness. Events follow it, so dark
+/// pixels are late, and fast changes make fewer events.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct BandwidthSection {
+    /// Number of equal stages in a row. Default: `1`.
+    pub order: Field<u64>,
+    /// Cutoff against light; `[]` for no filter. Default: the preset's.
+    pub points: Field<Vec<Field<BandwidthPointSection>>>,
+}
+
+/// Bandwidth at one light. Logarithms are linear in between; the nearest point holds outside.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct BandwidthPointSection {
+    /// Light on the sensor; rises from point to point. Unit: lux. Required.
+    pub lux: Field<f64>,
+    /// Cutoff of a stage: the frequency of which it passes half of the power. Unit: Hz. Required.
+    pub cutoff_hz: Field<f64>,
+}
+
 /// Delay of events after the crossing of their thresholds. Events of a pixel keep their order.
 #[derive(Debug, Clone, Default, Deserialize)]
 #[serde(default)]

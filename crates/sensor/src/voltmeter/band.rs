@@ -15,6 +15,7 @@
 //! more are collected until there are enough of them to share the cost of the descent.
 
 use super::BetweenFrames;
+use super::cubic::secant_weights;
 use super::curve::{DriftCurve, FrameEnds, Wide};
 use super::noiseless::{self, StraightDrift};
 use super::receptor::{self, WideReceptor};
@@ -290,15 +291,7 @@ impl TimeStep<'_> {
             let [before, after] = [at.saturating_sub(1), (at + 1).min(knots.len() - 1)];
             let [earlier, later] =
                 [stamps[at] - stamps[before], stamps[after] - stamps[at]].map(|t| t as f64);
-            let whole = earlier + later;
-            // The parabola weights each secant by the length of the other interval. Beyond an end
-            // there is no secant.
-            let [left, right] = match (earlier > 0.0, later > 0.0) {
-                (true, true) => [later / (earlier * whole), earlier / (later * whole)],
-                (true, false) => [1.0 / earlier, 0.0],
-                (false, true) => [0.0, 1.0 / later],
-                (false, false) => [0.0, 0.0],
-            };
+            let [left, right] = secant_weights([earlier, later]);
             for i in (0..count).step_by(8) {
                 // Products with a weight of 0 hide the steps beyond the ends, which are not set.
                 let in_step = load_eight(simd, &knots[before][1], i);

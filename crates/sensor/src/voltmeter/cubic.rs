@@ -15,11 +15,26 @@ pub(super) struct CubicDrift;
 
 /// `V - V0` as coefficients of `s`, `s^2` and `s^3`.
 #[inline(always)]
-fn log_cubic<S: Simd>(ends: &FrameEnds<S>) -> [f64x8<S>; 3] {
+pub(super) fn log_cubic<S: Simd>(ends: &FrameEnds<S>) -> [f64x8<S>; 3] {
     let FrameEnds { step, slopes, inverse, .. } = *ends;
     // Slopes per unit of `s`, which runs from 0 to 1 between the frames.
     let [a, b] = scaled(slopes, 1.0 / inverse);
     [a, step * 3.0 - a * 2.0 - b, a + b - step * 2.0]
+}
+
+/// The weights of the steps before and after a frame in the slope there, from the lengths of both intervals:
+/// the slope of the parabola through three frames. A length of 0 stands for no interval, and the slope is
+/// then that of the line through two frames.
+pub(super) fn secant_weights([earlier, later]: [f64; 2]) -> [f64; 2] {
+    let whole = earlier + later;
+    // The parabola weights each secant by the length of the other interval. Beyond an end there is no
+    // secant.
+    match (earlier > 0.0, later > 0.0) {
+        (true, true) => [later / (earlier * whole), earlier / (later * whole)],
+        (true, false) => [1.0 / earlier, 0.0],
+        (false, true) => [0.0, 1.0 / later],
+        (false, false) => [0.0, 0.0],
+    }
 }
 
 /// Each vector times a number. A loop: a closure given to `map` may be compiled without the instruction set

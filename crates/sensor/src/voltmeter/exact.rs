@@ -194,6 +194,13 @@ impl ExactSampler {
         Ok(())
     }
 
+    /// Crosses the windows whose frames are known.
+    fn cross_known(&mut self, sink: &mut dyn EventSink) -> Result<(), SensorError> {
+        // A `catmull` leg is known when the frame after its end has come, so it waits for one more.
+        let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
+        self.cross_until(until, i64::MAX, sink)
+    }
+
     fn cross_window(&mut self, end: i64, last: i64) -> Result<(), SensorError> {
         let PixelStates { seats, voltage, drift, variance, receptor, tally } = &mut self.state;
         let window = TimeStep::new(&self.law, self.frames.iter().collect(), [self.crossed, end], last);
@@ -239,7 +246,7 @@ impl ExactSampler {
         input::check_order(self.frames.back().map(|before| before.t), frame, self.law.size)?;
         let luminance = frame.luminance.pixels();
         // A frame that is no longer needed gives its memory to the next.
-        let mut stored = self.spare.pop().unwrap_or_default();
+        let mut stored = self.spare();
         (stored.index, stored.t) = (frame.index, frame.t.0);
         stored.luminance.resize(self.state.voltage.len(), 0.0);
         let (negative, finite) =
@@ -256,13 +263,33 @@ impl ExactSampler {
             stored.rate.extend_from_slice(rate);
             stored.rate.resize(self.state.voltage.len(), 0.0);
         }
+        self.keep(stored);
+        Ok(())
+    }
+
+    /// Takes a frame that needs no check, and passes on the events that are now final.
+    pub(super) fn advance_stored(
+        &mut self,
+        stored: PendingFrame,
+        sink: &mut dyn EventSink,
+    ) -> Result<(), SensorError> {
+        self.keep(stored);
+        self.cross_known(sink)
+    }
+
+    /// The memory of a frame that is no longer needed, or of none.
+    pub(super) fn spare(&mut self) -> PendingFrame {
+        self.spare.pop().unwrap_or_default()
+    }
+
+    /// Adds a frame, and sets the pixels to the first.
+    fn keep(&mut self, stored: PendingFrame) {
         if self.frames.is_empty() {
             self.law.begin_receptor(&stored.luminance, &mut self.state.receptor);
             self.law.begin(&stored.luminance, &self.state.receptor, &mut self.state.voltage);
             self.begin_logs(&stored);
         }
         self.frames.push_back(stored);
-        Ok(())
     }
 
     /// Sets the brightness from which labels count to that of the first frame.
@@ -363,7 +390,7 @@ impl ExactSettings {
 }
 
 /// The rate of change of a frame.
-fn usable_rate(frame: &DenseFrame) -> Result<&[f32], String> {
+pub(super) fn usable_rate(frame: &DenseFrame) -> Result<&[f32], String> {
     let Some(rate) = &frame.rate else {
         return Err("it has no rate of change, which `between: hermite` needs".to_owned());
     };
@@ -406,9 +433,7 @@ fn clamp_luminance<S: Simd>(_: S, from: &[f32], to: &mut [f32]) -> (u64, bool) {
 impl SensorPixels for ExactSampler {
     fn advance(&mut self, frame: &DenseFrame, sink: &mut dyn EventSink) -> Result<(), SensorError> {
         self.store(frame)?;
-        // A `catmull` leg is known when the frame after its end has come, so it waits for one more.
-        let until = self.frames.len().checked_sub(self.law.kept()).map_or(0, |at| self.frames[at].t);
-        self.cross_until(until, i64::MAX, sink)
+        self.cross_known(sink)
     }
 
     fn finish(&mut self, sink: &mut dyn EventSink) -> Result<SimulationAccount, SensorError> {

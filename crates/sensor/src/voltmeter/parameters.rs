@@ -3,10 +3,11 @@
 use super::{
     BetweenFrames, DriftGain, SamplerKind, VoltmeterModel, VoltmeterPreset, bridge, drift, thresholds, tree,
 };
+use crate::bandwidth::PixelBandwidth;
 use crate::noise::{NoiseFloor, PhotoreceptorNoise, RefractoryPeriod};
 use crate::parameters::{QuietCells, SensorFacts, SensorParameters, SensorSettings};
 use crate::screening::{ConstantLightNoise, ScreenError, ScreeningWarning, SensorScreening, array_mean};
-use crate::{SensorChoice, SensorModel, SimulationAccount};
+use crate::{SensorChoice, SensorModel, SimulationAccount, WHITE};
 use gs2e_image::Size;
 use gs2e_num::units::Hertz;
 use serde_json::{Value, json};
@@ -56,6 +57,9 @@ impl SensorParameters for VoltmeterModel {
         if own.settings.refractory.period_us == 0.0 {
             own.settings.refractory = RefractoryPeriod::default();
         }
+        if own.bandwidth.is_absent() {
+            own.bandwidth = PixelBandwidth::default();
+        }
         own.into()
     }
 
@@ -94,6 +98,10 @@ impl SensorParameters for VoltmeterModel {
 
     fn contrast_spread(&self) -> f64 {
         self.threshold_spread / self.k[0]
+    }
+
+    fn settling_seconds(&self, grey: f64) -> f64 {
+        self.bandwidth.delay_seconds(self.settings.front_end.white_lux() * grey / WHITE)
     }
 
     /// The dead time is left out: it hides less than one event in a thousand of noise below 10 Hz.
@@ -179,6 +187,9 @@ impl VoltmeterModel {
         }
         if !self.photoreceptor_noise.is_absent() {
             out["photoreceptor_noise"] = json!(self.photoreceptor_noise);
+        }
+        if !self.bandwidth.is_absent() {
+            out["bandwidth"] = json!(self.bandwidth);
         }
         if self.settings.refractory.period_us > 0.0 {
             out["refractory"] = json!(self.settings.refractory);

@@ -1,6 +1,6 @@
 //! Predictions for a parameter set of the voltmeter: ranges, noise at constant grey, refusals.
 
-use super::{BetweenFrames, InitialVoltage, SamplerKind, VoltmeterModel};
+use super::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 use crate::SensorSettings;
 use crate::noise::{ReferenceRule, RefractoryPeriod};
 use crate::screening::{ConstantLightNoise, ScreenError, at_least_zero, standard_normal_mean};
@@ -96,6 +96,7 @@ impl VoltmeterModel {
         if self.law == SamplerKind::Official && !self.photoreceptor_noise.is_absent() {
             return Err(ScreenError::Combination("`photoreceptor_noise` requires `law: exact`"));
         }
+        self.validate_bandwidth()?;
         let RefractoryPeriod { period_us, reference } = refractory;
         if period_us > 0.0 && (period_us < 1.0 || reference != ReferenceRule::Passing) {
             return Err(ScreenError::Combination(
@@ -107,6 +108,24 @@ impl VoltmeterModel {
         }
         if self.law == SamplerKind::Official && self.between != BetweenFrames::Linear {
             return Err(ScreenError::Combination("`law: official` requires `between: linear`"));
+        }
+        Ok(())
+    }
+
+    fn validate_bandwidth(&self) -> Result<(), ScreenError> {
+        self.bandwidth.validate()?;
+        if self.bandwidth.is_absent() {
+            return Ok(());
+        }
+        if self.bandwidth.follows_light() && self.settings.front_end.lux.is_none() {
+            let found = "`bandwidth` with several points requires `front_end.lux`, the light of white";
+            return Err(ScreenError::Combination(found));
+        }
+        if self.law == SamplerKind::Official {
+            return Err(ScreenError::Combination("`bandwidth` requires `law: exact`"));
+        }
+        if self.gain == DriftGain::Midpoint {
+            return Err(ScreenError::Combination("`bandwidth` requires `gain: log`"));
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ use super::{by_pixel, frames, run};
 use gs2e_event::{Event, Polarity};
 use gs2e_image::{Image, Size};
 use gs2e_num::seed::Seed;
+use gs2e_sensor::bandwidth::{BandwidthPoint, PixelBandwidth};
 use gs2e_sensor::esim::EsimModel;
 use gs2e_sensor::frames::FrameSequence;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
@@ -170,7 +171,7 @@ fn unequal_pixels_have_thresholds_of_their_own() {
 }
 
 /// One noisy member of each kind of law, with labels.
-pub(super) fn models() -> [SensorChoice; 6] {
+pub(super) fn models() -> [SensorChoice; 7] {
     let hot_pixels = HotPixelNoise { share: 0.2, rate: 900.0, ..HotPixelNoise::default() };
     let noisy = VoltmeterModel { settings: SensorSettings { labels: true, ..noisy().settings }, ..noisy() };
     let unequal = VoltmeterModel {
@@ -205,9 +206,12 @@ pub(super) fn models() -> [SensorChoice; 6] {
         settings: SensorSettings { front_end, ..unequal.settings },
         ..unequal.clone()
     };
-    let voltmeters = [noisy, unequal, official, receptor].map(SensorChoice::Voltmeter);
-    let [plain, unequal, official, receptor] = voltmeters;
-    [plain, unequal, official, receptor, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]
+    let point = |lux, cutoff_hz| BandwidthPoint { lux, cutoff_hz };
+    let points = vec![point(1.0, 100.0), point(250.0, 900.0)];
+    let filtered = VoltmeterModel { bandwidth: PixelBandwidth { order: 2, points }, ..receptor.clone() };
+    let voltmeters = [noisy, unequal, official, receptor, filtered].map(SensorChoice::Voltmeter);
+    let [plain, unequal, official, receptor, filtered] = voltmeters;
+    [plain, unequal, official, receptor, filtered, SensorChoice::Esim(esim), SensorChoice::V2e(v2e)]
 }
 
 /// A clip that moves, with dark, bright and static parts.

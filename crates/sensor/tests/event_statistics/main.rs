@@ -8,6 +8,7 @@
     reason = "a test may panic, prints its statistics, and makes greys and stamps from small numbers"
 )]
 
+mod bandwidth;
 mod clips;
 mod cubic;
 mod golden;

@@ -8,6 +8,8 @@ use crate::problem::FieldProblem;
 use crate::schema;
 use crate::text::TextSpan;
 use gs2e_sensor::SensorSettings;
+use gs2e_sensor::bandwidth;
+use gs2e_sensor::bandwidth::{BandwidthPoint, PixelBandwidth};
 use gs2e_sensor::esim::{EsimModel, TRAINABLE};
 use gs2e_sensor::latency;
 use gs2e_sensor::latency::PixelLatency;
@@ -208,6 +210,40 @@ impl Resolver<'_> {
             })
         };
         let points: Vec<ReceptorPoint> = all(points, point)?;
+        self.rising(&points, |point| point.lux, place).map(|()| points)
+    }
+
+    /// Resolves the bandwidth of the pixels.
+    pub(super) fn bandwidth(
+        &self,
+        field: &Field<schema::BandwidthSection>,
+        default: &PixelBandwidth,
+    ) -> Option<PixelBandwidth> {
+        let raw = field.or_default()?;
+        resolved!(PixelBandwidth {
+            order: self.small(&raw.order, default.order, WholeRange::new(1, bandwidth::MAX_ORDER.into())),
+            points: self.bandwidth_points(&raw.points, &default.points),
+        })
+    }
+
+    fn bandwidth_points(
+        &self,
+        field: &Field<Vec<Field<schema::BandwidthPointSection>>>,
+        default: &[BandwidthPoint],
+    ) -> Option<Vec<BandwidthPoint>> {
+        let Some((points, place)) = field.given() else { return field.is_absent().then(|| default.to_vec()) };
+        let point = |field: &Field<schema::BandwidthPointSection>| {
+            let (raw, place) = field.given()?;
+            let lux = self.required(&raw.lux, "lux", place, "write lux: 100, the light on the sensor");
+            let cutoff = self.required(&raw.cutoff_hz, "cutoff_hz", place, "write cutoff_hz: 200, in Hz");
+            // An absent key was reported, and the defaults below are not for use.
+            lux.and(cutoff)?;
+            resolved!(BandwidthPoint {
+                lux: self.real(&raw.lux, 1.0, RealRange::above(0.0, 1e9)),
+                cutoff_hz: self.real(&raw.cutoff_hz, 1.0, RealRange::above(0.0, bandwidth::MAX_CUTOFF_HZ)),
+            })
+        };
+        let points: Vec<BandwidthPoint> = all(points, point)?;
         self.rising(&points, |point| point.lux, place).map(|()| points)
     }
 

@@ -1,7 +1,7 @@
 //! DVS-Voltmeter as written.
 
 use super::{
-    ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
+    BandwidthSection, ContrastSection, FloorPointSection, FrontEndSection, HotPixelsSection, LatencySection,
     PhotoreceptorNoiseSection, ReadoutSection, RefractorySection, ThresholdSection,
 };
 use crate::field::Field;
@@ -46,6 +46,9 @@ pub(crate) struct VoltmeterSection {
     pub floor: Field<Vec<Field<FloorPointSection>>>,
     /// Noise of the photoreceptor; it requires `law: exact`. Default: the preset's, or none.
     pub photoreceptor_noise: Field<PhotoreceptorNoiseSection>,
+    /// Bandwidth of the pixels, a low-pass filter in front of the thresholds; it requires `law: exact`.
+    /// Default: the preset's, or none.
+    pub bandwidth: Field<BandwidthSection>,
     /// Dead time after an event; `reference` is `passing`. Default: the preset's.
     pub refractory: Field<RefractorySection>,
     /// True if each event has a label, signal (1) or noise (0). Default: `false`.
