@@ -10,8 +10,8 @@
 //!
 //! When it reaches `threshold_on`, an ON event happens; when it reaches `-threshold_off`, an OFF
 //! event. It then returns to 0. The process has no refractory time. A low-pass filter of `ln(L + k2)` may
-//! stand in front of it (`low_pass.rs`). Thresholds may differ between pixels (`thresholds.rs`). Hot pixels, a noise floor and a dead time act on the
-//! stream of the process (`spontaneous.rs`, `dead_time.rs`).
+//! stand in front of it (`low_pass.rs`). Thresholds may differ between pixels (`thresholds.rs`). Hot pixels,
+//! a noise floor and a dead time act on the stream of the process (`spontaneous.rs`, `dead_time.rs`).
 //!
 //! The published program takes the drift at the midpoint of two frames (`gain: midpoint`) and draws
 //! times as if there were one threshold (law `official`, `official.rs`). The law `exact` draws the

@@ -153,7 +153,7 @@ pub(crate) struct BandwidthSection {
 pub(crate) struct BandwidthPointSection {
     /// Light on the sensor; rises from point to point. Unit: lux. Required.
     pub lux: Field<f64>,
-    /// Cutoff of a stage: the frequency of which it passes half of the power. Unit: Hz. Required.
+    /// Cutoff of a stage: the frequency at which half of the power passes. Unit: Hz. Required.
     pub cutoff_hz: Field<f64>,
 }
 
@@ -198,9 +198,9 @@ pub(crate) struct FrontEndSection {
     pub exposure: Field<f64>,
     /// Range to which brightness is clamped. Default: `{}`.
     pub range: Field<RangeSection>,
-    /// Light on the sensor at grey 255. Only the presets `davis346`, `evk4` and `dvxplorer`, a `floor` and a latency
-    /// with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for other
-    /// sensors.
+    /// Light on the sensor at grey 255. Only the presets `davis346`, `evk4` and `dvxplorer`, a `floor` and
+    /// a latency with `tau_us` depend on it; other sensors refuse it. Unit: lux. Default: 250, or none for
+    /// other sensors.
     pub lux: Field<f64>,
 }
 

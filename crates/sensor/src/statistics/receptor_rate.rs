@@ -171,7 +171,7 @@ impl RestingVoltages {
 /// previous place. Places are eliminated from the last on, without a subtraction (Grassmann, Taksar and
 /// Heyman, Operations Research 33, 1985).
 fn time_on_a_circle(mut next: [f64; PHASES], mut previous: [f64; PHASES]) -> [f64; PHASES] {
-    // The rates at which each eliminated place was entered from its two neighbours, the second of them place 0.
+    // The rates at which each eliminated place was entered from the place before it, and from place 0.
     let mut entered = [[0.0; 2]; PHASES];
     for last in (2..PHASES).rev() {
         entered[last] = [next[last - 1], previous[0]];

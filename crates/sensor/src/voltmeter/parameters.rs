@@ -143,10 +143,9 @@ impl SensorParameters for VoltmeterModel {
             out["threshold"]["spread"] = json!(self.threshold_spread);
         }
         let preset = VoltmeterPreset::with_constants_of(self).map(VoltmeterPreset::model);
-        let of_preset =
-            |is_absent: fn(&VoltmeterModel) -> bool| preset.as_ref().is_some_and(|of| !is_absent(of));
+        let preset_has = |has: fn(&VoltmeterModel) -> bool| preset.as_ref().is_some_and(has);
         if self.settings.hot_pixels != Default::default()
-            || of_preset(|preset| preset.settings.hot_pixels.is_absent())
+            || preset_has(|preset| !preset.settings.hot_pixels.is_absent())
         {
             out["hot_pixels"] = json!(self.settings.hot_pixels);
         }
@@ -156,7 +155,7 @@ impl SensorParameters for VoltmeterModel {
         if anchored {
             out["floor"] = json!(self.floor);
             out["refractory"] = json!(self.settings.refractory);
-            if of_preset(|preset| preset.photoreceptor_noise.is_absent()) {
+            if preset_has(|preset| !preset.photoreceptor_noise.is_absent()) {
                 out["photoreceptor_noise"] = json!(self.photoreceptor_noise);
             }
         }

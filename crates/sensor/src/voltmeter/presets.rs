@@ -109,7 +109,7 @@ const DAVIS346_CONTRAST: [f64; 2] = [0.133_656, 0.254_892];
 
 /// Contrasts of a DVXplorer: 13 % for half of the pixels, `ln 1.13` and `-ln(1 - 0.13)`.
 const DVXPLORER_CONTRAST: [f64; 2] = [0.122_218, 0.139_262];
-/// Noise of a DVXplorer at an unknown light, without the hot pixels. It has the statistics of a Poisson process.
+/// Noise of a DVXplorer at an unknown light, without the hot pixels: that of a Poisson process.
 const DVXPLORER_NOISE: [NoiseAnchor; 1] = [NoiseAnchor { lux: 250.0, on: 0.229, off: 0.198 }];
 /// Its hot pixels: of those above 5 Hz, 49 % have more than 20 Hz, 15 % more than 100 Hz and 2.6 % more than
 /// 500 Hz.

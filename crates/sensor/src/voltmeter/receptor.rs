@@ -110,7 +110,7 @@ impl ReceptorNoise {
         self.amplitude.get(pixel).copied().unwrap_or(1.0)
     }
 
-    /// The quantile `share` of the voltage, without this noise, of a pixel that has seen a grey for a long time.
+    /// The quantile `share` of a pixel's voltage without this noise, after a long time at a grey.
     pub(super) fn at_rest(&self, grey: f32, pixel: usize, at_rest: &RenewalProcess, share: f64) -> f64 {
         let [theta, ..] = self.table.at(grey);
         let RenewalProcess { drift, variance, up, down } = *at_rest;

@@ -188,8 +188,8 @@ impl FilterLeg<'_> {
         /// Darkest level in units of `k2`. A cubic may lie below black, and the logarithm behind the filter
         /// needs a number above 0 also when it has been rounded.
         const LEAST: f64 = 1.0 / 1024.0;
-        /// In units of `k2`: adding and subtracting this rounds to `2^-40 k2`, so that logarithm and exponential
-        /// leave black at 0.
+        /// In units of `k2`: adding and subtracting this rounds to `2^-40 k2`, so that logarithm and
+        /// exponential leave black at 0.
         const ROUNDER: f64 = 1.5 * 4096.0;
         let k2 = self.law.k2;
         let level = exp_eight(log).max(LEAST * k2);
@@ -205,8 +205,8 @@ impl FilterLeg<'_> {
 }
 
 impl<S: Simd> StageOutputs<S> {
-    /// The outputs at the end of a piece. `V` is taken for the cubic in time constants that has its values and
-    /// slopes at both ends; for one rate, it is that cubic.
+    /// The outputs at the end of a piece. `V` is taken for the cubic in time constants that has its values
+    /// and slopes at both ends; for one rate, it is that cubic.
     #[inline(always)]
     fn go_on(self, [from, to]: [&InputPoint<S>; 2], response: &Response<S>, two: bool) -> Self {
         let Response { turns, decay, one, two: of_two } = *response;

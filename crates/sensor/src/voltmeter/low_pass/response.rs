@@ -7,8 +7,8 @@
 //! ```
 //!
 //! at the end, and two stages in a row with `J_k = T (I_k - I_(k+1)) = I_k - (k/T) J_(k-1)`. Forwards, the
-//! recursions lose all digits for small `T`. There, `I_4` is a series of falling terms, and the recursion runs
-//! backwards, which adds no error.
+//! recursions lose all digits for small `T`. There, `I_4` is a series of falling terms, and the recursion
+//! runs backwards, which adds no error.
 
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdMask as _, f64x8};
 use gs2e_num::elementary::exp_eight;
@@ -18,7 +18,7 @@ use gs2e_num::elementary::exp_eight;
 pub(super) struct Response<S: Simd> {
     /// Length of the piece in time constants.
     pub(super) turns: f64x8<S>,
-    /// What is left of a deviation of one stage.
+    /// Share of a deviation that a stage keeps over the piece.
     pub(super) decay: f64x8<S>,
     /// Answers of one stage to `s`, `s^2` and `s^3`.
     pub(super) one: [f64x8<S>; 3],

@@ -107,8 +107,8 @@ fn frames_that_cannot_be_used_are_refused_with_their_number() {
 
 #[test]
 fn the_cap_counts_between_the_frames_of_the_sequence() {
-    // Grey 0 to 240 is 8 ln 16 = 22.2 thresholds. In the first interval, the filter answers with 11.09 of them
-    // (a half time constant after the middle), over several pieces.
+    // Grey 0 to 240 is 8 ln 16 = 22.2 thresholds. In the first interval, the filter answers with 11.09 of
+    // them (a half time constant after the middle), over several pieces.
     let steps = [[0.0; 6], [240.0; 6], [240.0; 6]];
     let frames: Vec<DenseFrame> = (0..3).map(|i| frame(i, 4_000_000 * i as i64, steps[i])).collect();
     let sensor = quiet(1, 100.0);
