@@ -2,10 +2,12 @@
 
 use crate::changed;
 use crate::command::{Outcome, cargo, program, root, say};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::io::Write as _;
 use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// The packages that are tested, checked and documented together: all. A command that leaves one of them out
@@ -41,6 +43,7 @@ const WITH_SLOW: [&str; 5] = ["it", "event_statistics", "recipes", "rendering", 
 pub(crate) fn run(args: &[String]) -> Outcome {
     match args {
         [] => run_short(),
+        [first] if first == "--all" => run_all(),
         [first, rest @ ..] if first == "--all" => run_each(&[to_test(&PACKAGES, rest)]),
         [first, rest @ ..] if first == "--changed" => {
             let Some(calls) = changed::calls()? else {
@@ -54,9 +57,31 @@ pub(crate) fn run(args: &[String]) -> Outcome {
     }
 }
 
-/// Every test.
+/// Every test: those of the program beside all others, because many of them wait for what they start.
 pub(crate) fn run_all() -> Outcome {
-    run_each(&[to_test(&PACKAGES, &[""; 0])])
+    // Compiled first: tests would meet a compiler at work.
+    cargo(&["test", "--quiet", "--no-run"]).args(PACKAGES).run()?;
+    let mut others = vec!["--lib".to_owned(), "--bins".to_owned()];
+    others.extend(tests_of_crates()?.into_iter().flat_map(|name| ["--test".to_owned(), name]));
+    let program = to_test(&PACKAGES, &["--test", "it"]);
+    run_beside(&[program], &[to_test(&PACKAGES, &others), to_test(&PACKAGES, &["--doc"])])
+}
+
+/// Names of the integration tests in `crates/`: `NAME.rs` and `NAME/main.rs`.
+fn tests_of_crates() -> Outcome<BTreeSet<String>> {
+    let entries = |folder: &Path| -> Outcome<Vec<PathBuf>> {
+        let failed = |e| format!("{}: {e}", folder.display());
+        std::fs::read_dir(folder).map_err(failed)?.map(|entry| Ok(entry.map_err(failed)?.path())).collect()
+    };
+    let mut names = BTreeSet::new();
+    for folder in entries(&root().join("crates"))?.iter().map(|path| path.join("tests")) {
+        for path in if folder.is_dir() { entries(&folder)? } else { Vec::new() } {
+            if path.extension().is_some_and(|extension| extension == "rs") || path.join("main.rs").is_file() {
+                names.insert(path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+            }
+        }
+    }
+    Ok(names)
 }
 
 fn run_short() -> Outcome {
@@ -86,9 +111,14 @@ fn to_test(packages: &[impl AsRef<str>], args: &[impl AsRef<str>]) -> Vec<String
 
 /// Runs `cargo test` with each list of arguments.
 fn run_each(calls: &[Vec<String>]) -> Outcome {
+    run_beside(calls, &[])
+}
+
+/// Runs `cargo test` with each list of arguments, and beside it, on half of the cores, with each of `others`.
+fn run_beside(calls: &[Vec<String>], others: &[Vec<String>]) -> Outcome {
     name_what_is_absent();
     let begin = Instant::now();
-    let mut total = Total::default();
+    let total = Mutex::new(Total::default());
     let list = root().join("target/not-run.txt");
     // A list of an earlier run would name tests that have run since.
     match std::fs::remove_file(&list) {
@@ -97,21 +127,31 @@ fn run_each(calls: &[Vec<String>]) -> Outcome {
         }
         _ => {}
     }
-    let mut passed = true;
-    for call in calls {
-        let test = cargo(&["test", "--no-fail-fast"]).args(call);
-        let mut test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
-        if std::env::var_os("RUST_TEST_THREADS").is_none() {
-            // Every third test waits for programs that it starts.
-            let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
-            test = test.env("RUST_TEST_THREADS", &(cores + cores.div_ceil(2)).to_string());
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let half = cores.div_ceil(2);
+    let run = |calls: &[Vec<String>], threads: usize| -> Outcome<bool> {
+        let mut passed = true;
+        for call in calls {
+            let test = cargo(&["test", "--no-fail-fast"]).args(call);
+            let mut test = test.env("NOT_RUN_LIST", &list.to_string_lossy());
+            if std::env::var_os("RUST_TEST_THREADS").is_none() {
+                test = test.env("RUST_TEST_THREADS", &threads.to_string());
+            }
+            passed &= test.each_line(|line| {
+                total.lock().expect("no thread panics with the sums").add(line);
+                // A closed pipe (`| head`) is no failed test.
+                let _ = writeln!(std::io::stdout(), "{line}");
+            })?;
         }
-        passed &= test.each_line(|line| {
-            total.add(line);
-            // A closed pipe (`| head`) is no failed test.
-            let _ = writeln!(std::io::stdout(), "{line}");
-        })?;
-    }
+        Ok(passed)
+    };
+    let passed = std::thread::scope(|scope| {
+        let beside = scope.spawn(|| run(others, half));
+        // Every third test waits for programs that it starts.
+        let passed = run(calls, cores + half)?;
+        Ok::<_, String>(beside.join().expect("a call of cargo does not panic")? && passed)
+    })?;
+    let total = total.into_inner().expect("no thread panics with the sums");
     let _ = writeln!(std::io::stdout(), "{}", total.summary(passed, begin.elapsed().as_secs_f64()));
     let _ = writeln!(std::io::stdout(), "{}", not_run(&std::fs::read_to_string(list).unwrap_or_default()));
     if passed { Ok(()) } else { Err("tests failed, see above".into()) }
