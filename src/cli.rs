@@ -7,6 +7,7 @@
 mod arguments;
 mod audit;
 mod build;
+mod calibrate;
 mod cancel;
 mod check;
 mod clock;
@@ -116,6 +117,8 @@ enum VerbCommand {
     Render(render::RenderArgs),
     /// Simulate a sensor on your own frames, and write its events
     Simulate(simulate::SimulateArgs),
+    /// Estimate a sensor from a recording of frames and events, and write it for recipes
+    Calibrate(calibrate::CalibrateArgs),
     /// Compare the arithmetic in stiff and extreme cases with independent answers
     Stress(stress::StressArgs),
     /// Measure the error and the run time of sampling settings on a scene
@@ -209,6 +212,7 @@ fn run_verb(cli: Cli, console: &Console) -> Result<ExitKind, VerbError> {
         VerbCommand::Gc(verb) => verb.run(common, console),
         VerbCommand::Render(verb) => verb.run(common, console),
         VerbCommand::Simulate(verb) => verb.run(common, console),
+        VerbCommand::Calibrate(verb) => verb.run(common, console),
         VerbCommand::Stress(verb) => verb.run(common, console),
         VerbCommand::Study(verb) => verb.run(common, console),
         VerbCommand::Train(verb) => verb.run(common, console),

@@ -6,6 +6,7 @@ mod bad_input;
 mod bandwidth;
 mod behaviour;
 mod between_frames;
+mod calibrate;
 mod checks;
 mod cli;
 mod cluster;

@@ -157,6 +157,7 @@ const SOUND: &[(&str, &str)] = &[
     ("study thresholds", "--thresholds 1 tiny.yaml"),
     ("study real", "--frames rel/tiny/base/sharp --fps 2400 --events rel/tiny/base/events.h5"),
     ("study sensor", "esim"),
+    ("calibrate", "--frames rel/tiny/base/sharp --fps 2400 --events rel/tiny/base/events.h5"),
     ("train", "--capture transforms.json --gaussians 300 --iterations 20 --out t.ply"),
     ("trajectory", "--capture transforms.json --recipe tiny.yaml --name base --out poses.txt"),
     ("doctor", ""),
@@ -165,7 +166,7 @@ const SOUND: &[(&str, &str)] = &[
 ];
 
 /// Verbs that take seconds. They get the folder and a new name only.
-const SLOW: [&str; 5] = ["stress", "study", "study thresholds", "study real", "study sensor"];
+const SLOW: [&str; 6] = ["stress", "calibrate", "study", "study thresholds", "study real", "study sensor"];
 
 /// Outputs that replace a file of their name, as all programs do.
 const REPLACING: &[(&str, &str)] = &[
@@ -178,6 +179,8 @@ const REPLACING: &[(&str, &str)] = &[
     ("study real", "csv"),
     ("study real", "picture"),
     ("study sensor", "picture"),
+    ("calibrate", "out"),
+    ("calibrate", "page"),
     ("train", "out"),
     ("train", "checkpoint"),
     ("trajectory", "out"),

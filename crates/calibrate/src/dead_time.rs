@@ -1,0 +1,38 @@
+//! The dead time from the shortest gaps between two events of a pixel.
+//!
+//! Just above a dead time, gaps lie evenly: hot pixels, noise and late events make them. Without one, they thin out
+//! towards 0 as a power of their length.
+
+use crate::estimate::Estimate;
+use crate::recording::PixelTrains;
+
+/// Lengths, in shortest gaps, up to which gaps are counted.
+const LENGTHS: [f64; 3] = [1.25, 1.5, 2.0];
+/// Largest growth of the counts from one to the next: evenly spread gaps grow by 2.
+const GROWTH: f64 = 2.6;
+/// Fewest gaps up to the first and up to the last length.
+const FEWEST: [f64; 2] = [10.0, 30.0];
+/// Stamps of whole microseconds know no shorter dead time, us.
+const SHORTEST_US: f64 = 40.0;
+/// Longest dead time that is reckoned with where none is found, us: the contrasts lie between those with it and those
+/// without any.
+const ASSUMED_US: f64 = 500.0;
+
+/// The dead time, and the one that the contrasts have to reckon with: the shortest gap is a bound.
+pub(crate) fn dead_time(trains: &PixelTrains) -> (Estimate, f64) {
+    let pixels = (0..trains.pixels()).map(|pixel| trains.of(pixel).0);
+    let gaps: Vec<i64> = pixels.flat_map(|us| us.windows(2).map(|pair| pair[1] - pair[0])).collect();
+    let Some(shortest) = gaps.iter().min().map(|gap| *gap as f64) else {
+        return (Estimate::unknown(0.0), 0.0);
+    };
+    let below = |length: f64| gaps.iter().filter(|gap| (**gap as f64) < length * shortest).count() as f64;
+    let counts = LENGTHS.map(below);
+    // Gaps that lie evenly above the edge are this far apart, and so is the first from it.
+    let apart = shortest * (LENGTHS[2] - 1.0) / counts[2];
+    let is_even = counts.windows(2).all(|pair| pair[1] <= GROWTH * pair[0]);
+    let is_enough = counts[0] >= FEWEST[0] && counts[2] >= FEWEST[1];
+    // Two stamps that are rounded down are up to a microsecond closer or farther.
+    let found = Estimate::found((shortest - apart).max(0.0), apart.max(1.0));
+    let found = found.only_if(shortest >= SHORTEST_US && is_even && is_enough, 0.0);
+    (found, if found.determined { found.value } else { shortest.min(ASSUMED_US) })
+}

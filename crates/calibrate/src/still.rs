@@ -1,0 +1,139 @@
+//! Pixels that see constant light: noise of the frames, leak, and hot pixels.
+
+use crate::estimate::{Estimate, median, together};
+use crate::ladder::FrameNoise;
+use crate::recording::{PixelTrains, Recording};
+
+/// Events per second above which a pixel in constant light is hot.
+pub(crate) const HOT_HZ: f64 = 5.0;
+/// Noise of frames where no pixel shows it: rounding, and a typical camera.
+const TYPICAL: FrameNoise = FrameNoise { constant: 0.6, per_grey: 0.025 };
+/// Largest variance of a still pixel: a constant, and a part per grey.
+const STILL: FrameNoise = FrameNoise { constant: 4.5, per_grey: 0.08 };
+/// Fewest still pixels.
+const FEWEST: usize = 100;
+
+/// The pixels whose frames differ by noise alone, and what they show.
+#[derive(Debug, Clone)]
+pub(crate) struct StillPixels {
+    pub noise: FrameNoise,
+    /// The pixels; empty if there are too few.
+    pub pixels: Vec<usize>,
+}
+
+/// Mean, variance and the covariance of neighbours of a course.
+fn moments(course: &[f64]) -> [f64; 3] {
+    let n = course.len() as f64;
+    let mean = course.iter().sum::<f64>() / n;
+    let variance = course.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / n;
+    let next = course.windows(2).map(|p| (p[0] - mean) * (p[1] - mean)).sum::<f64>() / (n - 1.0);
+    [mean, variance, next]
+}
+
+/// Finds the still pixels. Only frames decide: a choice by events would bias what events say.
+pub(crate) fn still_pixels(recording: &Recording) -> StillPixels {
+    let mut found = Vec::new();
+    for pixel in 0..recording.size.pixels() {
+        let course: Vec<f64> = recording.course(pixel).collect();
+        let [mean, variance, next] = moments(&course);
+        let bound = STILL.constant + STILL.per_grey * mean;
+        // Light that moves is alike in neighbouring frames; noise is not.
+        let is_white = next <= variance * 3.0 / (course.len() as f64).sqrt();
+        if (2.0..250.0).contains(&mean) && variance < bound && is_white {
+            found.push((pixel, mean, variance));
+        }
+    }
+    if found.len() < FEWEST {
+        return StillPixels { noise: TYPICAL, pixels: Vec::new() };
+    }
+    let noise = noise_of(&mut found);
+    StillPixels { noise, pixels: found.into_iter().map(|(pixel, ..)| pixel).collect() }
+}
+
+/// The line through the medians of the darker and the brighter half.
+fn noise_of(found: &mut [(usize, f64, f64)]) -> FrameNoise {
+    found.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let half = found.len() / 2;
+    let middle = |part: &[(usize, f64, f64)]| {
+        let [mut greys, mut variances]: [Vec<f64>; 2] =
+            [part.iter().map(|p| p.1).collect(), part.iter().map(|p| p.2).collect()];
+        [median(&mut greys), median(&mut variances)]
+    };
+    let [[dark, low], [bright, high]] = [middle(&found[..half]), middle(&found[half..])];
+    let per_grey = if bright > 1.3 * dark { ((high - low) / (bright - dark)).max(0.0) } else { 0.0 };
+    // Rounding alone has a variance of a twelfth.
+    FrameNoise { constant: (low - per_grey * dark).max(1.0 / 12.0), per_grey }
+}
+
+/// What pixels in constant light say.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ConstantLight {
+    /// Share of hot pixels.
+    pub hot: Estimate,
+    /// Events per pixel and second of each sign, without hot pixels.
+    pub rates_hz: [f64; 2],
+    /// Balance of the voltage by the contrast ON, events per pixel and second.
+    pub leak_hz: Estimate,
+    /// Median rate of a hot pixel, and its deviation in decades.
+    pub hot_rate: [f64; 2],
+}
+
+/// Rates of pixels in constant light, for contrasts whose ratio OFF by ON is `ratio`.
+pub(crate) fn constant_light(
+    trains: &PixelTrains,
+    pixels: &[usize],
+    span_us: (i64, i64),
+    ratio: Estimate,
+) -> Option<ConstantLight> {
+    let seconds = (span_us.1 - span_us.0) as f64 * 1e-6;
+    if pixels.len() < FEWEST || seconds <= 0.0 {
+        return None;
+    }
+    let middle_us = span_us.0.midpoint(span_us.1);
+    let (mut hot, mut sums, mut balances, mut drift) = (Vec::new(), [0.0; 2], Vec::new(), 0.0);
+    for pixel in pixels {
+        let (us, on) = trains.of(*pixel);
+        let within = us.iter().zip(on).filter(|(us, _)| (span_us.0..=span_us.1).contains(us));
+        let (mut counts, mut balance) = ([0.0; 2], [0.0; 2]);
+        within.for_each(|(us, on)| {
+            counts[usize::from(!on)] += 1.0;
+            balance[usize::from(*us >= middle_us)] += if *on { 1.0 } else { -ratio.value };
+        });
+        let rate = (counts[0] + counts[1]) / seconds;
+        if rate > HOT_HZ {
+            hot.push(libm::log10(rate));
+            continue;
+        }
+        (0..2).for_each(|side| sums[side] += counts[side]);
+        balances.push((balance[0] + balance[1]) / seconds);
+        drift += (balance[1] - balance[0]) / seconds;
+    }
+    let (all, calm) = (pixels.len() as f64, balances.len().max(2) as f64);
+    let share = hot.len() as f64 / all;
+    // One pixel more or less is always possible.
+    let share = Estimate::found(share, (share * (1.0 - share) / all).sqrt() + 1.0 / all);
+    let mean = balances.iter().sum::<f64>() / calm;
+    let variance = balances.iter().map(|b| (b - mean) * (b - mean)).sum::<f64>() / (calm - 1.0);
+    // Until each pixel has leaked once, the rate is between the share of ON in both contrasts and the whole, by what
+    // the pixels saw before. A uniform law over this interval has 0.58 of its half as its deviation.
+    let open = 0.5 * mean * ratio.value * (2.0 / (1.0 + (mean * seconds).abs())).min(1.0);
+    let statistical = (variance / calm).sqrt() + 1.0 / (calm * seconds);
+    let rates_hz = sums.map(|sum| sum / (calm * seconds));
+    // Noise makes single events of pixels that were near a threshold at the start: the halves then differ.
+    let unequal = drift / calm;
+    let by_ratio = ratio.se.unwrap_or(ratio.value) * rates_hz[1];
+    let leak = Estimate::found(mean + open, together(&[statistical, 0.6 * open, unequal, by_ratio]));
+    let median_log = median(&mut hot.clone());
+    let deviation = hot.iter().map(|r| (r - median_log) * (r - median_log)).sum::<f64>();
+    let deviation = (deviation / hot.len().max(1) as f64).sqrt();
+    Some(ConstantLight {
+        hot: share,
+        rates_hz,
+        leak_hz: leak,
+        hot_rate: if hot.is_empty() {
+            [0.0; 2]
+        } else {
+            [libm::exp(median_log * std::f64::consts::LN_10), deviation]
+        },
+    })
+}

@@ -1,0 +1,115 @@
+//! `gs2e calibrate`: a sensor from a recording.
+
+mod held_out;
+mod inputs;
+mod page;
+mod report;
+
+use super::convert::events::EventInputOptions;
+use super::simulate::{full_scale, parse_rate};
+use super::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
+use gs2e_calibrate::{Calibration, calibrate, sensor_text};
+use gs2e_num::units::Hertz;
+use gs2e_sensor::frames::array::FullScale;
+use held_out::HeldOut;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `calibrate`.
+#[derive(Debug, clap::Args)]
+pub(super) struct CalibrateArgs {
+    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
+    #[arg(long, value_name = "FILE or DIR")]
+    frames: PathBuf,
+    /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
+    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
+    stamps: Option<PathBuf>,
+    /// Frames per second, if there are no stamps; the first frame is then at time 0
+    #[arg(long, value_name = "N", value_parser = parse_rate)]
+    fps: Option<Hertz>,
+    /// White in float frames: 1 or 255 [default: decided by the first two frames]
+    #[arg(long, value_parser = full_scale)]
+    full_scale: Option<FullScale>,
+    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
+    #[arg(long, value_name = "FILE")]
+    events: PathBuf,
+    #[command(flatten)]
+    options: EventInputOptions,
+    /// Events of the same pixels in constant light, for noise, leak and hot pixels
+    #[arg(long, value_name = "FILE")]
+    noise: Option<PathBuf>,
+    /// Start of the part that is used, in seconds after the first frame
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    from: Option<f64>,
+    /// End of the part that is used, in seconds after the first frame
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    to: Option<f64>,
+    /// Share of the part that is held out at its end, to compare the sensor with
+    #[arg(long, value_name = "SHARE", value_parser = held_share)]
+    hold_out: Option<f64>,
+    /// Seed of the sensor's noise in this comparison
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// File for the sensor, which a recipe takes as its `sensor`
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// File for the report with its pictures, a .html
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let wanted = || format!("`{text}` is not a time of at least 0 seconds");
+    text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(wanted)
+}
+
+fn held_share(text: &str) -> Result<f64, String> {
+    let wanted = || format!("`{text}` is not a share from 0.1 to 0.9");
+    text.parse().ok().filter(|s| (0.1..=0.9).contains(s)).ok_or_else(wanted)
+}
+
+/// A finished calibration.
+struct Calibrated {
+    found: Calibration,
+    sensor: String,
+    /// The comparison with what was held out: before and after.
+    held_out: Option<HeldOut>,
+    events: usize,
+    frames: usize,
+    seconds: f64,
+}
+
+impl CalibrateArgs {
+    pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
+        let optional = self.stamps.iter().chain(&self.noise).map(PathBuf::as_path);
+        let inputs = optional.chain([self.frames.as_path(), self.events.as_path()]);
+        let outputs = self.out.iter().chain(&self.page).map(PathBuf::as_path);
+        output::screen_outputs(outputs, inputs, console.json)?;
+        common.limit_cores();
+        let cancel = on_interrupt()?;
+        let parts = self.read()?;
+        let noise = self.read_noise(parts.fitted.size)?;
+        let found = calibrate(&parts.fitted, noise.as_ref()).map_err(|because| {
+            VerbError::usage("recording", format!("{}: {because}", self.events.display()))
+        })?;
+        let sensor = sensor_text(&found);
+        let held_out = parts
+            .held
+            .as_ref()
+            .map(|held| held_out::compare(held, &found.read_out, &sensor, self.seed, &cancel));
+        let done = Calibrated {
+            sensor,
+            held_out: held_out.transpose()?,
+            events: parts.fitted.trains.events(),
+            frames: parts.fitted.stamps_us.len(),
+            seconds: parts.fitted.seconds(),
+            found,
+        };
+        let trust = report::trust(&done);
+        let sensor = |out: &mut dyn Write| out.write_all(done.sensor.as_bytes());
+        let page = |out: &mut dyn Write| out.write_all(page::page(&done, &trust).as_bytes());
+        output::write_given(&[(self.out.as_deref(), &sensor), (self.page.as_deref(), &page)])?;
+        report::report(&done, &trust, console);
+        Ok(ExitKind::Done)
+    }
+}

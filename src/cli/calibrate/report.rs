@@ -1,0 +1,78 @@
+//! The report on a calibration.
+
+use super::Calibrated;
+use super::held_out::HeldOut;
+use crate::cli::Console;
+use gs2e_calibrate::Estimate;
+use gs2e_lab::real::ComparedSensor;
+use serde_json::{Value, json};
+
+pub(super) fn report(done: &Calibrated, trust: &str, console: &Console) {
+    if console.json {
+        let held = done.held_out.as_ref().map(held_json);
+        let Calibrated { found, sensor, events, frames, seconds, .. } = done;
+        let mut all = json!(found);
+        let more = json!({
+            "events": events, "frames": frames, "seconds": seconds, "sensor": sensor, "held_out": held,
+            "trust": trust,
+        });
+        if let (Value::Object(all), Value::Object(more)) = (&mut all, more) {
+            all.extend(more);
+        }
+        return console.result(&all);
+    }
+    console.print("parameter        value      standard error");
+    let more = [("lag_us", done.found.lag_us)];
+    done.found.named().into_iter().chain(more).for_each(|(name, e)| console.print(&row(name, e)));
+    for burst in &done.found.read_out {
+        let [from, to] = burst.after_stamp_us;
+        let (share, sign) = (100.0 * burst.share, burst.polarity.to_uppercase());
+        console.print(&format!(
+            "read-out: {share:.1} % of the {sign} events, {from} to {to} us after the stamps"
+        ));
+    }
+    if let Some(held) = &done.held_out {
+        console.print("held out          ev/px/s    ON  KS counts  KS intervals  distance");
+        let share = held.on_share.map_or_else(|| "-".to_owned(), percent);
+        console.print(&format!("recording        {:8.4}  {share:>4}", held.rate_ev_px_s));
+        [&held.before, &held.after].into_iter().for_each(|row| console.print(&compared(row)));
+    }
+    console.print(trust);
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+fn row(name: &str, estimate: Estimate) -> String {
+    let value = estimate.value;
+    match estimate.se {
+        Some(se) if estimate.determined => format!("{name:14} {value:8.4}  +- {se:.4}"),
+        Some(se) => format!("{name:14} {value:8.4}  +- {se:.4}  rough: not determined by this recording"),
+        None => format!("{name:14} not determined by this recording"),
+    }
+}
+
+fn compared(row: &ComparedSensor) -> String {
+    let share = row.on_share.map_or_else(|| "-".to_owned(), percent);
+    format!(
+        "{:14}   {:8.4}  {share:>4}  {:9.3}  {:12.3}  {:8.3}",
+        row.sensor, row.rate_ev_px_s, row.ks_counts, row.ks_intervals, row.distance
+    )
+}
+
+fn held_json(held: &HeldOut) -> Value {
+    let HeldOut { rate_ev_px_s, on_share, before, after, .. } = held;
+    json!({ "rate_ev_px_s": rate_ev_px_s, "on_share": on_share, "before": before, "after": after })
+}
+
+/// One sentence that says what to trust.
+pub(super) fn trust(done: &Calibrated) -> String {
+    let named = done.found.named();
+    let part = |is_found: bool| {
+        let names: Vec<&str> =
+            named.iter().filter(|(_, e)| e.determined == is_found).map(|(name, _)| *name).collect();
+        if names.is_empty() { "nothing".to_owned() } else { names.join(", ") }
+    };
+    format!("trust {} within their errors; not determined: {}", part(true), part(false))
+}
