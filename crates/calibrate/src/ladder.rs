@@ -525,12 +525,13 @@ impl<'a> Ladder<'a> {
             stretch.used = false;
             return;
         };
-        for i in 0..3 {
-            for j in 0..n {
-                stretch.gain[i][j] = (0..3).map(|k| inverse[i][k] * cross[k][j]).sum();
+        for (i, row) in inverse.iter().enumerate() {
+            let times = |column: [f64; 3]| row.iter().zip(column).map(|(a, b)| a * b).sum();
+            for (j, gain) in stretch.gain[i].iter_mut().enumerate().take(n) {
+                *gain = times([cross[0][j], cross[1][j], cross[2][j]]);
             }
-            stretch.rest[i] = (0..3).map(|k| inverse[i][k] * right[k]).sum();
-            stretch.variance[i] = inverse[i][i];
+            stretch.rest[i] = times(right);
+            stretch.variance[i] = row[i];
         }
     }
 

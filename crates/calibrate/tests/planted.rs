@@ -33,11 +33,11 @@ fn planted(model: &EsimModel) -> Recording {
     let shown = |v: f32| (v + BLACK).round().clamp(0.0, 255.0);
     let frames = (0..DENSE).step_by(EVERY).flat_map(|i| &samples[i * pixels..(i + 1) * pixels]);
     let frames = frames.map(|v| shown(*v)).collect();
-    let mut dense =
-        ArrayFrames::new(SIZE, ArraySamples::Floats(samples, FullScale::Grey255), &stamps).unwrap();
+    let mut dense = ArrayFrames::new(SIZE, ArraySamples::Floats(samples, FullScale::Grey255), &stamps)
+        .expect("frames are sound");
     let mut events: Vec<Event> = Vec::new();
     let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
-    simulate_one(&mut dense, model, Seed(3), &mut events, &mut go_on).unwrap();
+    simulate_one(&mut dense, model, Seed(3), &mut events, &mut go_on).expect("nothing stops it");
     let stamps_us = stamps.into_iter().step_by(EVERY).collect();
     Recording { size: SIZE, stamps_us, frames, trains: PixelTrains::new(SIZE, &events) }
 }
@@ -49,7 +49,7 @@ fn sensor() -> EsimModel {
 
 fn assert_contrasts(found: &Calibration) {
     for (contrast, want) in [(found.contrast_on, 0.16), (found.contrast_off, 0.21)] {
-        let (error, se) = ((contrast.value - want).abs(), contrast.se.unwrap());
+        let (error, se) = ((contrast.value - want).abs(), contrast.se.expect("has an error"));
         assert!(error <= 0.03 * want && error <= 3.0 * se && se < 0.03 * want, "{contrast:?} {want}");
     }
 }
