@@ -157,7 +157,7 @@ const SOUND: &[(&str, &str)] = &[
     ("study thresholds", "--thresholds 1 tiny.yaml"),
     ("study real", "--frames rel/tiny/base/sharp --fps 2400 --events rel/tiny/base/events.h5"),
     ("study sensor", "esim"),
-    ("calibrate", "--frames rel/tiny/base/sharp --fps 2400 --events rel/tiny/base/events.h5"),
+    ("calibrate", "--frames rel/tiny/base/sharp --fps 2400 --events many.npz"),
     ("train", "--capture transforms.json --gaussians 300 --iterations 20 --out t.ply"),
     ("trajectory", "--capture transforms.json --recipe tiny.yaml --name base --out poses.txt"),
     ("doctor", ""),
@@ -373,6 +373,8 @@ fn work() -> Workspace {
     place.write("tiny.yaml", TINY);
     place.ok("release --to rel tiny.yaml");
     place.ok("build --shared-store shared tiny.yaml");
+    place.write("eager.yaml", "esim: { contrast: 0.01 }\n");
+    place.ok("simulate --frames rel/tiny/base/sharp --fps 2400 --sensor eager.yaml --out many.npz");
     place
 }
 

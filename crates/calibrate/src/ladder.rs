@@ -17,10 +17,13 @@
 //! likelihood with these integrated out, by Gauss-Newton steps with bounded weights (Huber). Standard errors are a
 //! jackknife over tiles of pixels.
 
+mod rungs;
+
+pub use rungs::Rung;
+
 use crate::anchor::Anchor;
 use crate::estimate::median;
 use crate::linear::{MOST, Square, inverse_of_three, solve};
-use serde::Serialize;
 
 /// Common parameters, by place.
 pub(crate) const ON: usize = 0;
@@ -81,8 +84,6 @@ const LARGEST_SQUARE: f64 = 9.0;
 const START_ERROR: f64 = 0.03;
 /// Largest own deviation of a contrast.
 const OWN: f64 = 0.4;
-/// Highest rung of the ladder.
-const RUNGS: usize = 8;
 /// Square microseconds in a square millisecond.
 const NANO: f64 = 1e6;
 
@@ -91,19 +92,6 @@ const NANO: f64 = 1e6;
 pub(crate) struct FrameNoise {
     pub constant: f64,
     pub per_grey: f64,
-}
-
-/// Neighbouring anchors with one change of the counts.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Rung {
-    /// Change of the ON events less the OFF events, with the shares of the next event.
-    pub net: i32,
-    /// Mean change of the logarithm of the grey, with the lag taken out.
-    pub ln: f64,
-    /// Its standard error.
-    pub se: f64,
-    /// Number of pairs.
-    pub pairs: usize,
 }
 
 /// What a fit expects of a recording.
@@ -299,49 +287,6 @@ impl<'a> Ladder<'a> {
             let [low, high] = BOUNDS[of];
             self.value[of] = found[of].clamp(low, high);
         }
-    }
-
-    /// The ladder: changes of the logarithm of the grey against changes of the counts.
-    fn rungs(&self) -> Vec<Rung> {
-        let mut sums = vec![[0.0_f64; 3]; 2 * RUNGS + 1];
-        for stretch in self.stretches.iter().filter(|s| s.used) {
-            for k in stretch.first + 1..stretch.last {
-                let [a, b] = [k - 1, k].map(|k| &self.anchors[k]);
-                let greys = [a, b].map(|anchor| anchor.grey - self.value[BLACK]);
-                if greys.iter().any(|grey| *grey < 2.0 * DARKEST) {
-                    continue;
-                }
-                let net = (b.counts[0] - b.counts[1]) - (a.counts[0] - a.counts[1]);
-                let lead = |k: usize| {
-                    let anchor = &self.anchors[k];
-                    let share = self.lag_share(self.expected[k]);
-                    self.value[LAG] * share * self.contrast(anchor, &stretch.own) * anchor.rate
-                };
-                let ln = libm::log(greys[1] / greys[0]) - lead(k) + lead(k - 1);
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "within the ladder"
-                )]
-                let place = (net.round() + RUNGS as f64).clamp(0.0, 2.0 * RUNGS as f64) as usize;
-                if net.abs() < RUNGS as f64 {
-                    [1.0, ln, ln * ln].iter().zip(&mut sums[place]).for_each(|(v, sum)| *sum += v);
-                }
-            }
-        }
-        let rung = |(place, [n, sum, square]): (usize, [f64; 3])| {
-            let mean = sum / n;
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-            let pairs = n as usize;
-            let net = i32::try_from(place).unwrap_or(0) - i32::try_from(RUNGS).unwrap_or(0);
-            (n > 9.0).then(|| Rung {
-                net,
-                ln: mean,
-                se: ((square / n - mean * mean).max(0.0) / n).sqrt(),
-                pairs,
-            })
-        };
-        sums.into_iter().enumerate().filter_map(rung).collect()
     }
 
     fn contrast(&self, anchor: &Anchor, own: &[f64; 3]) -> f64 {

@@ -8,9 +8,10 @@ use gs2e_lab::real::profile::StreamProfile;
 use gs2e_lab::real::{ComparedSensor, ProfiledRecording, StudiedSensor, all_presets, compare_sensors};
 use gs2e_num::seed::Seed;
 use gs2e_num::units::Timestamp;
-use gs2e_recipe::read_sensor;
+use gs2e_recipe::sensor_from_text;
 use gs2e_sensor::frames::array::{ArrayFrames, ArraySamples, FullScale};
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Name of the sensor that stands for the state before.
@@ -49,9 +50,10 @@ pub(super) fn compare(
     let samples = ArraySamples::Floats(held.frames.clone(), FullScale::Grey255);
     let frames = ArrayFrames::new(held.size, samples, &held.stamps_us);
     let mut frames = frames.map_err(|e| failed(e.to_string()))?;
+    let calibrated = sensor_from_text(sensor.to_owned(), Path::new("the calibrated sensor"), None)?;
     let mut sensors = all_presets();
     sensors.retain(|studied| studied.name == BEFORE);
-    sensors.push(StudiedSensor { name: AFTER.to_owned(), sensor: parsed(sensor)? });
+    sensors.push(StudiedSensor { name: AFTER.to_owned(), sensor: calibrated });
     let empty = StreamProfile::new(held.size, span, held.stamps_us[0]);
     let mut tap = |_: &_| {
         if cancel.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -85,13 +87,4 @@ fn events_of(held: &Recording, pixel: usize) -> Vec<Event> {
         label: EventLabel::Signal,
     };
     us.iter().zip(on).map(event).collect()
-}
-
-/// The sensor as a recipe reads it.
-fn parsed(sensor: &str) -> Result<gs2e_sensor::SensorChoice, VerbError> {
-    let failed = |e: std::io::Error| VerbError::failed("not-written", format!("a temporary file: {e}"));
-    let folder = tempfile::tempdir().map_err(failed)?;
-    let path = folder.path().join("sensor.yaml");
-    std::fs::write(&path, sensor).map_err(failed)?;
-    Ok(read_sensor(&path, None)?)
 }
