@@ -13,6 +13,7 @@ use gs2e_sensor::v2e::{V2eModel, lin_log};
 use gs2e_sensor::voltmeter::{BetweenFrames, DriftGain, InitialVoltage, SamplerKind, VoltmeterModel};
 use light_table::LightTable;
 use noise::ShotNoise;
+use std::f64::consts::TAU;
 
 /// The deterministic part of a sensor's law: `D(t) = k1 f(L) + integral of (k4 + k5 L)`, in
 /// microseconds and greys, with `f(L) = ln(L + k2)` or another brightness scale.
@@ -32,10 +33,10 @@ pub struct DriftLaw {
     /// The noise of a v2e pixel, which replaces `k3` and `k6`.
     shots: Option<ShotNoise>,
     /// ON and OFF events per second of the noise floor of a voltmeter, if it has one.
-    floor: Option<LightTable>,
-    /// Standard deviation of the photoreceptor's noise in thresholds, and its events per second, if there is
-    /// any.
-    receptor: Option<LightTable>,
+    floor: Option<LightTable<2>>,
+    /// Standard deviation of the photoreceptor's noise in thresholds, its events per second, and its variance
+    /// per microsecond of the time in which it returns, if there is any.
+    receptor: Option<LightTable<3>>,
     /// Pixels with events of their own.
     hot: HotPixelNoise,
     /// The reason why events need not balance the drift, if there is one. Signs and places can
@@ -119,7 +120,7 @@ impl DriftLaw {
     /// and every event comes from the drift.
     #[must_use]
     pub(crate) fn keeps_levels(&self) -> bool {
-        self.spread <= 0.0 && self.floor.is_none() && self.loose.is_none()
+        self.spread <= 0.0 && self.floor.is_none() && self.receptor.is_none() && self.loose.is_none()
     }
 
     /// Returns true if the events of a pixel show the sign of its drift `dv`, although some may be lost.
@@ -232,13 +233,15 @@ fn of_voltmeter(sensor: &VoltmeterModel) -> DriftLaw {
     }
 }
 
-/// Deviation of the photoreceptor's noise at a grey, in thresholds of `k`, and its events per second. The
-/// deviation is that of a pixel among the noisiest 2 %.
-fn receptor_values(sensor: &VoltmeterModel, grey: f64) -> [f64; 2] {
+/// The values of [`DriftLaw::receptor`] at a grey, in thresholds of `k`. The deviation is that of a
+/// pixel among the noisiest 2 %.
+fn receptor_values(sensor: &VoltmeterModel, grey: f64) -> [f64; 3] {
     let noise = &sensor.photoreceptor_noise;
     let point = noise.at_grey(grey, sensor.settings.front_end.white_lux());
     let largest = sensor.k[0] * point.deviation * libm::exp(2.0 * noise.spread);
-    [largest, sensor.receptor_hz(grey).iter().sum()]
+    // The noise returns at `2 pi cutoff` per second.
+    let returning = 1e-6 * TAU * point.cutoff_hz;
+    [largest, sensor.receptor_hz(grey).iter().sum(), largest * largest * returning]
 }
 
 /// The grey whose delay represents all greys.

@@ -7,6 +7,8 @@
 //! - `grid`: the coarsest grid on which nearly all stamps lie, from the stamps alone. The limit is
 //!   1 us, the unit of the files.
 //!
+//! Noise that returns biases both; the size of the expected bias is added to the limits, see [`crossing`].
+//!
 //! The stated power takes the truncation of residuals into account, and that the limit varies with its
 //! standard error, see `DetectedSize`.
 //!
@@ -60,7 +62,7 @@ impl ValidationPass for EventTimes {
 fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.offset_us;
-    let limit = LimitSide::gate(OFFSET_US + SURE * deviation);
+    let limit = LimitSide::gate(OFFSET_US + fit.biases[0] + SURE * deviation);
     let step = 1e6 / subject.rate.to_f64();
     if limit.value.is_nan() || limit.value > UNSURE * step {
         return Err(format!(
@@ -86,7 +88,7 @@ fn judge_offset(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> Judgeme
 fn judge_scale(subject: &TrajectorySubject<'_>, clock: &StreamClock) -> JudgementResult {
     let fit = &clock.found;
     let ErrorBar { value, deviation } = fit.scale;
-    let limit = LimitSide::gate(SCALE + SURE * deviation);
+    let limit = LimitSide::gate(SCALE + fit.biases[1] + SURE * deviation);
     if limit.value.is_nan() || limit.value > UNSURE_SCALE {
         return Err(format!(
             "the time scale can be measured only to {deviation:.4}, from {} events",
@@ -150,13 +152,14 @@ struct FaultPower {
 
 impl FaultPower {
     fn of_offset(fit: &CrossingFit, allowed: f64) -> Self {
-        let CrossingFit { offset_us, responses, freedom, .. } = fit;
+        let CrossingFit { offset_us, responses, freedom, biases, .. } = fit;
+        let allowed = allowed + biases[0];
         Self { allowed, found: *offset_us, response: responses[0], freedom: freedom[0] }
     }
 
     fn of_scale(fit: &CrossingFit) -> Self {
-        let CrossingFit { scale, responses, freedom, .. } = fit;
-        Self { allowed: SCALE, found: *scale, response: responses[1], freedom: freedom[1] }
+        let CrossingFit { scale, responses, freedom, biases, .. } = fit;
+        Self { allowed: SCALE + biases[1], found: *scale, response: responses[1], freedom: freedom[1] }
     }
 
     /// The smallest fault that exceeds the limit in 95 % of trials; `None` if no size does.

@@ -19,7 +19,7 @@ use gs2e_num::se3::Se3;
 use gs2e_num::units::{Hertz, Timestamp};
 use gs2e_sensor::frames::DenseFrame;
 use gs2e_sensor::frames::anchors::{AnchorChoice, AnchorFrames};
-use gs2e_sensor::noise::{FloorPoint, NoiseFloor};
+use gs2e_sensor::noise::{FloorPoint, NoiseFloor, PhotoreceptorNoise, ReceptorPoint};
 use gs2e_sensor::voltmeter::{InitialVoltage, VoltmeterModel};
 use gs2e_sensor::{SensorChoice, SimulationAccount};
 use gs2e_source::foreign::{ExternalReport, colmap, opencv, readback};
@@ -29,6 +29,7 @@ use gs2e_trajectory::report::{FollowError, SpeedReport};
 use gs2e_trajectory::sample::SummationRule;
 use gs2e_trajectory::speed::SpeedMeaning;
 use gs2e_trajectory::{CourseKind, Trajectory};
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 #[derive(Clone)]
@@ -76,6 +77,8 @@ pub(super) struct WorldSettings {
     pub(super) spread: f64,
     /// ON and OFF events of the noise floor per pixel and second.
     pub(super) floor_hz: [f64; 2],
+    /// Deviation of the photoreceptor's noise, as a contrast; its cutoff is 30 Hz.
+    pub(super) receptor: f64,
 }
 
 impl Default for WorldSettings {
@@ -89,6 +92,7 @@ impl Default for WorldSettings {
             frames: FRAMES,
             spread: 0.0,
             floor_hz: [0.0; 2],
+            receptor: 0.0,
         }
     }
 }
@@ -104,6 +108,10 @@ impl PlantedWorld {
             let [on, off] = setting.floor_hz;
             sensor.floor = NoiseFloor(vec![FloorPoint { lux: 1.0, on, off }]);
             sensor.settings.front_end.lux = Some(250.0);
+        }
+        if setting.receptor > 0.0 {
+            let point = ReceptorPoint { lux: 1.0, deviation: setting.receptor, cutoff_hz: 30.0 };
+            sensor.photoreceptor_noise = PhotoreceptorNoise { spread: 0.0, points: vec![point] };
         }
         let images: Vec<Image<f32>> = (0..setting.frames).map(|j| wave_picture(setting, j)).collect();
         let events = simulate_events(&sensor, &images, &stamps_us);
@@ -267,17 +275,26 @@ pub(super) fn wave_picture(setting: WorldSettings, frame: usize) -> Image<f32> {
     Image::from_vec(SIZE, (0..SIZE.height).flat_map(row).collect())
 }
 
+/// Steps of the noise of the photoreceptor from frame to frame.
+const NOISE_STEPS: u32 = 26;
+
 fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[i64]) -> Vec<Event> {
     let [k1, k2, _, k4, ..] = sensor.k;
     let mut events = Vec::new();
     let mut draws = SplitMixDraws(11);
+    let receptor = sensor.photoreceptor_noise.points.first().copied();
+    let receptor = receptor.unwrap_or(ReceptorPoint { lux: 1.0, deviation: 0.0, cutoff_hz: 1.0 });
     for i in 0..SIZE.pixels() {
         let [up, down] = [sensor.threshold_on, sensor.threshold_off]
             .map(|nominal| (nominal + sensor.threshold_spread * draws.normal()).max(0.01));
         let volts = |j: usize| {
             k1 * (f64::from(images[j].pixels()[i]) + k2).ln() + k4 * (stamps_us[j] - stamps_us[0]) as f64
         };
-        let mut from = volts(0);
+        // Noise that returns, in steps.
+        let (deviation, returning) = (k1 * receptor.deviation, 1e-6 * TAU * receptor.cutoff_hz);
+        let steps = if deviation > 0.0 { NOISE_STEPS } else { 1 };
+        let mut noise = if steps > 1 { deviation * draws.normal() } else { 0.0 };
+        let mut from = volts(0) + noise;
         // The golden ratio spreads the initial voltages evenly over (-B, A).
         let start = match sensor.initial {
             InitialVoltage::Zero => 0.0,
@@ -288,21 +305,22 @@ fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[
         };
         let mut level = from - start;
         for j in 1..images.len() {
-            let to = volts(j);
             let [t0, t1] = [stamps_us[j - 1], stamps_us[j]].map(|t| (1000 * t) as f64);
-            loop {
-                let (next, polarity) = if to - level >= up {
-                    (level + up, Polarity::On)
-                } else if level - to >= down {
-                    (level - down, Polarity::Off)
-                } else {
-                    break;
-                };
-                level = next;
-                let t = t0 + (t1 - t0) * ((level - from) / (to - from)).clamp(0.0, 1.0);
-                events.push(event_at(i, t.ceil() as i64, polarity));
+            let kept = (-returning * 1e-3 * (t1 - t0) / f64::from(steps)).exp();
+            let [before, after] = [j - 1, j].map(volts);
+            for step in 1..=steps {
+                let [begun, done] = [step - 1, step].map(|step| f64::from(step) / f64::from(steps));
+                if steps > 1 {
+                    noise = kept * noise + deviation * (1.0 - kept * kept).sqrt() * draws.normal();
+                }
+                let to = before * (1.0 - done) + after * done + noise;
+                let times = [begun, done].map(|share| t0 * (1.0 - share) + t1 * share);
+                cross_levels(&mut level, [up, down], [from, to], |share, polarity| {
+                    let t = times[0] + (times[1] - times[0]) * share;
+                    events.push(event_at(i, t.ceil() as i64, polarity));
+                });
+                from = to;
             }
-            from = to;
         }
         let end = (1000 * (stamps_us[images.len() - 1] - stamps_us[0])) as f64;
         let rates = sensor.floor.0.first().map_or([0.0; 2], |point| [point.on, point.off]);
@@ -317,6 +335,26 @@ fn simulate_events(sensor: &VoltmeterModel, images: &[Image<f32>], stamps_us: &[
     }
     events.sort_by_cached_key(Event::file_order);
     events
+}
+
+/// Notes the events of a voltage that goes straight from one value to another, by their shares of the way.
+fn cross_levels(
+    level: &mut f64,
+    [up, down]: [f64; 2],
+    [from, to]: [f64; 2],
+    mut note: impl FnMut(f64, Polarity),
+) {
+    loop {
+        let (next, polarity) = if to - *level >= up {
+            (*level + up, Polarity::On)
+        } else if *level - to >= down {
+            (*level - down, Polarity::Off)
+        } else {
+            return;
+        };
+        *level = next;
+        note(((next - from) / (to - from)).clamp(0.0, 1.0), polarity);
+    }
 }
 
 pub(super) fn event_at(pixel: usize, t_ns: i64, polarity: Polarity) -> Event {

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Name of the stage in the records.
 const STAGE: &str = "file-checks";
 /// Raised when a pass over the files of a release changes its verdicts.
-const REVISION: u32 = 4;
+const REVISION: u32 = 5;
 /// Name of the output.
 const VERDICTS: &str = "verdicts.json";
 

@@ -1,27 +1,28 @@
-//! Two numbers by luminance, as a table.
+//! Some numbers by luminance, as a table.
 
-/// Two numbers at greys a factor of two apart.
+/// `N` numbers at greys a factor of two apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct LightTable {
+pub(super) struct LightTable<const N: usize> {
     /// The numbers at grey `255 / 2^i`.
-    values: [[f64; 2]; Self::LEN],
+    values: [[f64; N]; LEN],
 }
 
-impl LightTable {
-    const LEN: usize = 16;
+/// Greys of a table.
+const LEN: usize = 16;
 
-    pub(super) fn new(of_grey: impl Fn(f64) -> [f64; 2]) -> Self {
+impl<const N: usize> LightTable<N> {
+    pub(super) fn new(of_grey: impl Fn(f64) -> [f64; N]) -> Self {
         Self { values: std::array::from_fn(|i| of_grey(255.0 * libm::exp2(-(i as f64)))) }
     }
 
     /// The largest first number.
     pub(super) fn most(self) -> f64 {
-        self.values.iter().map(|[first, _]| *first).fold(0.0, f64::max)
+        self.values.iter().map(|numbers| numbers[0]).fold(0.0, f64::max)
     }
 
     /// The numbers at a luminance, linear between two greys of the table.
-    pub(super) fn at(self, luminance: f64) -> [f64; 2] {
-        const LAST: usize = LightTable::LEN - 1;
+    pub(super) fn at(self, luminance: f64) -> [f64; N] {
+        const LAST: usize = LEN - 1;
         /// Bits of a fraction, and the exponent of 1.
         const FRACTION: u32 = 52;
         const BIAS: usize = 1023;
@@ -38,7 +39,7 @@ impl LightTable {
         }
         let share = f64::from_bits((bits & ((1 << FRACTION) - 1)) | 1.0f64.to_bits()) - 1.0;
         let [dark, bright] = [self.values[darker], self.values[darker - 1]];
-        [0, 1].map(|side| dark[side] * (1.0 - share) + bright[side] * share)
+        std::array::from_fn(|i| dark[i] * (1.0 - share) + bright[i] * share)
     }
 }
 

@@ -23,6 +23,23 @@ impl ShotNoise {
     }
 }
 
+/// Noise that returns, at the events of a pixel, see [`DriftLaw::receptor_lean`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct NoiseLean {
+    /// Its mean at the events of a steady drift, in thresholds.
+    pub(crate) steady: f64,
+    /// The time in which it returns, us.
+    time_us: f64,
+}
+
+impl NoiseLean {
+    /// The mean at an event, from that at another event `dt_us` before: the noise forgets another drift
+    /// in the time in which it returns.
+    pub(crate) fn after(self, before: f64, dt_us: f64) -> f64 {
+        self.steady + (before - self.steady) * libm::exp(-dt_us / self.time_us)
+    }
+}
+
 impl DriftLaw {
     /// Standard deviation of the voltage after `dt_us` microseconds at this luminance.
     #[must_use]
@@ -51,7 +68,32 @@ impl DriftLaw {
         self.receptor.map_or(0.0, |table| 2.0 * table.at(luminance)[0].powi(2))
     }
 
-    fn receptor_events(&self, luminance: f64) -> f64 {
+    /// Mean of the photoreceptor's noise at the events of a pixel whose drift has this rate, in
+    /// thresholds per microsecond.
+    ///
+    /// Noise that helps brings the event about: its mean at the events is not 0, but leans towards the
+    /// drift. Let the noise have the deviation `d` and return in a time `tau`, and let a threshold `a`
+    /// be crossed at the rate `r` in a time that is short beside `tau`. Within it, the noise is a
+    /// Brownian motion with the variance `s^2 = 2 d^2 / tau` per time. From one event to the next, the
+    /// integral of a motion that ends at its first passage is on average `a s^2 / r^2` less than that
+    /// of its first value (Ito's formula for the martingale of `v^2 / 2r - s^2 v / 2r^2`). A noise of
+    /// `n` lasts longer until the next event if it falls, `a / (r - n / tau)`, which adds `a d^2 / (tau
+    /// r^2)`. Over all times the mean of the noise is 0, so at the events it is `s^2 / r - d^2 / (tau
+    /// r) = d^2 / (tau r)`. Slow drifts leave it below `d`.
+    ///
+    /// `None` without such noise at this light, and for an unknown rate.
+    pub(crate) fn receptor_lean(&self, luminance: f64, rate: f64) -> Option<NoiseLean> {
+        let [deviation, _, returning] = self.receptor?.at(luminance);
+        if returning <= 0.0 || rate.is_nan() {
+            return None;
+        }
+        let steady = (returning / rate.abs()).min(deviation).copysign(rate);
+        Some(NoiseLean { steady, time_us: deviation * deviation / returning })
+    }
+
+    /// Events per microsecond that the photoreceptor's noise makes at a pixel of constant luminance.
+    #[must_use]
+    pub(crate) fn receptor_events(&self, luminance: f64) -> f64 {
         self.receptor.map_or(0.0, |table| 1e-6 * table.at(luminance)[1])
     }
 
@@ -128,5 +170,52 @@ impl DriftLaw {
         let noise = self.noise(luminance, dt_us) / threshold;
         let own = own + (self.floor_events(luminance) + LEAKING * self.receptor_events(luminance)) * dt_us;
         self.drift(0.0, dt_us, luminance * dt_us).abs() / threshold + noise * noise + own
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::drift::DriftLaw;
+    use crate::planted::SplitMixDraws;
+    use gs2e_sensor::SensorChoice;
+    use gs2e_sensor::noise::{PhotoreceptorNoise, ReceptorPoint};
+    use gs2e_sensor::voltmeter::VoltmeterModel;
+
+    /// The mean at the events of pixels that are simulated in short steps.
+    #[test]
+    fn noise_leans_towards_a_steady_drift() {
+        let (deviation, time_us, rate, step_us) = (0.3, 2000.0, 1e-3, 2.0);
+        let cutoff_hz = 1e6 / (std::f64::consts::TAU * time_us);
+        let points = vec![ReceptorPoint { lux: 1.0, deviation, cutoff_hz }];
+        let noise = PhotoreceptorNoise { spread: 0.0, points };
+        let plain = VoltmeterModel::new([1.0, 20.0, 0.0, 0.0, 0.0, 0.0]);
+        let sensor = VoltmeterModel { photoreceptor_noise: noise, ..plain.clone() };
+        let law = |sensor: VoltmeterModel| DriftLaw::for_sensor(&SensorChoice::Voltmeter(sensor));
+        let lean = law(sensor).receptor_lean(100.0, rate).unwrap();
+        let kept = libm::exp(-step_us / time_us);
+        let added = deviation * f64::sqrt(1.0 - kept * kept);
+        let mut draws = SplitMixDraws(2);
+        let (mut sum, mut events) = (0.0, 0.0);
+        for _ in 0..600 {
+            let (mut noise, mut reference) = (deviation * draws.normal(), -draws.share());
+            for i in 0..12_000 {
+                noise = kept * noise + added * draws.normal();
+                if f64::from(i) * step_us * rate + noise - reference >= 1.0 {
+                    reference += 1.0;
+                    // The first events know how the pixel began.
+                    if i > 2000 {
+                        (sum, events) = (sum + noise, events + 1.0);
+                    }
+                }
+            }
+        }
+        // The noise has 600 * 10 independent values, and more.
+        let (found, within) = (sum / events, 4.0 * deviation / f64::sqrt(6000.0));
+        println!("{found} of {events} events, {lean:?} expected");
+        assert!((found - lean.steady).abs() < within && within < 0.4 * lean.steady, "{found}");
+        assert!(
+            (lean.after(0.2, time_us) - lean.steady - (0.2 - lean.steady) / std::f64::consts::E).abs() < 1e-9
+        );
+        assert_eq!(law(plain).receptor_lean(100.0, rate), None);
     }
 }

@@ -6,7 +6,7 @@
 //! residual `rate (d + e (t - m))`, `m` the middle of the clip. The regression of the residual on
 //! `rate` and on `rate (t - m)` over all events gives both. A first passage of a noisy voltage is
 //! on average on time where the drift is steady (Wald's identity), so noise widens the error and
-//! does not move the result.
+//! does not move the result. Noise that returns does, and the size of that bias is known, see `pairs.rs`.
 //!
 //! For sensors of unequal pixels, of a noise floor, of hot pixels or of a dead time, residuals are
 //! those of pairs of events, see `pairs.rs`; for the others those of single events, see `levels.rs`.
@@ -87,6 +87,8 @@ pub struct CrossingFit {
     pub responses: [ErrorBar; 2],
     /// Degrees of freedom of the standard errors of offset and scale.
     pub freedom: [f64; 2],
+    /// Sizes of the expected biases of offset and scale by noise that returns, us and 1.
+    pub biases: [f64; 2],
     /// Number of events used.
     pub events: u64,
 }
@@ -300,9 +302,10 @@ impl CrossingFit {
         let responses: Vec<[f64; 2]> = others.iter().map(|others| others.responses()).collect();
         let responses = jackknife_bars(all.responses(), &responses);
         let freedom = all.freedom(&filled);
+        let biases = all.solve_expected().ok_or_else(too_few)?;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of events")]
         let events = all.n as u64;
-        Ok(Self { offset_us, scale, responses, freedom, events })
+        Ok(Self { offset_us, scale, responses, freedom, biases, events })
     }
 }
 

@@ -17,6 +17,16 @@
 //! - **Noise of the voltage** ends a pair early where the drift is about to turn, so pairs in which
 //!   it has a standard deviation of a tenth of a threshold or more are left out too, as are events
 //!   against the drift.
+//! - **Noise of the photoreceptor** returns, so that its deviation does not grow with the length of a
+//!   pair. It is large in all pairs or in none, and a bound on it would leave out all pairs of a
+//!   sensor. A bound on the length of a pair would bias the result, because noise makes the pairs
+//!   shorter that it ends early. All pairs are used, and the bias of their residuals is part of the
+//!   limit. It has two causes. The noise leans towards the drift at events, by less where the drift is
+//!   faster ([`DriftLaw::receptor_lean`]): the residual of a pair is on average the lean at its start
+//!   less that at its end. And a pair that ends late by noise meets a later value of a regressor: if
+//!   that changes by `c` per time, and the noise has the variance `s^2` per time, both have the
+//!   covariance `c T s^2 / r` in a pair of the length `T`. That is the change of the regressor, `c T`, times `s^2 / r`, twice the
+//!   lean of a steady drift. No mean of a pixel removes a covariance.
 
 use super::line_sums::{LineSums, MeanSums};
 use super::{BAND, Crossing, SMALL};
@@ -51,6 +61,8 @@ struct PairStart {
     /// Drift at the event; NaN if it is unknown, or if the event does not follow it.
     drift: f64,
     moves: [f64; 2],
+    /// Expected noise of the photoreceptor at the event, thresholds.
+    lean: f64,
 }
 
 impl PairResiduals {
@@ -58,7 +70,7 @@ impl PairResiduals {
         // From zero, the first frame is like an event: the voltage is at the level, and does not
         // move yet.
         let drift = if law.from_zero { 0.0 } else { f64::NAN };
-        let start = PairStart { t_us: first_us, drift, moves: [0.0; 2] };
+        let start = PairStart { t_us: first_us, drift, moves: [0.0; 2], lean: 0.0 };
         Self {
             law,
             last: vec![start; pixels],
@@ -75,11 +87,14 @@ impl PairResiduals {
     }
 
     pub(super) fn see(&mut self, crossing: &Crossing) {
-        let Crossing { pixel, block, t_us, drift, moves, threshold, .. } = *crossing;
+        let Crossing { pixel, block, t_us, drift, moves, threshold, brightness, .. } = *crossing;
         // A pair has a residual only if both of its events follow the drift, and if the drift is known.
         let drift = if crossing.is_along() { drift } else { f64::NAN };
+        let from = self.last[pixel];
+        let lean = self.law.receptor_lean(brightness, moves[0]);
+        let now = lean.map_or(0.0, |lean| lean.after(from.lean, (t_us - from.t_us).max(0.0)));
         // Every event starts a pair, also one that is left out: the next pair is counted from it.
-        let from = std::mem::replace(&mut self.last[pixel], PairStart { t_us, drift, moves });
+        self.last[pixel] = PairStart { t_us, drift, moves, lean: now };
         let left = drift - from.drift - crossing.jump();
         if left.is_nan() {
             return;
@@ -93,9 +108,13 @@ impl PairResiduals {
         // thresholds are far from the stated ones, and with them the widest residuals.
         let size = left.abs() / (SMALL * threshold + SPREADS * self.law.spread);
         if size < 1.0 {
+            let leaning = from.lean - now;
+            let late = lean.map_or(0.0, |lean| 2.0 * lean.steady);
             self.blocks[block].add(moves, left);
+            self.blocks[block].add_expected(moves, leaning + late);
+            self.blocks[block].add_late(moves, late);
             if let Some(groups) = self.groups.get_mut(pixel) {
-                groups[group_of(crossing.polarity)].add(moves, left);
+                groups[group_of(crossing.polarity)].add(moves, [left, leaning + late]);
             }
         }
         if (size - 1.0).abs() < BAND {
@@ -108,10 +127,9 @@ impl PairResiduals {
         // Files of strangers may go back in time.
         let length_us = length_us.max(0.0);
         let floor: f64 = self.law.floor_rates(*brightness).iter().sum();
-        let others = floor * length_us + self.law.disturbances(*brightness, length_us);
-        let receptor = self.law.receptor_variance(*brightness).sqrt();
-        let noise = libm::hypot(self.law.noise(*brightness, length_us), receptor);
-        others >= MAX_DISTURBED || noise >= MAX_NOISE * threshold
+        let own = floor + self.law.receptor_events(*brightness);
+        let others = own * length_us + self.law.disturbances(*brightness, length_us);
+        others >= MAX_DISTURBED || self.law.noise(*brightness, length_us) >= MAX_NOISE * threshold
     }
 
     /// The sums of each block. `block` is the block of a pixel.

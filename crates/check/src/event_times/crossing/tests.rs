@@ -97,6 +97,37 @@ fn clocks_of_unequal_and_noisy_pixels_are_measured() {
     }
 }
 
+/// Noise of an EVK4, a fifth of a threshold: all pairs are used, and the bias is within what is expected.
+#[test]
+fn noise_that_returns_biases_a_clock_as_expected() {
+    use gs2e_sensor::voltmeter::InitialVoltage::Stationary;
+    for pace in [0.1, 0.3, 0.8] {
+        let receptor = 0.2 / 5.265;
+        let initial = Stationary;
+        let setting = WorldSettings {
+            spread: 0.043,
+            contrast: 0.8,
+            pace,
+            receptor,
+            initial,
+            ..WorldSettings::default()
+        };
+        let world = PlantedWorld::new(setting);
+        let frames = rounded_frames(&world, setting);
+        let sound = clock_of(&world, &frames, |t| t);
+        println!("{pace} px per frame, {} events: {sound:?}", world.events.len());
+        assert!(3 * sound.events > world.events.len() as u64, "{sound:?}");
+        // Four standard errors, and the truncated microsecond.
+        let within = |i: usize, bar: ErrorBar, least: f64| {
+            bar.value.abs() < least + sound.biases[i] + 4.0 * bar.deviation
+        };
+        assert!(within(0, sound.offset_us, 0.5) && within(1, sound.scale, 1e-5), "{sound:?}");
+        let found = clock_of(&world, &frames, |t| t - 50.0).offset_us.value - sound.offset_us.value;
+        // Noise decides which pairs are beyond the bound, so that the errors of both are not the same.
+        assert!((found + 50.0).abs() < 8.0 + 3.0 * sound.offset_us.deviation, "{pace}: {found}");
+    }
+}
+
 /// Some of the lines show the same clock, with a larger error.
 #[test]
 fn some_lines_of_the_picture_show_the_clock() {
