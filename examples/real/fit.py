@@ -7,7 +7,7 @@ FRAMES is a folder of rendered frames, one per millisecond, such as built/real/b
 
 A plain pixel in numpy stands for the sensor during the search: a low-pass filter of ln(L + offset) whose cutoff is a
 power of the light, two thresholds, and a dead time, at steps of 2 ms. It has no noise. Each try varies the best
-parameters so far, and is kept if it is better: the score is NCC of the signed windows + r / 2, less 0.3 times the
+parameters so far, and is kept if it is better: the score is NCC of the signed windows + r, less 0.3 times the
 logarithm of the ratio of the rates and 1 times the difference of the ON shares beyond 0.02.
 """
 
@@ -22,9 +22,9 @@ STEP_MS = 2
 DIM, BRIGHT = 4.0, 120.0  # greys at which the cutoff is stated
 #          first value, lowest, highest, size of a change (all in logarithms of e)
 SPACE = {
-    "offset": (8.0, 0.3, 60.0, 0.4),  # grey
-    "on": (0.35, 0.08, 1.5, 0.15),
-    "off": (0.30, 0.08, 1.5, 0.15),
+    "offset": (4.0, 0.3, 60.0, 0.4),  # grey
+    "on": (0.7, 0.08, 1.5, 0.15),
+    "off": (0.45, 0.08, 1.5, 0.15),
     "dim_hz": (30.0, 2.0, 800.0, 0.4),
     "bright_hz": (100.0, 2.0, 800.0, 0.4),
     "dead_us": (1000.0, 50.0, 60000.0, 0.6),
@@ -99,7 +99,7 @@ class Search:
     def score(self, p, order):
         f = self.figures(*pixels(self.frames, p, order))
         apart = abs(f["ON"] - (self.judge.events[3] > 0).mean())
-        return f["NCC"] + f["r"] / 2 - 0.3 * abs(np.log(max(f["share"], 1e-3))) - max(apart - 0.02, 0), f
+        return f["NCC"] + f["r"] - 0.3 * abs(np.log(max(f["share"], 1e-3))) - max(apart - 0.02, 0), f
 
 
 def sensor_file(p, order):
