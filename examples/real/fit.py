@@ -22,12 +22,13 @@ STEP_MS = 2
 DIM, BRIGHT = 4.0, 120.0  # greys at which the cutoff is stated
 #          first value, lowest, highest, size of a change (all in logarithms of e)
 SPACE = {
-    "offset": (4.0, 0.3, 60.0, 0.4),  # grey
-    "on": (0.7, 0.08, 1.5, 0.15),
-    "off": (0.45, 0.08, 1.5, 0.15),
-    "dim_hz": (30.0, 2.0, 800.0, 0.4),
-    "bright_hz": (100.0, 2.0, 800.0, 0.4),
-    "dead_us": (1000.0, 50.0, 60000.0, 0.6),
+    "offset": (3.6, 0.3, 60.0, 0.4),  # grey
+    "on": (0.72, 0.08, 1.5, 0.15),
+    "off": (0.51, 0.08, 1.5, 0.15),
+    "dim_hz": (80.0, 2.0, 800.0, 0.4),
+    "bright_hz": (120.0, 2.0, 800.0, 0.4),
+    "dead_us": (700.0, 50.0, 60000.0, 0.6),
+    "early_ms": (6.0, 0.5, 14.0, 0.2),  # the simulation starts this much before --start-us
 }
 
 
@@ -77,33 +78,38 @@ class Search:
     """Score of parameters on the first part of a recording."""
 
     def __init__(self, judge, frames, start_us):
-        self.judge = judge
-        steps = int((judge.last - start_us) / 1000 / STEP_MS)
-        self.frames = frames[:steps]
-        fine = start_us + np.arange(len(self.frames) * STEP_MS * 10) * 100 - STEP_MS * 1000 + 50
-        inside = (fine >= judge.first) & (fine < judge.last) & judge.away(fine)
-        self.weight = inside.reshape(len(self.frames), -1).mean(axis=1)
-        self.time = start_us + (np.arange(len(self.frames)) - 0.5) * STEP_MS * 1000
+        self.judge, self.start = judge, start_us
+        self.frames = frames[: int((judge.last - start_us) / 1000 / STEP_MS)]
 
-    def figures(self, signed, number):
+    def clock(self, early_ms):
+        """Time of each step on the recording's clock, and the share of it that counts."""
+        start = self.start - early_ms * 1000
+        fine = start + np.arange(len(self.frames) * STEP_MS * 10) * 100 - STEP_MS * 1000 + 50
+        inside = (fine >= self.judge.first) & (fine < self.judge.last) & self.judge.away(fine)
+        time = start + (np.arange(len(self.frames)) - 0.5) * STEP_MS * 1000
+        return time, inside.reshape(len(self.frames), -1).mean(axis=1)
+
+    def figures(self, signed, number, early_ms):
         j, images = self.judge, []
+        time, weight = self.clock(early_ms)
         for start in j.starts:
-            k = np.flatnonzero((self.time >= start) & (self.time < start + WINDOW_US))
-            images.append(np.tensordot(self.weight[k], signed[k].astype(np.float32), 1))
+            k = np.flatnonzero((time >= start) & (time < start + WINDOW_US))
+            images.append(np.tensordot(weight[k], signed[k].astype(np.float32), 1))
         images = j.smooth[0] @ np.reshape(images, (-1, j.height, j.width)) @ j.smooth[1].T
-        counts = self.weight @ number
-        balance = self.weight @ signed
+        counts = weight @ number
+        balance = weight @ signed
         share, on = counts.sum() / j.counts.sum(), (1 + balance.sum() / max(counts.sum(), 1)) / 2
         return dict(NCC=ncc(j.windows, images).mean(), r=np.corrcoef(counts, j.counts)[0, 1], share=share, ON=on)
 
     def score(self, p, order):
-        f = self.figures(*pixels(self.frames, p, order))
+        f = self.figures(*pixels(self.frames, p, order), p["early_ms"])
         apart = abs(f["ON"] - (self.judge.events[3] > 0).mean())
         return f["NCC"] + f["r"] - 0.3 * abs(np.log(max(f["share"], 1e-3))) - max(apart - 0.02, 0), f
 
 
 def sensor_file(p, order):
-    return f"""sensor:
+    return f"""# The simulation's 0 is {p["early_ms"]:.1f} ms before --start-us.
+sensor:
   voltmeter:
     k: [1, {p["offset"]:.2f}, 0, 0, 0, 0]
     units: {{ time: s, brightness: 255 }}
