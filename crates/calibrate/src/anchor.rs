@@ -1,8 +1,8 @@
 //! Frames whose voltage the events know: those between two events of the same sign.
 //!
 //! Each event moves the reference of its pixel by one contrast, so the voltage at an event is known from the
-//! counts so far, whatever the path of the light was. In between it is a parabola through three events. The frame
-//! at this time shows the same light as a grey.
+//! counts so far, whatever the path of the light was. In between it is a parabola through three events. The
+//! frame at this time shows the same light as a grey.
 
 use crate::recording::{PixelTrains, Recording};
 
@@ -10,7 +10,7 @@ use crate::recording::{PixelTrains, Recording};
 const LONGEST_US: f64 = 80_000.0;
 /// Shortest such time, in dead times.
 const DEAD_TIMES: f64 = 1.5;
-/// An event within so many dead times of the one before may be late.
+/// An event may be late if it follows the one before within this number of dead times.
 const LATE: f64 = 1.2;
 
 /// A grey next to the events that led to it.
@@ -74,11 +74,11 @@ impl Walk<'_> {
     /// levels in contrasts and times in gaps. `None` without a third event of the same sign.
     fn parabola(&self, k: usize, u: f64) -> Option<[f64; 3]> {
         let gap = self.gap(k);
-        let usual = |g: &f64| *g < 2.0 * LONGEST_US && *g > 0.0;
+        let typical = |g: &f64| *g < 2.0 * LONGEST_US && *g > 0.0;
         let before = (k > 0 && self.goes_on(k - 1) && !self.is_late(k - 1)).then(|| self.gap(k - 1));
         let after = (self.goes_on(k + 1) && !self.is_late(k + 2)).then(|| self.gap(k + 1));
-        let before = before.filter(usual).map(|g| g / gap).map(|r| (r - 1.0) / (r * (r + 1.0)));
-        let after = after.filter(usual).map(|g| g / gap).map(|r| (1.0 - r) / (r * (r + 1.0)));
+        let before = before.filter(typical).map(|g| g / gap).map(|r| (r - 1.0) / (r * (r + 1.0)));
+        let after = after.filter(typical).map(|g| g / gap).map(|r| (1.0 - r) / (r * (r + 1.0)));
         let square = match (before, after) {
             (Some(a), Some(b)) => 0.5 * (a + b),
             (Some(a), None) | (None, Some(a)) => a,
@@ -96,7 +96,7 @@ impl Walk<'_> {
 
 /// What the anchors of a recording leave out or reckon with.
 #[derive(Debug)]
-pub(crate) struct Care<'a> {
+pub(crate) struct AnchorFilter<'a> {
     /// Pixels that are left out.
     pub hot: &'a [bool],
     /// Events that came at a read-out, pixel after pixel.
@@ -105,16 +105,16 @@ pub(crate) struct Care<'a> {
 }
 
 /// The anchors of a recording whose events are stamped `delay_us` late, in the order of pixels and frames.
-pub(crate) fn anchors(recording: &Recording, care: &Care<'_>, delay_us: f64) -> Vec<Anchor> {
+pub(crate) fn anchors(recording: &Recording, filter: &AnchorFilter<'_>, delay_us: f64) -> Vec<Anchor> {
     let trains: &PixelTrains = &recording.trains;
     let mut found = Vec::new();
     let mut first = 0;
     for pixel in 0..trains.pixels() {
         let (us, on) = trains.of(pixel);
-        let at_read_out = &care.at_read_out[first..first + us.len()];
+        let at_read_out = &filter.at_read_out[first..first + us.len()];
         first += us.len();
-        if us.len() >= 3 && !care.hot[pixel] {
-            let walk = Walk { us, on, at_read_out, dead_us: care.dead_us };
+        if us.len() >= 3 && !filter.hot[pixel] {
+            let walk = Walk { us, on, at_read_out, dead_us: filter.dead_us };
             anchors_of(recording, pixel, &walk, delay_us, &mut found);
         }
     }

@@ -1,6 +1,6 @@
 //! All estimates of a recording.
 
-use crate::anchor::Care;
+use crate::anchor::AnchorFilter;
 use crate::dead_time::dead_time;
 use crate::delay::{BestDelay, Trials};
 use crate::estimate::{Estimate, together};
@@ -21,20 +21,20 @@ const FINE_TRUST: Trust =
 const COARSE_TRUST: Trust =
     Trust { form: 0.05, largest_error: 0.08, compares_halves: true, largest_spread: 0.1 };
 /// The misfit of most recordings.
-const USUAL_MISFIT: f64 = 0.9;
+const TYPICAL_MISFIT: f64 = 0.9;
 /// The same of the offset, in grey, of the delay and of the time constant, us, and of the spread.
 const OFFSET_FORM: f64 = 1.0;
 const DELAY_FORM_US: f64 = 700.0;
 const LAG_FORM_US: f64 = 400.0;
 const SPREAD_FORM: f64 = 0.016;
-/// Smallest spread that is told from the errors of the anchors.
+/// Smallest spread that differs from the errors of the anchors.
 const SMALLEST_SPREAD: f64 = 0.045;
 /// Largest misfit of a fit that has found the camera, and not something else.
 const LARGEST_MISFIT: f64 = 1.6;
-/// Largest lag that is told from a delay, us.
+/// Largest lag that differs from a delay, us.
 const LARGEST_LAG_US: f64 = 6000.0;
-/// Two references after a dead time are told apart if the misfit of one is beyond this factor of the other's, and this
-/// much more.
+/// One of two references after a dead time is right if the misfit of the other is beyond this factor of its
+/// own, and this much more.
 const OPEN: [f64; 2] = [1.1, 0.005];
 /// Largest error, by the contrast, of one that is not determined and still better than a preset's.
 const ROUGH: f64 = 0.2;
@@ -164,8 +164,8 @@ pub fn calibrate(
     found.read_out = read_out_bursts(recording);
     let is_disturbed = |us| is_at_read_out(us, &recording.stamps_us, &found.read_out);
     let at_read_out: Vec<bool> = recording.trains.all().map(|(us, _)| is_disturbed(us)).collect();
-    let care = Care { hot: &hot, at_read_out: &at_read_out, dead_us };
-    let mut trials = Trials { recording, care, noise: still.noise, form: FINE };
+    let filter = AnchorFilter { hot: &hot, at_read_out: &at_read_out, dead_us };
+    let mut trials = Trials { recording, filter, noise: still.noise, form: FINE };
     if let Some(best) = trials.best().filter(|best| best.fit.misfit < LARGEST_MISFIT) {
         found.take_ladder(&best, dead.determined, &FINE_TRUST);
     } else {
@@ -259,7 +259,7 @@ impl Calibration {
     fn take_ladder(&mut self, best: &BestDelay, has_dead_time: bool, trust: &Trust) {
         let BestDelay { delay_us, fit, other, halves, is_sharp } = best;
         // Where anchors miss by more than the model expects, its form is less certain.
-        let form = (fit.misfit / USUAL_MISFIT).max(1.0);
+        let form = (fit.misfit / TYPICAL_MISFIT).max(1.0);
         let spread = (0.5 * (fit.spread[0] * fit.spread[0] + fit.spread[1] * fit.spread[1])).sqrt();
         let leak = 1e6 * fit.value[LEAK] / fit.value[ON];
         let leak_se = together(&[1e6 * fit.se[LEAK] / fit.value[ON], LEAK_FORM[0], LEAK_FORM[1] * leak]);

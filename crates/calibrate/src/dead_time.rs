@@ -1,7 +1,7 @@
 //! The dead time from the shortest gaps between two events of a pixel.
 //!
-//! Just above a dead time, gaps lie evenly: hot pixels, noise and late events make them. Without one, they thin out
-//! towards 0 as a power of their length.
+//! Just above a dead time, gaps lie evenly: hot pixels, noise and late events make them. Without one, they
+//! thin out towards 0 as a power of their length.
 
 use crate::estimate::Estimate;
 use crate::recording::PixelTrains;
@@ -14,8 +14,8 @@ const GROWTH: f64 = 2.6;
 const FEWEST: [f64; 2] = [10.0, 30.0];
 /// Stamps of whole microseconds know no shorter dead time, us.
 const SHORTEST_US: f64 = 40.0;
-/// Longest dead time that is reckoned with where none is found, us: the contrasts lie between those with it and those
-/// without any.
+/// Longest dead time that is reckoned with where none is found, us: the contrasts lie between those with it
+/// and those without any.
 const ASSUMED_US: f64 = 500.0;
 
 /// The dead time, and the one that the contrasts have to reckon with: the shortest gap is a bound.

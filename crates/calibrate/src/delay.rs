@@ -1,10 +1,10 @@
 //! The delay of the events and the bandwidth of the pixels.
 //!
-//! A delay shifts the voltage, and a low-pass of first order keeps the light ahead of it by `tau V'`. Both are the
-//! same for a steady rise; they differ where the voltage bends, and by light. So the sum is known well, and its
-//! parts badly.
+//! A delay shifts the voltage, and a low-pass of first order keeps the light ahead of it by `tau V'`. Both
+//! are the same for a steady rise; they differ where the voltage bends, and by light. So the sum is known
+//! well, and its parts badly.
 
-use crate::anchor::{Anchor, Care, anchors};
+use crate::anchor::{Anchor, AnchorFilter, anchors};
 use crate::ladder::{self, Expected, FitForm, FrameNoise, LAG, LOST, Ladder, LadderFit, OFF, ON, Start};
 use crate::recording::Recording;
 
@@ -17,8 +17,8 @@ const ENOUGH: usize = 40_000;
 
 /// Shortest lag that a fit may find, us.
 const EARLIEST_US: f64 = -200.0;
-/// Longest usual lag, us.
-const USUAL_LAG_US: f64 = 3000.0;
+/// Longest typical lag, us.
+const TYPICAL_LAG_US: f64 = 3000.0;
 /// Delays this far from the best, us, have to fit worse by the margin where the delay is determined.
 const FAR_US: f64 = 1500.0;
 /// Misfits that differ by less do not tell two models apart.
@@ -28,7 +28,7 @@ const MARGIN: f64 = 0.02;
 #[derive(Debug)]
 pub(crate) struct Trials<'a> {
     pub recording: &'a Recording,
-    pub care: Care<'a>,
+    pub filter: AnchorFilter<'a>,
     pub noise: FrameNoise,
     pub form: FitForm,
 }
@@ -55,7 +55,7 @@ impl Trials<'_> {
 
     /// The better fit with the delay, by enough anchors.
     fn at(&self, delay_us: f64) -> Option<LadderFit> {
-        let mut found = anchors(self.recording, &self.care, delay_us);
+        let mut found = anchors(self.recording, &self.filter, delay_us);
         let share = found.len().div_ceil(ENOUGH);
         if share > 1 {
             // Whole pixels, from all over the picture.
@@ -68,7 +68,7 @@ impl Trials<'_> {
     fn both(&self, found: &[Anchor]) -> Option<(LadderFit, LadderFit)> {
         let kept = self.fit(found, 0.0)?;
         // Without a dead time there is nothing to lose.
-        let lost = if self.care.dead_us > 0.0 { self.fit(found, 1.0)? } else { kept.clone() };
+        let lost = if self.filter.dead_us > 0.0 { self.fit(found, 1.0)? } else { kept.clone() };
         Some(if kept.misfit <= lost.misfit { (kept, lost) } else { (lost, kept) })
     }
 
@@ -98,7 +98,7 @@ impl Trials<'_> {
         }
         let is_far = |delay: f64| (delay - best.0).abs() >= FAR_US;
         let is_sharp = coarse.iter().filter(|(delay, _)| is_far(*delay)).all(|(_, m)| *m > best.1 + MARGIN);
-        let found = anchors(self.recording, &self.care, best.0);
+        let found = anchors(self.recording, &self.filter, best.0);
         let (fit, other) = self.both(&found)?;
         let halves = self.halves(found, fit.value[LOST]);
         Some(BestDelay { delay_us: best.0, fit, other, halves, is_sharp })
@@ -118,9 +118,9 @@ pub(crate) struct BestDelay {
     pub is_sharp: bool,
 }
 
-/// What is added to a misfit for a lag beyond that of a camera in usable light, and for events ahead of the light,
-/// so that a flat misfit does not lead there.
+/// What is added to a misfit for a lag beyond that of a camera in usable light, and for events ahead of the
+/// light, so that a flat misfit does not lead there.
 fn price(delay_us: f64, lag_us: f64) -> f64 {
-    let beyond = (lag_us - USUAL_LAG_US).max(0.0) - delay_us.min(0.0);
-    MARGIN * (beyond / USUAL_LAG_US) * (beyond / USUAL_LAG_US)
+    let beyond = (lag_us - TYPICAL_LAG_US).max(0.0) - delay_us.min(0.0);
+    MARGIN * (beyond / TYPICAL_LAG_US) * (beyond / TYPICAL_LAG_US)
 }

@@ -9,8 +9,8 @@ pub struct Estimate {
     pub value: f64,
     /// Its standard error; null if the recording says nothing about the parameter.
     pub se: Option<f64>,
-    /// False if the recording does not determine the parameter. With an error, the value is a rough one, whose error
-    /// may be larger than stated.
+    /// False if the recording does not determine the parameter. With an error, the value is a rough one,
+    /// whose error may be larger than stated.
     pub determined: bool,
 }
 

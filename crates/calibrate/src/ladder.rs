@@ -6,16 +6,16 @@
 //! F = black - offset + exp(a + C_on n_on - C_off n_off + lost + tau V' - leak t + blur (V'' + V'^2))
 //! ```
 //!
-//! with the counts `n` of the pixel up to the frame. `tau V'` is the lead of the light over the voltage behind a
-//! low-pass of first order, exactly; `tau` falls as a power of the light. `lost` is what dead times swallow where
-//! the reference follows the voltage, and `blur` comes from the length of the exposure: a mean over it exceeds the
-//! middle by its square times the curvature over 24. The counts have no error, and the error of `F` is that of the
-//! frame: no error attenuates a slope.
+//! with the counts `n` of the pixel up to the frame. `tau V'` is the lead of the light over the voltage
+//! behind a low-pass of first order, exactly; `tau` falls as a power of the light. `lost` is what dead times
+//! swallow where the reference follows the voltage, and `blur` comes from the length of the exposure: a mean
+//! over it exceeds the middle by its square times the curvature over 24. The counts have no error, and the
+//! error of `F` is that of the frame: no error attenuates a slope.
 //!
-//! Each stretch of a pixel has its own `a` and its own contrasts, normal around the common ones: a contrast that is
-//! off adds up over all events of the stretch, not over their balance. The common parameters are those of largest
-//! likelihood with these integrated out, by Gauss-Newton steps with bounded weights (Huber). Standard errors are a
-//! jackknife over tiles of pixels.
+//! Each stretch of a pixel has its own `a` and its own contrasts, normal around the common ones: a contrast
+//! that is off adds up over all events of the stretch, not over their balance. The common parameters are
+//! those of largest likelihood with these integrated out, by Gauss-Newton steps with bounded weights (Huber).
+//! Standard errors are a jackknife over tiles of pixels.
 
 mod rungs;
 
@@ -41,7 +41,8 @@ pub(crate) const BLUR: usize = 6;
 /// Share of the change in dead times that is lost: 0 if the reference stays, 1 if it follows the voltage.
 pub(crate) const LOST: usize = 7;
 
-/// How far the voltage at an event is beyond that between events, in its direction: noise makes events at its peaks.
+/// How far the voltage at an event is beyond that between events, in its direction: noise makes events at its
+/// peaks.
 pub(crate) const PEAK: usize = 8;
 
 /// Longest change in one step.
@@ -71,8 +72,8 @@ const TILE_PX: usize = 4;
 const STEPS: usize = 16;
 /// Steps in which only the contrasts, the black level and the lag move.
 const FIRST_STEPS: usize = 3;
-/// What is known of the exposure before: the square over 24 of 6 ms, and as much for its deviation, ms^2. It is
-/// what a curvature of the path that the parabola misses would be taken for.
+/// What is known of the exposure before: the square over 24 of 6 ms, and as much for its deviation, ms^2. It
+/// is what a curvature of the path that the parabola misses would be taken for.
 const BLUR_PRIOR: [f64; 2] = [1.5, 1.2];
 /// The same of the peaks of the noise.
 /// Gap between events in which half of the peaks are waited for, us.
@@ -135,8 +136,8 @@ pub(crate) struct LadderFit {
     pub stretches: usize,
     /// Mean grey above the offset at the anchors.
     pub grey: f64,
-    /// Mean change of the logarithm of the grey between neighbouring anchors of a pixel, by the rounded change
-    /// of the counts.
+    /// Mean change of the logarithm of the grey between neighbouring anchors of a pixel, by the rounded
+    /// change of the counts.
     pub rungs: Vec<Rung>,
 }
 
@@ -168,7 +169,7 @@ impl Default for Normal {
 }
 
 /// One anchor under the present parameters.
-struct Seen {
+struct Residual {
     /// Grey above the offset that is expected.
     grey: f64,
     error: f64,
@@ -261,8 +262,8 @@ impl<'a> Ladder<'a> {
         })
     }
 
-    /// First contrasts, by the changes of `ln F` since the first anchor of each stretch. From a wrong ratio of the
-    /// contrasts, the steps would not find the way.
+    /// First contrasts, by the changes of `ln F` since the first anchor of each stretch. From a wrong ratio
+    /// of the contrasts, the steps would not find the way.
     fn start(&mut self) {
         let mut normal = Normal::default();
         for stretch in &self.stretches {
@@ -358,7 +359,7 @@ impl<'a> Ladder<'a> {
         own
     }
 
-    fn see(&self, k: usize, own: &[f64; 3]) -> Seen {
+    fn residual(&self, k: usize, own: &[f64; 3]) -> Residual {
         let anchor = &self.anchors[k];
         let (x, steps, blur) = self.logarithm(k, own);
         let grey = libm::exp((own[0] + x).clamp(-10.0, 8.0));
@@ -379,7 +380,7 @@ impl<'a> Ladder<'a> {
             -peak(anchor),
         ];
         common.iter_mut().for_each(|d| *d *= grey);
-        Seen {
+        Residual {
             grey,
             error: anchor.grey - shown,
             variance: self.variance(grey, anchor.gap_us),
@@ -401,21 +402,24 @@ impl<'a> Ladder<'a> {
             let logarithms: Vec<f64> =
                 (stretch.first..stretch.last).map(|k| self.logarithm(k, &own).0).collect();
             stretch.own[0] = self.level(&stretch, &logarithms);
-            let seen: Vec<Seen> = (stretch.first..stretch.last).map(|k| self.see(k, &stretch.own)).collect();
-            (stretch.first..stretch.last).zip(&seen).for_each(|(k, s)| self.expected[k] = s.grey.max(1.0));
-            stretch.used = seen.iter().filter(|s| s.counts).count() >= FEWEST;
+            let residuals: Vec<Residual> =
+                (stretch.first..stretch.last).map(|k| self.residual(k, &stretch.own)).collect();
+            (stretch.first..stretch.last)
+                .zip(&residuals)
+                .for_each(|(k, s)| self.expected[k] = s.grey.max(1.0));
+            stretch.used = residuals.iter().filter(|s| s.counts).count() >= FEWEST;
             if stretch.used {
-                for s in seen.iter().filter(|s| s.counts) {
+                for s in residuals.iter().filter(|s| s.counts) {
                     let square = s.error * s.error / s.variance;
                     sizes.push(square.sqrt());
                     misfit += square.min(LARGEST_SQUARE);
                     count += 1;
                 }
-                let missed = seen.iter().filter(|s| !s.counts && s.is_missed).count();
+                let missed = residuals.iter().filter(|s| !s.counts && s.is_missed).count();
                 misfit += LARGEST_SQUARE * missed as f64;
                 count += missed;
-                self.own_part(&mut stretch, &seen);
-                let part = self.reduced(&stretch, &seen);
+                self.own_part(&mut stretch, &residuals);
+                let part = self.reduced(&stretch, &residuals);
                 add_to(&mut tiles[stretch.tile], &part, 1.0);
             }
             self.stretches[i] = stretch;
@@ -433,12 +437,12 @@ impl<'a> Ladder<'a> {
     }
 
     /// Weight of an anchor: an error far beyond the typical size pulls no harder than one of 2.5 sizes.
-    fn weight(&self, seen: &Seen) -> f64 {
-        if !seen.counts {
+    fn weight(&self, residual: &Residual) -> f64 {
+        if !residual.counts {
             return 0.0;
         }
-        let size = seen.error.abs() / seen.variance.sqrt();
-        (2.5 * self.scale / size.max(1e-9)).min(1.0) / (seen.variance * self.scale * self.scale)
+        let size = residual.error.abs() / residual.variance.sqrt();
+        (2.5 * self.scale / size.max(1e-9)).min(1.0) / (residual.variance * self.scale * self.scale)
     }
 
     fn prior(&self) -> [f64; 3] {
@@ -447,11 +451,11 @@ impl<'a> Ladder<'a> {
     }
 
     /// Solves the own numbers of a stretch for any step of the common ones.
-    fn own_part(&self, stretch: &mut Stretch, seen: &[Seen]) {
+    fn own_part(&self, stretch: &mut Stretch, residuals: &[Residual]) {
         let n = self.free.len();
         let prior = self.prior();
         let (mut square, mut cross, mut right) = ([[0.0; 3]; 3], [[0.0; MOST]; 3], [0.0; 3]);
-        for s in seen {
+        for s in residuals {
             let weight = self.weight(s);
             for i in 0..3 {
                 (0..3).for_each(|j| square[i][j] += weight * s.own[i] * s.own[j]);
@@ -481,13 +485,13 @@ impl<'a> Ladder<'a> {
     }
 
     /// The part of a stretch in the normal equations of the common parameters.
-    fn reduced(&self, stretch: &Stretch, seen: &[Seen]) -> Normal {
+    fn reduced(&self, stretch: &Stretch, residuals: &[Residual]) -> Normal {
         let n = self.free.len();
         let mut part = Normal::default();
         if !stretch.used {
             return part;
         }
-        for s in seen {
+        for s in residuals {
             let weight = self.weight(s);
             // What is left of a derivative and of the error after the own numbers have moved along.
             let left = |j: usize| {
@@ -551,8 +555,8 @@ impl<'a> Ladder<'a> {
     }
 }
 
-/// The share of the peak of the noise at an anchor, in the direction of its run: a slow voltage waits for a peak
-/// to make its event, and a fast one does not.
+/// The share of the peak of the noise at an anchor, in the direction of its run: a slow voltage waits for a
+/// peak to make its event, and a fast one does not.
 fn peak(anchor: &Anchor) -> f64 {
     let share = anchor.gap_us / (anchor.gap_us + WAIT_US);
     if anchor.on { share } else { -share }

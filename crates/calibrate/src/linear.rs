@@ -3,7 +3,7 @@
 /// Largest number of unknowns.
 pub(crate) const MOST: usize = 9;
 
-/// A symmetric matrix, of which the first `n` rows and columns count.
+/// A symmetric matrix. Its first `n` rows and columns are used.
 pub(crate) type Square = [[f64; MOST]; MOST];
 
 /// The lower triangle `L` of `L L' = a`; `None` if `a` is not positive definite.

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// Width of a bin, us.
 const BIN_US: i64 = 100;
-/// A burst has this many times the events of a usual bin, and this many standard deviations more.
+/// A burst has this many times the events of a typical bin, and this many standard deviations more.
 const TIMES: f64 = 2.5;
 const DEVIATIONS: f64 = 8.0;
 
@@ -55,13 +55,13 @@ fn bursts(recording: &Recording, on: bool, polarity: &'static str) -> Vec<ReadOu
             counts[bin] += 1.0;
         }
     }
-    let usual = median(&mut counts.clone()).max(1.0);
+    let typical = median(&mut counts.clone()).max(1.0);
     let all: f64 = counts.iter().sum();
-    let is_high = |count: f64| count > TIMES * usual && count > usual + DEVIATIONS * usual.sqrt();
+    let is_high = |count: f64| count > TIMES * typical && count > typical + DEVIATIONS * typical.sqrt();
     let mut found: Vec<ReadOut> = Vec::new();
     for (bin, count) in counts.iter().enumerate().filter(|(_, count)| is_high(**count)) {
         let from = BIN_US * i64::try_from(bin).unwrap_or(0);
-        let share = (count - usual) / all;
+        let share = (count - typical) / all;
         match found.last_mut().filter(|last| last.after_stamp_us[1] == from) {
             Some(last) => {
                 last.after_stamp_us[1] += BIN_US;

@@ -15,8 +15,8 @@ pub struct PixelTrains {
 }
 
 impl PixelTrains {
-    /// Sorts events by pixel. Those of one pixel keep their order, which is that of time. Events outside of the
-    /// picture are left out.
+    /// Sorts events by pixel. Those of one pixel keep their order, which is that of time. Events outside of
+    /// the picture are left out.
     #[must_use]
     pub fn new(size: Size, events: &[Event]) -> Self {
         let pixel_of = |event: &Event| {

@@ -4,8 +4,8 @@ use crate::calibration::Calibration;
 use crate::estimate::Estimate;
 use std::fmt::Write as _;
 
-/// Smallest offset that a sensor can have, grey: the frames are darker than the logarithm allows where the black
-/// level is above the offset.
+/// Smallest offset that a sensor can have, grey: the frames are darker than the logarithm allows where the
+/// black level is above the offset.
 const SMALLEST_OFFSET: f64 = 0.1;
 
 /// The content of a recipe's `sensor`. Its constants are in greys of the frames.

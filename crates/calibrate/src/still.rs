@@ -114,8 +114,8 @@ pub(crate) fn constant_light(
     let share = Estimate::found(share, (share * (1.0 - share) / all).sqrt() + 1.0 / all);
     let mean = balances.iter().sum::<f64>() / calm;
     let variance = balances.iter().map(|b| (b - mean) * (b - mean)).sum::<f64>() / (calm - 1.0);
-    // Until each pixel has leaked once, the rate is between the share of ON in both contrasts and the whole, by what
-    // the pixels saw before. A uniform law over this interval has 0.58 of its half as its deviation.
+    // Until each pixel has leaked once, the rate is between the share of ON in both contrasts and the whole,
+    // by what the pixels saw before. A uniform law over this interval has 0.58 of its half as its deviation.
     let open = 0.5 * mean * ratio.value * (2.0 / (1.0 + (mean * seconds).abs())).min(1.0);
     let statistical = (variance / calm).sqrt() + 1.0 / (calm * seconds);
     let rates_hz = sums.map(|sum| sum / (calm * seconds));

@@ -14,7 +14,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Name of the sensor that stands for the state before.
+/// Name of the sensor before the calibration.
 const BEFORE: &str = "davis346";
 /// Name of the calibrated sensor.
 const AFTER: &str = "calibrated";
@@ -29,8 +29,8 @@ pub(super) struct HeldOut {
     pub(super) intervals: String,
 }
 
-/// Simulates the default sensor and the calibrated one on the frames that were held out. Events of the recording at
-/// the read-out of frames are left out: no sensor makes them.
+/// Simulates the default sensor and the calibrated one on the frames that were held out. Events of the
+/// recording at the read-out of frames are left out: no sensor makes them.
 pub(super) fn compare(
     held: &Recording,
     read_out: &[ReadOut],

@@ -25,8 +25,8 @@
 //!   faster ([`DriftLaw::receptor_lean`]): the residual of a pair is on average the lean at its start
 //!   less that at its end. And a pair that ends late by noise meets a later value of a regressor: if
 //!   that changes by `c` per time, and the noise has the variance `s^2` per time, both have the
-//!   covariance `c T s^2 / r` in a pair of the length `T`. That is the change of the regressor, `c T`, times `s^2 / r`, twice the
-//!   lean of a steady drift. No mean of a pixel removes a covariance.
+//!   covariance `c T s^2 / r` in a pair of the length `T`. That is the change of the regressor, `c T`,
+//!   times `s^2 / r`, twice the lean of a steady drift. No mean of a pixel removes a covariance.
 
 use super::line_sums::{LineSums, MeanSums};
 use super::{BAND, Crossing, SMALL};
