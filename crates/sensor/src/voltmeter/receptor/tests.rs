@@ -87,6 +87,7 @@ impl Passage {
                 first.push((event.t.0 as f64 / self.unit_ns(), event.polarity));
             }
         }
+        first.sort_by(|a, b| a.0.total_cmp(&b.0));
         first
     }
 
@@ -197,14 +198,9 @@ impl Passage {
             let times: Vec<f64> =
                 first.iter().filter(|event| event.1 == polarity).map(|event| event.0).collect();
             for i in 1..law.len() {
-                // Stamps are rounded down to microseconds, so a share is known at the end of one.
-                let unit_us = self.unit_ns() * 1e-3;
-                let t = (until * i as f64 / law.len() as f64 * unit_us).ceil() / unit_us;
-                let at = (t / until * law.len() as f64 - 1.0).clamp(0.0, law.len() as f64 - 1.0);
-                let (low, high) = (law[at as usize], law[at.ceil() as usize]);
-                let wanted = low[side] + (high[side] - low[side]) * at.fract();
-                let share = times.partition_point(|time| *time < t - 0.5 / unit_us) as f64 / f64::from(n);
-                farthest = farthest.max((share - wanted).abs());
+                let t = until * i as f64 / law.len() as f64;
+                let share = times.partition_point(|time| *time < t) as f64 / f64::from(n);
+                farthest = farthest.max((share - law[i - 1][side]).abs());
             }
         }
         farthest * f64::from(n).sqrt()
