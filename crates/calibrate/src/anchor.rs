@@ -37,7 +37,7 @@ pub(crate) struct Anchor {
 struct Walk<'a> {
     us: &'a [i64],
     on: &'a [bool],
-    /// Whether an event came at a read-out, not when the light asked for it.
+    /// Whether an event came at the read-out of a frame.
     at_read_out: &'a [bool],
     dead_us: f64,
 }
@@ -88,13 +88,13 @@ impl Walk<'_> {
         Some([u + square * u * (u - 1.0), 1.0 + square * (2.0 * u - 1.0), 2.0 * square])
     }
 
-    /// Whether both neighbours of the gap have its sign: a parabola at the end of a run is less certain.
+    /// Whether both neighbours of the gap have its sign. At the end of a run, a parabola is less certain.
     fn is_inner(&self, k: usize) -> bool {
         k > 0 && self.goes_on(k - 1) && self.goes_on(k + 1)
     }
 }
 
-/// What the anchors of a recording leave out or reckon with.
+/// Pixels, events and times that the anchors of a recording depend on.
 #[derive(Debug)]
 pub(crate) struct AnchorFilter<'a> {
     /// Pixels that are left out.

@@ -75,9 +75,9 @@ const FIRST_STEPS: usize = 3;
 /// What is known of the exposure before: the square over 24 of 6 ms, and as much for its deviation, ms^2. It
 /// is what a curvature of the path that the parabola misses would be taken for.
 const BLUR_PRIOR: [f64; 2] = [1.5, 1.2];
-/// The same of the peaks of the noise.
 /// Gap between events in which half of the peaks are waited for, us.
 const WAIT_US: f64 = 20_000.0;
+/// What is known of the peaks of the noise before: mean and deviation.
 const PEAK_PRIOR: [f64; 2] = [0.0, 0.02];
 /// What an anchor adds to the misfit at most.
 const LARGEST_SQUARE: f64 = 9.0;
