@@ -52,7 +52,7 @@ impl Walk<'_> {
         k + 1 < self.us.len() && self.on[k] == self.on[k + 1]
     }
 
-    /// What the dead time after event `k` swallows, in contrasts.
+    /// Change of the voltage in the dead time after event `k`, in contrasts.
     fn swallowed(&self, k: usize) -> f64 {
         if self.dead_us <= 0.0 || !self.goes_on(k) {
             return 0.0;

@@ -319,9 +319,7 @@ impl Calibration {
     fn take_light(&mut self, light: &ConstantLight) {
         self.hot_pixels = light.hot;
         self.hot_rate = light.hot_rate;
-        let [on, off] = light.rates_hz;
-        self.noise_on_hz = Estimate::found(on, 0.0);
-        self.noise_off_hz = Estimate::found(off, 0.0);
+        [self.noise_on_hz, self.noise_off_hz] = light.rates_hz;
         self.leak_hz = better(self.leak_hz, light.leak_hz);
     }
 }

@@ -71,7 +71,7 @@ pub(crate) struct ConstantLight {
     /// Share of hot pixels.
     pub hot: Estimate,
     /// Events per pixel and second of each sign, without hot pixels.
-    pub rates_hz: [f64; 2],
+    pub rates_hz: [Estimate; 2],
     /// Balance of the voltage by the contrast ON, events per pixel and second.
     pub leak_hz: Estimate,
     /// Median rate of a hot pixel, and its deviation in decades.
@@ -90,7 +90,8 @@ pub(crate) fn constant_light(
         return None;
     }
     let middle_us = span_us.0.midpoint(span_us.1);
-    let (mut hot, mut sums, mut balances, mut drift) = (Vec::new(), [0.0; 2], Vec::new(), 0.0);
+    let (mut hot, mut balances, mut drift) = (Vec::new(), Vec::new(), 0.0);
+    let (mut sums, mut squares) = ([0.0; 2], [0.0; 2]);
     for pixel in pixels {
         let (us, on) = trains.of(*pixel);
         let within = us.iter().zip(on).filter(|(us, _)| (span_us.0..=span_us.1).contains(us));
@@ -104,7 +105,10 @@ pub(crate) fn constant_light(
             hot.push(libm::log10(rate));
             continue;
         }
-        (0..2).for_each(|side| sums[side] += counts[side]);
+        for side in [0, 1] {
+            sums[side] += counts[side];
+            squares[side] += counts[side] * counts[side];
+        }
         balances.push((balance[0] + balance[1]) / seconds);
         drift += (balance[1] - balance[0]) / seconds;
     }
@@ -118,10 +122,15 @@ pub(crate) fn constant_light(
     // by what the pixels saw before. A uniform law over this interval has 0.58 of its half as its deviation.
     let open = 0.5 * mean * ratio.value * (2.0 / (1.0 + (mean * seconds).abs())).min(1.0);
     let statistical = (variance / calm).sqrt() + 1.0 / (calm * seconds);
-    let rates_hz = sums.map(|sum| sum / (calm * seconds));
+    // By the scatter over the pixels: events of noise come in pairs.
+    let rates_hz = [0, 1].map(|side| {
+        let mean = sums[side] / calm;
+        let variance = (squares[side] / calm - mean * mean).max(0.0);
+        Estimate::found(mean / seconds, (variance / calm).sqrt() / seconds)
+    });
     // Noise makes single events of pixels that were near a threshold at the start: the halves then differ.
     let unequal = drift / calm;
-    let by_ratio = ratio.se.unwrap_or(ratio.value) * rates_hz[1];
+    let by_ratio = ratio.se.unwrap_or(ratio.value) * rates_hz[1].value;
     let leak = Estimate::found(mean + open, together(&[statistical, 0.6 * open, unequal, by_ratio]));
     let median_log = median(&mut hot.clone());
     let deviation = hot.iter().map(|r| (r - median_log) * (r - median_log)).sum::<f64>();
