@@ -2,9 +2,9 @@
 
 use crate::anchor::AnchorFilter;
 use crate::dead_time::dead_time;
-use crate::delay::{BestDelay, Trials};
+use crate::delay::{BestDelay, DeadTime, Trials};
 use crate::estimate::{Estimate, together};
-use crate::ladder::{BLACK, BLUR, COARSE, FINE, LAG, LEAK, LOST, OFF, ON, Rung};
+use crate::ladder::{BLACK, COARSE, FINE, LAG, LEAK, OFF, ON, Rung};
 use crate::read_out::{ReadOut, is_at_read_out, read_out_bursts};
 use crate::recording::{PixelTrains, Recording};
 use crate::still::{ConstantLight, HOT_HZ, StillPixels, constant_light, still_pixels};
@@ -15,11 +15,11 @@ const FEWEST_EVENTS: usize = 1000;
 /// Largest share of samples at black or white.
 const CLIPPED: f64 = 0.5;
 /// Parts of a contrast that the form of the path leaves open: found with planted recordings.
-const FINE_TRUST: Trust =
-    Trust { form: 0.014, largest_error: 0.019, compares_halves: false, largest_spread: 0.09 };
+const FINE_TRUST: Trust = Trust { form: 0.014, compares_halves: false, largest_spread: 0.09 };
 /// The same where counts do not add up: by the two halves of recordings of cameras.
-const COARSE_TRUST: Trust =
-    Trust { form: 0.05, largest_error: 0.08, compares_halves: true, largest_spread: 0.1 };
+const COARSE_TRUST: Trust = Trust { form: 0.05, compares_halves: true, largest_spread: 0.1 };
+/// Largest error of a contrast that is determined, by the contrast.
+const LARGEST_ERROR: f64 = 0.019;
 /// The misfit of most recordings.
 const TYPICAL_MISFIT: f64 = 0.9;
 /// The same of the offset, in grey, of the delay and of the time constant, us, and of the spread.
@@ -33,9 +33,6 @@ const SMALLEST_SPREAD: f64 = 0.045;
 const LARGEST_MISFIT: f64 = 1.6;
 /// Largest lag that differs from a delay, us.
 const LARGEST_LAG_US: f64 = 6000.0;
-/// One of two references after a dead time is right if the misfit of the other is beyond this factor of its
-/// own, and this much more.
-const OPEN: [f64; 2] = [1.1, 0.005];
 /// Largest error, by the contrast, of one that is not determined and still better than a preset's.
 const ROUGH: f64 = 0.2;
 /// Error of a contrast that is not known, by the contrast.
@@ -50,8 +47,6 @@ const LAG_ERROR: f64 = 0.12;
 struct Trust {
     /// Error that the form of the model leaves open, by the contrast.
     form: f64,
-    /// Largest error of a contrast that is determined, by the contrast.
-    largest_error: f64,
     /// Whether the halves of the recording are compared.
     compares_halves: bool,
     /// Largest spread of a fit that has found the camera, and not something else.
@@ -130,8 +125,6 @@ pub struct Calibration {
     pub hot_pixels: Estimate,
     /// Median rate of hot pixels, and its deviation in decades.
     pub hot_rate: [f64; 2],
-    /// Exposure of the frames that the fit found, us.
-    pub exposure_us: Estimate,
     /// Bursts of events at the read-out of frames.
     pub read_out: Vec<ReadOut>,
     /// Number of frames next to events that the contrasts rest on, and their mean grey.
@@ -156,7 +149,7 @@ pub fn calibrate(
 ) -> Result<Calibration, CalibrateError> {
     let still = still_pixels(recording);
     screen(recording, &still)?;
-    let (dead, dead_us) = dead_time(&recording.trains);
+    let (dead, longest_us) = dead_time(&recording.trains);
     let hot = hot_mask(recording, &still, noise);
     let mut found = Calibration::unknown();
     found.dead_time_us = dead;
@@ -164,8 +157,9 @@ pub fn calibrate(
     found.read_out = read_out_bursts(recording);
     let is_disturbed = |us| is_at_read_out(us, &recording.stamps_us, &found.read_out);
     let at_read_out: Vec<bool> = recording.trains.all().map(|(us, _)| is_disturbed(us)).collect();
-    let filter = AnchorFilter { hot: &hot, at_read_out: &at_read_out, dead_us };
-    let mut trials = Trials { recording, filter, noise: still.noise, form: FINE };
+    let filter = AnchorFilter { hot: &hot, at_read_out: &at_read_out };
+    let known = DeadTime { found: dead.determined.then_some(dead.value), longest_us };
+    let mut trials = Trials { recording, filter, dead: known, noise: still.noise, form: FINE };
     if let Some(best) = trials.best().filter(|best| best.fit.misfit < LARGEST_MISFIT) {
         found.take_ladder(&best, dead.determined, &FINE_TRUST);
     } else {
@@ -246,7 +240,6 @@ impl Calibration {
             noise_off_hz: none,
             hot_pixels: none,
             hot_rate: [0.0; 2],
-            exposure_us: none,
             read_out: Vec::new(),
             anchors: 0,
             anchor_grey: 0.0,
@@ -257,7 +250,7 @@ impl Calibration {
     }
 
     fn take_ladder(&mut self, best: &BestDelay, has_dead_time: bool, trust: &Trust) {
-        let BestDelay { delay_us, fit, other, halves, is_sharp } = best;
+        let BestDelay { rule, fit, open, halves, is_sharp } = best;
         // Where anchors miss by more than the model expects, its form is less certain.
         let form = (fit.misfit / TYPICAL_MISFIT).max(1.0);
         let spread = (0.5 * (fit.spread[0] * fit.spread[0] + fit.spread[1] * fit.spread[1])).sqrt();
@@ -265,9 +258,9 @@ impl Calibration {
         let leak_se = together(&[1e6 * fit.se[LEAK] / fit.value[ON], LEAK_FORM[0], LEAK_FORM[1] * leak]);
         // A leak makes ON events only.
         let is_sound = spread < trust.largest_spread && fit.misfit < LARGEST_MISFIT && leak > -3.0 * leak_se;
-        let is_open = other.misfit < fit.misfit * OPEN[0] + OPEN[1];
         let contrast = |side: usize, preset: Estimate| {
-            let (value, open) = open_between(fit.value[side], other.value[side], is_open);
+            let [low, high] = open[side];
+            let (value, open) = (0.5 * (low + high), 0.5 * (high - low));
             let apart = if trust.compares_halves {
                 halves.map_or(value, |halves| apart(value, halves.map(|half| half[side])))
             } else {
@@ -275,7 +268,7 @@ impl Calibration {
             };
             let se = together(&[fit.se[side], trust.form * form * value, open, apart]);
             let found = Estimate::found(value, se);
-            if is_sound && se < trust.largest_error * value {
+            if is_sound && se < LARGEST_ERROR * value {
                 found
             } else if fit.misfit < LARGEST_MISFIT && se < ROUGH * value {
                 found.rough()
@@ -295,21 +288,24 @@ impl Calibration {
             (false, false) => self.spread,
         };
         let offset = Estimate::found(-fit.value[BLACK], together(&[fit.se[BLACK], OFFSET_FORM]));
-        self.offset = if is_known || !is_rough { offset.only_if(is_known, 1.0) } else { offset.rough() };
+        let graded = |found: Estimate, preset: f64| match (is_known, is_rough) {
+            (true, _) => found,
+            (false, true) => found.rough(),
+            (false, false) => Estimate::unknown(preset),
+        };
+        self.offset = graded(offset, 1.0);
         let lag = fit.value[LAG].max(0.0);
         let is_apart = *is_sharp && lag < LARGEST_LAG_US;
-        let total = Estimate::found(*delay_us + fit.value[LAG], together(&[fit.se[LAG], LAG_FORM_US]));
-        self.lag_us = total.only_if(is_known, 0.0);
-        let delay = Estimate::found(*delay_us, together(&[fit.se[LAG], DELAY_FORM_US]));
-        self.delay_us = delay.only_if(is_known && is_apart, 0.0);
-        let se = together(&[fit.se[LAG], LAG_FORM_US]) / lag.max(1.0);
+        let lag_se = together(&[fit.se[LAG], LAG_FORM_US]);
+        self.lag_us = graded(Estimate::found(rule.delay_us + fit.value[LAG], lag_se), 0.0);
+        let delay = Estimate::found(rule.delay_us, together(&[fit.se[LAG], DELAY_FORM_US]));
+        self.delay_us = graded(delay.only_if(is_apart, 0.0), 0.0);
+        let se = lag_se / lag.max(1.0);
         let cutoff = 1e6 / (std::f64::consts::TAU * lag.max(1.0));
         self.cutoff_hz =
             Estimate::found(cutoff, se * cutoff).only_if(is_known && is_apart && se < LAG_ERROR, 0.0);
         self.leak_hz = Estimate::found(leak, leak_se).only_if(is_known && leak_se < 0.1, 0.0);
-        let exposure = 1e3 * (24.0 * fit.value[BLUR]).sqrt();
-        self.exposure_us = Estimate::unknown(exposure);
-        self.dead_time_loses = (has_dead_time && !is_open).then_some(fit.value[LOST] > 0.5);
+        self.dead_time_loses = (has_dead_time && open[ON][0] >= open[ON][1]).then_some(rule.loses);
         self.anchors = fit.anchors;
         self.misfit = fit.misfit;
         self.anchor_grey = fit.grey;
@@ -322,11 +318,6 @@ impl Calibration {
         [self.noise_on_hz, self.noise_off_hz] = light.rates_hz;
         self.leak_hz = better(self.leak_hz, light.leak_hz);
     }
-}
-
-/// The value, and what the choice of one of two models leaves open of it.
-fn open_between(value: f64, other: f64, is_open: bool) -> (f64, f64) {
-    if is_open { (0.5 * (value + other), 0.5 * (value - other).abs()) } else { (value, 0.0) }
 }
 
 /// What the halves of a recording leave open of the value of the whole.

@@ -14,11 +14,10 @@ const GROWTH: f64 = 2.6;
 const FEWEST: [f64; 2] = [10.0, 30.0];
 /// Stamps of whole microseconds know no shorter dead time, us.
 const SHORTEST_US: f64 = 40.0;
-/// Longest dead time that is reckoned with where none is found, us: the contrasts lie between those with it
-/// and those without any.
-const ASSUMED_US: f64 = 500.0;
+/// Longest dead time of a camera, us.
+const LONGEST_US: f64 = 2000.0;
 
-/// The dead time, and the one that the contrasts have to reckon with: the shortest gap is a bound.
+/// The dead time, and the longest that is possible: a gap that is seen is a bound.
 pub(crate) fn dead_time(trains: &PixelTrains) -> (Estimate, f64) {
     let pixels = (0..trains.pixels()).map(|pixel| trains.of(pixel).0);
     let gaps: Vec<i64> = pixels.flat_map(|us| us.windows(2).map(|pair| pair[1] - pair[0])).collect();
@@ -34,5 +33,5 @@ pub(crate) fn dead_time(trains: &PixelTrains) -> (Estimate, f64) {
     // Two stamps that are rounded down are up to a microsecond closer or farther.
     let found = Estimate::found((shortest - apart).max(0.0), apart.max(1.0));
     let found = found.only_if(shortest >= SHORTEST_US && is_even && is_enough, 0.0);
-    (found, if found.determined { found.value } else { shortest.min(ASSUMED_US) })
+    (found, shortest.min(LONGEST_US))
 }

@@ -4,8 +4,9 @@
 //! are the same for a steady rise; they differ where the voltage bends, and by light. So the sum is known
 //! well, and its parts badly.
 
-use crate::anchor::{Anchor, AnchorFilter, anchors};
-use crate::ladder::{self, Expected, FitForm, FrameNoise, LAG, LOST, Ladder, LadderFit, OFF, ON, Start};
+use crate::anchor::{Anchor, AnchorFilter, EventRule, anchors};
+use crate::ladder::{self, Expected, FitForm, FrameNoise, LAG, Ladder, LadderFit, OFF, ON, Start};
+use crate::linear::MOST;
 use crate::recording::Recording;
 
 /// Delays that are tried first, us.
@@ -14,6 +15,17 @@ const COARSE_US: [f64; 10] = [-6e3, -4e3, -2e3, 0.0, 2e3, 4e3, 6e3, 8e3, 10e3, 1
 const FINE_US: [f64; 2] = [1000.0, 500.0];
 /// Anchors that decide about the delay: more make it no better, and slow.
 const ENOUGH: usize = 40_000;
+
+/// Dead times that are assumed where the gaps show none, in the longest that is possible.
+const ASSUMED: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 0.75, 1.0];
+/// An assumption on dead times is open if its misfit is below this factor of the smallest, and this much more:
+/// where the dead time is known, and where it is not.
+const OPEN_KNOWN: [f64; 2] = [1.1, 0.005];
+const OPEN_ASSUMED: [f64; 2] = [1.02, 0.003];
+/// Misfit, by the smallest, beyond which longer dead times are not tried.
+const CLOSED: f64 = 1.5;
+/// Steps between two assumed dead times.
+const BETWEEN: usize = 8;
 
 /// Shortest lag that a fit may find, us.
 const EARLIEST_US: f64 = -200.0;
@@ -24,60 +36,118 @@ const FAR_US: f64 = 1500.0;
 /// Misfits that differ by less do not tell two models apart.
 const MARGIN: f64 = 0.02;
 
+/// What is known of the dead time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct DeadTime {
+    /// The dead time, us, if the gaps determine it.
+    pub found: Option<f64>,
+    /// The longest that is possible, us.
+    pub longest_us: f64,
+}
+
 /// What all fits of a recording share.
 #[derive(Debug)]
 pub(crate) struct Trials<'a> {
     pub recording: &'a Recording,
     pub filter: AnchorFilter<'a>,
+    pub dead: DeadTime,
     pub noise: FrameNoise,
     pub form: FitForm,
 }
 
 impl Trials<'_> {
-    fn start(&self, lost: f64) -> Start {
-        let mut value = [0.0; 9];
+    fn fit(&self, found: &[Anchor]) -> Option<LadderFit> {
+        let width = self.recording.size.width as usize;
+        let expected = Expected { noise: self.noise, form: self.form };
+        let mut value = [0.0; MOST];
         value[ladder::ON] = 0.25;
         value[ladder::OFF] = 0.25;
         value[LAG] = 2000.0;
         value[ladder::SLOPE] = 0.75;
         value[ladder::BLUR] = 0.5;
-        value[ladder::LOST] = lost;
-        // A share that moved would follow the spread: pixels of low contrast have short gaps.
-        let all = (0..value.len()).filter(|of| *of != ladder::LOST);
-        Start { value, free: all.collect() }
+        let start = Start { value, free: (0..value.len()).collect() };
+        Ladder::new(found, width, expected, start).fit()
     }
 
-    fn fit(&self, found: &[Anchor], lost: f64) -> Option<LadderFit> {
-        let width = self.recording.size.width as usize;
-        let expected = Expected { noise: self.noise, form: self.form };
-        Ladder::new(found, width, expected, self.start(lost)).fit()
+    fn anchors(&self, rule: EventRule) -> Vec<Anchor> {
+        anchors(self.recording, &self.filter, rule)
     }
 
-    /// The better fit with the delay, by enough anchors.
+    /// The fit with the delay, by enough anchors.
     fn at(&self, delay_us: f64) -> Option<LadderFit> {
-        let mut found = anchors(self.recording, &self.filter, delay_us);
-        let share = found.len().div_ceil(ENOUGH);
-        if share > 1 {
-            // Whole pixels, from all over the picture.
-            found.retain(|anchor| (anchor.pixel * 7919 / 16).is_multiple_of(share));
-        }
-        Some(self.both(&found)?.0)
+        let fit = |rule| {
+            let mut found = self.anchors(rule);
+            let share = found.len().div_ceil(ENOUGH);
+            if share > 1 {
+                // Whole pixels, from all over the picture.
+                found.retain(|anchor| (anchor.pixel * 7919 / 16).is_multiple_of(share));
+            }
+            self.fit(&found)
+        };
+        let dead_us = self.dead.found.unwrap_or(0.0);
+        let kept = fit(EventRule { delay_us, dead_us, loses: false })?;
+        // A dead time that is not known shifts the events of all delays alike.
+        let lost = (dead_us > 0.0).then(|| fit(EventRule { delay_us, dead_us, loses: true })).flatten();
+        Some(lost.filter(|lost| lost.misfit < kept.misfit).unwrap_or(kept))
     }
 
-    /// The fits with the change in dead times kept, and lost; the better one first.
-    fn both(&self, found: &[Anchor]) -> Option<(LadderFit, LadderFit)> {
-        let kept = self.fit(found, 0.0)?;
-        // Without a dead time there is nothing to lose.
-        let lost = if self.filter.dead_us > 0.0 { self.fit(found, 1.0)? } else { kept.clone() };
-        Some(if kept.misfit <= lost.misfit { (kept, lost) } else { (lost, kept) })
+    /// The fits with all assumptions on dead times, in their order.
+    fn assumed(&self, delay_us: f64) -> Vec<(EventRule, LadderFit)> {
+        let of = |dead_us: f64, loses: bool| {
+            let rule = EventRule { delay_us, dead_us, loses };
+            self.fit(&self.anchors(rule)).map(|fit| (rule, fit))
+        };
+        if let Some(dead) = self.dead.found {
+            return [false, true].into_iter().filter_map(|loses| of(dead, loses)).collect();
+        }
+        // Nothing is lost in no time.
+        let mut all: Vec<_> = of(0.0, false).into_iter().collect();
+        for part in if self.dead.longest_us > 0.0 { &ASSUMED[..] } else { &[] } {
+            let least = all.iter().map(|(_, fit)| fit.misfit).fold(f64::INFINITY, f64::min);
+            let Some(next) = of(part * self.dead.longest_us, true) else { break };
+            let is_closed = next.1.misfit > CLOSED * least;
+            all.push(next);
+            if is_closed {
+                break;
+            }
+        }
+        all
+    }
+
+    /// The smallest and the largest contrast ON and OFF of the assumptions that are open.
+    fn open(&self, all: &[(EventRule, LadderFit)], least: f64) -> [[f64; 2]; 2] {
+        let [factor, more] = if self.dead.found.is_some() { OPEN_KNOWN } else { OPEN_ASSUMED };
+        let limit = factor * least + more;
+        let row = |fit: &LadderFit| [fit.misfit, fit.value[ON], fit.value[OFF]];
+        let mut rows: Vec<[f64; 3]> = all.iter().map(|(_, fit)| row(fit)).collect();
+        if self.dead.found.is_none() {
+            // Dead times between those that were tried.
+            let between = |pair: &[[f64; 3]]| {
+                let [a, b] = [pair[0], pair[1]];
+                (1..BETWEEN).map(move |k| {
+                    let share = k as f64 / BETWEEN as f64;
+                    [0, 1, 2].map(|i| a[i] + share * (b[i] - a[i]))
+                })
+            };
+            let more: Vec<_> = rows.windows(2).flat_map(between).collect();
+            rows.extend(more);
+        }
+        let open = rows.iter().filter(|row| row[0] <= limit);
+        open.fold([[f64::INFINITY, f64::NEG_INFINITY]; 2], |mut range, row| {
+            for side in [0, 1] {
+                let [low, high] = range[side];
+                range[side] = [low.min(row[1 + side]), high.max(row[1 + side])];
+            }
+            range
+        })
     }
 
     /// The contrasts of the first and of the second half.
-    fn halves(&self, found: Vec<Anchor>, lost: f64) -> Option<[[f64; 2]; 2]> {
+    fn halves(&self, rule: EventRule) -> Option<[[f64; 2]; 2]> {
         let middle_us = 0.5e6 * self.recording.seconds();
         let (first, second): (Vec<_>, Vec<_>) =
-            found.into_iter().partition(|anchor| anchor.since_us < middle_us);
-        let of = |half: &[Anchor]| self.fit(half, lost).map(|fit| [fit.value[ON], fit.value[OFF]]);
+            self.anchors(rule).into_iter().partition(|anchor| anchor.since_us < middle_us);
+        let of = |half: &[Anchor]| self.fit(half).map(|fit| [fit.value[ON], fit.value[OFF]]);
         Some([of(&first)?, of(&second)?])
     }
 
@@ -98,20 +168,21 @@ impl Trials<'_> {
         }
         let is_far = |delay: f64| (delay - best.0).abs() >= FAR_US;
         let is_sharp = coarse.iter().filter(|(delay, _)| is_far(*delay)).all(|(_, m)| *m > best.1 + MARGIN);
-        let found = anchors(self.recording, &self.filter, best.0);
-        let (fit, other) = self.both(&found)?;
-        let halves = self.halves(found, fit.value[LOST]);
-        Some(BestDelay { delay_us: best.0, fit, other, halves, is_sharp })
+        let all = self.assumed(best.0);
+        let (rule, fit) = all.iter().min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?.clone();
+        let open = self.open(&all, fit.misfit);
+        let halves = self.halves(rule);
+        Some(BestDelay { rule, fit, open, halves, is_sharp })
     }
 }
 
 /// A delay with its fit.
 #[derive(Debug)]
 pub(crate) struct BestDelay {
-    pub delay_us: f64,
+    pub rule: EventRule,
     pub fit: LadderFit,
-    /// The same with the other reference after a dead time.
-    pub other: LadderFit,
+    /// Smallest and largest contrast ON and OFF with what may be of dead times.
+    pub open: [[f64; 2]; 2],
     /// Contrasts ON and OFF of the first and of the second half, if they determine them.
     pub halves: Option<[[f64; 2]; 2]>,
     /// True if no other delay fits nearly as well.

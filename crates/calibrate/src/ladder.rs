@@ -3,12 +3,11 @@
 //! The grey that a frame shows is
 //!
 //! ```text
-//! F = black - offset + exp(a + C_on n_on - C_off n_off + lost + tau V' - leak t + blur (V'' + V'^2))
+//! F = black - offset + exp(a + C_on n_on - C_off n_off + tau V' - leak t + blur (V'' + V'^2))
 //! ```
 //!
-//! with the counts `n` of the pixel up to the frame. `tau V'` is the lead of the light over the voltage
-//! behind a low-pass of first order, exactly; `tau` falls as a power of the light. `lost` is what dead times
-//! swallow where the reference follows the voltage, and `blur` comes from the length of the exposure: a mean
+//! with the steps `n` of the pixel up to the frame: events, and what dead times swallow. `tau V'` is the lead of the light over the voltage
+//! behind a low-pass of first order, exactly; `tau` falls as a power of the light. `blur` comes from the length of the exposure: a mean
 //! over it exceeds the middle by its square times the curvature over 24. The counts have no error, and the
 //! error of `F` is that of the frame: no error attenuates a slope.
 //!
@@ -38,15 +37,12 @@ pub(crate) const SLOPE: usize = 4;
 pub(crate) const LEAK: usize = 5;
 /// Square of the exposure over 24, ms^2.
 pub(crate) const BLUR: usize = 6;
-/// Share of the change in dead times that is lost: 0 if the reference stays, 1 if it follows the voltage.
-pub(crate) const LOST: usize = 7;
-
 /// How far the voltage at an event is beyond that between events, in its direction: noise makes events at its
 /// peaks.
-pub(crate) const PEAK: usize = 8;
+pub(crate) const PEAK: usize = 7;
 
 /// Longest change in one step.
-const LIMITS: [f64; MOST] = [0.1, 0.1, 4.0, 3e3, 0.3, 1e-6, 2.0, 0.5, 0.05];
+const LIMITS: [f64; MOST] = [0.1, 0.1, 4.0, 3e3, 0.3, 1e-6, 2.0, 0.05];
 /// Bounds.
 const BOUNDS: [[f64; 2]; MOST] = [
     [0.01, 5.0],
@@ -56,7 +52,6 @@ const BOUNDS: [[f64; 2]; MOST] = [
     [0.0, 1.2],
     [-1e-5, 1e-5],
     [0.0, 6.0],
-    [-1.0, 2.0],
     [-0.1, 0.1],
 ];
 /// Fewest anchors of a stretch: it has three numbers of its own.
@@ -272,7 +267,7 @@ impl<'a> Ladder<'a> {
                 if first.grey.min(anchor.grey) < 2.0 * DARKEST || !is_unclipped(first.grey.max(anchor.grey)) {
                     continue;
                 }
-                let [on, off] = [0, 1].map(|side| anchor.counts[side] - first.counts[side]);
+                let [on, off] = [0, 1].map(|side| anchor.steps[side] - first.steps[side]);
                 let terms = [on, -off];
                 let [noisy, other] =
                     [first.grey, anchor.grey].map(|grey| self.variance(grey, 0.0) / (grey * grey));
@@ -302,10 +297,9 @@ impl<'a> Ladder<'a> {
 
     /// What the contrasts are multiplied with, ON and OFF.
     fn steps(&self, anchor: &Anchor, lag_us: f64) -> [f64; 2] {
-        let lost = anchor.lost.map(|lost| self.value[LOST] * lost);
         let lead = lag_us * anchor.rate;
         let lead = if anchor.on { [lead, 0.0] } else { [0.0, lead] };
-        [anchor.counts[0] + lost[0] + lead[0], -(anchor.counts[1] + lost[1]) + lead[1]]
+        [anchor.steps[0] + lead[0], -anchor.steps[1] + lead[1]]
     }
 
     /// Expected logarithm of the grey above that of the stretch, and the steps and the blur in it.
@@ -367,7 +361,6 @@ impl<'a> Ladder<'a> {
         let share = self.lag_share(self.expected[k]);
         let lead = share * self.contrast(anchor, own) * anchor.rate;
         let ln = libm::log(self.expected[k].max(1.0) / self.mean_grey);
-        let lost = self.value[ON] * anchor.lost[0] - self.value[OFF] * anchor.lost[1];
         let mut common = [
             steps[0] * (1.0 + own[1]),
             steps[1] * (1.0 + own[2]),
@@ -376,7 +369,6 @@ impl<'a> Ladder<'a> {
             -self.value[LAG] * ln * lead,
             -anchor.since_us,
             blur,
-            lost,
             -peak(anchor),
         ];
         common.iter_mut().for_each(|d| *d *= grey);

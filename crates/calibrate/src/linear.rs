@@ -1,7 +1,7 @@
 //! Small symmetric systems of equations.
 
 /// Largest number of unknowns.
-pub(crate) const MOST: usize = 9;
+pub(crate) const MOST: usize = 8;
 
 /// A symmetric matrix. Its first `n` rows and columns are used.
 pub(crate) type Square = [[f64; MOST]; MOST];

@@ -30,7 +30,7 @@ impl Ladder<'_> {
                 if greys.iter().any(|grey| *grey < 2.0 * DARKEST) {
                     continue;
                 }
-                let net = (b.counts[0] - b.counts[1]) - (a.counts[0] - a.counts[1]);
+                let net = (b.steps[0] - b.steps[1]) - (a.steps[0] - a.steps[1]);
                 let lead = |k: usize| {
                     let anchor = &self.anchors[k];
                     let share = self.lag_share(self.expected[k]);
