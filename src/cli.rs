@@ -33,6 +33,7 @@ mod output;
 mod plan;
 mod problem;
 mod progress;
+mod recording;
 mod release;
 mod render;
 mod renderers;

@@ -5,12 +5,9 @@ mod inputs;
 mod page;
 mod report;
 
-use super::convert::events::EventInputOptions;
-use super::simulate::{full_scale, parse_rate};
+use super::recording::RecordingArgs;
 use super::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
 use gs2e_calibrate::{Calibration, calibrate, sensor_text};
-use gs2e_num::units::Hertz;
-use gs2e_sensor::frames::array::FullScale;
 use held_out::HeldOut;
 use std::io::Write;
 use std::path::PathBuf;
@@ -18,23 +15,8 @@ use std::path::PathBuf;
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
 pub(super) struct CalibrateArgs {
-    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
-    #[arg(long, value_name = "FILE or DIR")]
-    frames: PathBuf,
-    /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
-    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
-    stamps: Option<PathBuf>,
-    /// Frames per second, if there are no stamps; the first frame is then at time 0
-    #[arg(long, value_name = "N", value_parser = parse_rate)]
-    fps: Option<Hertz>,
-    /// White in float frames: 1 or 255 [default: decided by the first two frames]
-    #[arg(long, value_parser = full_scale)]
-    full_scale: Option<FullScale>,
-    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
-    #[arg(long, value_name = "FILE")]
-    events: PathBuf,
     #[command(flatten)]
-    options: EventInputOptions,
+    recording: RecordingArgs,
     /// Events of the same pixels in constant light, for noise, leak and hot pixels
     #[arg(long, value_name = "FILE")]
     noise: Option<PathBuf>,
@@ -81,8 +63,7 @@ struct Calibrated {
 
 impl CalibrateArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        let optional = self.stamps.iter().chain(&self.noise).map(PathBuf::as_path);
-        let inputs = optional.chain([self.frames.as_path(), self.events.as_path()]);
+        let inputs = self.recording.paths().chain(self.noise.as_deref());
         let outputs = self.out.iter().chain(&self.page).map(PathBuf::as_path);
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
@@ -90,7 +71,7 @@ impl CalibrateArgs {
         let parts = self.read()?;
         let noise = self.read_noise(parts.fitted.size)?;
         let found = calibrate(&parts.fitted, noise.as_ref()).map_err(|because| {
-            VerbError::usage("recording", format!("{}: {because}", self.events.display()))
+            VerbError::usage("recording", format!("{}: {because}", self.recording.events.display()))
         })?;
         let sensor = sensor_text(&found);
         let held_out = parts

@@ -11,7 +11,6 @@
 pub mod picture;
 pub mod profile;
 
-use gs2e_event::{EventFileError, EventSink as _, EventSource};
 use gs2e_num::seed::Seed;
 use gs2e_sensor::esim::EsimModel;
 use gs2e_sensor::frames::{DenseFrame, FrameSequence};
@@ -83,21 +82,6 @@ pub struct RealStudy {
     pub profiles: Vec<StreamProfile>,
     /// Length of the window, seconds.
     pub seconds: f64,
-}
-
-/// The profile of the events of a recording.
-///
-/// # Errors
-/// The file cannot be read.
-pub fn profile_recording(
-    source: &mut dyn EventSource,
-    mut profile: StreamProfile,
-) -> Result<StreamProfile, EventFileError> {
-    let mut chunk = Vec::new();
-    while source.next_chunk(&mut chunk)? {
-        profile.append(&chunk)?;
-    }
-    Ok(profile)
 }
 
 /// A recording.

@@ -2,7 +2,7 @@
 
 use crate::cli::VerbError;
 use gs2e_calibrate::{ReadOut, Recording, is_at_read_out};
-use gs2e_event::{Event, EventLabel, EventSink as _, Polarity};
+use gs2e_event::{Event, EventLabel, Polarity};
 use gs2e_lab::real::picture::intervals_svg;
 use gs2e_lab::real::profile::StreamProfile;
 use gs2e_lab::real::{ComparedSensor, ProfiledRecording, StudiedSensor, all_presets, compare_sensors};
@@ -45,7 +45,7 @@ pub(super) fn compare(
     for pixel in 0..held.size.pixels() {
         let mut events = events_of(held, pixel);
         events.retain(|event| !is_at_read_out(event.t.floor_micros(), &held.stamps_us, read_out));
-        profile.append(&events).map_err(|e| failed(e.to_string()))?;
+        profile.take(&events);
     }
     let samples = ArraySamples::Floats(held.frames.clone(), FullScale::Grey255);
     let frames = ArrayFrames::new(held.size, samples, &held.stamps_us);

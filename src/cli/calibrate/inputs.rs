@@ -1,14 +1,9 @@
 //! The recording, read into memory and cut into the part that is fitted and the part that is held out.
 
 use super::CalibrateArgs;
-use crate::cli::convert::events::SUPPORTED;
-use crate::cli::simulate::{FrameInputs, StampedFrames};
 use crate::cli::{VerbError, input};
 use gs2e_calibrate::{PixelTrains, Recording, StaticRecording};
-use gs2e_event::evt::EvtVersion;
-use gs2e_event::file::{EventFormat, OpenEventFile};
-use gs2e_event::sorted::SortedEvents;
-use gs2e_event::{Event, EventSource as _};
+use gs2e_event::Event;
 use gs2e_image::Size;
 use std::path::Path;
 
@@ -24,23 +19,14 @@ pub(super) struct Parts {
 impl CalibrateArgs {
     /// Reads frames and events.
     pub(super) fn read(&self) -> Result<Parts, VerbError> {
-        let mut sequence = StampedFrames::open_inputs(FrameInputs {
-            frames: &self.frames,
-            rates: None,
-            stamps: self.stamps.as_deref(),
-            fps: self.fps,
-            full_scale: self.full_scale,
-        })?;
+        let mut sequence = self.recording.open_frames()?;
         let size = sequence.frames.size();
-        let (found, events) = self.events_of(&self.events)?;
-        if found != size {
-            let what = format!("events of {found} and frames of {size}, wanted the same pixels");
-            return Err(VerbError::usage("size", what));
-        }
+        let events = self.events_of(&self.recording.events, size)?;
         let mut frames = Vec::with_capacity(sequence.stamps_us.len() * size.pixels());
         loop {
             let frame = sequence.frames.next();
-            let frame = frame.map_err(|e| input::unreadable_file("frames", &e).path(&self.frames))?;
+            let frame =
+                frame.map_err(|e| input::unreadable_file("frames", &e).path(&self.recording.frames))?;
             let Some(frame) = frame else { break };
             frames.extend_from_slice(frame.luminance.pixels());
         }
@@ -50,11 +36,7 @@ impl CalibrateArgs {
     /// The recording of constant light.
     pub(super) fn read_noise(&self, size: Size) -> Result<Option<StaticRecording>, VerbError> {
         let Some(path) = &self.noise else { return Ok(None) };
-        let (found, events) = self.events_of(path)?;
-        if found != size {
-            let what = format!("{}: events of {found}, wanted {size} as the frames", path.display());
-            return Err(VerbError::usage("size", what));
-        }
+        let events = self.events_of(path, size)?;
         let trains = PixelTrains::new(size, &events);
         let Some(span_us) = trains.span_us() else {
             return Err(VerbError::usage("no-events", format!("{} has no events", path.display())));
@@ -62,18 +44,10 @@ impl CalibrateArgs {
         Ok(Some(StaticRecording { trains, span_us }))
     }
 
-    fn events_of(&self, path: &Path) -> Result<(Size, Vec<Event>), VerbError> {
-        let format = EventFormat::for_path(path, EvtVersion::Evt2).ok_or_else(|| {
-            let what = format!("{}: not an event format", path.display());
-            VerbError::usage("format", what).help(SUPPORTED)
-        })?;
-        let OpenEventFile { header, mut source, .. } = self.options.open(path, format)?;
-        let mut sorted = SortedEvents::new(&mut *source);
-        let (mut all, mut chunk) = (Vec::new(), Vec::new());
-        while sorted.next_chunk(&mut chunk).map_err(|e| input::wrong_events(path, &e))? {
-            all.extend_from_slice(&chunk);
-        }
-        Ok((header.size, all))
+    fn events_of(&self, path: &Path, size: Size) -> Result<Vec<Event>, VerbError> {
+        let mut all = Vec::new();
+        self.recording.read_events(path, size, &mut |chunk| all.extend_from_slice(chunk))?;
+        Ok(all)
     }
 
     fn cut(&self, whole: &Whole) -> Result<Parts, VerbError> {

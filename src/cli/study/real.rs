@@ -1,22 +1,16 @@
 //! `gs2e study real`: simulated streams against a recording.
 
 use super::{end_problem, go_unless};
-use crate::cli::convert::events::{EventInputOptions, SUPPORTED};
-use crate::cli::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
-use crate::cli::{CommonArgs, Console, ExitKind, VerbError, input, on_interrupt, output};
-use gs2e_event::evt::EvtVersion;
-use gs2e_event::file::{EventFormat, OpenEventFile};
-use gs2e_event::sorted::SortedEvents;
+use crate::cli::recording::RecordingArgs;
+use crate::cli::simulate::StampedFrames;
+use crate::cli::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
 use gs2e_lab::real::picture::intervals_svg;
 use gs2e_lab::real::profile::StreamProfile;
 use gs2e_lab::real::{
     ComparedSensor, ProfiledRecording, RealStudy, StudiedSensor, all_presets, compare_sensors,
-    profile_recording,
 };
 use gs2e_num::seed::Seed;
-use gs2e_num::units::Hertz;
 use gs2e_recipe::read_sensor;
-use gs2e_sensor::frames::array::FullScale;
 use serde_json::json;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -24,23 +18,8 @@ use std::path::PathBuf;
 /// Arguments of `study real`.
 #[derive(Debug, clap::Args)]
 pub(super) struct RealArgs {
-    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
-    #[arg(long, value_name = "FILE or DIR")]
-    frames: PathBuf,
-    /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
-    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
-    stamps: Option<PathBuf>,
-    /// Frames per second, if there are no stamps; the first frame is then at time 0
-    #[arg(long, value_name = "N", value_parser = parse_rate)]
-    fps: Option<Hertz>,
-    /// White in float frames: 1 or 255 [default: decided by the first two frames]
-    #[arg(long, value_parser = full_scale)]
-    full_scale: Option<FullScale>,
-    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
-    #[arg(long, value_name = "FILE")]
-    events: PathBuf,
     #[command(flatten)]
-    options: EventInputOptions,
+    recording: RecordingArgs,
     /// Another sensor to compare: a recipe, or a file with the content of a recipe's `sensor`
     #[arg(long, value_name = "FILE")]
     sensor: Vec<PathBuf>,
@@ -57,21 +36,14 @@ pub(super) struct RealArgs {
 
 impl RealArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        let optional = self.stamps.iter().chain(&self.sensor).map(PathBuf::as_path);
-        let inputs = optional.chain([self.frames.as_path(), self.events.as_path()]);
+        let inputs = self.recording.paths().chain(self.sensor.iter().map(PathBuf::as_path));
         let outputs = self.csv.iter().chain(&self.picture).map(PathBuf::as_path);
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
         let cancel = on_interrupt()?;
         let sensors = self.sensors()?;
-        let mut sequence = StampedFrames::open_inputs(FrameInputs {
-            frames: &self.frames,
-            rates: None,
-            stamps: self.stamps.as_deref(),
-            fps: self.fps,
-            full_scale: self.full_scale,
-        })?;
-        let profile = self.recording(&sequence)?;
+        let mut sequence = self.recording.open_frames()?;
+        let profile = self.profile(&sequence)?;
         let (first_us, last_us) = sequence.span_us();
         // Simulated streams begin at 0, so they are shifted to the clock of the recording before they are
         // compared.
@@ -96,25 +68,13 @@ impl RealArgs {
     }
 
     /// The profile of the recorded events between the first and the last frame.
-    fn recording(&self, sequence: &StampedFrames) -> Result<StreamProfile, VerbError> {
-        let path = &self.events;
-        let format = EventFormat::for_path(path, EvtVersion::Evt2).ok_or_else(|| {
-            let what = format!("{}: not an event format", path.display());
-            VerbError::usage("format", what).help(SUPPORTED)
-        })?;
-        let OpenEventFile { header, mut source, .. } = self.options.open(path, format)?;
-        let size = sequence.frames.size();
-        if header.size != size {
-            let what = format!("events of {} and frames of {size}, wanted the same pixels", header.size);
-            return Err(VerbError::usage("size", what));
-        }
-        let (first_us, last_us) = sequence.span_us();
-        let profile = StreamProfile::new(size, first_us..=last_us, 0);
-        // Intervals need the events in order of time, which not every camera's file keeps.
-        let profile = profile_recording(&mut SortedEvents::new(&mut *source), profile);
+    fn profile(&self, sequence: &StampedFrames) -> Result<StreamProfile, VerbError> {
+        let path = &self.recording.events;
         let place = path.display();
-        let named = |error| io::Error::other(format!("{place}: {error}"));
-        let profile = profile.map_err(|error| input::unreadable_file("events", &named(error)))?;
+        let size = sequence.frames.size();
+        let (first_us, last_us) = sequence.span_us();
+        let mut profile = StreamProfile::new(size, first_us..=last_us, 0);
+        self.recording.read_events(path, size, &mut |chunk| profile.take(chunk))?;
         if profile.events() == 0 {
             let count = profile.outside();
             let what = format!(

@@ -150,6 +150,11 @@ impl StreamProfile {
         }
     }
 
+    /// Counts these events.
+    pub fn take(&mut self, events: &[Event]) {
+        events.iter().for_each(|event| self.count(event));
+    }
+
     fn count(&mut self, event: &Event) {
         let us = event.t.floor_micros().saturating_add(self.shift_us);
         let (x, y) = (u32::from(event.x), u32::from(event.y));
@@ -220,7 +225,7 @@ impl StreamProfile {
 impl EventSink for StreamProfile {
     /// Never fails.
     fn append(&mut self, events: &[Event]) -> std::io::Result<()> {
-        events.iter().for_each(|event| self.count(event));
+        self.take(events);
         Ok(())
     }
 }

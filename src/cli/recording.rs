@@ -1,0 +1,85 @@
+//! A recording as the command line names it: frames and events of the same pixels on one clock.
+
+use super::convert::events::{EventInputOptions, SUPPORTED};
+use super::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
+use super::{VerbError, input};
+use gs2e_event::evt::EvtVersion;
+use gs2e_event::file::{EventFormat, OpenEventFile};
+use gs2e_event::sorted::SortedEvents;
+use gs2e_event::{Event, EventSource as _};
+use gs2e_image::Size;
+use gs2e_num::units::Hertz;
+use gs2e_sensor::frames::array::FullScale;
+use std::path::{Path, PathBuf};
+
+/// Options of a recording.
+#[derive(Debug, clap::Args)]
+pub(super) struct RecordingArgs {
+    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
+    #[arg(long, value_name = "FILE or DIR")]
+    pub(super) frames: PathBuf,
+    /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
+    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
+    stamps: Option<PathBuf>,
+    /// Frames per second, if there are no stamps; the first frame is then at time 0
+    #[arg(long, value_name = "N", value_parser = parse_rate)]
+    fps: Option<Hertz>,
+    /// White in float frames: 1 or 255 [default: decided by the first two frames]
+    #[arg(long, value_parser = full_scale)]
+    full_scale: Option<FullScale>,
+    /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
+    #[arg(long, value_name = "FILE")]
+    pub(super) events: PathBuf,
+    #[command(flatten)]
+    options: EventInputOptions,
+}
+
+impl RecordingArgs {
+    /// The files that are read.
+    pub(super) fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.stamps.iter().chain([&self.frames, &self.events]).map(PathBuf::as_path)
+    }
+
+    /// Opens the frames.
+    pub(super) fn open_frames(&self) -> Result<StampedFrames, VerbError> {
+        StampedFrames::open_inputs(FrameInputs {
+            frames: &self.frames,
+            rates: None,
+            stamps: self.stamps.as_deref(),
+            fps: self.fps,
+            full_scale: self.full_scale,
+        })
+    }
+
+    /// Opens a file of events of these pixels.
+    pub(super) fn open_events(&self, path: &Path, size: Size) -> Result<OpenEventFile, VerbError> {
+        let format = EventFormat::for_path(path, EvtVersion::Evt2).ok_or_else(|| {
+            let what = format!("{}: not an event format", path.display());
+            VerbError::usage("format", what).help(SUPPORTED)
+        })?;
+        let opened = self.options.open(path, format)?;
+        let found = opened.header.size;
+        if found != size {
+            let what =
+                format!("{}: events of {found} and frames of {size}, wanted the same pixels", path.display());
+            return Err(VerbError::usage("size", what));
+        }
+        Ok(opened)
+    }
+
+    /// Passes all events of a file to `take`, in order of time, which not every camera's file keeps.
+    pub(super) fn read_events(
+        &self,
+        path: &Path,
+        size: Size,
+        take: &mut dyn FnMut(&[Event]),
+    ) -> Result<(), VerbError> {
+        let OpenEventFile { mut source, .. } = self.open_events(path, size)?;
+        let mut sorted = SortedEvents::new(&mut *source);
+        let mut chunk = Vec::new();
+        while sorted.next_chunk(&mut chunk).map_err(|e| input::wrong_events(path, &e))? {
+            take(&chunk);
+        }
+        Ok(())
+    }
+}
