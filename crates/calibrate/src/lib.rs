@@ -4,6 +4,7 @@
 
 mod anchor;
 mod calibration;
+mod course;
 mod dead_time;
 mod delay;
 mod estimate;
@@ -15,6 +16,7 @@ mod sensor;
 mod still;
 
 pub use calibration::{CalibrateError, Calibration, StaticRecording, calibrate};
+pub use course::{GreyCourse, is_usable_grey};
 pub use estimate::Estimate;
 pub use ladder::Rung;
 pub use read_out::{ReadOut, is_at_read_out};

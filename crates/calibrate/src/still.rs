@@ -1,5 +1,6 @@
 //! Pixels that see constant light: noise of the frames, leak, and hot pixels.
 
+use crate::course::CourseMoments;
 use crate::estimate::{Estimate, median, together};
 use crate::ladder::FrameNoise;
 use crate::recording::{PixelTrains, Recording};
@@ -8,8 +9,6 @@ use crate::recording::{PixelTrains, Recording};
 pub(crate) const HOT_HZ: f64 = 5.0;
 /// Noise of frames where no pixel shows it: rounding, and a typical camera.
 const TYPICAL: FrameNoise = FrameNoise { constant: 0.6, per_grey: 0.025 };
-/// Largest variance of a still pixel: a constant, and a part per grey.
-const STILL: FrameNoise = FrameNoise { constant: 4.5, per_grey: 0.08 };
 /// Fewest still pixels.
 const FEWEST: usize = 100;
 
@@ -21,13 +20,12 @@ pub(crate) struct StillPixels {
     pub pixels: Vec<usize>,
 }
 
-/// Mean, variance and the covariance of neighbours of a course.
-fn moments(course: &[f64]) -> [f64; 3] {
+fn moments(course: &[f64]) -> CourseMoments {
     let n = course.len() as f64;
     let mean = course.iter().sum::<f64>() / n;
     let variance = course.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / n;
     let next = course.windows(2).map(|p| (p[0] - mean) * (p[1] - mean)).sum::<f64>() / (n - 1.0);
-    [mean, variance, next]
+    CourseMoments { mean, variance, next }
 }
 
 /// Finds the still pixels. Only frames decide: a choice by events would bias what events say.
@@ -35,12 +33,9 @@ pub(crate) fn still_pixels(recording: &Recording) -> StillPixels {
     let mut found = Vec::new();
     for pixel in 0..recording.size.pixels() {
         let course: Vec<f64> = recording.course(pixel).collect();
-        let [mean, variance, next] = moments(&course);
-        let bound = STILL.constant + STILL.per_grey * mean;
-        // Light that moves is alike in neighbouring frames; noise is not.
-        let is_white = next <= variance * 3.0 / (course.len() as f64).sqrt();
-        if (2.0..250.0).contains(&mean) && variance < bound && is_white {
-            found.push((pixel, mean, variance));
+        let moments = moments(&course);
+        if moments.is_still(course.len()) {
+            found.push((pixel, moments.mean, moments.variance));
         }
     }
     if found.len() < FEWEST {
