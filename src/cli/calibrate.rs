@@ -7,27 +7,30 @@ mod report;
 
 use super::recording::RecordingArgs;
 use super::{CommonArgs, Console, ExitKind, VerbError, on_interrupt, output};
-use gs2e_calibrate::{Calibration, calibrate, sensor_text};
+use gs2e_calibrate::{CalibrateError, Calibration, calibrate, calibrate_static, sensor_text};
 use held_out::HeldOut;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 /// Arguments of `calibrate`.
 #[derive(Debug, clap::Args)]
+// Events of constant light have something to say without frames.
+#[command(mut_arg("frames", |frames| frames.required(false)))]
 pub(super) struct CalibrateArgs {
     #[command(flatten)]
     recording: RecordingArgs,
     /// Events of the same pixels in constant light, for noise, leak and hot pixels
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "frames")]
     noise: Option<PathBuf>,
-    /// Start of the part that is used, in seconds after the first frame
+    /// Start of the part that is used, in seconds after the first frame (without frames, the first event)
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     from: Option<f64>,
-    /// End of the part that is used, in seconds after the first frame
+    /// End of the part that is used, in seconds after the first frame (without frames, the first event)
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     to: Option<f64>,
     /// Share of the part that is held out at its end, to compare the sensor with
-    #[arg(long, value_name = "SHARE", value_parser = held_share)]
+    #[arg(long, value_name = "SHARE", requires = "frames", value_parser = held_share)]
     hold_out: Option<f64>,
     /// Seed of the sensor's noise in this comparison
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -68,29 +71,52 @@ impl CalibrateArgs {
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
         let cancel = on_interrupt()?;
-        let parts = self.read()?;
-        let noise = self.read_noise(parts.fitted.size)?;
-        let found = calibrate(&parts.fitted, noise.as_ref()).map_err(|because| {
-            VerbError::usage("recording", format!("{}: {because}", self.recording.events.display()))
-        })?;
-        let sensor = sensor_text(&found);
-        let held_out = parts
-            .held
-            .as_ref()
-            .map(|held| held_out::compare(held, &found.read_out, &sensor, self.seed, &cancel));
-        let done = Calibrated {
-            sensor,
-            held_out: held_out.transpose()?,
-            events: parts.fitted.trains.events(),
-            frames: parts.fitted.stamps_us.len(),
-            seconds: parts.fitted.seconds(),
-            found,
-        };
+        let done =
+            if self.recording.frames().is_some() { self.by_frames(&cancel)? } else { self.by_events()? };
         let trust = report::trust(&done);
         let sensor = |out: &mut dyn Write| out.write_all(done.sensor.as_bytes());
         let page = |out: &mut dyn Write| out.write_all(page::page(&done, &trust).as_bytes());
         output::write_given(&[(self.out.as_deref(), &sensor), (self.page.as_deref(), &page)])?;
         report::report(&done, &trust, console);
         Ok(ExitKind::Done)
+    }
+
+    /// By frames and events.
+    fn by_frames(&self, cancel: &AtomicBool) -> Result<Calibrated, VerbError> {
+        let parts = self.read()?;
+        let noise = self.read_noise(parts.fitted.size)?;
+        let found = calibrate(&parts.fitted, noise.as_ref()).map_err(|because| self.unusable(&because))?;
+        let sensor = sensor_text(&found);
+        let held_out = parts
+            .held
+            .as_ref()
+            .map(|held| held_out::compare(held, &found.read_out, &sensor, self.seed, cancel));
+        Ok(Calibrated {
+            sensor,
+            held_out: held_out.transpose()?,
+            events: parts.fitted.trains.events(),
+            frames: parts.fitted.stamps_us.len(),
+            seconds: parts.fitted.seconds(),
+            found,
+        })
+    }
+
+    /// By events of constant light.
+    fn by_events(&self) -> Result<Calibrated, VerbError> {
+        let recording = self.read_static()?;
+        let found = calibrate_static(&recording).map_err(|because| self.unusable(&because))?;
+        let (first, last) = recording.span_us;
+        Ok(Calibrated {
+            sensor: sensor_text(&found),
+            held_out: None,
+            events: recording.trains.events(),
+            frames: 0,
+            seconds: (last - first) as f64 * 1e-6,
+            found,
+        })
+    }
+
+    fn unusable(&self, because: &CalibrateError) -> VerbError {
+        VerbError::usage("recording", format!("{}: {because}", self.recording.events.display()))
     }
 }

@@ -16,16 +16,16 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub(super) struct RecordingArgs {
     /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
-    #[arg(long, value_name = "FILE or DIR")]
-    pub(super) frames: PathBuf,
+    #[arg(long, value_name = "FILE or DIR", required = true)]
+    frames: Option<PathBuf>,
     /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
-    #[arg(long, value_name = "FILE", conflicts_with = "fps")]
+    #[arg(long, value_name = "FILE", requires = "frames", conflicts_with = "fps")]
     stamps: Option<PathBuf>,
     /// Frames per second, if there are no stamps; the first frame is then at time 0
-    #[arg(long, value_name = "N", value_parser = parse_rate)]
+    #[arg(long, value_name = "N", requires = "frames", value_parser = parse_rate)]
     fps: Option<Hertz>,
     /// White in float frames: 1 or 255 [default: decided by the first two frames]
-    #[arg(long, value_parser = full_scale)]
+    #[arg(long, requires = "frames", value_parser = full_scale)]
     full_scale: Option<FullScale>,
     /// Events of the same pixels: .h5, .npz, .raw, .aedat4, .txt, .csv or .mcap
     #[arg(long, value_name = "FILE")]
@@ -37,13 +37,20 @@ pub(super) struct RecordingArgs {
 impl RecordingArgs {
     /// The files that are read.
     pub(super) fn paths(&self) -> impl Iterator<Item = &Path> {
-        self.stamps.iter().chain([&self.frames, &self.events]).map(PathBuf::as_path)
+        self.stamps.iter().chain(&self.frames).chain([&self.events]).map(PathBuf::as_path)
+    }
+
+    /// The file or folder of the frames. `calibrate` does without.
+    pub(super) fn frames(&self) -> Option<&Path> {
+        self.frames.as_deref()
     }
 
     /// Opens the frames.
     pub(super) fn open_frames(&self) -> Result<StampedFrames, VerbError> {
+        let frames =
+            self.frames().ok_or_else(|| VerbError::usage("frames", "--frames is missing".to_owned()))?;
         StampedFrames::open_inputs(FrameInputs {
-            frames: &self.frames,
+            frames,
             rates: None,
             stamps: self.stamps.as_deref(),
             fps: self.fps,
@@ -51,13 +58,23 @@ impl RecordingArgs {
         })
     }
 
-    /// Opens a file of events of these pixels.
-    pub(super) fn open_events(&self, path: &Path, size: Size) -> Result<OpenEventFile, VerbError> {
+    /// Opens a file of events.
+    fn open(&self, path: &Path) -> Result<OpenEventFile, VerbError> {
         let format = EventFormat::for_path(path, EvtVersion::Evt2).ok_or_else(|| {
             let what = format!("{}: not an event format", path.display());
             VerbError::usage("format", what).help(SUPPORTED)
         })?;
-        let opened = self.options.open(path, format)?;
+        self.options.open(path, format)
+    }
+
+    /// The pixels of the events.
+    pub(super) fn size(&self) -> Result<Size, VerbError> {
+        Ok(self.open(&self.events)?.header.size)
+    }
+
+    /// Opens a file of events of these pixels.
+    pub(super) fn open_events(&self, path: &Path, size: Size) -> Result<OpenEventFile, VerbError> {
+        let opened = self.open(path)?;
         let found = opened.header.size;
         if found != size {
             let what =

@@ -1,5 +1,6 @@
 //! `gs2e calibrate`: a recording that a known sensor made.
 
+use crate::support::shared;
 use crate::support::workspace::Workspace;
 use npyz::WriterBuilder as _;
 use serde_json::Value;
@@ -70,6 +71,8 @@ fn a_recipe_takes_the_sensor_of_a_recording() {
     assert_eq!(found["sensor"], written.as_str());
     let page = fs::read_to_string(place.path("c.html")).unwrap();
     assert!(page.contains("contrast_off") && page.matches("data:image/svg+xml").count() == 2);
+    // Recorded and simulated events of one moment.
+    assert_eq!(page.matches("data:image/png").count(), 2);
     place.ok("simulate --frames frames.npy --stamps stamps.npy --sensor sensor.yaml --out again.npz");
     let message = place.ok(&format!("calibrate {INPUTS}")).stdout;
     assert!(message.contains("contrast_on") && message.contains("trust contrast_on"), "{message}");
@@ -90,4 +93,36 @@ fn recordings_that_do_not_fit_are_refused() {
     assert!(message.contains("events of 24x24 and frames of 32x24"), "{message}");
     let message = place.refused(&format!("calibrate {INPUTS} --from 1.15"));
     assert!(message.contains("wanted at least 4"), "{message}");
+}
+
+/// A room, where the events of a pixel come in pairs (98.8 % alternate, and their Fano factor is 2.9), a dark
+/// camera, whose events do not know of each other, and a lamp on the mains of 60 Hz.
+#[test]
+fn events_of_constant_light_need_no_frames() {
+    let Some(real) = shared::path("data/real") else { return };
+    let place = Workspace::new();
+    let found = |name: &str, size: &str| -> Value {
+        let events = real.join(name).join("events.npz");
+        let run = place.ok(&format!("calibrate --events {} --size {size} --json", events.display()));
+        serde_json::from_str(&run.stdout).unwrap()
+    };
+    let close = |found: &Value, wanted: [(&str, [f64; 2]); 3]| {
+        for (name, [low, high]) in wanted {
+            let Value::Object(estimate) = &found[name] else { panic!("{name}: {found}") };
+            let value = estimate["value"].as_f64().unwrap();
+            assert!(estimate["determined"] == true && (low..=high).contains(&value), "{name}: {value}");
+        }
+        assert_eq!(found["contrast_on"]["determined"], false);
+    };
+    let room = found("evk4_static_room", "1280x720");
+    close(&room, [("alternate", [0.985, 0.991]), ("fano", [2.8, 3.0]), ("hot_pixels", [0.0017, 0.0021])]);
+    let dark = found("dvxplorer_dark_noise", "640x480");
+    close(&dark, [("alternate", [0.45, 0.47]), ("fano", [0.98, 1.04]), ("hot_pixels", [0.0013, 0.0017])]);
+    let lamp = found("gen31_vga_mains_flicker", "640x480");
+    let lines = lamp["flicker"].as_array().unwrap().iter();
+    let lines: Vec<u64> = lines.map(|line| line["hz"].as_u64().unwrap()).collect();
+    assert_eq!(lines, [120, 240, 360]);
+    let slider = real.join("slider_depth/events.npz");
+    let message = place.refused(&format!("calibrate --events {} --size 240x180", slider.display()));
+    assert!(message.contains("wanted constant light where there are no frames"), "{message}");
 }

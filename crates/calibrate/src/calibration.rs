@@ -4,16 +4,19 @@ use crate::anchor::AnchorFilter;
 use crate::dead_time::dead_time;
 use crate::delay::{BestDelay, DeadTime, Trials};
 use crate::estimate::{Estimate, together};
+use crate::flicker::{EventSpectrum, FlickerLine, event_spectrum};
 use crate::ladder::{BLACK, COARSE, FINE, LAG, LEAK, OFF, ON, Rung};
 use crate::read_out::{ReadOut, is_at_read_out, read_out_bursts};
 use crate::recording::{PixelTrains, Recording};
-use crate::still::{ConstantLight, HOT_HZ, StillPixels, constant_light, still_pixels};
+use crate::still::{HOT_HZ, StillPixels, constant_light, still_pixels};
 use serde::Serialize;
 
 /// Fewest events of the pixels whose light changes.
 const FEWEST_EVENTS: usize = 1000;
 /// Largest share of samples at black or white.
 const CLIPPED: f64 = 0.5;
+/// Largest share of hot pixels in constant light.
+const MOST_HOT: f64 = 0.1;
 /// Parts of a contrast that the form of the path leaves open: found with planted recordings.
 const FINE_TRUST: Trust = Trust { form: 0.014, compares_halves: false, largest_spread: 0.09 };
 /// The same where counts do not add up: by the two halves of recordings of cameras.
@@ -73,6 +76,15 @@ pub enum CalibrateError {
         /// Events of pixels whose frames are not still.
         found: usize,
     },
+    /// Light that is not constant.
+    #[error(
+        "{:.0} % of the pixels have more than {HOT_HZ} events per second, wanted constant light where there are no frames",
+        100.0 * share
+    )]
+    Moving {
+        /// Share of these pixels.
+        share: f64,
+    },
     /// Frames at the ends of their range.
     #[error("{:.0} % of the samples of the frames are at black or white, wanted at most {:.0} %", 100.0 * share, 100.0 * CLIPPED)]
     Clipped {
@@ -121,6 +133,15 @@ pub struct Calibration {
     pub noise_on_hz: Estimate,
     /// OFF events of a calm pixel per second in constant light.
     pub noise_off_hz: Estimate,
+    /// Share of neighbouring events of a calm pixel in constant light that have the other sign.
+    pub alternate: Estimate,
+    /// Fano factor of the numbers of events of calm pixels in constant light.
+    pub fano: Estimate,
+    /// Lines in the spectrum of the events in constant light.
+    pub flicker: Vec<FlickerLine>,
+    /// Power of this spectrum at 0, 1, 2, … Hz by that of independent events; empty if there is none.
+    #[serde(skip)]
+    pub spectrum: Vec<f64>,
     /// Share of pixels with more than 5 events per second in constant light.
     pub hot_pixels: Estimate,
     /// Median rate of hot pixels, and its deviation in decades.
@@ -173,20 +194,30 @@ pub fn calibrate(
     let share = |contrast: Estimate| contrast.se.map_or(UNKNOWN_CONTRAST, |se| se / contrast.value);
     let ratio = off.value / on.value;
     let ratio = Estimate::found(ratio, ratio * together(&[share(on), share(off)]));
-    let light = match noise {
-        Some(noise) => {
-            let all: Vec<usize> = (0..noise.trains.pixels()).collect();
-            constant_light(&noise.trains, &all, noise.span_us, ratio)
-        }
-        None => {
-            let span = (recording.stamps_us[0], recording.stamps_us[recording.stamps_us.len() - 1]);
-            constant_light(&recording.trains, &still.pixels, span, ratio)
-        }
-    };
-    if let Some(light) = light {
-        found.take_light(&light);
+    if let Some(noise) = noise {
+        let all: Vec<usize> = (0..noise.trains.pixels()).collect();
+        found.take_light(&noise.trains, &all, noise.span_us, ratio);
+    } else {
+        let span = (recording.stamps_us[0], recording.stamps_us[recording.stamps_us.len() - 1]);
+        found.take_light(&recording.trains, &still.pixels, span, ratio);
     }
     Ok(found)
+}
+
+/// Estimates what events of constant light determine without frames: noise, hot pixels, dead time, flicker.
+/// The contrasts are those of a typical camera.
+///
+/// # Errors
+/// The light is not constant.
+pub fn calibrate_static(recording: &StaticRecording) -> Result<Calibration, CalibrateError> {
+    let mut found = Calibration::unknown();
+    let all: Vec<usize> = (0..recording.trains.pixels()).collect();
+    found.dead_time_us = dead_time(&recording.trains).0;
+    found.still_pixels = all.len();
+    let ratio = Estimate::found(1.0, UNKNOWN_CONTRAST);
+    found.take_light(&recording.trains, &all, recording.span_us, ratio);
+    let hot = found.hot_pixels.value;
+    if hot > MOST_HOT { Err(CalibrateError::Moving { share: hot }) } else { Ok(found) }
 }
 
 fn screen(recording: &Recording, still: &StillPixels) -> Result<(), CalibrateError> {
@@ -238,6 +269,10 @@ impl Calibration {
             noise: none,
             noise_on_hz: none,
             noise_off_hz: none,
+            alternate: none,
+            fano: none,
+            flicker: Vec::new(),
+            spectrum: Vec::new(),
             hot_pixels: none,
             hot_rate: [0.0; 2],
             read_out: Vec::new(),
@@ -312,11 +347,16 @@ impl Calibration {
         self.ladder.clone_from(&fit.rungs);
     }
 
-    fn take_light(&mut self, light: &ConstantLight) {
+    fn take_light(&mut self, trains: &PixelTrains, pixels: &[usize], span: (i64, i64), ratio: Estimate) {
+        let Some(light) = constant_light(trains, pixels, span, ratio) else { return };
         self.hot_pixels = light.hot;
         self.hot_rate = light.hot_rate;
         [self.noise_on_hz, self.noise_off_hz] = light.rates_hz;
+        [self.alternate, self.fano] = [light.alternate, light.fano];
         self.leak_hz = better(self.leak_hz, light.leak_hz);
+        if let Some(EventSpectrum { power, lines }) = event_spectrum(trains, pixels, span) {
+            (self.spectrum, self.flicker) = (power, lines);
+        }
     }
 }
 

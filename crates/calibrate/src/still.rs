@@ -11,6 +11,10 @@ pub(crate) const HOT_HZ: f64 = 5.0;
 const TYPICAL: FrameNoise = FrameNoise { constant: 0.6, per_grey: 0.025 };
 /// Fewest still pixels.
 const FEWEST: usize = 100;
+/// Fewest pairs of neighbouring events.
+const FEWEST_PAIRS: f64 = 30.0;
+/// Groups of pixels whose scatter is the error of the Fano factor.
+const GROUPS: usize = 16;
 
 /// The pixels whose frames differ by noise alone, and what they show.
 #[derive(Debug, Clone)]
@@ -67,6 +71,11 @@ pub(crate) struct ConstantLight {
     pub hot: Estimate,
     /// Events per pixel and second of each sign, without hot pixels.
     pub rates_hz: [Estimate; 2],
+    /// Share of neighbouring events of a calm pixel that have the other sign.
+    pub alternate: Estimate,
+    /// Variance of the numbers of events of calm pixels by their mean: 1 where pixels are alike and events do
+    /// not know of each other.
+    pub fano: Estimate,
     /// Balance of the voltage by the contrast ON, events per pixel and second.
     pub leak_hz: Estimate,
     /// Median rate of a hot pixel, and its deviation in decades.
@@ -87,6 +96,7 @@ pub(crate) fn constant_light(
     let middle_us = span_us.0.midpoint(span_us.1);
     let (mut hot, mut balances, mut drift) = (Vec::new(), Vec::new(), 0.0);
     let (mut sums, mut squares) = ([0.0; 2], [0.0; 2]);
+    let (mut pairs, mut opposite, mut totals) = (0.0, 0.0, Vec::new());
     for pixel in pixels {
         let (us, on) = trains.of(*pixel);
         let within = us.iter().zip(on).filter(|(us, _)| (span_us.0..=span_us.1).contains(us));
@@ -104,6 +114,9 @@ pub(crate) fn constant_light(
             sums[side] += counts[side];
             squares[side] += counts[side] * counts[side];
         }
+        totals.push(counts[0] + counts[1]);
+        pairs += on.len().saturating_sub(1) as f64;
+        opposite += on.windows(2).filter(|pair| pair[0] != pair[1]).count() as f64;
         balances.push((balance[0] + balance[1]) / seconds);
         drift += (balance[1] - balance[0]) / seconds;
     }
@@ -127,12 +140,16 @@ pub(crate) fn constant_light(
     let unequal = drift / calm;
     let by_ratio = ratio.se.unwrap_or(ratio.value) * rates_hz[1].value;
     let leak = Estimate::found(mean + open, together(&[statistical, 0.6 * open, unequal, by_ratio]));
+    let alternate = opposite / pairs;
+    let alternate = Estimate::found(alternate, (alternate * (1.0 - alternate) / pairs).sqrt() + 1.0 / pairs);
     let median_log = median(&mut hot.clone());
     let deviation = hot.iter().map(|r| (r - median_log) * (r - median_log)).sum::<f64>();
     let deviation = (deviation / hot.len().max(1) as f64).sqrt();
     Some(ConstantLight {
         hot: share,
         rates_hz,
+        alternate: alternate.only_if(pairs >= FEWEST_PAIRS, 0.0),
+        fano: fano(&totals),
         leak_hz: leak,
         hot_rate: if hot.is_empty() {
             [0.0; 2]
@@ -140,4 +157,25 @@ pub(crate) fn constant_light(
             [libm::exp(median_log * std::f64::consts::LN_10), deviation]
         },
     })
+}
+
+/// The Fano factor of counts. Its error is a jackknife over groups, because a few pixels make most events.
+fn fano(totals: &[f64]) -> Estimate {
+    let of = |without: usize| {
+        let [mut n, mut sum, mut squares] = [0.0; 3];
+        for (_, total) in totals.iter().enumerate().filter(|(i, _)| i % GROUPS != without) {
+            n += 1.0;
+            sum += total;
+            squares += total * total;
+        }
+        (squares - sum * sum / n) / sum
+    };
+    let events: f64 = totals.iter().sum();
+    if events < FEWEST_PAIRS {
+        return Estimate::unknown(0.0);
+    }
+    let all: Vec<f64> = (0..GROUPS).map(of).collect();
+    let mean = all.iter().sum::<f64>() / GROUPS as f64;
+    let square: f64 = all.iter().map(|f| (f - mean) * (f - mean)).sum();
+    Estimate::found(of(GROUPS), (square * (GROUPS - 1) as f64 / GROUPS as f64).sqrt())
 }

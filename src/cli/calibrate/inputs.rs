@@ -25,8 +25,13 @@ impl CalibrateArgs {
         let mut frames = Vec::with_capacity(sequence.stamps_us.len() * size.pixels());
         loop {
             let frame = sequence.frames.next();
-            let frame =
-                frame.map_err(|e| input::unreadable_file("frames", &e).path(&self.recording.frames))?;
+            let frame = frame.map_err(|e| {
+                let error = input::unreadable_file("frames", &e);
+                match self.recording.frames() {
+                    Some(path) => error.path(path),
+                    None => error,
+                }
+            })?;
             let Some(frame) = frame else { break };
             frames.extend_from_slice(frame.luminance.pixels());
         }
@@ -37,11 +42,21 @@ impl CalibrateArgs {
     pub(super) fn read_noise(&self, size: Size) -> Result<Option<StaticRecording>, VerbError> {
         let Some(path) = &self.noise else { return Ok(None) };
         let events = self.events_of(path, size)?;
-        let trains = PixelTrains::new(size, &events);
-        let Some(span_us) = trains.span_us() else {
-            return Err(VerbError::usage("no-events", format!("{} has no events", path.display())));
-        };
-        Ok(Some(StaticRecording { trains, span_us }))
+        static_recording(path, size, &events).map(Some)
+    }
+
+    /// The events of constant light, where there are no frames.
+    pub(super) fn read_static(&self) -> Result<StaticRecording, VerbError> {
+        let path = &self.recording.events;
+        let size = self.recording.size()?;
+        let mut events = self.events_of(path, size)?;
+        let us = |event: &Event| event.t.floor_micros();
+        if let Some(first) = events.first().map(us) {
+            let second = |event: &Event| (us(event) - first) as f64 * 1e-6;
+            let [from, to] = [self.from.unwrap_or(0.0), self.to.unwrap_or(f64::INFINITY)];
+            events.retain(|event| (from..=to).contains(&second(event)));
+        }
+        static_recording(path, size, &events)
     }
 
     fn events_of(&self, path: &Path, size: Size) -> Result<Vec<Event>, VerbError> {
@@ -63,6 +78,14 @@ impl CalibrateArgs {
         let held = (split < end).then(|| whole.part(split, end));
         Ok(Parts { fitted: whole.part(begin, split)?, held: held.transpose()? })
     }
+}
+
+fn static_recording(path: &Path, size: Size, events: &[Event]) -> Result<StaticRecording, VerbError> {
+    let trains = PixelTrains::new(size, events);
+    let Some(span_us) = trains.span_us() else {
+        return Err(VerbError::usage("no-events", format!("{} has no events", path.display())));
+    };
+    Ok(StaticRecording { trains, span_us })
 }
 
 /// A whole recording.

@@ -1,8 +1,8 @@
 //! `calibration.html`: the estimates and the pictures behind them, in one page without scripts.
 
 use super::Calibrated;
-use super::held_out::HeldOut;
-use gs2e_calibrate::{Estimate, Rung};
+use super::held_out::{EventPictures, HeldOut};
+use gs2e_calibrate::{Calibration, Estimate, FlickerLine, Rung};
 use gs2e_files::html::{HtmlFragment, encode_base64, write_page_head};
 use gs2e_lab::real::ComparedSensor;
 use gs2e_trajectory::picture::{PicturePanel, SvgText};
@@ -25,10 +25,13 @@ pub(super) fn page(done: &Calibrated, trust: &str) -> String {
             });
             html.within("main", &[], |html| {
                 estimates(html, done);
-                html.leaf("h2", &[], "Ladder");
-                html.leaf("p", &[], LADDER);
-                picture(html, "ladder", &ladder(done));
+                if !done.found.ladder.is_empty() {
+                    html.leaf("h2", &[], "Ladder");
+                    html.leaf("p", &[], LADDER);
+                    picture(html, "ladder", &ladder(done));
+                }
                 read_out(html, done);
+                constant_light(html, &done.found);
                 if let Some(held) = &done.held_out {
                     compared(html, held);
                 }
@@ -59,15 +62,20 @@ fn cells(html: &mut HtmlFragment, tag: &'static str, words: &[&str]) {
     html.within("tr", &[], |html| words.iter().for_each(|word| html.leaf(tag, &[], word)));
 }
 
+fn value_and_error(Estimate { value, se, determined }: Estimate) -> [String; 2] {
+    match se {
+        Some(se) if determined => [format!("{value:.4}"), format!("{se:.4}")],
+        Some(se) => [format!("{value:.4}"), format!("{se:.4} (rough)")],
+        None => ["-".to_owned(), "not determined by this recording".to_owned()],
+    }
+}
+
 fn estimates(html: &mut HtmlFragment, done: &Calibrated) {
     html.leaf("h2", &[], "Parameters");
     html.table("", |html| {
         cells(html, "th", &["parameter", "value", "standard error"]);
-        for (name, Estimate { value, se, .. }) in done.found.named() {
-            let [value, se] = match se {
-                Some(se) => [format!("{value:.4}"), format!("{se:.4}")],
-                None => ["-".to_owned(), "not determined by this recording".to_owned()],
-            };
+        for (name, estimate) in done.found.named() {
+            let [value, se] = value_and_error(estimate);
             cells(html, "td", &[name, &value, &se]);
         }
     });
@@ -87,6 +95,64 @@ fn read_out(html: &mut HtmlFragment, done: &Calibrated) {
             cells(html, "td", &words.each_ref().map(String::as_str));
         }
     });
+}
+
+/// What pixels in constant light show.
+fn constant_light(html: &mut HtmlFragment, found: &Calibration) {
+    if found.noise_on_hz.se.is_none() {
+        return;
+    }
+    html.leaf("h2", &[], "Constant light");
+    html.table("", |html| {
+        cells(html, "th", &["of calm pixels", "value", "standard error"]);
+        for (words, estimate) in [
+            ("ON events per second", found.noise_on_hz),
+            ("OFF events per second", found.noise_off_hz),
+            ("share of neighbouring events with the other sign", found.alternate),
+            ("Fano factor of the counts", found.fano),
+        ] {
+            let [value, se] = value_and_error(estimate);
+            cells(html, "td", &[words, &value, &se]);
+        }
+    });
+    if found.spectrum.is_empty() {
+        return;
+    }
+    html.leaf("p", &[], SPECTRUM);
+    picture(html, "spectrum", &spectrum(found));
+}
+
+const SPECTRUM: &str = "Power of the number of events by frequency. Events that do not know of each other have a power of 1; \
+                        a lamp on the mains makes lines at twice its frequency.";
+
+/// The spectrum as SVG: logarithms of power by frequency.
+fn spectrum(found: &Calibration) -> String {
+    let mut out = SvgText::new(SIZE);
+    out.frame(INNER);
+    out.text([INNER.left, 26.0], "start", DARK, "Power by frequency (Hz)");
+    let last = found.spectrum.len() - 1;
+    // Frequencies of motion and the mean are left out.
+    let shown = &found.spectrum[1..];
+    let decade = |power: f64| power.max(1e-3).log10();
+    let high = shown.iter().map(|power| decade(*power)).fold(1.0, f64::max).ceil();
+    let low = shown.iter().map(|power| decade(*power)).fold(-1.0, f64::min).floor();
+    let at = |hz: f64, power: f64| INNER.point([hz / last as f64, (decade(power) - low) / (high - low)]);
+    out.polyline(shown.iter().enumerate().map(|(i, power)| at((i + 1) as f64, *power)), LINE, 1.0);
+    for FlickerLine { hz, .. } in &found.flicker {
+        let [x, y] = at(*hz as f64, found.spectrum[*hz]);
+        out.text([x, y - 6.0], "middle", POINT, &format!("{hz}"));
+    }
+    for hz in (0..=last).step_by(100) {
+        let [x, _] = at(hz as f64, 1.0);
+        out.text([x, INNER.bottom() + 18.0], "middle", DARK, &hz.to_string());
+    }
+    let mut exponent = low;
+    while exponent <= high {
+        let [_, y] = INNER.point([0.0, (exponent - low) / (high - low)]);
+        out.text([INNER.left - 6.0, y + 4.0], "end", DARK, &format!("1e{exponent:.0}"));
+        exponent += 1.0;
+    }
+    out.finish()
 }
 
 fn compared(html: &mut HtmlFragment, held: &HeldOut) {
@@ -110,6 +176,22 @@ fn compared(html: &mut HtmlFragment, held: &HeldOut) {
         }
     });
     picture(html, "intervals", &held.intervals);
+    let EventPictures { from_us, length_us, recorded, simulated } = &held.events;
+    let words = format!(
+        "Events of {} ms from {:.1} ms after the first frame that was held out: red is brighter, blue darker.",
+        length_us / 1000,
+        *from_us as f64 * 1e-3
+    );
+    html.leaf("p", &[], &words);
+    html.within("div", &[("class", "row")], |html| {
+        for (words, png) in [("recorded", recorded), ("simulated", simulated)] {
+            html.within("figure", &[], |html| {
+                let source = format!("data:image/png;base64,{}", encode_base64(png));
+                html.empty("img", &[("src", &source), ("alt", words)]);
+                html.leaf("figcaption", &[], words);
+            });
+        }
+    });
 }
 
 /// The ladder as SVG.

@@ -3,7 +3,7 @@
 use super::Calibrated;
 use super::held_out::HeldOut;
 use crate::cli::Console;
-use gs2e_calibrate::Estimate;
+use gs2e_calibrate::{Estimate, FlickerLine};
 use gs2e_lab::real::ComparedSensor;
 use serde_json::{Value, json};
 
@@ -22,8 +22,18 @@ pub(super) fn report(done: &Calibrated, trust: &str, console: &Console) {
         return console.result(&all);
     }
     console.print("parameter        value      standard error");
-    let more = [("lag_us", done.found.lag_us)];
-    done.found.named().into_iter().chain(more).for_each(|(name, e)| console.print(&row(name, e)));
+    let found = &done.found;
+    let more = [
+        ("lag_us", found.lag_us),
+        ("noise_on_hz", found.noise_on_hz),
+        ("noise_off_hz", found.noise_off_hz),
+        ("alternate", found.alternate),
+        ("fano", found.fano),
+    ];
+    found.named().into_iter().chain(more).for_each(|(name, e)| console.print(&row(name, e)));
+    for FlickerLine { hz, times_median } in &found.flicker {
+        console.print(&format!("flicker: {hz} Hz, {times_median:.0} times the median of the spectrum"));
+    }
     for burst in &done.found.read_out {
         let [from, to] = burst.after_stamp_us;
         let (share, sign) = (100.0 * burst.share, burst.polarity.to_uppercase());
@@ -69,10 +79,12 @@ fn held_json(held: &HeldOut) -> Value {
 /// One sentence that says what to trust.
 pub(super) fn trust(done: &Calibrated) -> String {
     let named = done.found.named();
-    let part = |is_found: bool| {
-        let names: Vec<&str> =
-            named.iter().filter(|(_, e)| e.determined == is_found).map(|(name, _)| *name).collect();
+    let part = |passes: &dyn Fn(&Estimate) -> bool| {
+        let names: Vec<&str> = named.iter().filter(|(_, e)| passes(e)).map(|(name, _)| *name).collect();
         if names.is_empty() { "nothing".to_owned() } else { names.join(", ") }
     };
-    format!("trust {} within their errors; not determined: {}", part(true), part(false))
+    let found = part(&|e| e.determined);
+    let rough = part(&|e| !e.determined && e.se.is_some());
+    let open = part(&|e| e.se.is_none());
+    format!("trust {found} within their errors; rough: {rough}; not determined: {open}")
 }
