@@ -142,21 +142,25 @@ pub(crate) fn constant_light(
     let leak = Estimate::found(mean + open, together(&[statistical, 0.6 * open, unequal, by_ratio]));
     let alternate = opposite / pairs;
     let alternate = Estimate::found(alternate, (alternate * (1.0 - alternate) / pairs).sqrt() + 1.0 / pairs);
-    let median_log = median(&mut hot.clone());
-    let deviation = hot.iter().map(|r| (r - median_log) * (r - median_log)).sum::<f64>();
-    let deviation = (deviation / hot.len().max(1) as f64).sqrt();
     Some(ConstantLight {
         hot: share,
         rates_hz,
         alternate: alternate.only_if(pairs >= FEWEST_PAIRS, 0.0),
         fano: fano(&totals),
         leak_hz: leak,
-        hot_rate: if hot.is_empty() {
-            [0.0; 2]
-        } else {
-            [libm::exp(median_log * std::f64::consts::LN_10), deviation]
-        },
+        hot_rate: median_and_spread(&mut hot),
     })
+}
+
+/// The median of rates whose decades are given, and their deviation in decades; zeros of none.
+fn median_and_spread(decades: &mut [f64]) -> [f64; 2] {
+    if decades.is_empty() {
+        return [0.0; 2];
+    }
+    let middle = median(decades);
+    let square: f64 = decades.iter().map(|r| (r - middle) * (r - middle)).sum();
+    let spread = (square / decades.len() as f64).sqrt();
+    [libm::exp(middle * std::f64::consts::LN_10), spread]
 }
 
 /// The Fano factor of counts. Its error is a jackknife over groups, because a few pixels make most events.
