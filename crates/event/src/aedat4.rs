@@ -24,6 +24,7 @@
 
 mod buffer;
 mod info;
+mod packets;
 mod reader;
 mod writer;
 
