@@ -153,9 +153,35 @@ fn a_late_recording_is_aligned_and_read_outs_are_masked() {
 
     let inputs = "--frames slow.npy --stamps slow_us.npy --events late.csv";
     let message = place.ok(&format!("study real {inputs}")).stdout;
-    assert!(message.contains("pixels: 192 still, 192 moving") && message.lines().all(|line| line.len() <= 100));
+    assert!(
+        message.contains("pixels: 192 still, 192 moving") && message.lines().all(|line| line.len() <= 100)
+    );
     let message = place.refused(&format!("study real {inputs} --mask=-10000..10000"));
     assert!(message.contains("outside of the mask"), "{message}");
     let message = place.refused(&format!("study real {inputs} --mask 600"));
     assert!(message.contains("wanted two whole numbers of microseconds"), "{message}");
+}
+
+/// Frames and events of one file, which another program wrote.
+#[test]
+fn a_camera_file_has_frames_and_events() {
+    let place = Workspace::new();
+    let file = fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz/corpus/davis.aedat4")).unwrap();
+    place.write("davis.aedat4", &file);
+    let ended = place.ok("study real --frames davis.aedat4 --events davis.aedat4 --json");
+    assert!(ended.stderr.contains("at the middle of their exposures of 4000 us"), "{}", ended.stderr);
+    let found: Value = serde_json::from_str(&ended.stdout).unwrap();
+    // Stamps from 1.002 s to 1.062 s.
+    assert_eq!(found["seconds"], 0.06);
+    let outside = found["outside"].as_u64().unwrap();
+    assert_eq!(found["recording"]["events"].as_u64().unwrap() + outside, 80, "{found:#}");
+    place.ok("simulate --frames davis.aedat4 --sensor esim --out events.csv");
+    let message = place.refused("simulate --frames davis.aedat4 --fps 50 --sensor esim --out other.csv");
+    assert!(message.contains("the frames of davis.aedat4 have stamps"), "{message}");
+    place.write("cut.aedat4", &file[..2500]);
+    let ended = place.gs2e("study real --frames cut.aedat4 --events davis.aedat4");
+    assert!(ended.code == 1 && ended.stderr.contains("truncated"), "{}", ended.stderr);
+    place.ok("convert davis.aedat4 frameless.aedat4");
+    let ended = place.gs2e("study real --frames frameless.aedat4 --events davis.aedat4");
+    assert!(ended.code == 1 && ended.stderr.contains("it has no stream of frames"), "{}", ended.stderr);
 }

@@ -49,7 +49,7 @@ impl RealArgs {
         common.limit_cores();
         let cancel = on_interrupt()?;
         let sensors = self.sensors()?;
-        let mut sequence = self.recording.open_frames()?;
+        let mut sequence = self.recording.open_frames(console)?;
         let recorded = self.recorded(&sequence)?;
         let mut tap = |_: &_| go_unless(&cancel);
         let found = align_sensors(&mut *sequence.frames, &sensors, recorded, Seed(self.seed), &mut tap);

@@ -96,8 +96,7 @@ impl<R: Read> PacketStream<R> {
 
     /// The buffer in a packet.
     pub(super) fn inflate(&self, packet: &StoredPacket) -> Result<Vec<u8>, EventFileError> {
-        self.inflate_bytes(&packet.bytes)
-            .map_err(|e| wrong_packet(packet.at, &format!("the packet: {e}")))
+        self.inflate_bytes(&packet.bytes).map_err(|e| wrong_packet(packet.at, &format!("the packet: {e}")))
     }
 
     fn inflate_bytes(&self, packet: &[u8]) -> std::io::Result<Vec<u8>> {
