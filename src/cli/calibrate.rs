@@ -91,8 +91,11 @@ impl CalibrateArgs {
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
         let cancel = on_interrupt()?;
-        let done =
-            if self.recording.frames().is_some() { self.by_frames(&cancel)? } else { self.by_events()? };
+        let done = if self.recording.frames().is_some() {
+            self.by_frames(&cancel, console)?
+        } else {
+            self.by_events()?
+        };
         let trust = report::trust(&done);
         let sensor = |out: &mut dyn Write| out.write_all(done.sensor.as_bytes());
         let page = |out: &mut dyn Write| out.write_all(page::page(&done, &trust).as_bytes());
@@ -102,8 +105,8 @@ impl CalibrateArgs {
     }
 
     /// By frames and events.
-    fn by_frames(&self, cancel: &AtomicBool) -> Result<Calibrated, VerbError> {
-        let parts = self.read()?;
+    fn by_frames(&self, cancel: &AtomicBool, console: &Console) -> Result<Calibrated, VerbError> {
+        let parts = self.read(console)?;
         let noise = self.read_noise(parts.fitted.size)?;
         let found = calibrate(&parts.fitted, &noise).map_err(|because| self.unusable(&because))?;
         let sensor = sensor_text(&found);

@@ -58,7 +58,8 @@ pub(super) struct ExportArgs {
     lossy: bool,
 }
 
-fn parse_window(text: &str) -> Result<[i64; 2], String> {
+/// Reads a range of whole microseconds as `FROM..TO`.
+pub(in crate::cli) fn parse_window(text: &str) -> Result<[i64; 2], String> {
     let parts = text.split_once("..").and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
     let window = parts.filter(|[start, end]: &[i64; 2]| start < end);
     window.ok_or_else(|| "wanted two whole numbers of microseconds, such as 0..500000".to_owned())

@@ -2,7 +2,7 @@
 
 use super::convert::events::{EventInputOptions, SUPPORTED};
 use super::simulate::{FrameInputs, StampedFrames, full_scale, parse_rate};
-use super::{VerbError, input};
+use super::{Console, VerbError, input};
 use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFormat, OpenEventFile};
 use gs2e_event::sorted::SortedEvents;
@@ -15,7 +15,8 @@ use std::path::{Path, PathBuf};
 /// Options of a recording.
 #[derive(Debug, clap::Args)]
 pub(super) struct RecordingArgs {
-    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, or a folder of images
+    /// Frames of the camera: a .npy [N, H, W] of uint8 or float32, a folder of images, or an .aedat4, whose
+    /// frames have stamps
     #[arg(long, value_name = "FILE or DIR", required = true)]
     frames: Option<PathBuf>,
     /// Time stamps of the frames on the clock of the events: a .npy [N] of int64, in microseconds
@@ -45,17 +46,19 @@ impl RecordingArgs {
         self.frames.as_deref()
     }
 
-    /// Opens the frames.
-    pub(super) fn open_frames(&self) -> Result<StampedFrames, VerbError> {
+    /// Opens the frames, and prints what was decided about them.
+    pub(super) fn open_frames(&self, console: &Console) -> Result<StampedFrames, VerbError> {
         let frames =
             self.frames().ok_or_else(|| VerbError::usage("frames", "--frames is missing".to_owned()))?;
-        StampedFrames::open_inputs(FrameInputs {
+        let sequence = StampedFrames::open_inputs(FrameInputs {
             frames,
             rates: None,
             stamps: self.stamps.as_deref(),
             fps: self.fps,
             full_scale: self.full_scale,
-        })
+        })?;
+        sequence.notices.iter().for_each(|line| console.note(line));
+        Ok(sequence)
     }
 
     /// Opens a file of events.

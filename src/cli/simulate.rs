@@ -37,8 +37,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("input").required(true).args(["frames", "video"])))]
 pub(super) struct SimulateArgs {
-    /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, or a folder with
-    /// DVS-Voltmeter's info.txt
+    /// Frames: a .npy [N, H, W] of uint8 or float32, a folder of images, a folder with
+    /// DVS-Voltmeter's info.txt, or an .aedat4 with frames
     #[arg(long, value_name = "FILE or DIR")]
     frames: Option<PathBuf>,
     /// Video, decoded by the program ffmpeg, with the stamps of its frames

@@ -49,6 +49,7 @@ const EVENTS: [&str; 6] = [
 ];
 const EVT: [&str; 2] = ["tests/fuzz/corpus/evt2.raw", "tests/fuzz/corpus/evt3.raw"];
 const AEDAT4: [&str; 2] = ["tests/fuzz/corpus/few.aedat4", "tests/fuzz/corpus/plain.aedat4"];
+const FRAMES: [&str; 2] = ["tests/fuzz/corpus/davis.aedat4", "tests/fuzz/corpus/colour.aedat4"];
 const MCAP: [&str; 2] = ["tests/fuzz/corpus/few.mcap", "tests/fuzz/corpus/plain.mcap"];
 const TEXT: [&str; 3] =
     ["tests/fuzz/corpus/few.txt", "tests/fuzz/corpus/few.csv", "tests/fuzz/corpus/foreign.txt"];
@@ -118,6 +119,13 @@ pub(crate) const READERS: [Reader; 24] = [
         name: "aedat4",
         corpus: || files(&AEDAT4),
         read: |file| on_disk(file, "events", |path| event::aedat4::Reader::open(path).is_ok_and(drain)),
+    },
+    Reader {
+        name: "aedat4-frames",
+        corpus: || files(&FRAMES),
+        read: |file| {
+            on_disk(file, "frames", |path| event::aedat4::FrameReader::open(path).is_ok_and(drain_frames))
+        },
     },
     Reader {
         name: "mcap",
@@ -253,6 +261,16 @@ fn read_events(path: &Path) -> bool {
         drain(reader) && indexed
     });
     h5 || event::npz::Reader::open(path).is_ok_and(drain)
+}
+
+fn drain_frames(mut reader: event::aedat4::FrameReader) -> bool {
+    loop {
+        match reader.next_frame() {
+            Ok(None) => return true,
+            Ok(Some(_)) => {}
+            Err(_) => return false,
+        }
+    }
 }
 
 /// Reads a stream. Returns true if its end was reached.

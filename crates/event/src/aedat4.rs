@@ -4,7 +4,8 @@
 //!
 //! Header and packets are `FlatBuffers` with a few fields, which are laid out here directly;
 //! packets are compressed separately. LZ4 frames are written; plain and Zstandard packets can be
-//! read too. Packets of other streams than the first stream of events are skipped.
+//! read too. Packets of other streams than the first stream of events are skipped; [`FrameReader`]
+//! reads those of the first stream of frames.
 //!
 //! # Examples
 //! ```
@@ -23,20 +24,25 @@
 //! ```
 
 mod buffer;
+mod frames;
 mod info;
+mod packets;
 mod reader;
 mod writer;
 
+pub use frames::{CameraFrame, FramePixels, FrameReader};
 pub use reader::Reader;
 pub use writer::Writer;
 
 /// The first line.
 const VERSION: &[u8; 14] = b"#!AER-DAT4.0\r\n";
 
-/// Identifiers of both kinds of buffer.
+/// Identifiers of the kinds of buffer.
 const HEADER: &[u8; 4] = b"IOHE";
 /// See [`HEADER`].
 const EVENTS: &[u8; 4] = b"EVTS";
+/// See [`HEADER`].
+const FRAMES: &[u8; 4] = b"FRME";
 
 /// Size of an event, bytes: time (i64, us), column, row (i16), polarity (u8), 3 bytes of padding.
 const EVENT: usize = 16;

@@ -8,9 +8,20 @@
 //! the recorded intervals under the law that fits the simulated ones: first passages of a Brownian
 //! motion are inverse-Gaussian, the model of DVS-Voltmeter (Lin et al., ECCV 2022).
 
+mod aligned;
+mod blur;
+mod events;
+mod ladder;
+mod light;
+pub mod mask;
 pub mod picture;
 pub mod profile;
+mod signed;
 
+pub use aligned::{AlignedFigures, AlignedStudy, RecordedStream, align_sensors};
+pub use light::LightCounts;
+
+use gs2e_event::EventSink;
 use gs2e_num::seed::Seed;
 use gs2e_sensor::esim::EsimModel;
 use gs2e_sensor::frames::{DenseFrame, FrameSequence};
@@ -80,7 +91,7 @@ pub struct RealStudy {
     pub rows: Vec<ComparedSensor>,
     /// Their streams, in the same order.
     pub profiles: Vec<StreamProfile>,
-    /// Length of the window, seconds.
+    /// Length of the window without what is masked, seconds.
     pub seconds: f64,
 }
 
@@ -106,27 +117,52 @@ pub fn compare_sensors(
     tap: &mut dyn FnMut(&DenseFrame) -> ControlFlow<()>,
 ) -> Result<RealStudy, SimulateError> {
     let ProfiledRecording { profile: real, empty } = recording;
-    let mut profiles = vec![empty.clone(); sensors.len()];
+    let mut profiles = vec![empty; sensors.len()];
+    let accounts = simulate_sensors(frames, sensors, &mut profiles, seed, tap)?;
+    let found = compare_all(sensors, &accounts, &real, &profiles);
+    let (rows, profiles) = ranked(found.into_iter().zip(profiles), |(row, _)| row).into_iter().unzip();
+    Ok(RealStudy { seconds: real.seconds(), real, rows, profiles })
+}
+
+/// Passes the frames to all sensors, which write to one sink each.
+fn simulate_sensors<S: EventSink>(
+    frames: &mut dyn FrameSequence,
+    sensors: &[StudiedSensor],
+    sinks: &mut [S],
+    seed: Seed,
+    tap: &mut dyn FnMut(&DenseFrame) -> ControlFlow<()>,
+) -> Result<Vec<SimulationAccount>, SimulateError> {
     let capped: Vec<SensorChoice> = sensors.iter().map(|studied| with_cap(&studied.sensor)).collect();
     let size = frames.size();
     let mut channels = Vec::new();
-    for (sensor, sink) in capped.iter().zip(&mut profiles) {
+    for (sensor, sink) in capped.iter().zip(sinks) {
         let model = sensor.as_model();
         let pixels = model.start(size, [0, 0], seed)?;
         channels.push(SensorChannel::new(pixels, sink).behind(model.front_end()));
     }
-    let accounts = simulate_all(frames, &mut channels, tap)?;
-    // The channels borrow the profiles, which are read next.
-    drop(channels);
-    let seconds = empty.seconds();
-    let compared = sensors.iter().zip(accounts).zip(profiles).map(|((studied, account), profile)| {
-        (compare(&studied.name, &account, &real, &profile, seconds), profile)
-    });
-    let mut all: Vec<(ComparedSensor, StreamProfile)> = compared.collect();
+    simulate_all(frames, &mut channels, tap)
+}
+
+/// Each sensor compared with the recording.
+fn compare_all(
+    sensors: &[StudiedSensor],
+    accounts: &[SimulationAccount],
+    real: &StreamProfile,
+    profiles: &[StreamProfile],
+) -> Vec<ComparedSensor> {
+    let all = sensors.iter().zip(accounts).zip(profiles);
+    all.map(|((studied, account), made)| compare(&studied.name, account, real, made)).collect()
+}
+
+/// The sensors with what belongs to them, the nearest first.
+fn ranked<T>(all: impl Iterator<Item = T>, row: impl Fn(&T) -> &ComparedSensor) -> Vec<T> {
+    let mut all: Vec<T> = all.collect();
     // Ties by name, so that the order of the arguments does not matter.
-    all.sort_by(|(a, _), (b, _)| a.distance.total_cmp(&b.distance).then_with(|| a.sensor.cmp(&b.sensor)));
-    let (rows, profiles) = all.into_iter().unzip();
-    Ok(RealStudy { real, rows, profiles, seconds })
+    all.sort_by(|a, b| {
+        let [a, b] = [a, b].map(&row);
+        a.distance.total_cmp(&b.distance).then_with(|| a.sensor.cmp(&b.sensor))
+    });
+    all
 }
 
 /// A sensor that drops and counts the events beyond its cap. A preset that fires far too often is a
@@ -140,7 +176,6 @@ fn compare(
     account: &SimulationAccount,
     real: &StreamProfile,
     made: &StreamProfile,
-    seconds: f64,
 ) -> ComparedSensor {
     let (ks_counts, ks_intervals) = (real.count_distance(made), real.intervals().distance(made.intervals()));
     // A stream without events has no share, and differs as much as a share can.
@@ -153,7 +188,7 @@ fn compare(
         sensor: name.to_owned(),
         events: made.events(),
         capped: account.capped,
-        rate_ev_px_s: made.per_pixel() / seconds,
+        rate_ev_px_s: made.per_pixel() / real.seconds(),
         on_share: made.on_share(),
         ks_counts,
         ks_intervals,

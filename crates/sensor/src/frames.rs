@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod aedat4;
 pub mod anchors;
 pub mod array;
 pub mod folder;

@@ -1,7 +1,7 @@
 //! The recording, read into memory and cut into the part that is fitted and the part that is held out.
 
 use super::{CalibrateArgs, NoiseFile};
-use crate::cli::{VerbError, input};
+use crate::cli::{Console, VerbError, input};
 use gs2e_calibrate::{PixelTrains, Recording, StaticRecording};
 use gs2e_event::Event;
 use gs2e_image::Size;
@@ -18,8 +18,8 @@ pub(super) struct Parts {
 
 impl CalibrateArgs {
     /// Reads frames and events.
-    pub(super) fn read(&self) -> Result<Parts, VerbError> {
-        let mut sequence = self.recording.open_frames()?;
+    pub(super) fn read(&self, console: &Console) -> Result<Parts, VerbError> {
+        let mut sequence = self.recording.open_frames(console)?;
         let size = sequence.frames.size();
         let events = self.events_of(&self.recording.events, size)?;
         let mut frames = Vec::with_capacity(sequence.stamps_us.len() * size.pixels());

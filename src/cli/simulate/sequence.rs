@@ -5,6 +5,7 @@ use crate::cli::{ExitKind, UserMessage, VerbError, input};
 use gs2e_files::is_there;
 use gs2e_files::programs::ProgramFinder;
 use gs2e_num::units::{Hertz, Ratio, format_amount};
+use gs2e_sensor::frames::aedat4::{Aedat4Error, Aedat4Frames};
 use gs2e_sensor::frames::array::FullScale;
 use gs2e_sensor::frames::folder::{FolderError, FolderFrames, FolderListing, INFO};
 use gs2e_sensor::frames::npy::{FrameStack, NpyError, NpyFrames, RatedFrames, SampleKind};
@@ -72,6 +73,7 @@ pub(in crate::cli) struct StampedFrames {
 enum FrameSource {
     Stack(FrameStack),
     Images(FolderListing),
+    Camera(Aedat4Frames),
 }
 
 impl StampedFrames {
@@ -93,13 +95,17 @@ impl StampedFrames {
             let what = "warning: --full-scale applies to floats: these frames are already grey 0 to 255";
             notices.push(what.to_owned());
         }
-        let may_be_coloured = matches!(source, FrameSource::Images(_));
+        let may_be_coloured = matches!(source, FrameSource::Images(_) | FrameSource::Camera(_));
         let frames: Box<dyn FrameSequence> = match source {
             FrameSource::Stack(stack) => {
                 Box::new(NpyFrames::new(stack, full_scale, &stamps_us).map_err(|e| mismatched_frames(&e))?)
             }
             FrameSource::Images(listing) => {
                 Box::new(FolderFrames::new(listing.images, &stamps_us).map_err(|e| wrong_folder(&e))?)
+            }
+            FrameSource::Camera(frames) => {
+                notices.push(stamp_notice(asked.frames, &frames));
+                Box::new(frames)
             }
         };
         let frames = match asked.rates {
@@ -183,8 +189,12 @@ fn open_frames(path: &Path) -> Result<FrameSource, VerbError> {
     if path.is_dir() {
         return FolderListing::list_folder(path).map(FrameSource::Images).map_err(|e| wrong_folder(&e));
     }
-    let is_npy = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
-    if is_there(path) && !is_npy {
+    let has = |wanted: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(wanted));
+    if is_there(path) && has("aedat4") {
+        let frames = Aedat4Frames::open(path).map_err(|e| wrong_camera_file(path, &e))?;
+        return Ok(FrameSource::Camera(frames));
+    }
+    if is_there(path) && !has("npy") {
         let what = format!("{} is neither a .npy nor a folder of images", path.display());
         return Err(VerbError::usage("format", what));
     }
@@ -207,12 +217,17 @@ pub(in crate::cli) fn open_stack(
 fn find_stamps(asked: FrameInputs<'_>, source: &FrameSource) -> Result<Vec<i64>, VerbError> {
     let (count, own) = match source {
         FrameSource::Stack(stack) => (stack.frames(), None),
-        FrameSource::Images(listing) => (listing.images.len(), listing.stamps_us.as_ref()),
+        FrameSource::Images(listing) => (listing.images.len(), listing.stamps_us.as_deref()),
+        FrameSource::Camera(frames) => (frames.len(), Some(frames.stamps_us())),
     };
     match (own, asked.stamps, asked.fps) {
-        (Some(own), None, None) => Ok(own.clone()),
+        (Some(own), None, None) => Ok(own.to_vec()),
         (Some(_), _, _) => {
-            let what = format!("the stamps of {} are in its {INFO}", asked.frames.display());
+            let place = asked.frames.display();
+            let what = match source {
+                FrameSource::Camera(_) => format!("the frames of {place} have stamps"),
+                _ => format!("the stamps of {place} are in its {INFO}"),
+            };
             Err(VerbError::usage("stamps", what).help("leave --stamps and --fps out"))
         }
         (None, Some(path), _) => {
@@ -229,6 +244,22 @@ fn find_stamps(asked: FrameInputs<'_>, source: &FrameSource) -> Result<Vec<i64>,
             Err(VerbError::usage("stamps", what).help(help))
         }
     }
+}
+
+/// Says what the stamps of a camera's file are.
+fn stamp_notice(path: &Path, frames: &Aedat4Frames) -> String {
+    let place = path.display();
+    match frames.exposure_us() {
+        Some(us) => {
+            format!("{place}: frames are stamped at the middle of their exposures of {us} us in the mean")
+        }
+        None => format!("{place}: frames state no exposure, so their own stamps are taken"),
+    }
+}
+
+/// The error for a camera's file whose frames cannot be read.
+fn wrong_camera_file(path: &Path, error: &Aedat4Error) -> VerbError {
+    input::wrong_content(path, format_args!("failed to read frames: {error}"))
 }
 
 /// Decides the full scale of floats by the brightest sample of the first two frames.

@@ -1,4 +1,4 @@
-//! The two `FlatBuffers`: a size, the offset of a table, an identifier, and the table. A table
+//! The `FlatBuffers`: a size, the offset of a table, an identifier, and the table. A table
 //! begins with the offset of its list of fields.
 
 use super::{EVENT, EVENTS, HEADER};
@@ -85,6 +85,14 @@ impl<'a> BufferTable<'a> {
         }
         let offset = usize::from(u16::from_le_bytes(read_array(self.bytes, list + entry)?));
         (offset > 0).then_some(self.at + offset)
+    }
+
+    pub(super) fn i8(&self, k: usize) -> Option<i8> {
+        self.field(k).and_then(|at| Some(i8::from_le_bytes(read_array(self.bytes, at)?)))
+    }
+
+    pub(super) fn i16(&self, k: usize) -> Option<i16> {
+        self.field(k).and_then(|at| Some(i16::from_le_bytes(read_array(self.bytes, at)?)))
     }
 
     pub(super) fn i32(&self, k: usize) -> Option<i32> {

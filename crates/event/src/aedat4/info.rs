@@ -37,16 +37,31 @@ pub(super) fn write_info(size: Size) -> String {
 
 /// The first stream of events. The error says what is missing.
 pub(super) fn read_info(text: &str) -> Result<StreamInfo, String> {
-    let document = Document::parse(text).map_err(|e| format!("its description is not valid XML: {e}"))?;
-    let streams =
-        document.descendants().filter(|node| node_attribute(*node, "typeIdentifier") == Some("EVTS"));
-    let stream = streams.min_by_key(|node| node_number(*node)).ok_or("it has no stream of events")?;
+    let document = parsed(text)?;
+    let stream = first_stream(&document, "EVTS").ok_or("it has no stream of events")?;
     let id = node_number(stream).ok_or("the node of its event stream has no numeric name")?;
     let info = stream.children().find(|node| node.attribute("name") == Some("info"));
     let side = |key: &str| node_attribute(info?, key)?.trim().parse::<u32>().ok();
     let size =
         side("sizeX").zip(side("sizeY")).ok_or("it does not state the sensor's size (sizeX, sizeY)")?;
     Ok(StreamInfo { id, size: Size { width: size.0, height: size.1 } })
+}
+
+/// The number of the first stream of frames, whose packets state their own sizes.
+pub(super) fn frame_stream(text: &str) -> Result<i32, String> {
+    let document = parsed(text)?;
+    let stream = first_stream(&document, "FRME").ok_or("it has no stream of frames")?;
+    node_number(stream).ok_or_else(|| "the node of its stream of frames has no numeric name".to_owned())
+}
+
+fn parsed(text: &str) -> Result<Document<'_>, String> {
+    Document::parse(text).map_err(|e| format!("its description is not valid XML: {e}"))
+}
+
+/// The stream of lowest number that holds this kind of buffer.
+fn first_stream<'a, 'b>(document: &'a Document<'b>, kind: &str) -> Option<Node<'a, 'b>> {
+    let streams = document.descendants().filter(|node| node_attribute(*node, "typeIdentifier") == Some(kind));
+    streams.min_by_key(|node| node_number(*node))
 }
 
 fn node_number(node: Node<'_, '_>) -> Option<i32> {

@@ -1,9 +1,13 @@
 //! The profile of a stream: events per pixel, share of ON events, and the intervals between the
 //! events of a pixel. Memory does not grow with the number of events.
 
+use super::events::CountedEvent;
+use super::light::PixelLight;
+use super::mask::StampMask;
 use gs2e_event::{Event, EventSink, Polarity};
 use gs2e_image::Size;
 use std::ops::RangeInclusive;
+use std::rc::Rc;
 
 /// Bins per doubling of an interval: a distance of distributions is known to the share of one bin.
 const BINS_PER_OCTAVE: f64 = 32.0;
@@ -122,15 +126,29 @@ pub struct StreamProfile {
     window_us: RangeInclusive<i64>,
     /// Added to the times of the stream.
     shift_us: i64,
-    /// Events of each pixel.
+    /// Times that do not count.
+    mask: Rc<StampMask>,
+    /// Events of each pixel, and ON events of each.
     counts: Vec<u32>,
+    on_counts: Vec<u32>,
     /// Time of the last event of each pixel; `i64::MIN` before the first.
     last_us: Vec<i64>,
     on: u64,
     events: u64,
     /// Events outside the window or the picture.
     outside: u64,
+    /// Events of the window that are masked.
+    masked: u64,
     intervals: IntervalProfile,
+}
+
+/// The events of some pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PixelRates {
+    /// Events per pixel; `None` without pixels.
+    pub(super) per_pixel: Option<f64>,
+    /// Share of ON events; `None` without events.
+    pub(super) on_share: Option<f64>,
 }
 
 impl StreamProfile {
@@ -141,41 +159,78 @@ impl StreamProfile {
             size,
             window_us,
             shift_us,
+            mask: Rc::default(),
             counts: vec![0; size.pixels()],
+            on_counts: vec![0; size.pixels()],
             last_us: vec![i64::MIN; size.pixels()],
             on: 0,
             events: 0,
             outside: 0,
+            masked: 0,
             intervals: IntervalProfile::default(),
         }
     }
 
-    /// Counts these events.
-    pub fn take(&mut self, events: &[Event]) {
-        events.iter().for_each(|event| self.count(event));
+    /// The profile without what a mask covers, before the first event.
+    #[must_use]
+    pub fn masked_by(self, mask: Rc<StampMask>) -> Self {
+        Self { mask, ..self }
     }
 
-    fn count(&mut self, event: &Event) {
+    /// A profile without events of the same time and pixels, with another shift.
+    #[must_use]
+    pub(super) fn emptied(&self, shift_us: i64) -> Self {
+        Self::new(self.size, self.window_us.clone(), shift_us).masked_by(Rc::clone(&self.mask))
+    }
+
+    /// Counts these events.
+    pub fn take(&mut self, events: &[Event]) {
+        for event in events {
+            self.count(event);
+        }
+    }
+
+    /// Counts an event, and returns it with its time in the window if it counts.
+    pub(super) fn count(&mut self, event: &Event) -> Option<CountedEvent> {
         let us = event.t.floor_micros().saturating_add(self.shift_us);
         let (x, y) = (u32::from(event.x), u32::from(event.y));
         if !self.window_us.contains(&us) || x >= self.size.width || y >= self.size.height {
             self.outside += 1;
-            return;
+            return None;
+        }
+        if self.mask.contains(us) {
+            self.masked += 1;
+            return None;
         }
         let pixel = (y * self.size.width + x) as usize;
         self.counts[pixel] = self.counts[pixel].saturating_add(1);
         self.events += 1;
-        self.on += u64::from(event.polarity == Polarity::On);
+        let is_on = event.polarity == Polarity::On;
+        self.on_counts[pixel] = self.on_counts[pixel].saturating_add(u32::from(is_on));
+        self.on += u64::from(is_on);
         let before = std::mem::replace(&mut self.last_us[pixel], us);
         if before != i64::MIN {
             self.intervals.add(us - before);
         }
+        Some(CountedEvent { us, pixel, is_on })
     }
 
-    /// Length of the window, seconds.
+    /// Length of the window without what is masked, seconds.
     #[must_use]
     pub fn seconds(&self) -> f64 {
-        (self.window_us.end() - self.window_us.start()) as f64 * 1e-6
+        self.mask.seconds_of(&self.window_us)
+    }
+
+    /// First and last microsecond of the window.
+    #[must_use]
+    pub(super) fn window_us(&self) -> &RangeInclusive<i64> {
+        &self.window_us
+    }
+
+    /// Size of the picture.
+    #[must_use]
+    pub fn size(&self) -> Size {
+        self.size
     }
 
     /// Number of events.
@@ -188,6 +243,29 @@ impl StreamProfile {
     #[must_use]
     pub fn outside(&self) -> u64 {
         self.outside
+    }
+
+    /// Number of events in the window that the mask leaves out.
+    #[must_use]
+    pub fn masked(&self) -> u64 {
+        self.masked
+    }
+
+    /// The events of the pixels with this light.
+    #[must_use]
+    pub(super) fn rates_of(&self, lights: &[PixelLight], light: PixelLight) -> PixelRates {
+        let these =
+            lights.iter().zip(self.counts.iter().zip(&self.on_counts)).filter(|(of, _)| **of == light);
+        let (mut pixels, mut events, mut on) = (0_u64, 0_u64, 0_u64);
+        for (_, (count, on_count)) in these {
+            pixels += 1;
+            events += u64::from(*count);
+            on += u64::from(*on_count);
+        }
+        PixelRates {
+            per_pixel: (pixels > 0).then(|| events as f64 / pixels as f64),
+            on_share: (events > 0).then(|| on as f64 / events as f64),
+        }
     }
 
     /// Share of ON events; `None` without events.
@@ -206,6 +284,19 @@ impl StreamProfile {
     #[must_use]
     pub fn intervals(&self) -> &IntervalProfile {
         &self.intervals
+    }
+
+    /// Pearson's correlation of the numbers of events of the pixels; `None` if they are alike in one of both.
+    #[must_use]
+    pub(super) fn count_correlation(&self, other: &Self) -> Option<f64> {
+        let n = self.counts.len() as f64;
+        let [a, b] = [self, other].map(Self::per_pixel);
+        let mut sums = [0.0; 3];
+        for (x, y) in self.counts.iter().zip(&other.counts) {
+            let (x, y) = (f64::from(*x) - a, f64::from(*y) - b);
+            [x * y, x * x, y * y].iter().zip(&mut sums).for_each(|(v, sum)| *sum += v / n);
+        }
+        (sums[1] > 0.0 && sums[2] > 0.0).then(|| sums[0] / (sums[1] * sums[2]).sqrt())
     }
 
     /// Kolmogorov-Smirnov distance of the numbers of events over the pixels.
