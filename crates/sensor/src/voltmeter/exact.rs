@@ -30,6 +30,8 @@ use std::collections::VecDeque;
 
 /// Version of the law. Raise it when a clock, a constant or a draw changes.
 pub(super) const VERSION: u32 = 3;
+/// Version of the law with the photoreceptor's noise. Above all versions of the law without it so far.
+pub(super) const RECEPTOR_VERSION: u32 = 4;
 
 /// Number of bands per thread. More bands balance quiet and busy parts of the image better; fewer
 /// bands share the fixed cost of a descent between more pixels.
@@ -452,6 +454,7 @@ impl SensorPixels for ExactSampler {
 mod tests {
     use super::super::VoltmeterPreset;
     use super::*;
+    use crate::noise::{PhotoreceptorNoise, ReceptorPoint};
     use crate::{SensorModel, SensorSettings};
     use gs2e_image::Image;
     use gs2e_num::units::Timestamp;
@@ -529,7 +532,10 @@ mod tests {
         let noisy = VoltmeterModel::new([8.0, 16.0, 2e-2, 1e-5, 1e-6, 4e-3]);
         let quiet = VoltmeterModel::new([8.0, 16.0, 0.0, 1e-5, 1e-6, 0.0]);
         let curved = VoltmeterModel { between: BetweenFrames::Catmull, ..noisy.clone() };
-        for sensor in [noisy, quiet, curved, dvs346()] {
+        let points = vec![ReceptorPoint { lux: 250.0, deviation: 0.05, cutoff_hz: 300.0 }];
+        let photoreceptor_noise = PhotoreceptorNoise { spread: 0.3, points };
+        let receptor = VoltmeterModel { photoreceptor_noise, ..noisy.clone() };
+        for sensor in [noisy, quiet, curved, receptor, dvs346()] {
             let wanted = on(&sensor, best);
             assert!(wanted.0.events > 100, "{:?}", wanted.0);
             levels.iter().for_each(|level| assert_eq!(on(&sensor, *level), wanted, "{level:?}"));
