@@ -157,13 +157,7 @@ impl FilterLeg<'_> {
             StageRates::Equal(rate) => f64x8::splat(log.simd, *rate),
             StageRates::ByGrey(curve) => {
                 let greys = exp_eight(log) - self.law.k2;
-                let mut rates = [0.0; 8];
-                for (lane, rate) in rates.iter_mut().enumerate() {
-                    #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-                    let grey = greys[lane] as f32;
-                    *rate = curve.at(grey);
-                }
-                f64x8::from_slice(log.simd, &rates)
+                curve.eight(greys)
             }
         }
     }
@@ -195,11 +189,16 @@ impl FilterLeg<'_> {
         let level = exp_eight(log).max(LEAST * k2);
         let luminance = (((level - k2) + ROUNDER * k2) - ROUNDER * k2).min(MOST);
         let rate = (level * slope * (1.0 / SECONDS)).max(-MOST).min(MOST);
-        let pixels = end.luminance[i..i + 8].iter_mut().zip(&mut end.rate[i..i + 8]);
-        for (lane, (to, change)) in pixels.enumerate() {
-            #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-            let rounded = [luminance[lane], rate[lane]].map(|v| v as f32);
-            [*to, *change] = rounded;
+        let (luminance, rate): ([f64; 8], [f64; 8]) = (luminance.into(), rate.into());
+        let (to, change) = (&mut end.luminance[i..i + 8], &mut end.rate[i..i + 8]);
+        // Loops without a closure, which the compiler turns into vector conversions.
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+        for lane in 0..8 {
+            to[lane] = luminance[lane] as f32;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+        for lane in 0..8 {
+            change[lane] = rate[lane] as f32;
         }
     }
 }
