@@ -20,9 +20,10 @@ use std::sync::atomic::AtomicBool;
 pub(super) struct CalibrateArgs {
     #[command(flatten)]
     recording: RecordingArgs,
-    /// Events of the same pixels in constant light, for noise, leak and hot pixels
-    #[arg(long, value_name = "FILE", requires = "frames")]
-    noise: Option<PathBuf>,
+    /// Events of the same pixels in constant light, for noise, leak and hot pixels; with the light on the
+    /// sensor, if it is known
+    #[arg(long, value_name = "FILE[@LUX]", requires = "frames", value_parser = noise_file)]
+    noise: Vec<NoiseFile>,
     /// Start of the part that is used, in seconds after the first frame (without frames, the first event)
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     from: Option<f64>,
@@ -48,6 +49,25 @@ fn seconds(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(wanted)
 }
 
+/// A file of `--noise`.
+#[derive(Debug, Clone)]
+struct NoiseFile {
+    path: PathBuf,
+    lux: Option<f64>,
+}
+
+fn noise_file(text: &str) -> Result<NoiseFile, String> {
+    let Some((path, lux)) = text.rsplit_once('@') else {
+        return Ok(NoiseFile { path: text.into(), lux: None });
+    };
+    match lux.parse() {
+        Ok(lux) if f64::is_finite(lux) && lux > 0.0 => Ok(NoiseFile { path: path.into(), lux: Some(lux) }),
+        Ok(_) => Err(format!("`{lux}` is not a light above 0 lux")),
+        // A name with an @.
+        Err(_) => Ok(NoiseFile { path: text.into(), lux: None }),
+    }
+}
+
 fn held_share(text: &str) -> Result<f64, String> {
     let wanted = || format!("`{text}` is not a share from 0.1 to 0.9");
     text.parse().ok().filter(|s| (0.1..=0.9).contains(s)).ok_or_else(wanted)
@@ -66,7 +86,7 @@ struct Calibrated {
 
 impl CalibrateArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        let inputs = self.recording.paths().chain(self.noise.as_deref());
+        let inputs = self.recording.paths().chain(self.noise.iter().map(|noise| noise.path.as_path()));
         let outputs = self.out.iter().chain(&self.page).map(PathBuf::as_path);
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
@@ -88,7 +108,7 @@ impl CalibrateArgs {
     fn by_frames(&self, cancel: &AtomicBool, console: &Console) -> Result<Calibrated, VerbError> {
         let parts = self.read(console)?;
         let noise = self.read_noise(parts.fitted.size)?;
-        let found = calibrate(&parts.fitted, noise.as_ref()).map_err(|because| self.unusable(&because))?;
+        let found = calibrate(&parts.fitted, &noise).map_err(|because| self.unusable(&because))?;
         let sensor = sensor_text(&found);
         let held_out = parts
             .held

@@ -100,6 +100,27 @@ pub struct StaticRecording {
     pub trains: PixelTrains,
     /// First and last time that it covers.
     pub span_us: (i64, i64),
+    /// Light on the sensor, if it is known.
+    pub lux: Option<f64>,
+}
+
+/// What a recording of constant light shows.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct LightLevel {
+    /// Light on the sensor, if it is known.
+    pub lux: Option<f64>,
+    /// ON events of a calm pixel per second.
+    pub noise_on_hz: Estimate,
+    /// OFF events of a calm pixel per second.
+    pub noise_off_hz: Estimate,
+    /// Share of neighbouring events of a calm pixel that have the other sign.
+    pub alternate: Estimate,
+    /// Fano factor of the numbers of events of calm pixels.
+    pub fano: Estimate,
+    /// ON events per pixel and second from the leak.
+    pub leak_hz: Estimate,
+    /// Share of pixels with more than 5 events per second.
+    pub hot_pixels: Estimate,
 }
 
 /// The estimates, in natural logarithms, microseconds, greys and hertz.
@@ -137,6 +158,8 @@ pub struct Calibration {
     pub alternate: Estimate,
     /// Fano factor of the numbers of events of calm pixels in constant light.
     pub fano: Estimate,
+    /// Each recording of constant light, in the order given.
+    pub by_light: Vec<LightLevel>,
     /// Lines in the spectrum of the events in constant light.
     pub flicker: Vec<FlickerLine>,
     /// Power of this spectrum at 0, 1, 2, … Hz by that of independent events; empty if there is none.
@@ -160,14 +183,12 @@ pub struct Calibration {
     pub ladder: Vec<Rung>,
 }
 
-/// Estimates all that the recording determines.
+/// Estimates all that the recording determines. Of recordings of constant light, the first decides about leak
+/// and hot pixels.
 ///
 /// # Errors
 /// The recording cannot be used.
-pub fn calibrate(
-    recording: &Recording,
-    noise: Option<&StaticRecording>,
-) -> Result<Calibration, CalibrateError> {
+pub fn calibrate(recording: &Recording, noise: &[StaticRecording]) -> Result<Calibration, CalibrateError> {
     let still = still_pixels(recording);
     screen(recording, &still)?;
     let (dead, longest_us) = dead_time(&recording.trains);
@@ -194,12 +215,11 @@ pub fn calibrate(
     let share = |contrast: Estimate| contrast.se.map_or(UNKNOWN_CONTRAST, |se| se / contrast.value);
     let ratio = off.value / on.value;
     let ratio = Estimate::found(ratio, ratio * together(&[share(on), share(off)]));
-    if let Some(noise) = noise {
-        let all: Vec<usize> = (0..noise.trains.pixels()).collect();
-        found.take_light(&noise.trains, &all, noise.span_us, ratio);
-    } else {
+    if noise.is_empty() {
         let span = (recording.stamps_us[0], recording.stamps_us[recording.stamps_us.len() - 1]);
         found.take_light(&recording.trains, &still.pixels, span, ratio);
+    } else {
+        found.take_levels(noise, ratio);
     }
     Ok(found)
 }
@@ -211,11 +231,9 @@ pub fn calibrate(
 /// The light is not constant.
 pub fn calibrate_static(recording: &StaticRecording) -> Result<Calibration, CalibrateError> {
     let mut found = Calibration::unknown();
-    let all: Vec<usize> = (0..recording.trains.pixels()).collect();
     found.dead_time_us = dead_time(&recording.trains).0;
-    found.still_pixels = all.len();
-    let ratio = Estimate::found(1.0, UNKNOWN_CONTRAST);
-    found.take_light(&recording.trains, &all, recording.span_us, ratio);
+    found.still_pixels = recording.trains.pixels();
+    found.take_levels(std::slice::from_ref(recording), Estimate::found(1.0, UNKNOWN_CONTRAST));
     let hot = found.hot_pixels.value;
     if hot > MOST_HOT { Err(CalibrateError::Moving { share: hot }) } else { Ok(found) }
 }
@@ -237,15 +255,16 @@ fn screen(recording: &Recording, still: &StillPixels) -> Result<(), CalibrateErr
 }
 
 /// Pixels that are hot in constant light.
-fn hot_mask(recording: &Recording, still: &StillPixels, noise: Option<&StaticRecording>) -> Vec<bool> {
+fn hot_mask(recording: &Recording, still: &StillPixels, noise: &[StaticRecording]) -> Vec<bool> {
     let mut hot = vec![false; recording.size.pixels()];
     for pixel in &still.pixels {
         hot[*pixel] = recording.trains.of(*pixel).0.len() as f64 > HOT_HZ * recording.seconds();
     }
-    for pixel in 0..noise.map_or(0, |noise| noise.trains.pixels().min(hot.len())) {
-        let Some(noise) = noise else { continue };
+    for noise in noise {
         let seconds = (noise.span_us.1 - noise.span_us.0) as f64 * 1e-6;
-        hot[pixel] |= noise.trains.of(pixel).0.len() as f64 > HOT_HZ * seconds;
+        for (pixel, hot) in hot.iter_mut().enumerate().take(noise.trains.pixels()) {
+            *hot |= noise.trains.of(pixel).0.len() as f64 > HOT_HZ * seconds;
+        }
     }
     hot
 }
@@ -271,6 +290,7 @@ impl Calibration {
             noise_off_hz: none,
             alternate: none,
             fano: none,
+            by_light: Vec::new(),
             flicker: Vec::new(),
             spectrum: Vec::new(),
             hot_pixels: none,
@@ -345,6 +365,27 @@ impl Calibration {
         self.misfit = fit.misfit;
         self.anchor_grey = fit.grey;
         self.ladder.clone_from(&fit.rungs);
+    }
+
+    /// Takes what each recording of constant light shows, and of the first all there is.
+    fn take_levels(&mut self, noise: &[StaticRecording], ratio: Estimate) {
+        for (i, StaticRecording { trains, span_us, lux }) in noise.iter().enumerate() {
+            let all: Vec<usize> = (0..trains.pixels()).collect();
+            if i == 0 {
+                self.take_light(trains, &all, *span_us, ratio);
+            }
+            let Some(light) = constant_light(trains, &all, *span_us, ratio) else { continue };
+            let [noise_on_hz, noise_off_hz] = light.rates_hz;
+            self.by_light.push(LightLevel {
+                lux: *lux,
+                noise_on_hz,
+                noise_off_hz,
+                alternate: light.alternate,
+                fano: light.fano,
+                leak_hz: light.leak_hz,
+                hot_pixels: light.hot,
+            });
+        }
     }
 
     fn take_light(&mut self, trains: &PixelTrains, pixels: &[usize], span: (i64, i64), ratio: Estimate) {

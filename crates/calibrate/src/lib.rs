@@ -16,7 +16,9 @@ mod recording;
 mod sensor;
 mod still;
 
-pub use calibration::{CalibrateError, Calibration, StaticRecording, calibrate, calibrate_static};
+pub use calibration::{
+    CalibrateError, Calibration, LightLevel, StaticRecording, calibrate, calibrate_static,
+};
 pub use course::{GreyCourse, is_usable_grey};
 pub use estimate::Estimate;
 pub use flicker::FlickerLine;

@@ -1,6 +1,9 @@
 //! Recordings of a sensor whose numbers are known.
 
-use gs2e_calibrate::{CalibrateError, Calibration, PixelTrains, Recording, calibrate, sensor_text};
+use gs2e_calibrate::{
+    CalibrateError, Calibration, PixelTrains, Recording, StaticRecording, calibrate, calibrate_static,
+    sensor_text,
+};
 use gs2e_event::Event;
 use gs2e_image::Size;
 use gs2e_num::seed::Seed;
@@ -26,20 +29,34 @@ fn light(frame: usize, pixel: usize) -> f32 {
     (25.0 + 2.0 * y) * wave.exp()
 }
 
-fn planted(model: &EsimModel) -> Recording {
-    let pixels = SIZE.pixels();
+fn simulated(model: &EsimModel, samples: Vec<f32>) -> Vec<Event> {
     let stamps: Vec<i64> = (0..DENSE as i64).map(|i| 1000 * i).collect();
-    let samples: Vec<f32> = (0..DENSE * pixels).map(|i| light(i / pixels, i % pixels)).collect();
-    let shown = |v: f32| (v + BLACK).round().clamp(0.0, 255.0);
-    let frames = (0..DENSE).step_by(EVERY).flat_map(|i| &samples[i * pixels..(i + 1) * pixels]);
-    let frames = frames.map(|v| shown(*v)).collect();
     let mut dense = ArrayFrames::new(SIZE, ArraySamples::Floats(samples, FullScale::Grey255), &stamps)
         .expect("frames are sound");
     let mut events: Vec<Event> = Vec::new();
     let mut go_on = |_: &DenseFrame| ControlFlow::Continue(());
     simulate_one(&mut dense, model, Seed(3), &mut events, &mut go_on).expect("nothing stops it");
-    let stamps_us = stamps.into_iter().step_by(EVERY).collect();
-    Recording { size: SIZE, stamps_us, frames, trains: PixelTrains::new(SIZE, &events) }
+    events
+}
+
+fn planted(model: &EsimModel) -> Recording {
+    let pixels = SIZE.pixels();
+    let samples: Vec<f32> = (0..DENSE * pixels).map(|i| light(i / pixels, i % pixels)).collect();
+    let shown = |v: f32| (v + BLACK).round().clamp(0.0, 255.0);
+    let frames = (0..DENSE).step_by(EVERY).flat_map(|i| &samples[i * pixels..(i + 1) * pixels]);
+    let frames = frames.map(|v| shown(*v)).collect();
+    let trains = PixelTrains::new(SIZE, &simulated(model, samples));
+    let stamps_us = (0..DENSE as i64).map(|i| 1000 * i).step_by(EVERY).collect();
+    Recording { size: SIZE, stamps_us, frames, trains }
+}
+
+/// A wall, with a share of hot pixels.
+fn wall(share: f64, lux: f64) -> StaticRecording {
+    let mut model = sensor();
+    model.settings.hot_pixels = HotPixelNoise { share, rate: 100.0, spread: 0.2 };
+    let events = simulated(&model, vec![80.0; DENSE * SIZE.pixels()]);
+    let span_us = (0, 1000 * (DENSE as i64 - 1));
+    StaticRecording { trains: PixelTrains::new(SIZE, &events), span_us, lux: Some(lux) }
 }
 
 fn sensor() -> EsimModel {
@@ -56,7 +73,7 @@ fn assert_contrasts(found: &Calibration) {
 
 #[test]
 fn the_numbers_of_the_sensor_are_found() {
-    let found = calibrate(&planted(&sensor()), None).unwrap();
+    let found = calibrate(&planted(&sensor()), &[]).unwrap();
     println!("{found:#?}\n{}", sensor_text(&found));
     assert_contrasts(&found);
     // A deviation of 0.01 of either contrast.
@@ -77,7 +94,7 @@ fn hot_pixels_are_counted_and_show_the_dead_time() {
     let mut model = sensor();
     model.settings.hot_pixels = HotPixelNoise { share: 0.008, rate: 100.0, spread: 0.2 };
     model.settings.refractory = RefractoryPeriod { period_us: 800.0, reference: ReferenceRule::AtEnd };
-    let found = calibrate(&planted(&model), None).unwrap();
+    let found = calibrate(&planted(&model), &[]).unwrap();
     let (share, se) = (found.hot_pixels.value, found.hot_pixels.se.unwrap());
     println!("{share} +- {se}, {:?}", found.dead_time_us);
     assert!(share > 0.0 && (share - 0.008).abs() < 3.0 * se);
@@ -86,15 +103,35 @@ fn hot_pixels_are_counted_and_show_the_dead_time() {
     assert!(near(found.contrast_on.value, 0.16) && near(found.contrast_off.value, 0.21), "{found:?}");
 }
 
+/// The first wall decides; each has a row. Without frames there is one wall.
+#[test]
+fn walls_show_hot_pixels_at_their_light() {
+    let found = calibrate(&planted(&sensor()), &[wall(0.02, 10.0), wall(0.06, 500.0)]).unwrap();
+    let near =
+        |share: gs2e_calibrate::Estimate, want: f64| (share.value - want).abs() < 3.0 * share.se.unwrap();
+    assert!(near(found.hot_pixels, 0.02), "{:?}", found.hot_pixels);
+    for (level, [lux, share]) in found.by_light.iter().zip([[10.0, 0.02], [500.0, 0.06]]) {
+        assert_eq!(level.lux, Some(lux));
+        assert!(near(level.hot_pixels, share), "{level:?}");
+        // Calm pixels have no noise.
+        assert_eq!(level.noise_on_hz.value.to_bits(), 0.0_f64.to_bits());
+    }
+    assert_eq!(found.by_light.len(), 2);
+    let alone = calibrate_static(&wall(0.06, 500.0)).unwrap();
+    assert!(near(alone.hot_pixels, 0.06) && alone.by_light.len() == 1 && !alone.contrast_on.determined);
+    let moving = StaticRecording { trains: planted(&sensor()).trains, ..wall(0.0, 1.0) };
+    assert!(matches!(calibrate_static(&moving), Err(CalibrateError::Moving { .. })));
+}
+
 #[test]
 fn recordings_that_say_nothing_are_refused() {
     let sound = planted(&sensor());
     let later =
         Recording { stamps_us: sound.stamps_us.iter().map(|us| us + 60_000_000).collect(), ..sound.clone() };
-    assert!(matches!(calibrate(&later, None), Err(CalibrateError::Clocks { .. })));
+    assert!(matches!(calibrate(&later, &[]), Err(CalibrateError::Clocks { .. })));
     let white = Recording { frames: vec![255.0; sound.frames.len()], ..sound.clone() };
-    assert!(matches!(calibrate(&white, None), Err(CalibrateError::Clipped { .. })));
+    assert!(matches!(calibrate(&white, &[]), Err(CalibrateError::Clipped { .. })));
     let trains = PixelTrains::new(SIZE, &[]);
     let empty = Recording { trains, ..sound };
-    assert_eq!(calibrate(&empty, None).unwrap_err(), CalibrateError::Few { found: 0 });
+    assert_eq!(calibrate(&empty, &[]).unwrap_err(), CalibrateError::Few { found: 0 });
 }

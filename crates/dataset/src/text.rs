@@ -32,7 +32,11 @@ fn content_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
 #[expect(clippy::cast_possible_truncation, reason = "compared with the largest integer before")]
 fn parse_time(word: &str) -> Option<i64> {
     if let Ok(whole) = word.parse::<i64>() {
-        return Some(if whole.abs() >= NANOSECONDS { whole.div_euclid(1000) } else { whole });
+        return Some(if whole.unsigned_abs() >= NANOSECONDS.unsigned_abs() {
+            whole.div_euclid(1000)
+        } else {
+            whole
+        });
     }
     let seconds: f64 = word.parse().ok()?;
     let micros = (seconds * 1e6).round();
@@ -111,6 +115,8 @@ mod tests {
             parse_stamps("1468940293924830000\n1468940293957500000\n").unwrap()[1] % 1_000_000,
             957_500
         );
+        // The smallest number has no absolute value.
+        assert_eq!(parse_stamps(&i64::MIN.to_string()).unwrap(), [i64::MIN.div_euclid(1000)]);
         assert_eq!(parse_stamps("3\n3\n").unwrap_err().line, 2);
         assert_eq!(parse_stamps("a\n").unwrap_err().line, 1);
     }

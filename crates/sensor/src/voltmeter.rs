@@ -58,6 +58,7 @@ mod receptor;
 mod screen;
 mod signal;
 mod thresholds;
+mod touch;
 mod tree;
 pub mod units;
 mod window;
@@ -257,7 +258,8 @@ impl VoltmeterModel {
 impl SensorModel for VoltmeterModel {
     fn law_version(&self) -> u32 {
         match self.law {
-            SamplerKind::Exact => exact::VERSION,
+            SamplerKind::Exact if self.photoreceptor_noise.is_absent() => exact::VERSION,
+            SamplerKind::Exact => exact::RECEPTOR_VERSION,
             SamplerKind::Official => official::VERSION,
         }
     }

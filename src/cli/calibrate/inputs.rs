@@ -1,6 +1,6 @@
 //! The recording, read into memory and cut into the part that is fitted and the part that is held out.
 
-use super::CalibrateArgs;
+use super::{CalibrateArgs, NoiseFile};
 use crate::cli::{Console, VerbError, input};
 use gs2e_calibrate::{PixelTrains, Recording, StaticRecording};
 use gs2e_event::Event;
@@ -38,11 +38,13 @@ impl CalibrateArgs {
         self.cut(&Whole { size, stamps_us: sequence.stamps_us, frames, events })
     }
 
-    /// The recording of constant light.
-    pub(super) fn read_noise(&self, size: Size) -> Result<Option<StaticRecording>, VerbError> {
-        let Some(path) = &self.noise else { return Ok(None) };
-        let events = self.events_of(path, size)?;
-        static_recording(path, size, &events).map(Some)
+    /// The recordings of constant light.
+    pub(super) fn read_noise(&self, size: Size) -> Result<Vec<StaticRecording>, VerbError> {
+        let read = |NoiseFile { path, lux }: &NoiseFile| {
+            let events = self.events_of(path, size)?;
+            Ok(StaticRecording { lux: *lux, ..static_recording(path, size, &events)? })
+        };
+        self.noise.iter().map(read).collect()
     }
 
     /// The events of constant light, where there are no frames.
@@ -85,7 +87,7 @@ fn static_recording(path: &Path, size: Size, events: &[Event]) -> Result<StaticR
     let Some(span_us) = trains.span_us() else {
         return Err(VerbError::usage("no-events", format!("{} has no events", path.display())));
     };
-    Ok(StaticRecording { trains, span_us })
+    Ok(StaticRecording { trains, span_us, lux: None })
 }
 
 /// A whole recording.

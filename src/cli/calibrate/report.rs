@@ -3,7 +3,7 @@
 use super::Calibrated;
 use super::held_out::HeldOut;
 use crate::cli::Console;
-use gs2e_calibrate::{Estimate, FlickerLine};
+use gs2e_calibrate::{Estimate, FlickerLine, LightLevel};
 use gs2e_lab::real::ComparedSensor;
 use serde_json::{Value, json};
 
@@ -31,6 +31,20 @@ pub(super) fn report(done: &Calibrated, trust: &str, console: &Console) {
         ("fano", found.fano),
     ];
     found.named().into_iter().chain(more).for_each(|(name, e)| console.print(&row(name, e)));
+    if found.by_light.len() > 1 {
+        console.print("constant light, lux    ON Hz   OFF Hz  alternate     Fano  leak Hz  hot pixels");
+        for level in &found.by_light {
+            let lux = level.lux.map_or_else(|| "-".to_owned(), |lux| format!("{lux}"));
+            let LightLevel { noise_on_hz, noise_off_hz, alternate, fano, leak_hz, hot_pixels, .. } = level;
+            let [on, off, leak] = [noise_on_hz, noise_off_hz, leak_hz].map(|e| e.value);
+            console.print(&format!(
+                "{lux:>19} {on:8.4} {off:8.4} {:>10} {:>8} {leak:8.4} {:11.5}",
+                short(*alternate),
+                short(*fano),
+                hot_pixels.value
+            ));
+        }
+    }
     for FlickerLine { hz, times_median } in &found.flicker {
         console.print(&format!("flicker: {hz} Hz, {times_median:.0} times the median of the spectrum"));
     }
@@ -48,6 +62,10 @@ pub(super) fn report(done: &Calibrated, trust: &str, console: &Console) {
         [&held.before, &held.after].into_iter().for_each(|row| console.print(&compared(row)));
     }
     console.print(trust);
+}
+
+fn short(estimate: Estimate) -> String {
+    if estimate.determined { format!("{:.3}", estimate.value) } else { "-".to_owned() }
 }
 
 fn percent(share: f64) -> String {

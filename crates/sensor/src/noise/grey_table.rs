@@ -1,5 +1,7 @@
 //! Values that follow the light on a pixel: points of a table, and a fine table by grey for the inner loops.
 
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8};
+
 /// The values at a light, from points at rising lights. Between two points, the logarithm of a value is
 /// linear in the logarithm of the light; outside the points, the values of the nearest hold. All 0 without
 /// points.
@@ -59,6 +61,27 @@ impl<const N: usize> GreyTable<N> {
         let index = (grey.max(first).min(last).to_bits() >> DROPPED_BITS) - (ENDS[0] >> DROPPED_BITS);
         self.values[index as usize]
     }
+
+    /// The values at eight greys.
+    #[expect(clippy::cast_possible_truncation, reason = "the table has a few thousand ranges")]
+    #[inline(always)]
+    pub(crate) fn eight<S: Simd>(&self, greys: f64x8<S>) -> [f64x8<S>; N] {
+        /// A 64-bit float has 29 more bits of mantissa than one of 32.
+        const DROPPED: u32 = DROPPED_BITS + 29;
+        let [first, last] = ENDS.map(|bits| f64::from(f32::from_bits(bits)));
+        let ranges = (greys.max(first).min(last).to_bits() >> DROPPED) - (first.to_bits() >> DROPPED);
+        let mut values = [[0.0; 8]; N];
+        for lane in 0..8 {
+            for (to, value) in values.iter_mut().zip(&self.values[ranges[lane] as usize]) {
+                to[lane] = *value;
+            }
+        }
+        let mut wide = [f64x8::splat(greys.simd, 0.0); N];
+        for (to, eight) in wide.iter_mut().zip(&values) {
+            *to = f64x8::from_slice(greys.simd, eight);
+        }
+        wide
+    }
 }
 
 /// A continuous value for every grey: linear between the entries of a fine table.
@@ -76,9 +99,34 @@ impl GreyCurve {
         Self { values: (first..=last + 1).map(|index| of_grey(start(index))).collect() }
     }
 
+    /// The values at eight greys, rounded to the nearest 32-bit floats.
+    #[expect(clippy::cast_possible_truncation, reason = "the table has a few thousand ranges")]
+    #[inline(always)]
+    pub(crate) fn eight<S: Simd>(&self, greys: f64x8<S>) -> f64x8<S> {
+        /// A 64-bit float has 29 more bits of mantissa than one of 32.
+        const DROPPED: u32 = DROPPED_BITS + 29;
+        /// Multiplied and subtracted, it rounds to 24 bits (Dekker, Numerische Mathematik 18, 1971).
+        const SPLITTER: f64 = ((1 << 29) + 1) as f64;
+        let [first, last] = ENDS.map(|bits| f64::from(f32::from_bits(bits)));
+        let shifted = greys * SPLITTER;
+        let rounded = (shifted - (shifted - greys)).max(first).min(last);
+        let bits = rounded.to_bits() - first.to_bits();
+        let ranges = bits >> DROPPED;
+        // The dropped bits as the mantissa of a number from 1 to 2.
+        let share =
+            f64x8::from_bits((bits & ((1 << DROPPED) - 1)) << (52 - DROPPED) | 1.0f64.to_bits()) - 1.0;
+        let [mut from, mut to] = [[0.0; 8]; 2];
+        for lane in 0..8 {
+            let range = ranges[lane] as usize;
+            [from[lane], to[lane]] = [self.values[range], self.values[range + 1]];
+        }
+        let [from, to] = [f64x8::from_slice(greys.simd, &from), f64x8::from_slice(greys.simd, &to)];
+        from + (to - from) * share
+    }
+
     /// The value at a grey.
-    #[inline]
-    pub(crate) fn at(&self, grey: f32) -> f64 {
+    #[cfg(test)]
+    fn at(&self, grey: f32) -> f64 {
         let [first, last] = ENDS.map(f32::from_bits);
         // A grey below 0 or NaN is black.
         let bits = grey.max(first).min(last).to_bits() - ENDS[0];
@@ -93,6 +141,40 @@ impl GreyCurve {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    #[test]
+    fn eight_greys_have_the_values_of_each() {
+        let table = GreyTable::new(|grey| [grey, 1.0 / grey]);
+        let greys = [-1.0, 0.0, 1e-9, 0.3, 1.004, 77.0, 254.99, 1e9];
+        let found = dispatch!(Level::new(), simd => {
+            table.eight(f64x8::from_slice(simd, &greys)).map(<[f64; 8]>::from)
+        });
+        for (lane, grey) in greys.into_iter().enumerate() {
+            #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+            let grey = grey as f32;
+            assert_eq!(table.at(grey).map(f64::to_bits), found.map(|values| values[lane].to_bits()));
+        }
+    }
+
+    #[test]
+    fn eight_greys_are_on_the_curve_of_each() {
+        let curve = GreyCurve::new(|grey| libm::pow(grey, 0.7));
+        for i in 0..4000u32 {
+            // Over the whole table, and beyond its ends.
+            let grey = |lane: u32| libm::exp2(f64::from(8 * i + lane) * 45.0 / 32_000.0 - 22.0);
+            let mut greys: [f64; 8] = std::array::from_fn(|lane| grey(u32::try_from(lane).unwrap()));
+            greys[3] = if i == 0 { -1.0 } else { 0.0 };
+            let found: [f64; 8] = dispatch!(Level::new(), simd => {
+                curve.eight(f64x8::from_slice(simd, &greys)).into()
+            });
+            for (grey, found) in greys.into_iter().zip(found) {
+                #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+                let grey = grey as f32;
+                assert_eq!(curve.at(grey).to_bits(), found.to_bits(), "{grey}");
+            }
+        }
+    }
 
     /// A power of a grey over a range that is 1/128 wide strays from its chord by `p (p - 1) / 8 / 128^2`.
     #[test]

@@ -19,12 +19,13 @@ use super::cubic::secant_weights;
 use super::curve::{DriftCurve, FrameEnds, Wide};
 use super::noiseless::{self, StraightDrift};
 use super::receptor::{self, WideReceptor};
-use super::tree::{ROOT_DEVIATION, RootWalk, Walker, WalkerReceptor, Walkers};
+use super::touch::{ReceptorCell, WideCell};
+use super::tree::{ROOT_DEVIATION, RootWalk, Walker, Walkers};
 use super::window::{FrameLeg, TimeStep};
 use super::writer::{BandWriter, PixelTally};
 use crate::SensorError;
 use crate::window::PackedEvent;
-use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, f64x8, u64x8};
 use gs2e_num::elementary::{ln_ratio, load_eight, mask_bits, set_lanes, store_eight};
 use gs2e_num::seed::eight::SeedCells;
 use gs2e_num::seed::{DrawSpace, eight};
@@ -72,6 +73,23 @@ type Lane = [f64; BLOCK];
 /// cost of a cell itself is then small per pixel, and the walkers' arrays still fit the
 /// second-level cache.
 const CROWD: usize = 2048;
+
+/// The draws of a block's pixels over a root cell.
+#[derive(Debug)]
+struct RootDraws {
+    /// Increment of the Brownian motion.
+    motion: Lane,
+    /// Normal deviate of the photoreceptor's noise.
+    receptor: Lane,
+    /// The upper bits of the number that decides whether a line is touched, as a number from 0 to 1.
+    known: Lane,
+}
+
+impl Default for RootDraws {
+    fn default() -> Self {
+        Self { motion: ZEROS, receptor: ZEROS, known: ZEROS }
+    }
+}
 
 /// Brightness and curves of a block's pixels in a window.
 #[derive(Debug, Default)]
@@ -121,6 +139,8 @@ struct FreeCrossing<S: Simd> {
 struct ReceptorCrossing<S: Simd> {
     noise: WideReceptor<S>,
     ends: [f64x8<S>; 2],
+    /// The upper bits of the number that decides whether a line is touched.
+    known: f64x8<S>,
 }
 
 impl<S: Simd> FreeCrossing<S> {
@@ -129,7 +149,7 @@ impl<S: Simd> FreeCrossing<S> {
     #[inline(always)]
     fn walker(&self, lane: usize, pixel: usize, seat: u64, voltage: f64) -> Walker {
         let Self { increment, drift, sigma, curvature, receptor, .. } = self;
-        let receptor = receptor.map(|ReceptorCrossing { noise, ends: [from, to] }| WalkerReceptor {
+        let receptor = receptor.map(|ReceptorCrossing { noise, ends: [from, to], .. }| ReceptorCell {
             rate: noise.rate[lane],
             deviation: noise.deviation[lane],
             ends: [from[lane], to[lane]],
@@ -175,22 +195,18 @@ impl TimeStep<'_> {
             simd.vectorize(
                 #[inline(always)]
                 || {
-                    let [mut noise, mut receptor] = [ZEROS; 2];
-                    if self.law.process.is_brownian() {
-                        self.draw(simd, &slice.seats[start..end], 0, &mut noise);
-                        scale(simd, &mut noise[..end - start], ROOT_DEVIATION);
-                    }
-                    if self.law.receptor.is_some() {
-                        self.draw(simd, &slice.seats[start..end], receptor::BLOCK, &mut receptor);
-                    }
+                    let mut draws = RootDraws::default();
+                    self.draw(simd, &slice.seats[start..end], &mut draws);
+                    let RootDraws { motion, receptor, known } = &draws;
                     self.fill(simd, slice.first + start, end - start, &mut band.block);
                     for i in (start..end).step_by(8) {
-                        let increment = load_eight(simd, &noise, i - start);
+                        let increment = load_eight(simd, motion, i - start);
                         // `crossing` leaves the drift of these eight in the block's pieces, and
                         // `pass` reads it there, so each eight is finished before the next.
                         let mut crossing = self.crossing::<C, S>(increment, i - start, &mut band.block);
-                        let normal = load_eight(simd, &receptor, i - start);
-                        crossing.receptor = self.receptor(crossing.level, normal, i, &mut slice);
+                        let normal = load_eight(simd, receptor, i - start);
+                        let known = load_eight(simd, known, i - start);
+                        crossing.receptor = self.receptor(crossing.level, [normal, known], i, &mut slice);
                         let eight = PixelEight { in_band: i, in_block: i - start };
                         self.pass::<C, S>(crossing, eight, &mut slice, band);
                     }
@@ -216,18 +232,37 @@ impl TimeStep<'_> {
         walkers.clear();
     }
 
-    /// Draws a normal deviate over the root cell for each pixel: the first of this block of the tree.
+    /// Draws the noise over the root cell of each pixel.
     #[inline(always)]
-    fn draw<S: Simd>(&self, simd: S, seats: &[u32], block: u32, noise: &mut Lane) {
+    fn draw<S: Simd>(&self, simd: S, seats: &[u32], draws: &mut RootDraws) {
+        let (has_motion, has_receptor) = (self.law.process.is_brownian(), self.law.receptor.is_some());
+        if !(has_motion || has_receptor) {
+            return;
+        }
+        let RootDraws { motion, receptor, known } = draws;
         let cells = SeedCells { seed: self.law.seed, space: DrawSpace::Tree, level: 0, index: self.root() };
         for (i, seats) in (0..).step_by(8).zip(seats.chunks_exact(8)) {
-            // The other number of this block of bits is the draw that splits the root
+            // Without the photoreceptor's noise, the second number is the draw that splits the root
             // (`RootWalk::split`).
-            let [draw, _] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), block);
-            store_eight(eight::uniform_eight(draw), noise, i);
+            let [first, second] = cells.pair(u64x8::from_fn(simd, |lane| seats[lane].into()), 0);
+            store_eight(eight::uniform_eight(first), motion, i);
+            if has_receptor {
+                store_eight(eight::uniform_eight(second), receptor, i);
+                // Bits that the normal deviate does not use, as a number from 0 to 1.
+                let bits = (second & receptor::SPARE) << 40 | 1.0f64.to_bits();
+                store_eight(f64x8::from_bits(bits) - 1.0, known, i);
+            }
         }
         // In one call for the whole block: the rare tails are then gathered over many pixels.
-        eight::normal_deviates(simd, &mut noise[..seats.len()]);
+        if has_motion {
+            eight::normal_deviates(simd, &mut motion[..seats.len()]);
+            scale(simd, &mut motion[..seats.len()], ROOT_DEVIATION);
+        } else {
+            motion[..seats.len()].fill(0.0);
+        }
+        if has_receptor {
+            eight::normal_deviates(simd, &mut receptor[..seats.len()]);
+        }
     }
 
     /// Moves the photoreceptor's noise of eight pixels, from the `first` of the band on, to the end of the
@@ -236,7 +271,7 @@ impl TimeStep<'_> {
     fn receptor<S: Simd>(
         &self,
         level: f64x8<S>,
-        normal: f64x8<S>,
+        [normal, known]: [f64x8<S>; 2],
         first: usize,
         slice: &mut BandSlice<'_>,
     ) -> Option<ReceptorCrossing<S>> {
@@ -245,7 +280,7 @@ impl TimeStep<'_> {
         let start = load_eight(normal.simd, slice.receptor, first);
         let end = noise.go_on(start, normal);
         store_eight(end, slice.receptor, first);
-        Some(ReceptorCrossing { noise, ends: [start, end] })
+        Some(ReceptorCrossing { noise, ends: [start, end], known })
     }
 
     /// Fills the block's knots for the pixels from `first` on.
@@ -385,11 +420,8 @@ impl TimeStep<'_> {
         let x = load_eight(simd, slice.voltage, pixel);
         let mut y = x + drift + sigma * increment;
         let square = sigma * sigma;
-        let (mut variance, mut reach) = (square, straying);
-        if let Some(ReceptorCrossing { noise, ends }) = receptor {
+        if let Some(ReceptorCrossing { ends, .. }) = receptor {
             y += ends[1] - ends[0];
-            variance += noise.variance();
-            reach += receptor::bow(noise.rate, ends, self.length);
         }
         // Stored for all eight before the test: a walker's voltage is overwritten when its descent
         // ends.
@@ -402,7 +434,17 @@ impl TimeStep<'_> {
         }
         // `straying` moves both barriers nearer, so no pixel that needs a walk is left out.
         let barriers = self.law.thresholds.eight(simd, slice.first + pixel);
-        let live = mask_bits(barriers.reached([x, y], variance * self.length, reach));
+        let mut lines = None;
+        let (live, open) = if let Some(ReceptorCrossing { noise, ends, known }) = receptor {
+            let motion = sigma * self.motion_reach;
+            let (shape, deviation) = (noise.shape(), noise.deviation);
+            let cell = WideCell { shape, deviation, ends, voltage: [x, y], straying, motion };
+            let lines = lines.insert(cell.lines(barriers));
+            let open = lines.open(known);
+            (lines.live & (!lines.decided | open), open)
+        } else {
+            (mask_bits(barriers.reached([x, y], square * self.length, straying)), 0)
+        };
         if live == 0 {
             return;
         }
@@ -427,8 +469,13 @@ impl TimeStep<'_> {
         for lane in live {
             let place = pixel + lane;
             let walker = crossing.walker(lane, place, slice.seats[place].into(), x[lane]);
-            band.walkers
-                .push(walker, band.block.pieces.iter().map(|piece| piece.each_ref().map(|c| c[lane])));
+            let pieces = band.block.pieces.iter().map(|piece| piece.each_ref().map(|c| c[lane]));
+            match (lines, receptor) {
+                (Some(lines), Some(ReceptorCrossing { known, .. })) if open >> lane & 1 == 1 => {
+                    band.walkers.push_touched(walker, lines.of(lane), known[lane], pieces);
+                }
+                _ => band.walkers.push(walker, pieces),
+            }
         }
     }
 }

@@ -14,7 +14,9 @@
 //! as the noise of the Brownian voltage is.
 
 use super::VoltmeterModel;
+use super::touch::{CellShape, WideShape};
 use crate::chain::PixelArray;
+use crate::noise::ReceptorPoint;
 use crate::noise::grey_table::GreyTable;
 use crate::statistics::RenewalProcess;
 use crate::statistics::receptor_rate::{ReceptorRate, leak_distance};
@@ -26,18 +28,39 @@ use std::f64::consts::TAU;
 
 /// Largest length of a leaf as a share of the time `1 / theta` in which the noise returns.
 pub(super) const SHORT: f64 = 1.0 / 64.0;
-/// Block of the draws of a cell of the tree: block 0 is the Brownian motion's.
+/// Longest leaf of a path that has touched a line, ns. Longer ones would seldom be straight enough, and whether
+/// they are depends on how frames cut the drift.
+pub(super) const LONGEST: f64 = 32_768.0;
+/// Block of the draws that split a cell: that of the Brownian motion, and that of this noise. The ends of a root
+/// cell are those of block 0.
 pub(super) const BLOCK: u32 = 1;
+/// Bits of a draw that its normal deviate does not use, and their step as a part of a number from 0 to 1.
+pub(super) const SPARE: u64 = 0xfff;
+pub(super) const SPARE_UNIT: f64 = 1.0 / 4096.0;
 
 /// The photoreceptor's noise of all pixels of a sensor.
 #[derive(Debug)]
 pub(super) struct ReceptorNoise {
-    table: GreyTable<3>,
+    /// `theta` per ns, the share of the noise that is left after a root cell, and the share of the deviation
+    /// that the root cell adds.
+    rates: ByLight<3>,
+    /// The shape of a root cell, where all rates are equal.
+    shape: CellShape,
+    /// Deviation where the factor of the amplitude is 1, in thresholds.
+    deviations: ByLight<1>,
     /// Factor of the amplitude of each pixel, padded with 1 to a multiple of 8. Empty where all have the
     /// same.
     amplitude: Vec<f64>,
     /// Largest standard deviation at any light, in thresholds, where the factor is 1.
     largest: f64,
+}
+
+/// Values that may follow the light.
+#[derive(Debug)]
+enum ByLight<const N: usize> {
+    /// The same at any light.
+    Equal([f64; N]),
+    ByGrey(GreyTable<N>),
 }
 
 /// The noise of eight pixels in a root cell.
@@ -49,6 +72,37 @@ pub(super) struct WideReceptor<S: Simd> {
     pub(super) deviation: f64x8<S>,
     /// Share of the voltage that is left after a root cell.
     decay: f64x8<S>,
+    /// Share of the deviation that the root cell adds.
+    added: f64x8<S>,
+    /// The shape of the root cell; absent where it has to be computed.
+    shape: Option<WideShape<S>>,
+}
+
+impl<const N: usize> ByLight<N> {
+    /// The values at a grey.
+    #[inline(always)]
+    fn at(&self, grey: f32) -> [f64; N] {
+        match self {
+            Self::Equal(values) => *values,
+            Self::ByGrey(table) => table.at(grey),
+        }
+    }
+
+    /// The values of eight pixels.
+    #[inline(always)]
+    fn eight<S: Simd>(&self, greys: f64x8<S>) -> [f64x8<S>; N] {
+        match self {
+            Self::Equal(values) => {
+                let mut wide = [f64x8::splat(greys.simd, 0.0); N];
+                // A loop: a closure may be compiled without the instruction set in use.
+                for (to, value) in wide.iter_mut().zip(values) {
+                    *to = f64x8::splat(greys.simd, *value);
+                }
+                wide
+            }
+            Self::ByGrey(table) => table.eight(greys),
+        }
+    }
 }
 
 impl ReceptorNoise {
@@ -59,44 +113,54 @@ impl ReceptorNoise {
             return None;
         }
         let (white_lux, k1) = (sensor.settings.front_end.white_lux(), sensor.k[0]);
-        let table = GreyTable::new(|grey| {
-            let point = noise.at_grey(grey, white_lux);
-            let rate = TAU * point.cutoff_hz * 1e-9;
-            [rate, k1 * point.deviation, libm::exp(-rate * ROOT as f64)]
-        });
+        let of_rate = |cutoff_hz: f64| {
+            let rate = TAU * cutoff_hz * 1e-9;
+            let decay = libm::exp(-rate * ROOT as f64);
+            [rate, decay, (1.0 - decay * decay).sqrt()]
+        };
+        let first = noise.points[0];
+        let are_equal = |value: fn(&ReceptorPoint) -> f64| {
+            noise.points.iter().all(|point| value(point).to_bits() == value(&first).to_bits())
+        };
+        let rates = if are_equal(|point| point.cutoff_hz) {
+            ByLight::Equal(of_rate(first.cutoff_hz))
+        } else {
+            ByLight::ByGrey(GreyTable::new(|grey| of_rate(noise.at_grey(grey, white_lux).cutoff_hz)))
+        };
+        let deviations = if are_equal(|point| point.deviation) {
+            ByLight::Equal([k1 * first.deviation])
+        } else {
+            ByLight::ByGrey(GreyTable::new(|grey| [k1 * noise.at_grey(grey, white_lux).deviation]))
+        };
         let mut amplitude = Vec::new();
         if noise.spread > 0.0 {
             amplitude.extend((0..array.size.pixels()).map(|pixel| noise.amplitude(array.site(pixel))));
             amplitude.resize(amplitude.len().next_multiple_of(8), 1.0);
         }
         let largest = noise.points.iter().map(|point| k1 * point.deviation).fold(0.0, f64::max);
-        Some(Self { table, amplitude, largest })
+        let [_, decay, _] = of_rate(first.cutoff_hz);
+        Some(Self { rates, shape: CellShape::new(decay), deviations, amplitude, largest })
     }
 
     /// The noise of eight pixels from `first` on, at these greys.
     #[inline(always)]
     pub(super) fn eight<S: Simd>(&self, greys: f64x8<S>, first: usize) -> WideReceptor<S> {
         let simd = greys.simd;
-        let [mut rate, mut deviation, mut decay] = [[0.0; 8]; 3];
-        for lane in 0..8 {
-            #[expect(clippy::cast_possible_truncation, reason = "the table has steps of 1 %")]
-            let grey = greys[lane] as f32;
-            [rate[lane], deviation[lane], decay[lane]] = self.table.at(grey);
-        }
-        let mut deviation = f64x8::from_slice(simd, &deviation);
+        let [rate, decay, added] = self.rates.eight(greys);
+        let [mut deviation] = self.deviations.eight(greys);
         if !self.amplitude.is_empty() {
             deviation *= load_eight(simd, &self.amplitude, first);
         }
-        WideReceptor {
-            rate: f64x8::from_slice(simd, &rate),
-            deviation,
-            decay: f64x8::from_slice(simd, &decay),
-        }
+        let shape = match self.rates {
+            ByLight::Equal(_) => Some(WideShape::splat(simd, &self.shape)),
+            ByLight::ByGrey(_) => None,
+        };
+        WideReceptor { rate, deviation, decay, added, shape }
     }
 
     /// Deviation of a pixel at a grey, in thresholds.
     fn deviation_of(&self, grey: f32, pixel: usize) -> f64 {
-        let [_, deviation, _] = self.table.at(grey);
+        let [deviation] = self.deviations.at(grey);
         deviation * self.factor(pixel)
     }
 
@@ -112,7 +176,7 @@ impl ReceptorNoise {
 
     /// The quantile `share` of a pixel's voltage without this noise, after a long time at a grey.
     pub(super) fn at_rest(&self, grey: f32, pixel: usize, at_rest: &RenewalProcess, share: f64) -> f64 {
-        let [theta, ..] = self.table.at(grey);
+        let [theta, ..] = self.rates.at(grey);
         let RenewalProcess { drift, variance, up, down } = *at_rest;
         let deviation = self.deviation_of(grey, pixel);
         if variance == 0.0 {
@@ -137,13 +201,16 @@ impl<S: Simd> WideReceptor<S> {
     /// The voltages at the end of a root cell, from those at its start and a normal deviate.
     #[inline(always)]
     pub(super) fn go_on(&self, start: f64x8<S>, normal: f64x8<S>) -> f64x8<S> {
-        start * self.decay + self.deviation * (self.decay * self.decay * -1.0 + 1.0).sqrt() * normal
+        start * self.decay + self.deviation * self.added * normal
     }
 
-    /// Variance per ns of a short piece.
+    /// The shape of the root cell.
     #[inline(always)]
-    pub(super) fn variance(&self) -> f64x8<S> {
-        self.rate * self.deviation * self.deviation * 2.0
+    pub(super) fn shape(&self) -> WideShape<S> {
+        match self.shape {
+            Some(shape) => shape,
+            None => WideShape::new(self.decay),
+        }
     }
 }
 

@@ -33,12 +33,15 @@ use super::curve::DriftCurve;
 use super::leaf::{ClockLeaf, LeafSpan};
 use super::receptor;
 use super::thresholds::PixelThresholds;
+use super::touch::{
+    BarrierLines, ReceptorCell, SpanStacks, SpanWalk, TouchedCell, WideCell, WideShape, motion_reach,
+};
 use super::window::TimeStep;
 use super::writer::BandWriter;
 use fearless_simd::{Simd, SimdBase as _, f64x8, u64x8};
-use gs2e_num::elementary::{load_eight, mask_bits, set_lanes, store_eight};
+use gs2e_num::elementary::{exp_eight, load_eight, mask_bits, set_lanes, store_eight};
 use gs2e_num::seed::eight::SeedCells;
-use gs2e_num::seed::{DrawSpace, eight};
+use gs2e_num::seed::{DrawSpace, SeedCell, eight};
 use std::ops::{ControlFlow, Range};
 
 /// Halvings of a root cell down to one nanosecond.
@@ -50,7 +53,7 @@ pub(super) const ROOT_DEVIATION: f64 = 1024.0;
 /// Longest leaf, ns.
 pub(super) const LEAF: u32 = 1 << 13;
 /// Maximum distance of the drift in a leaf from its chord, in thresholds.
-const STRAIGHT: f64 = 1e-6;
+pub(super) const STRAIGHT: f64 = 1e-6;
 
 /// Pixels that must descend into a root cell, as a structure of arrays, with the working lists of
 /// the descent.
@@ -75,8 +78,11 @@ pub(super) struct Walkers {
     lists: Vec<CellList>,
     /// Walkers for which the current cell is a leaf.
     leaves: CellList,
+    /// Walkers that may touch a line in the current cell; empty without the photoreceptor's noise.
+    touched: Vec<TouchedCell>,
     /// Stack of the leaf's spans, kept here so that its memory is reused.
     spans: Vec<LeafSpan>,
+    stacks: SpanStacks,
     /// Number of leaves visited.
     pub(super) leaf_count: u64,
     /// Number of cells split.
@@ -96,18 +102,7 @@ pub(super) struct Walker {
     /// Drift over the window, in thresholds.
     pub(super) drift: f64,
     /// The photoreceptor's noise, if there is any.
-    pub(super) receptor: Option<WalkerReceptor>,
-}
-
-/// The photoreceptor's noise of a walker in a root cell.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct WalkerReceptor {
-    /// `theta`, per ns.
-    pub(super) rate: f64,
-    /// Standard deviation, in thresholds.
-    pub(super) deviation: f64,
-    /// Voltages at both ends.
-    pub(super) ends: [f64; 2],
+    pub(super) receptor: Option<ReceptorCell>,
 }
 
 impl Walkers {
@@ -119,6 +114,7 @@ impl Walkers {
         self.curvature.clear();
         self.receptor.iter_mut().for_each(Vec::clear);
         self.pieces.clear();
+        self.touched.clear();
         // Levels 0 to LEVELS, and one more list that holds the root's walkers while level 0 is
         // filled.
         self.lists.resize_with(usize::from(LEVELS) + 2, CellList::default);
@@ -131,10 +127,35 @@ impl Walkers {
 
     #[inline(always)]
     pub(super) fn push(&mut self, walker: Walker, pieces: impl Iterator<Item = [f64; 5]>) {
-        let Walker { pixel, seat, voltage, sigma, curvature, increment, drift, receptor } = walker;
+        let Walker { increment, drift, receptor, .. } = walker;
         let ends = receptor.map(|receptor| receptor.ends);
         self.lists[0].push(self.pixels.len() as u64, increment, [0.0, drift], ends);
-        if let Some(WalkerReceptor { rate, deviation, .. }) = receptor {
+        self.add(walker, pieces);
+    }
+
+    /// Adds a walker that may touch one of these lines in its root cell. `known` are the upper bits of the
+    /// number that decides.
+    #[inline(always)]
+    pub(super) fn push_touched(
+        &mut self,
+        walker: Walker,
+        lines: BarrierLines,
+        known: f64,
+        pieces: impl Iterator<Item = [f64; 5]>,
+    ) {
+        let Walker { increment, drift, receptor, .. } = walker;
+        if let Some(cell) = receptor {
+            let (member, drift) = (self.pixels.len(), [0.0, drift]);
+            let number = [known, receptor::SPARE_UNIT];
+            self.touched.push(TouchedCell { member, lines, cell, number, increment, drift });
+        }
+        self.add(walker, pieces);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, walker: Walker, pieces: impl Iterator<Item = [f64; 5]>) {
+        let Walker { pixel, seat, voltage, sigma, curvature, receptor, .. } = walker;
+        if let Some(ReceptorCell { rate, deviation, .. }) = receptor {
             self.receptor[0].push(rate);
             self.receptor[1].push(deviation);
         }
@@ -197,6 +218,27 @@ impl Walkers {
         eight::normal_deviates(simd, &mut to[..members.len()]);
     }
 
+    /// Draws both normal deviates of the block of the photoreceptor's noise: that of the Brownian motion, and
+    /// its own.
+    #[inline(always)]
+    fn draw_both<S: Simd>(
+        &self,
+        simd: S,
+        cells: SeedCells,
+        members: &[u64],
+        [motion, noise]: [&mut [f64]; 2],
+    ) {
+        for i in (0..members.len()).step_by(8) {
+            let places = places_of(members, i);
+            let seats = u64x8::from_fn(simd, |lane| self.seats[places[lane]]);
+            let [first, second] = cells.pair(seats, receptor::BLOCK);
+            store_eight(eight::uniform_eight(first), motion, i);
+            store_eight(eight::uniform_eight(second), noise, i);
+        }
+        eight::normal_deviates(simd, &mut motion[..members.len()]);
+        eight::normal_deviates(simd, &mut noise[..members.len()]);
+    }
+
     /// Each walker's pixel and its present voltage.
     pub(super) fn settled(&self) -> impl Iterator<Item = (usize, f64)> {
         self.pixels.iter().copied().zip(self.voltage.iter().copied())
@@ -248,6 +290,19 @@ fn gather_eight<S: Simd>(simd: S, values: &[f64], places: &[usize; 8]) -> f64x8<
     f64x8::from_fn(simd, |lane| values[places[lane]])
 }
 
+/// Eight walkers with the photoreceptor's noise in a cell.
+struct AskedEight<S: Simd> {
+    members: [usize; 8],
+    increment: f64x8<S>,
+    /// Drift at both ends.
+    drift: [f64x8<S>; 2],
+    receptor: Option<[f64x8<S>; 2]>,
+    voltage: [f64x8<S>; 2],
+    straying: f64x8<S>,
+    sigma: f64x8<S>,
+    barriers: WideBarriers<S>,
+}
+
 /// The descent of a band's walkers through one root cell.
 #[derive(Debug)]
 pub(super) struct RootWalk<'a> {
@@ -265,7 +320,10 @@ impl RootWalk<'_> {
         let mut all = std::mem::take(&mut self.walkers.lists[usize::from(LEVELS) + 1]);
         std::mem::swap(&mut all, &mut self.walkers.lists[0]);
         all.pad();
-        let done = self.enter::<C, S>(simd, root, &all.whole());
+        let mut done = self.cross_touched::<C>(root);
+        if done.is_continue() {
+            done = self.enter::<C, S>(simd, root, &all.whole());
+        }
         self.walkers.lists[usize::from(LEVELS) + 1] = all;
         done
     }
@@ -286,6 +344,7 @@ impl RootWalk<'_> {
                 self.cross_leaves(simd, node)
             },
         )?;
+        self.cross_touched::<C>(node)?;
         self.halve::<C, S>(simd, node)
     }
 
@@ -318,17 +377,8 @@ impl RootWalk<'_> {
     fn split<C: DriftCurve, S: Simd>(&self, simd: S, node: ClockCell, list: &mut CellList) {
         let Self { window, walkers, .. } = self;
         let law = window.law;
-        let (space, level, index) = (DrawSpace::Tree, node.level, node.index(window.root()));
-        let cells = SeedCells { seed: law.seed, space, level, index };
         let end = list.len.next_multiple_of(8);
-        if law.receptor.is_some() {
-            walkers.draw(simd, cells, receptor::BLOCK, &list.members[..end], &mut list.receptor.middle);
-        }
-        if law.process.is_brownian() {
-            walkers.draw(simd, cells, 0, &list.members[..end], &mut list.half);
-        } else {
-            list.half[..end].fill(0.0);
-        }
+        self.draw_middles(simd, node, list);
         // Two passes over the list: `normal_deviates` runs faster over one long array than eight at
         // a time.
         // The variance in the middle is a quarter of the cell's length: `sqrt(length / 4)`.
@@ -355,6 +405,27 @@ impl RootWalk<'_> {
         }
     }
 
+    /// Draws the normal deviates of the middle of a cell.
+    #[inline(always)]
+    fn draw_middles<S: Simd>(&self, simd: S, node: ClockCell, list: &mut CellList) {
+        let Self { window, walkers, .. } = self;
+        let law = window.law;
+        let (space, level, index) = (DrawSpace::Tree, node.level, node.index(window.root()));
+        let cells = SeedCells { seed: law.seed, space, level, index };
+        let end = list.len.next_multiple_of(8);
+        let (members, noise) = (&list.members[..end], &mut list.receptor.middle);
+        match (law.process.is_brownian(), law.receptor.is_some()) {
+            (true, true) => walkers.draw_both(simd, cells, members, [&mut list.half, noise]),
+            (true, false) => walkers.draw(simd, cells, 0, members, &mut list.half),
+            (false, with_receptor) => {
+                if with_receptor {
+                    walkers.draw(simd, cells, receptor::BLOCK, members, noise);
+                }
+                list.half[..end].fill(0.0);
+            }
+        }
+    }
+
     /// Moves each walker to the end of the cell if no barrier is within its reach. The others are
     /// put on the list of leaves or on the list of the cells to split.
     #[inline(always)]
@@ -364,6 +435,8 @@ impl RootWalk<'_> {
         let mut leaves = std::mem::take(&mut self.walkers.leaves);
         // The list of this level is free: its cell before this one has been walked to the end.
         (next.len, leaves.len) = (0, 0);
+        let mut touched = std::mem::take(&mut self.walkers.touched);
+        touched.clear();
         let length = f64::from(node.length());
         let knots = self.knots(node);
         for i in (0..crowd.len).step_by(8) {
@@ -390,10 +463,20 @@ impl RootWalk<'_> {
                 short = mask_bits((rate * length).simd_le(receptor::SHORT));
             }
             let barriers = self.barriers(simd, &members);
-            let live = mask_bits(barriers.reached([x, y], variance * length, reach));
+            let mut live = mask_bits(barriers.reached([x, y], variance * length, reach));
             // The last eight may end with padding, which moves no voltage and joins no list.
             let known = u64::MAX >> (64 - 8.min(crowd.len - i));
-            for lane in set_lanes(!live & known) {
+            let mut open = 0;
+            // The root cell has been asked before the walk.
+            if node.level > 0 && live & known != 0 && receptor.is_some() {
+                let (drift, voltage) = ([from, to], [x, y]);
+                let cell =
+                    AskedEight { members, increment, drift, receptor, voltage, straying, sigma, barriers };
+                let decided;
+                [decided, open] = self.ask(node, &cell, live & known, &mut touched);
+                live &= !decided;
+            }
+            for lane in set_lanes(!live & !open & known) {
                 self.walkers.voltage[members[lane]] = y[lane];
             }
             let mut leaf = 0;
@@ -413,6 +496,84 @@ impl RootWalk<'_> {
         }
         self.walkers.lists[level] = next;
         self.walkers.leaves = leaves;
+        self.walkers.touched = touched;
+    }
+
+    /// Asks whether walkers touch a line in their cell. Returns the bits of those that the answer decides, and
+    /// of those of them that may touch one, which are put on the list.
+    #[inline(always)]
+    fn ask<S: Simd>(
+        &self,
+        node: ClockCell,
+        eight: &AskedEight<S>,
+        live: u64,
+        touched: &mut Vec<TouchedCell>,
+    ) -> [u64; 2] {
+        let AskedEight { members, increment, drift, receptor, voltage, straying, sigma, barriers } = *eight;
+        let Some(ends) = receptor else { return [0, 0] };
+        let (simd, length) = (increment.simd, f64::from(node.length()));
+        let [rate, deviation] = self.walkers.receptor_of(simd, &members);
+        let shape = WideShape::new(exp_eight(rate * -length));
+        let motion = sigma * motion_reach(length);
+        let lines = WideCell { shape, deviation, ends, voltage, straying, motion }.lines(barriers);
+        let decided = lines.decided & live;
+        if decided == 0 {
+            return [0, 0];
+        }
+        let seats = u64x8::from_fn(simd, |lane| self.walkers.seats[members[lane]]);
+        let [number, _] = self.leaf_cells(node).pair(seats, 0);
+        let open = decided & mask_bits(eight::uniform_eight(number).simd_lt(lines.bound()));
+        for lane in set_lanes(open) {
+            let ends = [ends[0][lane], ends[1][lane]];
+            touched.push(TouchedCell {
+                member: members[lane],
+                lines: lines.of(lane),
+                cell: ReceptorCell { rate: rate[lane], deviation: deviation[lane], ends },
+                number: [0.0, 1.0],
+                increment: increment[lane],
+                drift: [drift[0][lane], drift[1][lane]],
+            });
+        }
+        [decided, open]
+    }
+
+    /// The draws inside a cell that is not split.
+    fn leaf_cells(&self, node: ClockCell) -> SeedCells {
+        let index = node.index(self.window.root());
+        SeedCells { seed: self.window.law.seed, space: DrawSpace::Leaf, level: node.level, index }
+    }
+
+    /// Moves walkers that may touch a line across the cell, and writes their events.
+    fn cross_touched<C: DriftCurve>(&mut self, node: ClockCell) -> ControlFlow<()> {
+        let cells = self.leaf_cells(node);
+        let Self { window, walkers, writer } = self;
+        let legs = window.legs.len();
+        for touched in &walkers.touched {
+            let member = touched.member;
+            let seat = walkers.seats[member];
+            let [x, y] = [seat & 0xffff, seat >> 16].map(|at| at as u16);
+            let SeedCells { seed, space, level, index } = cells;
+            let leaf = ClockLeaf {
+                barriers: window.law.thresholds.of(writer.first + walkers.pixels[member]),
+                variance: 0.0,
+                draws: seed.draws(SeedCell { x, y, level, index }, space),
+                time: 0.0,
+            };
+            let mut walk = SpanWalk {
+                window,
+                pieces: &walkers.pieces[member * legs..][..legs],
+                sigma: walkers.sigma[member],
+                curvature: walkers.curvature[member],
+                leaf,
+                visited: [0, 0],
+            };
+            let mut emit = writer.of(walkers.pixels[member], seat);
+            let (x, stacks) = (walkers.voltage[member], &mut walkers.stacks);
+            walkers.voltage[member] = walk.cross::<C>(x, touched, node.ends(), stacks, &mut emit)?;
+            walkers.leaf_count += walk.visited[0];
+            walkers.splits += walk.visited[1];
+        }
+        ControlFlow::Continue(())
     }
 
     /// The barriers of eight walkers.
@@ -472,48 +633,22 @@ impl RootWalk<'_> {
         }
         let mut leaf = 0;
         for lane in set_lanes(live) {
-            leaf |= u64::from(self.straying::<C>(node, members[lane]) <= STRAIGHT) << lane;
+            let legs = self.window.legs.len();
+            let pieces = &self.walkers.pieces[members[lane] * legs..][..legs];
+            leaf |= u64::from(self.window.straying::<C>(pieces, node.ends()) <= STRAIGHT) << lane;
         }
         leaf
-    }
-
-    /// A bound on the distance between a walker's drift and its chord in a cell: the largest
-    /// distance at the stamps inside, plus the largest distance of a piece from its own chord.
-    fn straying<C: DriftCurve>(&self, node: ClockCell, member: usize) -> f64 {
-        let [a, b] = node.ends();
-        let legs = &self.window.legs;
-        let pieces = &self.walkers.pieces[member * legs.len()..][..legs.len()];
-        // At `b` itself the leg that ends there counts, not the one that begins.
-        let [first, last] = [self.window.leg_at(a), self.window.leg_at(b.next_down())];
-        let bulge = |at: usize| {
-            let (leg, [_, curve @ ..]) = (&legs[at], &pieces[at]);
-            C::bulge_of_one(curve, [leg.from.max(a) - leg.stamp, leg.to.min(b) - leg.stamp])
-        };
-        if first == last {
-            return bulge(first);
-        }
-        let drift = |at: usize, t: f64| {
-            let (leg, [start, curve @ ..]) = (&legs[at], &pieces[at]);
-            start + C::rise_of_one(curve, t - leg.stamp)
-        };
-        let (from, to) = (drift(first, a), drift(last, b));
-        let slope = (to - from) / (b - a);
-        let stray = |at: usize| (pieces[at][0] - from - slope * (legs[at].stamp - a)).abs();
-        // Each piece stays near its own chord, and the polygon of these chords near the cell's
-        // chord.
-        (first + 1..=last).map(stray).fold(0.0, f64::max) + (first..=last).map(bulge).fold(0.0, f64::max)
     }
 
     /// Moves walkers across a leaf, and writes their events.
     #[inline(always)]
     fn cross_leaves<S: Simd>(&mut self, simd: S, node: ClockCell) -> ControlFlow<()> {
+        let cells = self.leaf_cells(node);
         let Self { window, walkers, writer } = self;
         let law = window.law;
         walkers.leaves.pad();
         walkers.leaf_count += walkers.leaves.len as u64;
         let [begin, end] = node.ends();
-        let index = node.index(window.root());
-        let cells = SeedCells { seed: law.seed, space: DrawSpace::Leaf, level: node.level, index };
         for i in (0..walkers.leaves.len).step_by(8) {
             let list = &walkers.leaves;
             let seats = u64x8::from_fn(simd, |lane| walkers.seats[list.members[i + lane] as usize]);

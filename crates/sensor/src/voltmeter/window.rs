@@ -1,7 +1,9 @@
 //! One window of time, and the legs between frames that it crosses.
 
 use super::BetweenFrames;
+use super::curve::DriftCurve;
 use super::exact::{ExactSettings, PendingFrame};
+use super::touch::motion_reach;
 use super::tree::LEVELS;
 use std::ops::Range;
 
@@ -26,6 +28,8 @@ pub(super) struct TimeStep<'a> {
     pub(super) into_microsecond: u64,
     /// Length of the window, ns.
     pub(super) length: f64,
+    /// How far a Brownian motion of unit variance per ns strays from its chord over the window.
+    pub(super) motion_reach: f64,
     /// Events after this time, ns since `start`, are dropped.
     pub(super) last: f64,
 }
@@ -92,6 +96,7 @@ impl<'a> TimeStep<'a> {
             start,
             into_microsecond,
             length: since_start(end),
+            motion_reach: motion_reach(since_start(end)),
             last,
             frames,
         }
@@ -101,6 +106,31 @@ impl<'a> TimeStep<'a> {
     pub(super) fn leg_at(&self, t: f64) -> usize {
         // A time at the window's end has no later leg.
         self.legs.iter().position(|leg| t < leg.to).unwrap_or(self.legs.len() - 1)
+    }
+
+    /// A bound on the distance between a pixel's drift and its chord from `a` to `b`: the largest
+    /// distance at the stamps inside, plus the largest distance of a piece from its own chord.
+    pub(super) fn straying<C: DriftCurve>(&self, pieces: &[[f64; 5]], [a, b]: [f64; 2]) -> f64 {
+        let legs = &self.legs;
+        // At `b` itself the leg that ends there counts, not the one that begins.
+        let [first, last] = [self.leg_at(a), self.leg_at(b.next_down())];
+        let bulge = |at: usize| {
+            let (leg, [_, curve @ ..]) = (&legs[at], &pieces[at]);
+            C::bulge_of_one(curve, [leg.from.max(a) - leg.stamp, leg.to.min(b) - leg.stamp])
+        };
+        if first == last {
+            return bulge(first);
+        }
+        let drift = |at: usize, t: f64| {
+            let (leg, [start, curve @ ..]) = (&legs[at], &pieces[at]);
+            start + C::rise_of_one(curve, t - leg.stamp)
+        };
+        let (from, to) = (drift(first, a), drift(last, b));
+        let slope = (to - from) / (b - a);
+        let stray = |at: usize| (pieces[at][0] - from - slope * (legs[at].stamp - a)).abs();
+        // Each piece stays near its own chord, and the polygon of these chords near the cell's
+        // chord.
+        (first + 1..=last).map(stray).fold(0.0, f64::max) + (first..=last).map(bulge).fold(0.0, f64::max)
     }
 
     /// Number of the root cell.

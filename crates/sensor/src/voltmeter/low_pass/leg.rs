@@ -5,7 +5,7 @@ use super::{FilterLaw, SECONDS, StageRates};
 use crate::voltmeter::BetweenFrames;
 use crate::voltmeter::cubic::log_cubic;
 use crate::voltmeter::curve::FrameEnds;
-use fearless_simd::{Simd, SimdBase as _, f64x8};
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _, f64x8, u64x8};
 use gs2e_num::elementary::{exp_eight, load_eight, store_eight};
 
 /// The brightness of all pixels between two frames.
@@ -97,6 +97,18 @@ impl FilterLeg<'_> {
         }
         for i in (0..first.len()).step_by(8) {
             let cubic = self.cubic(simd, at + i);
+            let rests = cubic.stays_at(load_eight(simd, first, i))
+                && (!two || cubic.stays_at(load_eight(simd, second, i)));
+            if rests {
+                // What has followed a light that stays does so on, whatever the rates: the bits are those of the
+                // answer below.
+                let still = f64x8::splat(simd, 0.0);
+                // A loop: a closure may be compiled without the instruction set in use.
+                for end in ends.iter_mut() {
+                    self.store(cubic.start, still, end, i);
+                }
+                continue;
+            }
             let mut point = self.point(&cubic, start);
             let mut from = start;
             let y = load_eight(simd, first, i);
@@ -157,13 +169,7 @@ impl FilterLeg<'_> {
             StageRates::Equal(rate) => f64x8::splat(log.simd, *rate),
             StageRates::ByGrey(curve) => {
                 let greys = exp_eight(log) - self.law.k2;
-                let mut rates = [0.0; 8];
-                for (lane, rate) in rates.iter_mut().enumerate() {
-                    #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-                    let grey = greys[lane] as f32;
-                    *rate = curve.at(grey);
-                }
-                f64x8::from_slice(log.simd, &rates)
+                curve.eight(greys)
             }
         }
     }
@@ -195,12 +201,30 @@ impl FilterLeg<'_> {
         let level = exp_eight(log).max(LEAST * k2);
         let luminance = (((level - k2) + ROUNDER * k2) - ROUNDER * k2).min(MOST);
         let rate = (level * slope * (1.0 / SECONDS)).max(-MOST).min(MOST);
-        let pixels = end.luminance[i..i + 8].iter_mut().zip(&mut end.rate[i..i + 8]);
-        for (lane, (to, change)) in pixels.enumerate() {
-            #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
-            let rounded = [luminance[lane], rate[lane]].map(|v| v as f32);
-            [*to, *change] = rounded;
+        let (luminance, rate): ([f64; 8], [f64; 8]) = (luminance.into(), rate.into());
+        let (to, change) = (&mut end.luminance[i..i + 8], &mut end.rate[i..i + 8]);
+        // Loops without a closure, which the compiler turns into vector conversions.
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+        for lane in 0..8 {
+            to[lane] = luminance[lane] as f32;
         }
+        #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
+        for lane in 0..8 {
+            change[lane] = rate[lane] as f32;
+        }
+    }
+}
+
+impl<S: Simd> WideCubic<S> {
+    /// Returns true if the brightness of all eight is constant, and these outputs have reached it.
+    #[inline(always)]
+    fn stays_at(&self, outputs: f64x8<S>) -> bool {
+        let [c1, c2, c3] = self.coefficients;
+        // Without the sign: a negative zero is a zero.
+        let moving = (c1.to_bits() | c2.to_bits() | c3.to_bits()) << 1;
+        let away = outputs.to_bits() ^ self.start.to_bits();
+        let zero = u64x8::splat(outputs.simd, 0);
+        (moving | away).simd_eq(zero).all_true()
     }
 }
 
