@@ -246,7 +246,7 @@ mod tests {
         let sides = [(SIDES[0], one), (SIDES[1], one)];
         // A vector follows its offset.
         let grey: &[u8] = &[4, 0, 0, 0, 1, 0, 0, 0, 77];
-        let with = |more: &[(usize, &[u8])]| parse(&[&sides, &[(PIXELS, grey)], more].concat());
+        let with = |more: &[(usize, &[u8])]| parse(&[&sides[..], &[(PIXELS, grey)][..], more].concat());
         // Older files: the stamp is the middle. Start and end say the same.
         let old =
             with(&[(STAMP, &time(500)), (EXPOSURE_START, &time(400)), (EXPOSURE_END, &time(600))]).unwrap();

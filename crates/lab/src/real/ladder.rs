@@ -286,12 +286,12 @@ mod tests {
         println!("{recorded:?}");
         // The lag is known to its step.
         assert!((recorded.lag_us.unwrap() - LAG_US as f64).abs() < LAG_STEP_US as f64, "{recorded:?}");
-        // With heights of up to four contrasts, all with the net count 4 have less than 4: of heights that
-        // are equally frequent, a third of a contrast less, and a slope 3 % too low. Each side has about 4,000
-        // ramps, which miss their count by 0.4 contrasts, so that a slope is known to 1 %.
+        // Many ramps begin or end between two frames, so small changes are more frequent than large ones, and of
+        // those with a net count of k more lie below k than above. The slope is then 6 % too low: a simulation of
+        // such ramps by another program has 0.939 with a deviation of 0.003.
         for (found, planted) in [recorded.contrast_on, recorded.contrast_off].into_iter().zip(CONTRASTS) {
             let ratio = found.unwrap() / planted;
-            assert!((ratio - 0.97).abs() < 0.04, "{ratio}");
+            assert!((ratio - 0.939).abs() < 0.02, "{ratio}");
         }
     }
 }

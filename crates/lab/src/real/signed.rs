@@ -253,7 +253,7 @@ mod tests {
         }
         // Another draw of the same edge has the same time, but for what jitter leaves open, and less in common.
         let found = matched(&events(8), &made);
-        assert!(found.delay_us.unwrap().abs() < 1500 && (0.2..0.95).contains(&found.ncc), "{found:?}");
+        assert!(found.delay_us.unwrap().abs() < 4000 && (0.8..0.97).contains(&found.ncc), "{found:?}");
     }
 
     /// The correlation of the blurred pictures by its definition, at no delay.
