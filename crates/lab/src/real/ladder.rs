@@ -1,10 +1,10 @@
 //! The ladder: the change of `ln(frame)` between neighbouring frames, against the net count of events between
 //! them.
 //!
-//! A straight line through 0 over the pixels whose net count is `k` has the contrast as its slope, apart for ON
-//! and for OFF. Events come later than frames by a lag, so the counts are taken between the stamps plus the
-//! lag that correlates best. The same estimate is made of the recording and of every simulated stream: what it
-//! misses, it misses in all of them.
+//! A straight line through 0 over the pixels whose net count is `k` has the contrast as its slope, apart for
+//! ON and for OFF. Events come later than frames by a lag, so the counts are taken between the stamps plus the
+//! lag that correlates best. The same estimate is made of the recording and of every simulated stream: what
+//! it misses, it misses in all of them.
 
 use super::events::{CountedEvent, PackedEvents};
 use std::collections::VecDeque;
@@ -286,9 +286,9 @@ mod tests {
         println!("{recorded:?}");
         // The lag is known to its step.
         assert!((recorded.lag_us.unwrap() - LAG_US as f64).abs() < LAG_STEP_US as f64, "{recorded:?}");
-        // Many ramps begin or end between two frames, so small changes are more frequent than large ones, and of
-        // those with a net count of k more lie below k than above. The slope is then 6 % too low: a simulation of
-        // such ramps by another program has 0.939 with a deviation of 0.003.
+        // Many ramps begin or end between two frames, so small changes are more frequent than large ones, and
+        // of those with a net count of k more lie below k than above. The slope is then 6 % too low: a
+        // simulation of such ramps by another program has 0.939 with a deviation of 0.003.
         for (found, planted) in [recorded.contrast_on, recorded.contrast_off].into_iter().zip(CONTRASTS) {
             let ratio = found.unwrap() / planted;
             assert!((ratio - 0.939).abs() < 0.02, "{ratio}");

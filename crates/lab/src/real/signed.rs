@@ -2,8 +2,8 @@
 //! correlated with those of the recording, at every delay of the recording.
 //!
 //! A blur that mirrors the border is its own transpose, so the product of two blurred pictures is the sum of
-//! one over the other blurred twice. With this, one blur of a simulated window serves all delays: each recorded
-//! event adds a number of its own, and a delay moves the ends of the sum.
+//! one over the other blurred twice. With this, one blur of a simulated window serves all delays: each
+//! recorded event adds a number of its own, and a delay moves the ends of the sum.
 
 use super::blur::PictureBlur;
 use super::events::{CountedEvent, PackedEvents};
@@ -21,8 +21,8 @@ const MOST_WINDOWS: i64 = 100;
 const LARGEST_DELAY_US: i64 = 30_000;
 /// Distance of the delays that are tried, us.
 const STEP_US: i64 = 100;
-/// Distance of the delays at which the recorded windows are blurred, us. The variance in between is a straight
-/// line.
+/// Distance of the delays at which the recorded windows are blurred, us. The variance in between is a
+/// straight line.
 const VARIANCE_STEP_US: i64 = 2500;
 
 /// The windows of a recording.
@@ -251,7 +251,7 @@ mod tests {
             assert_eq!(found.delay_us, Some(delay_us));
             assert!((found.ncc - 1.0).abs() < 1e-9, "{delay_us}: {found:?}");
         }
-        // Another draw of the same edge has the same time, but for what jitter leaves open, and less in common.
+        // Another draw of the same edge has the same time, but for what jitter leaves open.
         let found = matched(&events(8), &made);
         assert!(found.delay_us.unwrap().abs() < 4000 && (0.8..0.97).contains(&found.ncc), "{found:?}");
     }
