@@ -1,5 +1,5 @@
-//! Figures that need the events themselves, beside those of the profiles: a delay, signed windows, the ladder,
-//! and still and moving pixels apart.
+//! Figures that need the events themselves, beside those of the profiles: a delay, signed windows, the
+//! ladder, and still and moving pixels apart.
 
 use super::events::PackedEvents;
 use super::ladder::{LadderFigures, Ladders, StreamLadder};

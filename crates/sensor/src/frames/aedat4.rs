@@ -1,7 +1,7 @@
 //! Frames of a camera from its AEDAT 4 file, which may hold the events of the same pixels too.
 //!
-//! The file is read twice: once for the stamps, and once for the frames, each when it is needed. A stamp is the
-//! middle of the exposure.
+//! The file is read twice: once for the stamps, and once for the frames, each when it is needed. A stamp is
+//! the middle of the exposure.
 
 use super::stamps::{StampError, relative_stamps};
 use super::{DenseFrame, FrameError, FrameSequence};
