@@ -66,6 +66,7 @@ fn main() -> ExitCode {
     for (part, [median, best]) in measure::ratios(&timings) {
         println!("{part}: {median:.2} of the rival's rate at the median, {best:.2} at the best");
     }
+    println!("{}", measure::costs(&timings));
     growing.iter().for_each(|axis| println!("\n{}", axis.table()));
     training.iter().for_each(|axis| println!("\n{}", axis.table()));
     if !memory.is_empty() {

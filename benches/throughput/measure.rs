@@ -109,6 +109,38 @@ pub(crate) fn ratios(timings: &[Timing]) -> Vec<(&'static str, [f64; 2])> {
     pairs.map(|(own, rival)| (own.part, [rival.median() / own.median(), rival.min() / own.min()])).collect()
 }
 
+/// Begins the name of a model whose cost is compared with that of the first on the same work.
+pub(crate) const COST_OF: &str = "cost of ";
+
+/// Tables of the costs of models, and of their ratios to the first model with the same work, which is the text behind
+/// the name of the model. Amounts are counted in millions.
+pub(crate) fn costs(timings: &[Timing]) -> String {
+    let mut lines = Vec::new();
+    let mut first: Option<(&str, &Timing)> = None;
+    for timing in timings {
+        let Some((_, named)) = timing.what.split_once(COST_OF) else { continue };
+        let (name, work) = named.split_once(", ").unwrap_or((named, ""));
+        let base = match first {
+            Some((begun, base)) if begun == work => base,
+            _ => {
+                lines.push(format!(
+                    "\n{work}\n| model | ns at the median | of the first: median, best |\n|---|---|---|"
+                ));
+                first = Some((work, timing));
+                timing
+            }
+        };
+        let each = |a: &Amount| {
+            let unit = a.unit.strip_prefix('M').unwrap_or(a.unit);
+            format!("{} a {unit}", significant(1e3 * timing.median() / a.count))
+        };
+        let each: Vec<String> = timing.amounts.iter().map(each).collect();
+        let [median, best] = [timing.median() / base.median(), timing.min() / base.min()].map(significant);
+        lines.push(format!("| {name} | {} | {median}, {best} |", each.join(", ")));
+    }
+    lines.join("\n")
+}
+
 /// Three significant digits and never an exponent: `0.0123`, `1.23`, `12.3`, `123`, `1234`.
 fn significant(x: f64) -> String {
     let decimals = match x.abs() {

@@ -1,7 +1,7 @@
 //! Simulating one block of frames in memory; the events are counted and dropped.
 
 use super::amount;
-use crate::measure::{Workload, timed};
+use crate::measure::{COST_OF, Workload, timed};
 use gs2e_event::{Event, EventSink};
 use gs2e_image::{Image, Size};
 use gs2e_num::seed::Seed;
@@ -22,6 +22,49 @@ const RATES: [f64; 3] = [0.3, 10.0, 1000.0];
 const AMPLITUDE: f64 = 0.8;
 
 pub(super) fn workloads() -> Vec<Workload> {
+    let mut all = of_paper();
+    all.extend(costs());
+    all
+}
+
+/// What noise of limited bandwidth and a bandwidth cost: sensors of the preset `davis346` and other presets on the
+/// same frames, on one core.
+fn costs() -> Vec<Workload> {
+    let davis = VoltmeterPreset::Davis346.model();
+    let noise = |cutoff_hz| {
+        let points = vec![ReceptorPoint { lux: 250.0, deviation: 0.02, cutoff_hz }];
+        let photoreceptor_noise = PhotoreceptorNoise { spread: 0.35, points };
+        VoltmeterModel { photoreceptor_noise, ..davis.clone() }
+    };
+    let low_pass = |order, points: &[[f64; 2]]| {
+        let point = |[lux, cutoff_hz]: &[f64; 2]| BandwidthPoint { lux: *lux, cutoff_hz: *cutoff_hz };
+        let bandwidth = PixelBandwidth { order, points: points.iter().map(point).collect() };
+        VoltmeterModel { bandwidth, ..davis.clone() }
+    };
+    let models = [
+        ("davis346", davis.clone()),
+        ("davis346 with noise of 5 Hz", noise(5.0)),
+        ("davis346 with noise of 60 Hz", noise(60.0)),
+        ("davis346 with noise of 200 Hz", noise(200.0)),
+        ("davis346 with a bandwidth of 200 Hz", low_pass(1, &[[100.0, 200.0]])),
+        ("davis346 with a bandwidth of 200 Hz and two stages", low_pass(2, &[[100.0, 200.0]])),
+        ("davis346 with a bandwidth of 20 to 200 Hz", low_pass(1, &[[1.0, 20.0], [100.0, 200.0]])),
+        ("evk4", VoltmeterPreset::Evk4.model()),
+        ("dvxplorer", VoltmeterPreset::Dvxplorer.model()),
+    ];
+    let mut all = Vec::new();
+    for (hertz, count) in [("240", 14), ("1000", FRAMES), ("2400", FRAMES)] {
+        let rate = RATES[1];
+        let frames: Arc<[DenseFrame]> = frames(rate, &davis, hertz, count).into();
+        for (name, model) in &models {
+            all.push(workload(&format!("{COST_OF}{name}"), model, rate, &frames, 1));
+        }
+    }
+    all
+}
+
+/// The sensor of the published program, with more and with less noise.
+fn of_paper() -> Vec<Workload> {
     let noisy = VoltmeterModel::new(VoltmeterPreset::Dvs346.k());
     let mut quiet = noisy.clone();
     quiet.k[2..].fill(0.0);
@@ -33,16 +76,16 @@ pub(super) fn workloads() -> Vec<Workload> {
     let receptor = VoltmeterModel { photoreceptor_noise, ..quiet.clone() };
     let [plain_noise, filtered] = [&noisy, &receptor].map(with_bandwidth);
     let models = [
-        ("with noise", &noisy),
-        ("with noise and bandwidth", &plain_noise),
-        ("with photoreceptor noise", &receptor),
-        ("with photoreceptor noise and bandwidth", &filtered),
-        ("without noise", &quiet),
-        ("with spread and dead time", &unequal),
+        ("dvs346 with noise", &noisy),
+        ("dvs346 with noise and bandwidth", &plain_noise),
+        ("dvs346 with photoreceptor noise", &receptor),
+        ("dvs346 with photoreceptor noise and bandwidth", &filtered),
+        ("dvs346 without noise", &quiet),
+        ("dvs346 with spread and dead time", &unequal),
     ];
     let mut all = Vec::new();
     for rate in RATES {
-        let frames: Arc<[DenseFrame]> = frames(rate, &noisy).into();
+        let frames: Arc<[DenseFrame]> = frames(rate, &noisy, "2400", FRAMES).into();
         for (name, model) in models {
             all.push(workload(name, model, rate, &frames, 0));
             all.push(workload(name, model, rate, &frames, 1));
@@ -105,8 +148,9 @@ fn workload(
     let (model, frames) = (model.clone(), Arc::clone(frames));
     let steps = frames.len() - 2;
     let seconds = frames[1 + steps].t.seconds() - frames[1].t.seconds();
+    let per_second = steps as f64 / seconds;
     let what = format!(
-        "voltmeter dvs346 {name}, {SIZE}, {steps} steps at 2400/s, {seconds:.3} s, {rate} ev/px/s asked, {cores}"
+        "voltmeter {name}, {SIZE}, {steps} steps at {per_second:.0}/s, {seconds:.3} s, {rate} ev/px/s asked, {cores}"
     );
     let simulate = move || {
         let mut pixels = model.start(SIZE, [0, 0], Seed(1)).expect("the preset is valid");
@@ -141,12 +185,12 @@ impl EventSink for EventCounter {
 /// so that the pixels fire at different times from the second frame on, and not together after 1 /
 /// rate.
 #[expect(clippy::cast_possible_truncation, reason = "frames are f32")]
-fn frames(rate: f64, model: &VoltmeterModel) -> Vec<DenseFrame> {
+fn frames(rate: f64, model: &VoltmeterModel, hertz: &str, count: u16) -> Vec<DenseFrame> {
     let [k1, k2, ..] = model.k;
     // A triangle wave travels four amplitudes per period; an event takes a threshold of 1 of k1
     // ln(L + k2).
     let period = 4.0 * AMPLITUDE * k1 / rate;
-    let hertz = Hertz("2400".parse().expect("it is a ratio"));
+    let hertz = Hertz(hertz.parse().expect("it is a ratio"));
     let centre = libm::log(80.0 + k2);
     // Multiples of two irrational numbers spread over [0, 1) evenly, and not together.
     let spread = |pixel: usize, irrational: f64| (pixel as f64 * irrational).fract();
@@ -161,5 +205,5 @@ fn frames(rate: f64, model: &VoltmeterModel) -> Vec<DenseFrame> {
         let luminance = Image::from_vec(SIZE, (0..SIZE.pixels()).map(level).collect());
         DenseFrame { index: usize::from(index), t, luminance, rate: None }
     };
-    (0..FRAMES).map(frame).collect()
+    (0..count).map(frame).collect()
 }

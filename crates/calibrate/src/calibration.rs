@@ -22,7 +22,7 @@ const FINE_TRUST: Trust = Trust { form: 0.014, compares_halves: false, largest_s
 /// The same where counts do not add up: by the two halves of recordings of cameras.
 const COARSE_TRUST: Trust = Trust { form: 0.05, compares_halves: true, largest_spread: 0.1 };
 /// Largest error of a contrast that is determined, by the contrast.
-const LARGEST_ERROR: f64 = 0.019;
+const LARGEST_ERROR: f64 = 0.0175;
 /// The misfit of most recordings.
 const TYPICAL_MISFIT: f64 = 0.9;
 /// The same of the offset, in grey, of the delay and of the time constant, us, and of the spread.

@@ -190,12 +190,12 @@ impl TimeStep<'_> {
         band: &mut BandCrosser,
     ) {
         band.walkers.clear();
+        let mut draws = RootDraws::default();
         for start in (0..slice.voltage.len()).step_by(BLOCK) {
             let end = slice.voltage.len().min(start + BLOCK);
             simd.vectorize(
                 #[inline(always)]
                 || {
-                    let mut draws = RootDraws::default();
                     self.draw(simd, &slice.seats[start..end], &mut draws);
                     let RootDraws { motion, receptor, known } = &draws;
                     self.fill(simd, slice.first + start, end - start, &mut band.block);

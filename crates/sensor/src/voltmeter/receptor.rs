@@ -3,7 +3,8 @@
 //! Between known ends `a` and `b`, a time `h` apart, the process is Gaussian too. In the middle it has the
 //! mean `(a + b) / (2 cosh z)` and the variance `s^2 tanh z`, where `z = theta h / 2` and `s` is its standard
 //! deviation. So the clock carries over: a root cell takes one normal draw for the end, a split one for the
-//! middle. The values at the ends of cells have the exact law, whatever is split.
+//! middle. The values at the ends of cells have the exact law, whatever is split. Most cells are not: one number
+//! decides them (`touch.rs`).
 //!
 //! In a leaf, the bridge is taken for a Brownian one of the same quadratic variation, `2 theta s^2` per time,
 //! around the chord. Two things are neglected: the mean strays from the chord by at most `|u| (theta h)^2 /

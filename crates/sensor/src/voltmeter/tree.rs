@@ -18,7 +18,8 @@
 //! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in
 //! one step ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf,
 //! and the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
-//! cell is split, and its halves follow in order of time ([`RootWalk::halve`]).
+//! cell is split, and its halves follow in order of time ([`RootWalk::halve`]). With the photoreceptor's noise,
+//! one number may say that no barrier is touched, or where a line in front of one is ([`super::touch`]).
 //!
 //! Pixels descend together. All walkers that reach a cell share its times, so eight of them do the
 //! same arithmetic at once, and a cell's own cost (its legs, its index, the call) is spread over
