@@ -24,6 +24,8 @@ const STEP_US: i64 = 100;
 /// Distance of the delays at which the recorded windows are blurred, us. The variance in between is a
 /// straight line.
 const VARIANCE_STEP_US: i64 = 2500;
+/// Steps around the best of these delays that are tried with the variance there.
+const REFINED: [usize; 4] = [10, 5, 2, 1];
 
 /// The windows of a recording.
 #[derive(Debug)]
@@ -125,21 +127,34 @@ impl SignedWindows {
 
     /// Index of the delay at which the correlations sum up to most, and this sum.
     fn best(&self, products: &[(usize, Vec<f64>)]) -> (usize, f64) {
-        let score = |i: usize| {
+        let sum = |i: usize, variance: &dyn Fn(usize) -> f64| {
             let all = products.iter().map(|(window, products)| {
-                let variance = self.variance(*window, i);
+                let variance = variance(*window);
                 if variance > 0.0 { products[i] / variance.sqrt() } else { 0.0 }
             });
-            all.sum::<f64>()
+            (i, all.sum::<f64>())
         };
-        let mut best = (self.delays() / 2, score(self.delays() / 2));
-        for i in 0..self.delays() {
-            let found = score(i);
-            if found > best.1 {
-                best = (i, found);
+        let near = (0..self.delays()).map(|i| sum(i, &|window| self.variance(window, i)));
+        let middle = self.delays() / 2;
+        let start = near.fold((middle, 0.0), |best, found| if found.1 > best.1 { found } else { best }).0;
+        // The straight line between two blurred delays moves a flat maximum.
+        let exact = |i: usize| sum(i, &|window| self.variance_at(self.starts[window] + self.delay_us(i)));
+        let mut best = exact(start);
+        for step in REFINED {
+            loop {
+                let next = [best.0.checked_sub(step), Some(best.0 + step)].into_iter().flatten();
+                let next = next.filter(|i| *i < self.delays()).map(exact).max_by(|a, b| a.1.total_cmp(&b.1));
+                match next {
+                    Some(next) if next.1 > best.1 => best = next,
+                    _ => break,
+                }
             }
         }
         best
+    }
+
+    fn delay_us(&self, i: usize) -> i64 {
+        i64::try_from(i).expect("there are few delays") * STEP_US - self.largest_us
     }
 }
 
@@ -189,13 +204,8 @@ impl WindowMatch {
         let seen = self.windows.variances.iter().filter(is_seen).count();
         let (best, score) = self.windows.best(&self.products);
         let is_inside = best > 0 && best + 1 < self.windows.delays() && score > 0.0;
-        let delay_us = i64::try_from(best).ok()? * STEP_US - self.windows.largest_us;
-        let correlations = self.products.iter().map(|(window, products)| {
-            let variance = self.windows.variance_at(self.windows.starts[*window] + delay_us);
-            if variance > 0.0 { products[best] / variance.sqrt() } else { 0.0 }
-        });
-        let sum: f64 = correlations.sum();
-        (seen > 0).then(|| WindowScore { ncc: sum / seen as f64, delay_us: is_inside.then_some(delay_us) })
+        let delay_us = self.windows.delay_us(best);
+        (seen > 0).then(|| WindowScore { ncc: score / seen as f64, delay_us: is_inside.then_some(delay_us) })
     }
 }
 

@@ -212,9 +212,11 @@ mod tests {
 
     #[test]
     fn anchored_presets_lie_on_their_predictions_and_on_the_published_rates() {
-        // 512 pixel-seconds: 11 ON events of an EVK4 at 25 lux, the fewest, are known to 30 %.
+        // 4608 pixel-seconds: 99 ON events of an EVK4 at 25 lux, the fewest, are known to 17 %, because a few
+        // pixels make most of them (a Fano factor of 3).
+        let trial = NoiseTrial { side: 48, ..SMALL };
         for preset in [VoltmeterPreset::Evk4, VoltmeterPreset::Davis346] {
-            let found = measured(&preset.model().into(), preset.noise_anchors(), SMALL);
+            let found = measured(&preset.model().into(), preset.noise_anchors(), trial);
             assert!(found.passes, "{preset:?}");
         }
     }
