@@ -219,6 +219,10 @@ impl Serialize for VoltmeterModel {
         add_in_use(&mut out, "hot_pixels", hot_pixels)?;
         add_in_use(&mut out, "floor", &self.floor)?;
         add_in_use(&mut out, "photoreceptor_noise", &self.photoreceptor_noise)?;
+        if !self.photoreceptor_noise.is_absent() {
+            // Part of the keys of steps, so that streams of an earlier version are made again.
+            out.serialize_entry("receptor_version", &exact::RECEPTOR_VERSION)?;
+        }
         add_in_use(&mut out, "bandwidth", &self.bandwidth)?;
         add_in_use(&mut out, "refractory", refractory)?;
         add_in_use(&mut out, "front_end", front_end)?;
