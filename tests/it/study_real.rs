@@ -83,7 +83,7 @@ fn write_late(place: &Workspace) {
     let grey = |i: usize| {
         let (frame, x, y) = (i / 384, i % 24, i / 24 % 16);
         let time = if x < 12 { 0.0 } else { frame as f64 };
-        ((40.0 + 8.0 * y as f64) * (1.0 + 0.6 * (0.5 * x as f64 - 0.7 * time).sin())).round()
+        ((40.0 + 7.0 * y as f64) * (1.0 + 0.6 * (0.5 * x as f64 - 0.7 * time).sin())).round()
     };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a grey")]
     let values: Vec<u8> = (0..50 * 384).map(|i| grey(i) as u8).collect();
@@ -135,8 +135,11 @@ fn a_late_recording_is_aligned_and_read_outs_are_masked() {
     // A burst 300 us after each stamp, in every pixel.
     let events = fs::read_to_string(place.path("late.csv")).unwrap();
     let burst = (0..49).flat_map(|frame| (0..384).map(move |i| (20_000 * frame + 300, i % 24, i / 24)));
-    let burst: String = burst.map(|(us, x, y)| format!("{us},{x},{y},1\n")).collect();
-    place.write("burst.csv", events + &burst);
+    let burst = burst.map(|(us, x, y)| format!("{us},{x},{y},1"));
+    let mut lines: Vec<String> = events.lines().map(str::to_owned).chain(burst).collect();
+    // The head of the file stays first.
+    lines.sort_by_key(|line| line.split(',').next().and_then(|us| us.parse::<i64>().ok()));
+    place.write("burst.csv", lines.join("\n") + "\n");
     let disturbed = study(&place, "burst.csv", "");
     let [masked, clean] =
         ["burst.csv", "late.csv"].map(|events| study(&place, events, "--mask -200..600 --csv masked.csv"));
