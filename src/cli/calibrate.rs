@@ -91,6 +91,11 @@ impl CalibrateArgs {
         output::screen_outputs(outputs, inputs, console.json)?;
         common.limit_cores();
         let cancel = on_interrupt()?;
+        let noise = self.noise.iter().map(|noise| &noise.path);
+        [&self.recording.events]
+            .into_iter()
+            .chain(noise)
+            .for_each(|path| self.recording.note_seconds(path, console));
         let done = if self.recording.frames().is_some() {
             self.by_frames(&cancel, console)?
         } else {

@@ -67,7 +67,22 @@ impl RecordingArgs {
             let what = format!("{}: not an event format", path.display());
             VerbError::usage("format", what).help(SUPPORTED)
         })?;
-        self.options.open(path, format)
+        // Fractions are read as seconds: nothing else fits a camera's clock.
+        match self.options.assumed_unit(path, format) {
+            Some(unit) => self.options.open_in(path, format, Some(unit)),
+            None => self.options.open(path, format),
+        }
+    }
+
+    /// Says if the times of a file of events are taken for seconds.
+    pub(super) fn note_seconds(&self, path: &Path, console: &Console) {
+        let format = EventFormat::for_path(path, EvtVersion::Evt2);
+        if format.is_some_and(|format| self.options.assumed_unit(path, format).is_some()) {
+            let place = path.display();
+            console.note(&format!(
+                "{place}: times with fractions are read as seconds; --time-unit states another"
+            ));
+        }
     }
 
     /// The pixels of the events.

@@ -66,7 +66,7 @@ const ARRAYS: [&str; 3] =
 const SOG: &str = "tests/golden/scenes/flat.sog";
 const PALETTE: &str = "tests/golden/scenes/palette.sog";
 
-pub(crate) const READERS: [Reader; 24] = [
+pub(crate) const READERS: [Reader; 25] = [
     Reader { name: "release", corpus: crate::forging::corpus, read: crate::forging::read },
     Reader { name: "ply", corpus: || files(&PLY), read: |file| ply::read_ply(file).is_ok() },
     Reader { name: "packed", corpus: || files(&PACKED), read: |file| ply::read_ply(file).is_ok() },

@@ -72,6 +72,12 @@ fn other_clocks_and_pixels_are_refused() {
     place.ok(&format!("simulate {INPUTS} --sensor dvs346 --out a.h5"));
     let message = place.refused("study real --frames frames.npy --fps 500 --full-scale 1 --events a.h5");
     assert!(message.contains("events is between the first frame, 0 us"), "{message}");
+    // Fractions are seconds, and this is said.
+    place.write("seconds.csv", "t,x,y,p\n5.005,3,4,1\n5.0061,3,4,0\n99.5,3,4,1\n");
+    let run = place.ok(&format!("study real {INPUTS} --events seconds.csv --size 24x16 --json"));
+    let found: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!((&found["recording"]["events"], &found["outside"]), (&2.into(), &1.into()));
+    assert!(run.stderr.contains("read as seconds"), "{}", run.stderr);
     place.write("b.csv", "t,x,y,p\n5000100,3,4,1\n");
     let message = place.refused(&format!("study real {INPUTS} --events b.csv --size 32x16"));
     assert!(message.contains("events of 32x16 and frames of 24x16"), "{message}");

@@ -7,7 +7,7 @@ use gs2e_event::evt::EvtVersion;
 use gs2e_event::file::{EventFile, EventFormat, OpenEventFile, ReadHints};
 use gs2e_event::sorted::SortedEvents;
 use gs2e_event::text::TextTimeUnit;
-use gs2e_event::{Event, EventFileError, EventSource as _, file, h5};
+use gs2e_event::{Event, EventFileError, EventSource as _, file, h5, text};
 use gs2e_files::{self as files, write_by_rename};
 use gs2e_image::Size;
 use gs2e_num::units::format_amount;
@@ -81,10 +81,30 @@ impl EventOptions {
 impl EventInputOptions {
     /// Opens a file of events.
     pub(in crate::cli) fn open(&self, path: &Path, format: EventFormat) -> Result<OpenEventFile, VerbError> {
+        self.open_in(path, format, self.time_unit)
+    }
+
+    /// The unit of a text whose times have fractions although nothing states it: cameras' programs write seconds.
+    pub(in crate::cli) fn assumed_unit(&self, path: &Path, format: EventFormat) -> Option<TextTimeUnit> {
+        if self.time_unit.is_some() || !matches!(format, EventFormat::Text(_)) {
+            return None;
+        }
+        // What cannot be read is refused when it is.
+        let reader = text::Reader::open(path, self.size, None).ok()?;
+        reader.lacks_unit().then_some(TextTimeUnit::Second)
+    }
+
+    /// Opens a file of events with times in a unit.
+    pub(in crate::cli) fn open_in(
+        &self,
+        path: &Path,
+        format: EventFormat,
+        unit: Option<TextTimeUnit>,
+    ) -> Result<OpenEventFile, VerbError> {
         if let Err(e) = files::open(path) {
             return Err(VerbError::usage("input-missing", format!("{} cannot be read: {e}", path.display())));
         }
-        let hints = ReadHints { size: self.size, unit: self.time_unit, topic: self.topic.as_deref() };
+        let hints = ReadHints { size: self.size, unit, topic: self.topic.as_deref() };
         file::open(path, format, hints).map_err(|e| input::wrong_events(path, &e))
     }
 }

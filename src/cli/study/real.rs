@@ -49,6 +49,7 @@ impl RealArgs {
         common.limit_cores();
         let cancel = on_interrupt()?;
         let sensors = self.sensors()?;
+        self.recording.note_seconds(&self.recording.events, console);
         let mut sequence = self.recording.open_frames(console)?;
         let recorded = self.recorded(&sequence)?;
         let mut tap = |_: &_| go_unless(&cancel);

@@ -103,6 +103,13 @@ impl<R: BufRead> Reader<R> {
         Ok(Self { lines, first, places: head.places, unit, states_unit: head.states_unit, header })
     }
 
+    /// Returns true if the first time has a fraction and nothing states its unit.
+    #[must_use]
+    pub fn lacks_unit(&self) -> bool {
+        let time = self.first.as_deref().and_then(|line| split_fields(line).nth(self.places[0]));
+        self.unit.is_none() && time.is_some_and(|time| time.contains('.'))
+    }
+
     /// Returns true if the unit of the times is known: the user or the file states it.
     #[must_use]
     pub(crate) fn states_unit(&self) -> bool {
