@@ -4,10 +4,10 @@
 //! counts so far, whatever the path of the light was. In between it is a parabola through three events. The
 //! frame at this time shows the same light as a grey.
 //!
-//! Where the reference follows the voltage during a dead time, the change in it makes no event. It is the rate
-//! between the events next to it, without their dead times. At the ends of a run of one sign, the voltage is
-//! taken as a parabola whose extremum lies evenly within one contrast of the last event: the means over it are
-//! the numbers of [`FIRST`] and [`LAST`].
+//! Where the reference follows the voltage during a dead time, the change in it makes no event. It is the
+//! rate between the events next to it, without their dead times. At the ends of a run of one sign, the
+//! voltage is taken as a parabola whose extremum lies evenly within one contrast of the last event: the means
+//! over it are the numbers of [`FIRST`] and [`LAST`].
 
 use crate::recording::{PixelTrains, Recording};
 

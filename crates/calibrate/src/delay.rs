@@ -18,8 +18,8 @@ const ENOUGH: usize = 40_000;
 
 /// Dead times that are assumed where the gaps show none, in the longest that is possible.
 const ASSUMED: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 0.75, 1.0];
-/// An assumption on dead times is open if its misfit is below this factor of the smallest, and this much more:
-/// where the dead time is known, and where it is not.
+/// An assumption on dead times is open if its misfit is below this factor of the smallest, and this much
+/// more: where the dead time is known, and where it is not.
 const OPEN_KNOWN: [f64; 2] = [1.1, 0.005];
 const OPEN_ASSUMED: [f64; 2] = [1.02, 0.003];
 /// Misfit, by the smallest, beyond which longer dead times are not tried.

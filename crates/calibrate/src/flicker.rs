@@ -36,8 +36,8 @@ pub(crate) struct EventSpectrum {
     pub lines: Vec<FlickerLine>,
 }
 
-/// The spectrum of the events of `pixels` from `span_us.0` to `span_us.1`: the mean over parts of a second under a Hann
-/// window (Welch, 1967). `None` for less than a second or few events.
+/// The spectrum of the events of `pixels` from `span_us.0` to `span_us.1`: the mean over parts of a second
+/// under a Hann window (Welch, 1967). `None` for less than a second or few events.
 pub(crate) fn event_spectrum(
     trains: &PixelTrains,
     pixels: &[usize],
@@ -140,8 +140,8 @@ mod tests {
         PixelTrains::new(SIZE, &all.into_iter().map(event).collect::<Vec<_>>())
     }
 
-    /// Half of the amplitude of a wave squared, by the square of the mean, is the power that it adds to Poisson
-    /// counts: `depth^2 / 4` times the events of a part, times 2/3 for the window.
+    /// Half of the amplitude of a wave squared, by the square of the mean, is the power that it adds to
+    /// Poisson counts: `depth^2 / 4` times the events of a part, times 2/3 for the window.
     #[test]
     fn a_line_has_the_power_of_its_wave() {
         let spectrum = event_spectrum(&events(120.0, 0.3), &all_pixels(), (0, 4_000_000)).unwrap();

@@ -6,10 +6,11 @@
 //! F = black - offset + exp(a + C_on n_on - C_off n_off + tau V' - leak t + blur (V'' + V'^2))
 //! ```
 //!
-//! with the steps `n` of the pixel up to the frame: events, and what dead times swallow. `tau V'` is the lead of the light over the voltage
-//! behind a low-pass of first order, exactly; `tau` falls as a power of the light. `blur` comes from the length of the exposure: a mean
-//! over it exceeds the middle by its square times the curvature over 24. The counts have no error, and the
-//! error of `F` is that of the frame: no error attenuates a slope.
+//! with the steps `n` of the pixel up to the frame: events, and what dead times swallow. `tau V'` is the lead
+//! of the light over the voltage behind a low-pass of first order, exactly; `tau` falls as a power of the
+//! light. `blur` comes from the length of the exposure: a mean over it exceeds the middle by its square times
+//! the curvature over 24. The counts have no error, and the error of `F` is that of the frame: no error
+//! attenuates a slope.
 //!
 //! Each stretch of a pixel has its own `a` and its own contrasts, normal around the common ones: a contrast
 //! that is off adds up over all events of the stretch, not over their balance. The common parameters are

@@ -84,7 +84,8 @@ impl EventInputOptions {
         self.open_in(path, format, self.time_unit)
     }
 
-    /// The unit of a text whose times have fractions although nothing states it: cameras' programs write seconds.
+    /// The unit of a text whose times have fractions although nothing states it: cameras' programs write
+    /// seconds.
     pub(in crate::cli) fn assumed_unit(&self, path: &Path, format: EventFormat) -> Option<TextTimeUnit> {
         if self.time_unit.is_some() || !matches!(format, EventFormat::Text(_)) {
             return None;

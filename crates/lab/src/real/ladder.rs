@@ -3,8 +3,8 @@
 //!
 //! A straight line through 0 over the pixels whose net count is `k` has the contrast as its slope, apart for
 //! ON and for OFF. Events come later than frames by a lag, so the counts are taken between the stamps plus
-//! the lag that correlates best. The same estimate is made of the recording and of every simulated stream: what
-//! it misses, it misses in all of them.
+//! the lag that correlates best. The same estimate is made of the recording and of every simulated stream:
+//! what it misses, it misses in all of them.
 
 use super::events::{CountedEvent, PackedEvents};
 use std::collections::VecDeque;

@@ -7,8 +7,8 @@
 //! l(t) = (l0 sinh(theta (h - t)) + l1 sinh(theta t)) / sinh(theta h)
 //! ```
 //!
-//! in time, and the bridge touches it with probability `exp(-a g / V)`, `V = s^2 sinh(theta h)`, where `a` and
-//! `g` are the distances of its ends from those of the line (reflection principle). The line of a barrier
+//! in time, and the bridge touches it with probability `exp(-a g / V)`, `V = s^2 sinh(theta h)`, where `a`
+//! and `g` are the distances of its ends from those of the line (reflection principle). The line of a barrier
 //! stays in front of it: of the barrier as the noise alone sees it, less the distance that the drift strays
 //! from its chord, less the reach of the Brownian motion around its own. So
 //!
@@ -20,10 +20,11 @@
 //! which is right as long as no path touches both. Cells where one might, and those whose number would be
 //! large, are split.
 //!
-//! **Line and barrier.** Where the barrier is at `c0` and `c1` at the ends, the line through these points lies
-//! in front of its chord while both are above 0, because `l'' = theta^2 l`. Otherwise it strays behind by at
-//! most `|c| (1 - 1/cosh z)`, `c` the lower of both and `z = theta h / 2`. A line that is lower by `m` at both
-//! ends is so by at least `m / cosh z` everywhere. Hence the margins `|c| (cosh z - 1)` and `m cosh z`.
+//! **Line and barrier.** Where the barrier is at `c0` and `c1` at the ends, the line through these points
+//! lies in front of its chord while both are above 0, because `l'' = theta^2 l`. Otherwise it strays behind
+//! by at most `|c| (1 - 1/cosh z)`, `c` the lower of both and `z = theta h / 2`. A line that is lower by `m`
+//! at both ends is so by at least `m / cosh z` everywhere. Hence the margins `|c| (cosh z - 1)` and `m cosh
+//! z`.
 
 use super::bridge::{BarrierSide, Barriers, LiveBarriers, NEGLIGIBLE, WideBarriers, touch_time};
 use super::curve::DriftCurve;
@@ -36,11 +37,11 @@ use gs2e_num::elementary::{exp_eight, mask_bits};
 use gs2e_num::seed::CellDraws;
 use std::ops::ControlFlow;
 
-/// Smallest product `a g / V` of a line that decides, a little above `ln 2`: the bound on the probability that
-/// one of both is touched, twice that of the likelier, is then below 1.
+/// Smallest product `a g / V` of a line that decides, a little above `ln 2`: the bound on the probability
+/// that one of both is touched, twice that of the likelier, is then below 1.
 const DECIDED: f64 = 0.7;
-/// Product `a g / V` from which the bound is below the step of the numbers of root cells: `ln(2 * 4096)`, and a
-/// little more.
+/// Product `a g / V` from which the bound is below the step of the numbers of root cells: `ln(2 * 4096)`, and
+/// a little more.
 const NEAR: f64 = 9.02;
 /// Smallest margin in front of a barrier, in units of `sqrt(V)`. It covers how far drift usually strays, so
 /// the line is the same for every frame rate.
@@ -202,7 +203,8 @@ impl<S: Simd> WideLines<S> {
         exp_eight((a * g).min(b * f) / -self.spread) * 2.0
     }
 
-    /// Bits of the decided pixels that may touch a line, where `known` are the upper 12 bits of their numbers.
+    /// Bits of the decided pixels that may touch a line, where `known` are the upper 12 bits of their
+    /// numbers.
     #[inline(always)]
     pub(super) fn open(&self, known: f64x8<S>) -> u64 {
         let close = self.decided & (self.near | mask_bits(known.simd_le(0.0)));
@@ -406,8 +408,8 @@ impl SpanWalk<'_> {
             let side = lines.touched(self.leaf.draws.uniform());
             return side.map_or(SpanFate::Passes, |side| SpanFate::Touches(lines, side));
         }
-        // A path that begins at a barrier touches it soon, if at all. A little less than the longest leaf, so that
-        // rounding does not decide whether it is one.
+        // A path that begins at a barrier touches it soon, if at all. A little less than the longest leaf, so
+        // that rounding does not decide whether it is one.
         let short = 0.875 * (receptor::SHORT / span.rate).min(receptor::LONGEST);
         let begins_nearer = (up - x).min(down + x) < (up - y).min(down + y);
         SpanFate::Splits(if begins_nearer && 2.0 * short < length { short } else { 0.5 * length })

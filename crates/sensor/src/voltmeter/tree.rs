@@ -15,11 +15,11 @@
 //! cell is split by one normal draw. Each draw is a pure function of the seed, the pixel and the
 //! cell. Frames, neighbours and threads therefore cannot change it.
 //!
-//! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in
-//! one step ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf,
-//! and the first passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the
-//! cell is split, and its halves follow in order of time ([`RootWalk::halve`]). With the photoreceptor's noise,
-//! one number may say that no barrier is touched, or where a line in front of one is ([`super::touch`]).
+//! A cell ends in one of three ways. If no barrier is within reach, the voltage moves to its end in one step
+//! ([`RootWalk::visit`]). If the drift in the cell is straight enough, the cell is a leaf, and the first
+//! passages of the Brownian bridge are drawn exactly ([`super::leaf`]). Otherwise the cell is split, and its
+//! halves follow in order of time ([`RootWalk::halve`]). With the photoreceptor's noise, one number may say
+//! that no barrier is touched, or where a line in front of one is ([`super::touch`]).
 //!
 //! Pixels descend together. All walkers that reach a cell share its times, so eight of them do the
 //! same arithmetic at once, and a cell's own cost (its legs, its index, the call) is spread over
@@ -500,8 +500,8 @@ impl RootWalk<'_> {
         self.walkers.touched = touched;
     }
 
-    /// Asks whether walkers touch a line in their cell. Returns the bits of those that the answer decides, and
-    /// of those of them that may touch one, which are put on the list.
+    /// Asks whether walkers touch a line in their cell. Returns the bits of those that the answer decides,
+    /// and of those of them that may touch one, which are put on the list.
     #[inline(always)]
     fn ask<S: Simd>(
         &self,

@@ -55,7 +55,8 @@ impl SharedBucket {
         let refused = |because: String, help| StoreError::Unshareable { place: place.clone(), because, help };
         let named = "name it as s3://BUCKET/PREFIX";
         let prefix = ObjectPath::parse(prefix).map_err(|e| refused(e.to_string(), named))?;
-        // Of ring, because aws-lc, the default, takes a minute to compile. An error says that there is one already.
+        // Of ring, because aws-lc, the default, takes a minute to compile. An error says that there is one
+        // already.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let built = builder(environment)?.with_bucket_name(bucket).build();
         let bucket = built.map_err(|e| refused(last_words(&e), named))?;
