@@ -112,8 +112,8 @@ pub(crate) fn ratios(timings: &[Timing]) -> Vec<(&'static str, [f64; 2])> {
 /// Begins the name of a model whose cost is compared with that of the first on the same work.
 pub(crate) const COST_OF: &str = "cost of ";
 
-/// Tables of the costs of models, and of their ratios to the first model with the same work, which is the text behind
-/// the name of the model. Amounts are counted in millions.
+/// Tables of the costs of models, and of their ratios to the first model with the same work, which is the
+/// text behind the name of the model. Amounts are counted in millions.
 pub(crate) fn costs(timings: &[Timing]) -> String {
     let mut lines = Vec::new();
     let mut first: Option<(&str, &Timing)> = None;

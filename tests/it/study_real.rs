@@ -83,8 +83,8 @@ fn other_clocks_and_pixels_are_refused() {
     assert!(message.contains("events of 32x16 and frames of 24x16"), "{message}");
 }
 
-/// Frames every 20 ms for a second, 12 columns of which stand still, and stamps that are later by 1,700 us for
-/// the camera that makes the recording.
+/// Frames every 20 ms for a second, 12 columns of which stand still, and stamps that are later by 1,700 us
+/// for the camera that makes the recording.
 fn write_late(place: &Workspace) {
     let grey = |i: usize| {
         let (frame, x, y) = (i / 384, i % 24, i / 24 % 16);

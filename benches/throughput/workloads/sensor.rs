@@ -27,8 +27,8 @@ pub(super) fn workloads() -> Vec<Workload> {
     all
 }
 
-/// What noise of limited bandwidth and a bandwidth cost: sensors of the preset `davis346` and other presets on the
-/// same frames, on one core.
+/// The cost of the photoreceptor's noise and of a bandwidth: `davis346` with each of them, and other presets,
+/// on the same frames and one core.
 fn costs() -> Vec<Workload> {
     let davis = VoltmeterPreset::Davis346.model();
     let noise = |cutoff_hz| {
@@ -106,8 +106,9 @@ fn with_bandwidth(model: &VoltmeterModel) -> VoltmeterModel {
     filtered
 }
 
-/// One pass per frame over the arrays that the sensor reads and writes, on one core: the frame and its copy, the frame
-/// before, the seat, and the voltage, drift and variance of each pixel. It shows what the memory allows.
+/// One pass per frame over the arrays that the sensor reads and writes, on one core: the frame and its copy,
+/// the frame before, the seat, and the voltage, drift and variance of each pixel. It shows what the memory
+/// allows.
 fn plain_loop(frames: &Arc<[DenseFrame]>) -> Workload {
     let frames = Arc::clone(frames);
     let steps = frames.len() - 2;

@@ -45,10 +45,10 @@ pub(crate) struct Anchor {
 struct Walk<'a> {
     us: &'a [i64],
     on: &'a [bool],
-    /// Whether an event came at the read-out of a frame.
+    /// True if an event came at the read-out of a frame.
     at_read_out: &'a [bool],
     dead_us: f64,
-    /// Whether the change in dead times makes no events.
+    /// True if what changes in a dead time makes no event.
     loses: bool,
 }
 
@@ -133,7 +133,8 @@ impl Walk<'_> {
         Some([rise * u + square * u * (u - 1.0), rise + square * (2.0 * u - 1.0), 2.0 * square])
     }
 
-    /// Whether both neighbours of the gap have its sign. At the end of a run, a parabola is less certain.
+    /// Returns true if the gaps before and after have the same sign. At the end of a run, a parabola is less
+    /// certain.
     fn is_inner(&self, k: usize) -> bool {
         k > 0 && self.goes_on(k - 1) && self.goes_on(k + 1)
     }

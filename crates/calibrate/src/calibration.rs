@@ -50,7 +50,7 @@ const LAG_ERROR: f64 = 0.12;
 struct Trust {
     /// Error that the form of the model leaves open, by the contrast.
     form: f64,
-    /// Whether the halves of the recording are compared.
+    /// True if the halves of the recording are compared.
     compares_halves: bool,
     /// Largest spread of a fit that has found the camera, and not something else.
     largest_spread: f64,

@@ -19,7 +19,7 @@ pub(crate) struct CourseMoments {
 }
 
 impl CourseMoments {
-    /// Whether a course of this many greys differs by noise alone.
+    /// Returns true if a course of this many greys differs by noise alone.
     pub(crate) fn is_still(&self, frames: usize) -> bool {
         let bound = STILL.constant + STILL.per_grey * self.mean;
         // Light that moves is alike in neighbouring frames; noise is not.
@@ -28,7 +28,7 @@ impl CourseMoments {
     }
 }
 
-/// Whether a mean grey is neither black nor white, so that the frames can show a change.
+/// Returns true if a mean grey is neither black nor white, so that the frames can show a change.
 #[must_use]
 pub fn is_usable_grey(mean: f64) -> bool {
     USABLE.contains(&mean)
@@ -69,8 +69,8 @@ impl GreyCourse {
         self.first + self.sum / self.frames.max(1) as f64
     }
 
-    /// Whether the frames differ by noise alone. Only they decide: a choice by events would bias what events
-    /// say.
+    /// Returns true if the frames differ by noise alone. Only they decide: a choice by events would bias what
+    /// events say.
     #[must_use]
     pub fn is_still(&self) -> bool {
         self.frames > 1 && self.moments().is_still(self.frames)

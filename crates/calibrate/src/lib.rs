@@ -1,4 +1,5 @@
-//! The parameters of an event camera from a recording: frames and events of the same pixels on one clock.
+//! The parameters of an event camera from a recording: frames and events of the same pixels on one clock, or
+//! events of constant light alone.
 //!
 //! Each module estimates one thing, with a standard error, or says that the recording does not determine it.
 

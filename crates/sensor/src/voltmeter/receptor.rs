@@ -3,8 +3,8 @@
 //! Between known ends `a` and `b`, a time `h` apart, the process is Gaussian too. In the middle it has the
 //! mean `(a + b) / (2 cosh z)` and the variance `s^2 tanh z`, where `z = theta h / 2` and `s` is its standard
 //! deviation. So the clock carries over: a root cell takes one normal draw for the end, a split one for the
-//! middle. The values at the ends of cells have the exact law, whatever is split. Most cells are not: one number
-//! decides them (`touch.rs`).
+//! middle. The values at the ends of cells have the exact law, whatever is split. Most cells are not: one
+//! number decides them (`touch.rs`).
 //!
 //! In a leaf, the bridge is taken for a Brownian one of the same quadratic variation, `2 theta s^2` per time,
 //! around the chord. Two things are neglected: the mean strays from the chord by at most `|u| (theta h)^2 /
@@ -29,11 +29,11 @@ use std::f64::consts::TAU;
 
 /// Largest length of a leaf as a share of the time `1 / theta` in which the noise returns.
 pub(super) const SHORT: f64 = 1.0 / 64.0;
-/// Longest leaf of a path that has touched a line, ns. Longer ones would seldom be straight enough, and whether
-/// they are depends on how frames cut the drift.
+/// Longest leaf of a path that has touched a line, ns. Longer ones would seldom be straight enough, and
+/// whether they are depends on how frames cut the drift.
 pub(super) const LONGEST: f64 = 32_768.0;
-/// Block of the draws that split a cell: that of the Brownian motion, and that of this noise. The ends of a root
-/// cell are those of block 0.
+/// Block of the draws that split a cell: that of the Brownian motion, and that of this noise. The ends of a
+/// root cell are those of block 0.
 pub(super) const BLOCK: u32 = 1;
 /// Bits of a draw that its normal deviate does not use, and their step as a part of a number from 0 to 1.
 pub(super) const SPARE: u64 = 0xfff;

@@ -100,8 +100,8 @@ impl FilterLeg<'_> {
             let rests = cubic.stays_at(load_eight(simd, first, i))
                 && (!two || cubic.stays_at(load_eight(simd, second, i)));
             if rests {
-                // What has followed a light that stays does so on, whatever the rates: the bits are those of the
-                // answer below.
+                // What has followed a light that stays does so on, whatever the rates: the bits are those of
+                // the answer below.
                 let still = f64x8::splat(simd, 0.0);
                 // A loop: a closure may be compiled without the instruction set in use.
                 for end in ends.iter_mut() {
