@@ -25,6 +25,7 @@
 
 mod buffer;
 mod frames;
+mod inflate;
 mod info;
 mod packets;
 mod reader;

@@ -3,7 +3,7 @@
 use super::FRAMES;
 use super::buffer::BufferTable;
 use super::info;
-use super::packets::{HEADER_AT, PacketStream, StoredPacket, wrong_packet};
+use super::packets::{HEADER_AT, PacketHead, PacketStream, wrong_packet};
 use crate::EventFileError;
 use crate::order::END_US;
 use gs2e_files as files;
@@ -97,7 +97,7 @@ impl<R: Read> FrameReader<R> {
         Ok(None)
     }
 
-    fn frame(&self, packet: &StoredPacket) -> Result<CameraFrame, EventFileError> {
+    fn frame(&mut self, packet: &PacketHead) -> Result<CameraFrame, EventFileError> {
         let inflated = self.packets.inflate(packet)?;
         // The first 4 bytes are the size of the buffer.
         let table = inflated.get(4..).and_then(|bytes| BufferTable::root_table(bytes, FRAMES));

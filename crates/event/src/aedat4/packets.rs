@@ -1,37 +1,34 @@
 //! The packets of a file, of all streams.
 
 use super::buffer::BufferTable;
+use super::inflate::Inflater;
 use super::{HEADER, PacketCompression, VERSION};
 use crate::EventFileError;
-use gs2e_files::budget;
 use std::io::Read;
 
 /// Maximum size of a header, bytes. It describes a few streams as XML, which takes a multiple of
 /// that once it is parsed.
 const MAX_HEADER: u64 = 1 << 20;
 
-/// Maximum size of an inflated packet, bytes: 2^20 events. A packet whose compressed form is large
-/// may be larger in proportion.
-const MAX_PACKET: usize = 16 << 20;
-
 /// The packets after the header.
 #[derive(Debug)]
 pub(super) struct PacketStream<R> {
     input: R,
-    compression: PacketCompression,
+    /// The last packet as the file has it. Its memory serves all packets.
+    stored: Vec<u8>,
+    inflater: Inflater,
     /// Offset of the next packet.
     offset: u64,
     /// End of the packets, if the file states it.
     end: u64,
 }
 
-/// A packet as the file has it.
+/// The head of a packet.
 #[derive(Debug)]
-pub(super) struct StoredPacket {
+pub(super) struct PacketHead {
     pub(super) stream: i32,
     /// Its offset in the file.
     pub(super) at: u64,
-    bytes: Vec<u8>,
 }
 
 impl<R: Read> PacketStream<R> {
@@ -56,7 +53,10 @@ impl<R: Read> PacketStream<R> {
                 &format!("a header of {length} bytes, wanted at most {MAX_HEADER}"),
             ));
         }
-        let bytes = read_exactly(&mut input, length)?.ok_or_else(cut)?;
+        let mut bytes = Vec::new();
+        if !read_exactly(&mut input, length, &mut bytes)? {
+            return Err(cut());
+        }
         let table =
             BufferTable::root_table(&bytes, HEADER).ok_or_else(|| wrong_packet(at, "no valid header"))?;
         let number = table.i32(0).unwrap_or(0);
@@ -69,15 +69,17 @@ impl<R: Read> PacketStream<R> {
         // file.
         let end = table.i64(1).and_then(|end| u64::try_from(end).ok()).unwrap_or(u64::MAX);
         let text = String::from_utf8_lossy(text).into_owned();
-        Ok((Self { input, compression, offset: at + 4 + length, end }, text))
+        let (stored, inflater) = (bytes, Inflater::new(compression));
+        Ok((Self { input, stored, inflater, offset: at + 4 + length, end }, text))
     }
 
-    /// The next packet; `None` after the last.
-    pub(super) fn next(&mut self) -> Result<Option<StoredPacket>, EventFileError> {
-        let mut head = Vec::new();
+    /// Reads the next packet; `None` after the last.
+    pub(super) fn next(&mut self) -> Result<Option<PacketHead>, EventFileError> {
+        let head = &mut self.stored;
+        head.clear();
         // Packets end where their table begins, and a file that is read once needs no table.
         if self.offset < self.end {
-            self.input.by_ref().take(8).read_to_end(&mut head)?;
+            self.input.by_ref().take(8).read_to_end(head)?;
         }
         if head.is_empty() {
             return Ok(None);
@@ -89,46 +91,28 @@ impl<R: Read> PacketStream<R> {
         let (stream, length) = word(0).zip(word(1)).ok_or_else(cut)?;
         let length = u64::try_from(length)
             .map_err(|_| wrong_packet(at, &format!("a packet of {length} bytes, wanted 0 or more")))?;
-        let bytes = read_exactly(&mut self.input, length)?.ok_or_else(cut)?;
-        self.offset += 8 + length;
-        Ok(Some(StoredPacket { stream, at, bytes }))
-    }
-
-    /// The buffer in a packet.
-    pub(super) fn inflate(&self, packet: &StoredPacket) -> Result<Vec<u8>, EventFileError> {
-        self.inflate_bytes(&packet.bytes).map_err(|e| wrong_packet(packet.at, &format!("the packet: {e}")))
-    }
-
-    fn inflate_bytes(&self, packet: &[u8]) -> std::io::Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        let limit = MAX_PACKET.max(packet.len().saturating_mul(budget::MAX_PER_BYTE));
-        // One byte above the limit shows that there is more.
-        let mut take = |from: &mut dyn Read| from.take(limit as u64 + 1).read_to_end(&mut bytes);
-        match self.compression {
-            PacketCompression::None => take(&mut &*packet),
-            PacketCompression::Lz4 => take(&mut lz4_flex::frame::FrameDecoder::new(packet)),
-            PacketCompression::Zstd => take(&mut zstd::Decoder::new(packet)?),
-        }?;
-        if bytes.len() > limit {
-            let because = format!(
-                "it decompresses to more than {limit} bytes, the limit for a packet of {} bytes",
-                packet.len()
-            );
-            return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, because));
+        if !read_exactly(&mut self.input, length, &mut self.stored)? {
+            return Err(cut());
         }
-        Ok(bytes)
+        self.offset += 8 + length;
+        Ok(Some(PacketHead { stream, at }))
+    }
+
+    /// The buffer in the packet that was read last.
+    pub(super) fn inflate(&mut self, packet: &PacketHead) -> Result<&[u8], EventFileError> {
+        let inflated = self.inflater.inflate(&self.stored);
+        inflated.map_err(|e| wrong_packet(packet.at, &format!("the packet: {e}")))
     }
 }
 
 /// Offset of the header.
 pub(super) const HEADER_AT: u64 = VERSION.len() as u64;
 
-/// This many bytes, or `None` if the file ends before.
-fn read_exactly(file: &mut impl Read, length: u64) -> std::io::Result<Option<Vec<u8>>> {
+/// Replaces `bytes` by this many. Returns false if the file ends before.
+fn read_exactly(file: &mut impl Read, length: u64, bytes: &mut Vec<u8>) -> std::io::Result<bool> {
+    bytes.clear();
     // Through `take`, not a buffer of `length` bytes: the length is a claim of the file.
-    let mut bytes = Vec::new();
-    file.by_ref().take(length).read_to_end(&mut bytes)?;
-    Ok((bytes.len() as u64 == length).then_some(bytes))
+    Ok(file.by_ref().take(length).read_to_end(bytes)? as u64 == length)
 }
 
 pub(super) fn wrong_packet(at: u64, because: &str) -> EventFileError {
