@@ -141,6 +141,11 @@ impl<R: BufRead> ShortLines<R> {
     pub fn new(input: R, limit: usize) -> Self {
         Self { input, limit }
     }
+
+    /// The input from the next line on, for lines that are read in another way.
+    pub fn get_mut(&mut self) -> &mut R {
+        &mut self.input
+    }
 }
 
 impl<R: BufRead> Iterator for ShortLines<R> {

@@ -1,6 +1,7 @@
 //! Reading, line by line.
 
 use super::NAMES;
+use super::plain::PlainLines;
 use crate::order::END_US;
 use crate::{Event, EventFileError, EventLabel, EventSource, Polarity, StreamHeader};
 use gs2e_files as files;
@@ -13,6 +14,9 @@ use std::path::Path;
 
 /// Number of events in a chunk.
 const CHUNK: usize = 65_536;
+
+/// Number of bytes read at a time.
+const BLOCK: usize = 1 << 16;
 
 /// The mark that some programs put before UTF-8 text.
 const BYTE_ORDER_MARK: &str = "\u{feff}";
@@ -32,7 +36,7 @@ pub enum TextTimeUnit {
 
 impl TextTimeUnit {
     /// Number of digits after the point that reach nanoseconds.
-    fn digits(self) -> usize {
+    pub(super) fn digits(self) -> usize {
         match self {
             Self::Second => 9,
             Self::Millisecond => 6,
@@ -53,6 +57,8 @@ pub struct Reader<R = BufReader<File>> {
     unit: Option<TextTimeUnit>,
     states_unit: bool,
     header: StreamHeader,
+    /// The form of most lines, if the columns have it.
+    plain: Option<PlainLines>,
 }
 
 impl Reader {
@@ -62,7 +68,7 @@ impl Reader {
     /// # Errors
     /// The file is empty, the sensor size is unknown, or the line of names lacks a column.
     pub fn open(path: &Path, size: Option<Size>, unit: Option<TextTimeUnit>) -> Result<Self, EventFileError> {
-        Self::new(BufReader::new(files::open(path)?), size, unit)
+        Self::new(BufReader::with_capacity(BLOCK, files::open(path)?), size, unit)
     }
 }
 
@@ -100,7 +106,9 @@ impl<R: BufRead> Reader<R> {
             return Err(EventFileError::Container(because.to_owned()));
         };
         let header = StreamHeader { size, law: None, labelled: false };
-        Ok(Self { lines, first, places: head.places, unit, states_unit: head.states_unit, header })
+        let (places, states_unit) = (head.places, head.states_unit);
+        let plain = PlainLines::new(places, size, unit);
+        Ok(Self { lines, first, places, unit, states_unit, header, plain })
     }
 
     /// Returns true if the first time has a fraction and nothing states its unit.
@@ -120,6 +128,17 @@ impl<R: BufRead> Reader<R> {
     #[must_use]
     pub fn header(&self) -> StreamHeader {
         self.header
+    }
+
+    /// Reads the plain lines that the buffer holds as a whole, up to the first other one.
+    fn plain_lines(&mut self, out: &mut Vec<Event>) {
+        let (None, Some(plain)) = (&self.first, &self.plain) else { return };
+        // An error is met again, and reported, where a line is read.
+        let Ok(buffer) = self.lines.input.get_mut().fill_buf() else { return };
+        let before = out.len();
+        let taken = plain.read(buffer, CHUNK - before, out);
+        self.lines.input.get_mut().consume(taken);
+        self.lines.number += (out.len() - before) as u64;
     }
 
     fn line(&mut self) -> Result<Option<String>, EventFileError> {
@@ -172,7 +191,11 @@ impl<R: BufRead> Reader<R> {
 impl<R: BufRead> EventSource for Reader<R> {
     fn next_chunk(&mut self, out: &mut Vec<Event>) -> Result<bool, EventFileError> {
         out.clear();
-        while out.len() < CHUNK {
+        loop {
+            self.plain_lines(out);
+            if out.len() >= CHUNK {
+                break;
+            }
             let Some(line) = self.line()? else { break };
             let content = line.split('#').next().unwrap_or_default();
             if !content.trim().is_empty() {
@@ -287,4 +310,143 @@ fn parse_time(text: &str, unit: Option<TextTimeUnit>) -> Result<Timestamp, Strin
     // Digits are joined before they are parsed, so no rounding takes place.
     let ns: i64 = digits.chars().chain(kept).collect::<String>().parse().map_err(|_| refuse())?;
     Ok(Timestamp(if negative { -ns } else { ns }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use proptest::sample::select;
+
+    /// Parts of lines, sound and unsound. Whole lines among them lead into the middle of a file.
+    const PARTS: [&[u8]; 44] = [
+        b"0",
+        b"1",
+        b"7",
+        b"00",
+        b"12",
+        b"639",
+        b"640",
+        b"0012",
+        b"65535",
+        b"65541",
+        b"000000003",
+        b"12345678",
+        b"123456789",
+        b"1468941032",
+        b"999999999999999999",
+        b"9223372036854774",
+        b"9223372036854775807",
+        b"1468941032.229165635",
+        b"0.0038110004",
+        b".",
+        b"-",
+        b"+",
+        b"-1",
+        b"+1",
+        b" ",
+        b",",
+        b";",
+        b"\t",
+        b"  ",
+        b"\n",
+        b"\r\n",
+        b"\r",
+        b"#",
+        b"t",
+        b"\x0b",
+        "\u{feff}".as_bytes(),
+        "\u{a0}".as_bytes(),
+        b"\xff",
+        b"\x8a",
+        b"1 2 3 0\n",
+        b"20 2 3 1\r\n",
+        b"5,6,7,1\n",
+        b"5 6 7 1 9\n",
+        b"0.25 6 7 -1\n",
+    ];
+
+    /// A file with a head, the places of its columns by their names, and lines from `PARTS`.
+    fn file(order: &str, parts: &[&[u8]]) -> Vec<u8> {
+        let head = format!("# sensor 640x480\n{order}\n1 1 1 1 1\n");
+        // Enough bytes behind the last part, so that lines are not left out for being near the end.
+        [head.as_bytes(), &parts.concat(), b"\n", &b"1 1 1 1\n".repeat(12)].concat()
+    }
+
+    /// All events, and the error that ends them.
+    fn read(bytes: &[u8], unit: Option<TextTimeUnit>, block: usize, is_plain: bool) -> (Vec<Event>, String) {
+        let mut reader = Reader::new(BufReader::with_capacity(block, bytes), None, unit).unwrap();
+        if !is_plain {
+            reader.plain = None;
+        }
+        let (mut events, mut chunk) = (Vec::new(), Vec::new());
+        loop {
+            match reader.next_chunk(&mut chunk) {
+                Ok(true) => events.append(&mut chunk),
+                Ok(false) => return (events, String::new()),
+                Err(e) => return (events, e.to_string()),
+            }
+        }
+    }
+
+    fn unit() -> impl Strategy<Value = Option<TextTimeUnit>> {
+        use TextTimeUnit::{Microsecond, Millisecond, Nanosecond, Second};
+        select(vec![None, Some(Second), Some(Millisecond), Some(Microsecond), Some(Nanosecond)])
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        /// Files that are read with and without plain lines have the same events, and are refused for the
+        /// same reason.
+        #[test]
+        fn plain_lines_are_read_like_all_others(
+            order in select(vec!["t x y p", "x y p t", "x,y,t,p", "p t y x", "t x y q p"]),
+            parts in prop::collection::vec(select(PARTS.to_vec()), 0..24),
+            unit in unit(),
+            block in select(vec![16, 70, 100, 4096]),
+        ) {
+            let bytes = file(order, &parts);
+            prop_assert_eq!(read(&bytes, unit, block, true), read(&bytes, unit, block, false));
+        }
+
+        /// Sound lines with numbers of all lengths.
+        #[test]
+        fn numbers_of_all_lengths_are_read_alike(
+            lines in prop::collection::vec(
+                "[0-9]{1,19}(\\.[0-9]{1,19})?[ ,;\t]0{0,3}[0-9]{1,4}[ ,][0-9]{1,3}[ ,][01]\r?\n",
+                1..12,
+            ),
+            unit in unit(),
+        ) {
+            let parts: Vec<&[u8]> = lines.iter().map(String::as_bytes).collect();
+            let bytes = file("t x y p", &parts);
+            prop_assert_eq!(read(&bytes, unit, 4096, true), read(&bytes, unit, 4096, false));
+        }
+
+        #[test]
+        fn arbitrary_bytes_are_read_alike(bytes in prop::collection::vec(any::<u8>(), 0..300), unit in unit()) {
+            let bytes = file("t x y p", &[&bytes]);
+            prop_assert_eq!(read(&bytes, unit, 4096, true), read(&bytes, unit, 4096, false));
+        }
+    }
+
+    /// The usual lines do not take the slow way.
+    #[test]
+    fn usual_lines_are_plain() {
+        let t = |order: [usize; 4], unit: Option<TextTimeUnit>, line: &str, wanted: i64| {
+            let plain = PlainLines::new(order, Size { width: 640, height: 480 }, unit).unwrap();
+            let mut events = Vec::new();
+            let bytes = [line, &"\0".repeat(64)].concat();
+            assert_eq!(plain.read(bytes.as_bytes(), 9, &mut events), line.len(), "{line:?}");
+            let event = events.pop().unwrap();
+            assert_eq!((event.t.0, event.x, event.y, event.polarity), (wanted, 639, 47, Polarity::On));
+        };
+        let second = Some(TextTimeUnit::Second);
+        t([0, 1, 2, 3], None, "1474999,639,47,1\n", 1_474_999_000);
+        t([0, 1, 2, 3], None, "1700000000000001 639 47 1\r\n", 1_700_000_000_000_001_000);
+        t([0, 1, 2, 3], second, "0.003811000 639 47 1\n", 3_811_000);
+        t([3, 0, 1, 2], second, "639 47 1 1468941032.229165635\n", 1_468_941_032_229_165_635);
+        t([3, 2, 1, 0], None, "+1\t47\t639\t5\n", 5000);
+    }
 }
