@@ -28,10 +28,11 @@ pub(super) fn header_buffer(info: &str) -> Vec<u8> {
     with_size(bytes)
 }
 
-/// A packet.
-#[expect(clippy::cast_possible_wrap, reason = "columns and rows are below 2^15")]
-pub(super) fn packet_buffer(events: &[Event]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(BEFORE_EVENTS + EVENT * events.len());
+/// Replaces `bytes` by a packet.
+#[expect(clippy::cast_sign_loss, reason = "times are 0 or more")]
+pub(super) fn packet_buffer(events: &[Event], bytes: &mut Vec<u8>) {
+    bytes.clear();
+    bytes.extend(buffer_length(BEFORE_EVENTS - 4 + EVENT * events.len()).to_le_bytes());
     bytes.extend(16_u32.to_le_bytes()); // the table
     bytes.extend(EVENTS);
     // As in the header, with one field. The last number fills up to 4 bytes, so that events begin at byte 32.
@@ -39,14 +40,14 @@ pub(super) fn packet_buffer(events: &[Event]) -> Vec<u8> {
     bytes.extend(8_i32.to_le_bytes()); // back to the list
     bytes.extend(4_u32.to_le_bytes()); // on to the vector
     bytes.extend(buffer_length(events.len()).to_le_bytes());
-    for event in events {
-        bytes.extend(event.t.floor_micros().to_le_bytes());
-        bytes.extend((event.x as i16).to_le_bytes());
-        bytes.extend((event.y as i16).to_le_bytes());
+    bytes.resize(BEFORE_EVENTS + EVENT * events.len(), 0);
+    let (stored, _) = bytes[BEFORE_EVENTS..].as_chunks_mut();
+    for (stored, event) in stored.iter_mut().zip(events) {
+        let place = u64::from(event.y) << 16 | u64::from(event.x);
         // Three bytes fill the structure up to 16, a multiple of its longest number.
-        bytes.extend([event.polarity as u8, 0, 0, 0]);
+        let upper = (event.polarity as u64) << 32 | place;
+        *stored = (u128::from(upper) << 64 | u128::from(event.t.floor_micros() as u64)).to_le_bytes();
     }
-    with_size(bytes)
 }
 
 fn buffer_length(n: usize) -> u32 {

@@ -12,6 +12,9 @@ use std::path::Path;
 /// Number of events in a packet.
 const PACKET: usize = 8192;
 
+/// Size of the head of a packet, bytes: the stream, and the length of the rest.
+const HEAD: usize = 8;
+
 /// The index of the stream.
 const STREAM: i32 = 0;
 
@@ -22,6 +25,10 @@ pub struct Writer<W = BufWriter<File>> {
     out: W,
     order: StreamOrder,
     waiting: Vec<Event>,
+    /// The last packet before it is compressed.
+    buffer: Vec<u8>,
+    /// The encoder of whole packets, whose output is the last packet with its head.
+    frames: FrameEncoder<Vec<u8>>,
 }
 
 impl Writer {
@@ -44,7 +51,13 @@ impl<W: Write> Writer<W> {
         check_size(size)?;
         out.write_all(VERSION)?;
         out.write_all(&buffer::header_buffer(&info::write_info(size)))?;
-        Ok(Self { out, order: StreamOrder::new(size, END_US), waiting: Vec::with_capacity(PACKET) })
+        Ok(Self {
+            out,
+            order: StreamOrder::new(size, END_US),
+            waiting: Vec::with_capacity(PACKET),
+            buffer: Vec::new(),
+            frames: FrameEncoder::new(Vec::new()),
+        })
     }
 
     /// Completes the file, and returns the number of events.
@@ -61,13 +74,20 @@ impl<W: Write> Writer<W> {
         if self.waiting.is_empty() {
             return Ok(());
         }
-        let mut frame = FrameEncoder::new(Vec::new());
-        frame.write_all(&buffer::packet_buffer(&self.waiting))?;
-        let frame = frame.finish().map_err(std::io::Error::other)?;
-        let length = i32::try_from(frame.len()).map_err(std::io::Error::other)?;
-        self.out.write_all(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat())?;
+        // An encoder keeps the size of blocks that the length of its first packet asks for.
+        if self.waiting.len() < PACKET {
+            self.frames = FrameEncoder::new(Vec::new());
+        }
+        buffer::packet_buffer(&self.waiting, &mut self.buffer);
         self.waiting.clear();
-        self.out.write_all(&frame)
+        self.frames.get_mut().clear();
+        self.frames.get_mut().extend([0; HEAD]);
+        self.frames.write_all(&self.buffer)?;
+        self.frames.try_finish().map_err(std::io::Error::other)?;
+        let packet = self.frames.get_mut();
+        let length = i32::try_from(packet.len() - HEAD).map_err(std::io::Error::other)?;
+        packet[..HEAD].copy_from_slice(&[STREAM.to_le_bytes(), length.to_le_bytes()].concat());
+        self.out.write_all(packet)
     }
 }
 
