@@ -16,7 +16,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::{Event, EventFileError, Polarity};
+use super::{Event, EventFileError};
 use gs2e_image::Size;
 
 /// Times from this on are refused, us: internal times are nanoseconds in 64 bits.
@@ -27,7 +27,7 @@ pub(crate) const END_US: i64 = i64::MAX / 1000;
 pub struct StreamOrder {
     size: Size,
     end_us: i64,
-    last: Option<(i64, u16, u16, Polarity)>,
+    last: Option<Event>,
     count: u64,
 }
 
@@ -47,7 +47,7 @@ impl StreamOrder {
     /// Microsecond of the last accepted event.
     #[must_use]
     pub fn last_us(&self) -> Option<i64> {
-        self.last.map(|key| key.0)
+        self.last.map(|event| event.t.floor_micros())
     }
 
     /// Checks the next chunk.
@@ -56,13 +56,26 @@ impl StreamOrder {
     /// The first event that sorts before its predecessor in [`Event::file_order`], lies outside the
     /// sensor, or has a time that the file cannot hold.
     pub fn admit(&mut self, events: &[Event]) -> Result<(), EventFileError> {
+        let mut last = self.last.map_or(0, |event| event.packed_order());
+        let mut is_sound = true;
+        // Without a branch per event: the first that is refused is looked for afterwards.
         for event in events {
-            let key = event.file_order();
+            let key = event.packed_order();
             // Equal keys are in order: a pixel may make two events in one microsecond.
-            if self.last.is_some_and(|last| key < last) || !self.holds(event, key.0) {
+            is_sound &= (key >= last) & self.holds(event, event.t.floor_micros());
+            last = key;
+        }
+        if is_sound {
+            self.last = events.last().copied().or(self.last);
+            self.count += events.len() as u64;
+            return Ok(());
+        }
+        for event in events {
+            let follows = self.last.is_none_or(|last| event.packed_order() >= last.packed_order());
+            if !follows || !self.holds(event, event.t.floor_micros()) {
                 return Err(self.refusal(event));
             }
-            self.last = Some(key);
+            self.last = Some(*event);
             self.count += 1;
         }
         Ok(())
@@ -70,8 +83,8 @@ impl StreamOrder {
 
     fn holds(&self, event: &Event, t_us: i64) -> bool {
         (0..self.end_us).contains(&t_us)
-            && u32::from(event.x) < self.size.width
-            && u32::from(event.y) < self.size.height
+            & (u32::from(event.x) < self.size.width)
+            & (u32::from(event.y) < self.size.height)
     }
 
     fn refusal(&self, event: &Event) -> EventFileError {
@@ -80,7 +93,8 @@ impl StreamOrder {
             format!("t = {t} us, wanted 0 to {}", self.end_us - 1)
         } else if self.holds(event, t) {
             // The event is sound by itself, so it conflicts with its predecessor.
-            let (t0, y0, x0, p0) = self.last.expect("only an event with a predecessor can precede it");
+            let last = self.last.expect("only an event with a predecessor can precede it");
+            let (t0, y0, x0, p0) = last.file_order();
             format!(
                 "(t us, y, x, polarity) = ({t}, {y}, {x}, {p:?}) follows ({t0}, {y0}, {x0}, {p0:?}); a stream is \
                  sorted in this order"
@@ -95,7 +109,7 @@ impl StreamOrder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::EventLabel;
+    use crate::{EventLabel, Polarity};
     use gs2e_num::units::Timestamp;
 
     #[test]

@@ -1,8 +1,10 @@
 //! EVT 2.0: bits 31..28 are the kind of a word. An event has 6 bits of time, 11 of x and 11 of y; a
 //! time word has the 28 higher bits of the time.
 
-use super::reader::{DecodedWords, WordDecoder};
-use crate::{Event, Polarity};
+use super::reader::{DecodedWords, GROUP, WordDecoder};
+use crate::order;
+use crate::{Event, EventLabel, Polarity};
+use gs2e_num::units::Timestamp;
 
 const TIME_HIGH: u32 = 0x8;
 const TRIGGER: u32 = 0xa;
@@ -29,11 +31,11 @@ impl Evt2Encoder {
         // Written only where it changes: events between two time words share the upper bits.
         if self.high != Some(high) {
             self.high = Some(high);
-            out.extend((TIME_HIGH << 28 | high).to_le_bytes());
+            out.extend_from_slice(&(TIME_HIGH << 28 | high).to_le_bytes());
         }
         // The kinds 0 and 1 are OFF and ON events, so the polarity is the kind.
         let word = (event.polarity as u32) << 28 | low << 22 | u32::from(event.x) << 11 | u32::from(event.y);
-        out.extend(word.to_le_bytes());
+        out.extend_from_slice(&word.to_le_bytes());
     }
 }
 
@@ -48,6 +50,33 @@ pub(super) struct Evt2Decoder {
 
 impl WordDecoder for Evt2Decoder {
     const BYTES: usize = 4;
+
+    fn take_usual(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> usize {
+        let Some(high) = self.high else { return 0 };
+        let start_us = self.turns * END_US + (i64::from(high) << LOW);
+        if start_us > order::END_US - (1 << LOW) {
+            return 0;
+        }
+        let (words, _) = bytes.as_chunks();
+        let (groups, _) = words.as_chunks::<GROUP>();
+        for (number, group) in groups.iter().enumerate() {
+            let group = group.map(u32::from_le_bytes);
+            let side = |word: u32, from: u32| (word >> from & 0x7ff) as u16;
+            // Events of which all are on the sensor, without a branch for each.
+            let is_event = |word: u32| (word >> 28 <= 1) & found.has(side(word, 11), side(word, 0));
+            if !group.iter().fold(true, |all, word| all & is_event(*word)) {
+                return GROUP * number;
+            }
+            found.extend(group.map(|word| Event {
+                t: Timestamp::from_micros(start_us + i64::from(word >> 22 & ((1 << LOW) - 1))),
+                x: side(word, 11),
+                y: side(word, 0),
+                polarity: if word >> 28 == 1 { Polarity::On } else { Polarity::Off },
+                label: EventLabel::Signal,
+            }));
+        }
+        GROUP * groups.len()
+    }
 
     fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {
         let word = u32::from_le_bytes(bytes.try_into().expect("a word has 4 bytes"));

@@ -5,6 +5,7 @@
 use super::reader::{DecodedWords, WordDecoder};
 use crate::order::END_US;
 use crate::{Event, Polarity};
+use gs2e_num::units::Timestamp;
 
 const ADDRESS_Y: u16 = 0x0;
 const ADDRESS_X: u16 = 0x2;
@@ -41,20 +42,33 @@ pub(super) struct Evt3Encoder {
     high: Option<i64>,
     low: Option<u16>,
     row: Option<u16>,
-    waiting: Vec<Event>,
+    /// The run of the columns that wait, or of the last that were written.
+    run: Option<PixelRun>,
+    columns: Vec<u16>,
+    /// The time that was written last, if it was that of a run.
+    run_us: Option<i64>,
     /// Time divided by 2^12 of the last event, and the number of words that silence takes up to it.
     put_high: i64,
     silent_words: i64,
 }
 
+/// What the pixels of a run have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct PixelRun {
+    t_us: i64,
+    row: u16,
+    polarity: Polarity,
+}
+
 fn write_word(kind: u16, value: u16, out: &mut Vec<u8>) {
-    out.extend((kind << TIME_BITS | value & VALUE).to_le_bytes());
+    out.extend_from_slice(&(kind << TIME_BITS | value & VALUE).to_le_bytes());
 }
 
 impl Evt3Encoder {
     /// Encodes an event. Returns `None` if silence takes more words than [`MAX_SILENT_WORDS`].
     pub(super) fn put(&mut self, event: &Event, out: &mut Vec<u8>) -> Option<()> {
-        let high = event.t.floor_micros() >> TIME_BITS;
+        let t_us = event.t.floor_micros();
+        let high = t_us >> TIME_BITS;
         // The encoder bridges a pause with one word for each whole step.
         self.silent_words += (high - self.put_high) / STEP;
         self.put_high = high;
@@ -63,11 +77,12 @@ impl Evt3Encoder {
             return None;
         }
         // A run of pixels has one time, row and polarity, so a change of any of them ends it.
-        let key = |e: &Event| (e.t.floor_micros(), e.y, e.polarity);
-        if self.waiting.last().is_some_and(|last| key(last) != key(event)) {
+        let run = Some(PixelRun { t_us, row: event.y, polarity: event.polarity });
+        if self.run != run {
             self.flush(out);
+            self.run = run;
         }
-        self.waiting.push(*event);
+        self.columns.push(event.x);
         Some(())
     }
 
@@ -80,21 +95,31 @@ impl Evt3Encoder {
         write_word(TIME_HIGH, high as u16, out);
         write_word(TIME_LOW, low, out);
         (self.high, self.low, self.row) = (Some(high), Some(low), None);
+        self.run_us = None;
     }
 
     /// Writes the collected events.
     pub(super) fn flush(&mut self, out: &mut Vec<u8>) {
-        let Some(&first) = self.waiting.first() else { return };
-        self.time(first.t.floor_micros(), out);
-        if self.row != Some(first.y) {
-            self.row = Some(first.y);
-            write_word(ADDRESS_Y, first.y, out);
+        let Some(run) = self.run.filter(|_| !self.columns.is_empty()) else { return };
+        if self.run_us != Some(run.t_us) {
+            self.run_us = Some(run.t_us);
+            self.time(run.t_us, out);
         }
-        let polarity = (first.polarity as u16) << 11;
-        let columns: Vec<u16> = self.waiting.drain(..).map(|event| event.x).collect();
-        let mut rest = &columns[..];
+        let polarity = (run.polarity as u16) << 11;
+        if self.row != Some(run.row) {
+            self.row = Some(run.row);
+            // Most runs are one pixel in a row of its own: two words at once.
+            if let [x] = self.columns[..] {
+                let words = u32::from(ADDRESS_X << TIME_BITS | x | polarity) << 16 | u32::from(run.row);
+                out.extend_from_slice(&words.to_le_bytes());
+                self.columns.clear();
+                return;
+            }
+            write_word(ADDRESS_Y, run.row, out);
+        }
+        let mut rest = &self.columns[..];
         while let Some(&x) = rest.first() {
-            let (mask, taken) = leading_mask(rest, x);
+            let (mask, taken) = if rest.len() < WORTH_A_MASK { (0, 0) } else { leading_mask(rest, x) };
             // A base and a mask are two words, so fewer columns are shorter as single events.
             if taken < WORTH_A_MASK {
                 write_word(ADDRESS_X, x | polarity, out);
@@ -111,6 +136,7 @@ impl Evt3Encoder {
                 (mask, taken) = leading_mask(rest, base);
             }
         }
+        self.columns.clear();
     }
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "masked to 12 bits")]
@@ -240,6 +266,44 @@ fn missed_turns(t_us: i64, expected_us: i64) -> i64 {
 
 impl WordDecoder for Evt3Decoder {
     const BYTES: usize = 2;
+
+    fn take_usual(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> usize {
+        let (Some(high), false) = (self.high, self.stale) else { return 0 };
+        // Of this upper part, whatever the lower one is.
+        let start_us = self.t_us(high) - i64::from(self.low);
+        if start_us > END_US - (1 << TIME_BITS) {
+            return 0;
+        }
+        let (words, _) = bytes.as_chunks();
+        let mut row = self.row.filter(|row| found.has(0, *row));
+        let mut at = Timestamp::from_micros(start_us + i64::from(self.low));
+        for (number, word) in words.iter().enumerate() {
+            let word = u16::from_le_bytes(*word);
+            let (value, address, flag) = (word & VALUE, word & 0x7ff, word >> 11 & 1);
+            match (word >> TIME_BITS, row) {
+                (ADDRESS_X, Some(y)) if found.has(address, y) => found.add(at, [address, y], flag),
+                (ADDRESS_Y, _) if found.has(0, address) => {
+                    row = Some(address);
+                    self.row = row;
+                }
+                (BASE_X, _) => (self.base, self.polarity) = (address, flag),
+                (MASK_12, Some(y)) if found.has(self.base + 12, y) => {
+                    let mut mask = value;
+                    while mask != 0 {
+                        found.add(at, [self.base + mask.trailing_zeros() as u16, y], self.polarity);
+                        mask &= mask - 1;
+                    }
+                    self.base += 12;
+                }
+                (TIME_LOW, _) => {
+                    self.low = value;
+                    at = Timestamp::from_micros(start_us + i64::from(value));
+                }
+                _ => return number,
+            }
+        }
+        words.len()
+    }
 
     fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {
         let word = u16::from_le_bytes(bytes.try_into().expect("a word has 2 bytes"));
