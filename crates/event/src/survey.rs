@@ -40,20 +40,31 @@ impl EventSurvey {
     pub fn measure_stream(source: &mut dyn EventSource) -> Result<Self, EventFileError> {
         let (mut found, mut chunk, mut previous) = (Self::default(), Vec::new(), None);
         while source.next_chunk(&mut chunk)? {
-            chunk.iter().for_each(|event| found.count(event, &mut previous));
+            found.count(&chunk, &mut previous);
         }
         found.untimed = source.untimed();
         Ok(found)
     }
 
-    fn count(&mut self, event: &Event, previous: &mut Option<Timestamp>) {
-        self.events += 1;
-        self.on += u64::from(event.polarity == Polarity::On);
-        self.signal += u64::from(event.label == EventLabel::Signal);
-        self.backward += u64::from(previous.is_some_and(|before| event.t < before));
-        let (first, last) = self.span.unwrap_or((event.t, event.t));
-        self.span = Some((first.min(event.t), last.max(event.t)));
-        *previous = Some(event.t);
+    /// Counts a chunk. The sums are kept apart from `self`, where each event would wait for the one before it.
+    fn count(&mut self, events: &[Event], previous: &mut Option<Timestamp>) {
+        let Some(start) = events.first() else { return };
+        let mut before = previous.unwrap_or(start.t);
+        let (mut first, mut last) = self.span.unwrap_or((start.t, start.t));
+        let (mut on, mut signal, mut backward) = (0, 0, 0);
+        for event in events {
+            on += u64::from(event.polarity == Polarity::On);
+            signal += u64::from(event.label == EventLabel::Signal);
+            backward += u64::from(event.t < before);
+            (first, last) = (first.min(event.t), last.max(event.t));
+            before = event.t;
+        }
+        self.events += events.len() as u64;
+        self.on += on;
+        self.signal += signal;
+        self.backward += backward;
+        self.span = Some((first, last));
+        *previous = Some(before);
     }
 
     /// Events per second; `None` if all events have one time.
