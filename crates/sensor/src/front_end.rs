@@ -290,8 +290,17 @@ impl FrontEnd {
     }
 
     fn of_grey(&self, luminance: &Image<f32>) -> Image<f32> {
-        let seen = |l: &f32| to_single(self.range.hold(self.free(f64::from(*l))));
-        Image::from_vec(luminance.size(), luminance.pixels().par_iter().map(seen).collect())
+        let seen = |l: f32| to_single(self.range.hold(self.free(f64::from(l))));
+        let pixels = luminance.pixels().par_iter();
+        let pixels = match self.decode {
+            ChannelDecode::None => pixels.map(|l| seen(*l)).collect(),
+            // A power per pixel would take longer than the rest of most sensors. Frames of 8 bits have 256 greys.
+            ChannelDecode::Srgb => {
+                let table: [f32; 256] = std::array::from_fn(|grey| seen(grey as f32));
+                pixels.map(|l| tabulated(&table, *l).unwrap_or_else(|| seen(*l))).collect()
+            }
+        };
+        Image::from_vec(luminance.size(), pixels)
     }
 
     /// The brightness of a grey, before clamping.
@@ -316,6 +325,17 @@ impl FrontEnd {
         let pairs = rate.pixels().par_iter().zip(frame.luminance.pixels());
         Some(Image::from_vec(rate.size(), pairs.map(seen).collect()))
     }
+}
+
+/// The value of a table of the whole numbers from 0 to 255. `None` for all other numbers, -0 among them.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the number is compared afterwards"
+)]
+fn tabulated(table: &[f32; 256], l: f32) -> Option<f32> {
+    let grey = l as u8;
+    (f32::from(grey).to_bits() == l.to_bits()).then(|| table[usize::from(grey)])
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "rounded to the nearest")]
@@ -395,6 +415,19 @@ mod tests {
         // 0.2126 of 0.097587, 0.7152 of 0.038204, 0.0722 of 0.003035.
         t(rec709, [88.0, 55.0, 10.0], 0.048_289_6);
         t(FrontEnd { exposure: 4.0, ..rec709 }, [55.0; 3], 4.0 * 0.038_204 + 1e-6);
+    }
+
+    /// Whole greys are looked up, all others are not: the bits are those of the formula, for both.
+    #[test]
+    fn tabulated_greys_have_the_same_bits() {
+        let front_end = FrontEnd { exposure: 1.5, ..decoded() };
+        let whole = (0..=255_u8).map(f32::from);
+        let values: Vec<f32> = whole.flat_map(|v| [v, v + 0.5, -v, v + 200.0, v * 1e6]).collect();
+        for v in values {
+            let found = front_end.see(&grey([v; 20], None), None).luminance.pixels()[7];
+            let wanted = to_single(1.5 * WHITE * srgb::decode(f64::from(v) / WHITE));
+            assert_eq!(found.to_bits(), wanted.to_bits(), "{v}");
+        }
     }
 
     #[test]
