@@ -67,8 +67,8 @@ impl ConvertArgs {
         let [input, output] = [&self.input, &self.output].map(|path| path.display());
         match formats {
             [None, None] => Ok(None),
-            [Some(_), Some(EventFormat::Mcap)] => refuse_usage(format!(
-                "{output}: a .mcap is read only; `gs2e export --to mcap` writes recordings of releases"
+            [Some(_), Some(EventFormat::Mcap | EventFormat::Bag)] => refuse_usage(format!(
+                "{output}: recordings are read only; `gs2e export --to mcap` writes those of releases"
             )),
             [Some(format), Some(to)] => Ok(Some(EventConversion {
                 from: InputEvents { path: &self.input, format, options: &self.events },

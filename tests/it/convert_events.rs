@@ -241,5 +241,7 @@ fn faults_are_named_and_no_file_is_written() {
     t("a.txt", b"1500 2 3 1\n", "--size 9x9 --time-unit ns", 2, "times: 1 are truncated to the microsecond");
     t("a.csv", b"t,x,z,p\n1,2,3,1\n", "--size 9x9", 1, "line 1: no column is named y, found t, x, z, p");
     t("a.h5", b"no HDF5", "", 1, "a.h5: failed to read events");
+    t("a.db3", b"SQLite format 3", "", 1, "convert it to MCAP with `rosbags-convert");
+    t("a.bag", b"#ROSBAG V2.0", "", 1, "convert it to MCAP with `rosbags-convert");
     t("a.txt", b"", "--size 9", 2, "9 is not WIDTHxHEIGHT");
 }

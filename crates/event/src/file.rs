@@ -39,6 +39,8 @@ pub enum EventFormat {
     Text(ColumnSeparator),
     /// Recordings of ROS 2. They are read; an export of a release writes them.
     Mcap,
+    /// Bags of ROS 2 in SQLite, and bags of ROS 1. They are refused with the way to convert them.
+    Bag,
 }
 
 impl EventFormat {
@@ -54,6 +56,7 @@ impl EventFormat {
             "txt" => Some(Self::Text(ColumnSeparator::Txt)),
             "csv" => Some(Self::Text(ColumnSeparator::Csv)),
             "mcap" => Some(Self::Mcap),
+            "db3" | "bag" => Some(Self::Bag),
             _ => None,
         }
     }
@@ -61,7 +64,7 @@ impl EventFormat {
     /// The format that belongs to the name of a file to be written.
     #[must_use]
     pub fn for_output(path: &Path, version: EvtVersion) -> Option<Self> {
-        Self::for_path(path, version).filter(|format| *format != Self::Mcap)
+        Self::for_path(path, version).filter(|format| !matches!(format, Self::Mcap | Self::Bag))
     }
 
     /// Returns true if they store the simulation law.
@@ -141,6 +144,7 @@ pub fn open(path: &Path, format: EventFormat, hints: ReadHints<'_>) -> Result<Op
             let reader = mcap::Reader::open(path, hints.topic)?;
             (Some(reader.header()), Box::new(reader))
         }
+        EventFormat::Bag => return Err(EventFileError::Container(CONVERT_BAG.to_owned())),
     };
     let header = match (header, hints.size) {
         // A size in the file is never overridden: the readers check the events against it.
@@ -215,7 +219,7 @@ pub fn create(
         EventFormat::Evt(version) => Box::new(evt::Writer::create(path, version, header.size)?),
         EventFormat::Aedat4 => Box::new(aedat4::Writer::create(path, header.size)?),
         EventFormat::Text(table) => Box::new(text::Writer::create(path, table, header.size)?),
-        EventFormat::Mcap => {
+        EventFormat::Mcap | EventFormat::Bag => {
             let because = "a recording is an export of a release, and no file of events alone";
             return Err(EventFileError::Container(because.to_owned()));
         }
@@ -229,6 +233,11 @@ pub fn create(
         None => Err(too_far(zero_us)),
     }
 }
+
+/// The way to read a bag. Of the readers of SQLite's bags in Rust none is kept well, and SQLite itself would be
+/// a heavy dependency for one container.
+const CONVERT_BAG: &str = "a bag of ROS is not read: convert it to MCAP with `rosbags-convert --src BAG --dst NEW \
+     --dst-storage mcap` (pip install rosbags), or with `ros2 bag convert` where its message definitions are absent";
 
 /// Offset, labels, header and events of a file.
 type OpenH5 = (i64, bool, Option<StreamHeader>, Box<dyn EventSource>);
