@@ -46,7 +46,7 @@ impl EventSurvey {
         Ok(found)
     }
 
-    /// Counts a chunk. The sums are kept apart from `self`, where each event would wait for the one before it.
+    /// Counts a chunk. The sums are kept apart from `self`, where each event would wait for the one before.
     fn count(&mut self, events: &[Event], previous: &mut Option<Timestamp>) {
         let Some(start) = events.first() else { return };
         let mut before = previous.unwrap_or(start.t);

@@ -294,7 +294,7 @@ impl FrontEnd {
         let pixels = luminance.pixels().par_iter();
         let pixels = match self.decode {
             ChannelDecode::None => pixels.map(|l| seen(*l)).collect(),
-            // A power per pixel would take longer than the rest of most sensors. Frames of 8 bits have 256 greys.
+            // A power per pixel would take longer than many a sensor. Frames of 8 bits have 256 greys.
             ChannelDecode::Srgb => {
                 let table: [f32; 256] = std::array::from_fn(|grey| seen(grey as f32));
                 pixels.map(|l| tabulated(&table, *l).unwrap_or_else(|| seen(*l))).collect()

@@ -121,9 +121,17 @@ mod tests {
     use lz4_flex::frame::{BlockMode, BlockSize, FrameEncoder, FrameInfo};
     use std::io::Write as _;
 
+    /// Bytes without repeats.
+    fn noise(length: u32) -> impl Iterator<Item = u8> {
+        (0..length).map(|i| i.wrapping_mul(2_654_435_769).to_be_bytes()[0])
+    }
+
     /// Bytes with repeats near and far, up to three blocks of 64 KiB.
     fn content(length: u32) -> Vec<u8> {
-        (0..length).flat_map(|i| [i / 50, i.wrapping_mul(2_654_435_769) >> 30, 0]).map(|v| v as u8).collect()
+        (0..length)
+            .zip(noise(length))
+            .flat_map(|(i, noise)| [(i / 50).to_le_bytes()[0], noise >> 6, 0])
+            .collect()
     }
 
     fn frame(info: &FrameInfo, content: &[u8]) -> Vec<u8> {
@@ -148,7 +156,7 @@ mod tests {
         let summed = plain.clone().content_checksum(true).block_checksums(true);
         let sized = plain.clone().content_size(Some(3 * 4000));
         let large = FrameInfo::new().block_size(BlockSize::Max256KB);
-        let random: Vec<u8> = (0..9000_u32).map(|i| (i.wrapping_mul(2_654_435_769) >> 23) as u8).collect();
+        let random: Vec<u8> = noise(9000).collect();
         for info in [plain, linked, summed, sized, large] {
             let before = frame(&info, &content(4000));
             for content in [content(4000), random.clone(), content(0), content(60_000)] {

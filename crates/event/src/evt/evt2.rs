@@ -51,26 +51,32 @@ pub(super) struct Evt2Decoder {
 impl WordDecoder for Evt2Decoder {
     const BYTES: usize = 4;
 
+    #[expect(clippy::cast_possible_truncation, reason = "masked to 11 bits")]
     fn take_usual(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> usize {
         let Some(high) = self.high else { return 0 };
         let start_us = self.turns * END_US + (i64::from(high) << LOW);
         if start_us > order::END_US - (1 << LOW) {
             return 0;
         }
+        let start_ns = 1000 * start_us;
+        let side = |word: u32, from: u32| word >> from & 0x7ff;
+        let [last_x, last_y] = found.last_pixel();
         let (words, _) = bytes.as_chunks();
         let (groups, _) = words.as_chunks::<GROUP>();
         for (number, group) in groups.iter().enumerate() {
             let group = group.map(u32::from_le_bytes);
-            let side = |word: u32, from: u32| (word >> from & 0x7ff) as u16;
-            // Events of which all are on the sensor, without a branch for each.
-            let is_event = |word: u32| (word >> 28 <= 1) & found.has(side(word, 11), side(word, 0));
-            if !group.iter().fold(true, |all, word| all & is_event(*word)) {
+            // Not 0 if a word is no event, or not on the sensor: then a difference is negative.
+            let wrong = group.iter().fold(0, |wrong, word| {
+                let outside = last_x.wrapping_sub(side(*word, 11)) | last_y.wrapping_sub(side(*word, 0));
+                wrong | *word >> 29 | outside >> 31
+            });
+            if wrong != 0 {
                 return GROUP * number;
             }
-            found.extend(group.map(|word| Event {
-                t: Timestamp::from_micros(start_us + i64::from(word >> 22 & ((1 << LOW) - 1))),
-                x: side(word, 11),
-                y: side(word, 0),
+            found.extend_with(group.iter().map(|word| Event {
+                t: Timestamp(start_ns + i64::from(1000 * (word >> 22 & ((1 << LOW) - 1)))),
+                x: side(*word, 11) as u16,
+                y: side(*word, 0) as u16,
                 polarity: if word >> 28 == 1 { Polarity::On } else { Polarity::Off },
                 label: EventLabel::Signal,
             }));

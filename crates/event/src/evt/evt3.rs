@@ -4,7 +4,7 @@
 
 use super::reader::{DecodedWords, WordDecoder};
 use crate::order::END_US;
-use crate::{Event, Polarity};
+use crate::{Event, EventLabel, Polarity};
 use gs2e_num::units::Timestamp;
 
 const ADDRESS_Y: u16 = 0x0;
@@ -34,6 +34,9 @@ const STEP: i64 = 1 << (TIME_BITS - 2);
 /// Maximum number of words in a stream that only bridge silence, 2 bytes for each 4.2 seconds: 51
 /// days.
 pub(super) const MAX_SILENT_WORDS: i64 = 1 << 20;
+
+/// Number of events that are decoded before they are passed on.
+const SPAN: usize = 64;
 
 /// Encodes events as words. Events of one time, row and polarity wait for one another.
 #[derive(Debug, Default)]
@@ -242,6 +245,79 @@ impl Evt3Decoder {
         found.push(t_us, [x, y], polarity)
     }
 
+    /// Takes the first words that are single events, rows and lower times on the sensor, and returns their
+    /// number. `None` if time or row is unknown. Which kind comes next is hardly foreseen, so every word is
+    /// decoded as each of the three.
+    fn take_span(&mut self, words: &[[u8; 2]], found: &mut DecodedWords<'_>) -> Option<usize> {
+        let high = self.high.filter(|_| !self.stale)?;
+        // Of this upper part, whatever the lower one is.
+        let start_us = self.t_us(high) - i64::from(self.low);
+        let mut row = self.row.filter(|row| found.has(0, *row))?;
+        if start_us > END_US - (1 << TIME_BITS) {
+            return None;
+        }
+        let start_ns = 1000 * start_us;
+        // Any address of another kind is too large.
+        let mut limits = [0; 1 << (16 - TIME_BITS)];
+        let [last_x, last_y] = found.last_pixel();
+        limits[usize::from(ADDRESS_X)] = last_x + 1;
+        limits[usize::from(ADDRESS_Y)] = last_y + 1;
+        limits[usize::from(TIME_LOW)] = u32::MAX;
+        let (mut low, mut taken, mut ended) = (self.low, 0, false);
+        let event = |x, y, low: u16, flag| Event {
+            t: Timestamp(start_ns + i64::from(1000 * u32::from(low))),
+            x,
+            y,
+            polarity: if flag == 1 { Polarity::On } else { Polarity::Off },
+            label: EventLabel::Signal,
+        };
+        let mut events = [event(0, 0, 0, 0); SPAN];
+        while taken < words.len() && !ended {
+            let mut count = 0;
+            while count < SPAN
+                && let Some(word) = words.get(taken)
+            {
+                let word = u16::from_le_bytes(*word);
+                let next = words.get(taken + 1).map_or(0, |word| u16::from_le_bytes(*word));
+                let (kind, address) = (word >> TIME_BITS, word & 0x7ff);
+                if u32::from(address) >= limits[usize::from(kind)] {
+                    ended = true;
+                    break;
+                }
+                // The usual pair: a row and its only event.
+                let x = next & 0x7ff;
+                if kind == ADDRESS_Y && next >> TIME_BITS == ADDRESS_X && u32::from(x) <= last_x {
+                    row = address;
+                    events[count] = event(x, row, low, next >> 11 & 1);
+                    count += 1;
+                    taken += 2;
+                    continue;
+                }
+                row = if kind == ADDRESS_Y { address } else { row };
+                low = if kind == TIME_LOW { word & VALUE } else { low };
+                events[count] = event(address, row, low, word >> 11 & 1);
+                count += usize::from(kind == ADDRESS_X);
+                taken += 1;
+            }
+            found.extend(&events[..count]);
+        }
+        (self.row, self.low) = (Some(row), low);
+        Some(taken)
+    }
+
+    /// Takes a word of a run of pixels on the sensor, and returns true, or leaves it.
+    fn take_run(&mut self, word: u16, found: &mut DecodedWords<'_>) -> bool {
+        match (word >> TIME_BITS, self.row) {
+            (BASE_X, _) => (self.base, self.polarity) = (word & 0x7ff, word >> 11 & 1),
+            (MASK_12, Some(y)) if found.has(self.base + 11, y) => {
+                // Cannot fail: the pixels are on the sensor, and their time was known before.
+                return self.run(word & VALUE, 12, found).is_ok();
+            }
+            _ => return false,
+        }
+        true
+    }
+
     fn run(&mut self, mask: u16, bits: u16, found: &mut DecodedWords<'_>) -> Result<(), String> {
         for bit in (0..bits).filter(|bit| mask >> bit & 1 == 1) {
             self.event(self.base + bit, self.polarity != 0, found)?;
@@ -268,41 +344,18 @@ impl WordDecoder for Evt3Decoder {
     const BYTES: usize = 2;
 
     fn take_usual(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> usize {
-        let (Some(high), false) = (self.high, self.stale) else { return 0 };
-        // Of this upper part, whatever the lower one is.
-        let start_us = self.t_us(high) - i64::from(self.low);
-        if start_us > END_US - (1 << TIME_BITS) {
-            return 0;
-        }
         let (words, _) = bytes.as_chunks();
-        let mut row = self.row.filter(|row| found.has(0, *row));
-        let mut at = Timestamp::from_micros(start_us + i64::from(self.low));
-        for (number, word) in words.iter().enumerate() {
-            let word = u16::from_le_bytes(*word);
-            let (value, address, flag) = (word & VALUE, word & 0x7ff, word >> 11 & 1);
-            match (word >> TIME_BITS, row) {
-                (ADDRESS_X, Some(y)) if found.has(address, y) => found.add(at, [address, y], flag),
-                (ADDRESS_Y, _) if found.has(0, address) => {
-                    row = Some(address);
-                    self.row = row;
-                }
-                (BASE_X, _) => (self.base, self.polarity) = (address, flag),
-                (MASK_12, Some(y)) if found.has(self.base + 12, y) => {
-                    let mut mask = value;
-                    while mask != 0 {
-                        found.add(at, [self.base + mask.trailing_zeros() as u16, y], self.polarity);
-                        mask &= mask - 1;
-                    }
-                    self.base += 12;
-                }
-                (TIME_LOW, _) => {
-                    self.low = value;
-                    at = Timestamp::from_micros(start_us + i64::from(value));
-                }
-                _ => return number,
+        let mut number = 0;
+        while let Some(taken) = self.take_span(&words[number..], found) {
+            number += taken;
+            // The words of runs stand between, and others are left to `take`.
+            let Some(word) = words.get(number) else { break };
+            if !self.take_run(u16::from_le_bytes(*word), found) {
+                break;
             }
+            number += 1;
         }
-        words.len()
+        number
     }
 
     fn take(&mut self, bytes: &[u8], found: &mut DecodedWords<'_>) -> Result<(), String> {

@@ -68,17 +68,21 @@ impl<'a> DecodedWords<'a> {
         (u32::from(x) < self.size.width) & (u32::from(y) < self.size.height)
     }
 
-    /// Adds events without a check.
-    #[inline]
-    pub(super) fn extend<const N: usize>(&mut self, events: [Event; N]) {
-        self.events.extend(events);
+    /// The last column and row.
+    pub(super) fn last_pixel(&self) -> [u32; 2] {
+        [self.size.width - 1, self.size.height - 1]
     }
 
-    /// Adds an event without a check.
+    /// Adds events without a check.
     #[inline]
-    pub(super) fn add(&mut self, t: Timestamp, [x, y]: [u16; 2], flag: u16) {
-        let polarity = if flag == 1 { Polarity::On } else { Polarity::Off };
-        self.events.push(Event { t, x, y, polarity, label: EventLabel::Signal });
+    pub(super) fn extend(&mut self, events: &[Event]) {
+        self.events.extend_from_slice(events);
+    }
+
+    /// Adds events without a check, one by one.
+    #[inline]
+    pub(super) fn extend_with(&mut self, events: impl Iterator<Item = Event>) {
+        self.events.extend(events);
     }
 
     /// Adds an event if it is on the sensor and in the range of times.

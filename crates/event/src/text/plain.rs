@@ -58,8 +58,8 @@ impl PlainLines {
         Some(Self { columns: [a, b, c, d], size, time_digits, has_fraction: unit.is_some() })
     }
 
-    /// Appends the events of the first lines, at most `count`, and returns the number of their bytes. It ends at
-    /// a line that is not plain, and before the end of the bytes.
+    /// Appends the events of the first lines, at most `count`, and returns the number of their bytes. It ends
+    /// at a line that is not plain, and before the end of the bytes.
     pub(super) fn read(&self, bytes: &[u8], count: usize, out: &mut Vec<Event>) -> usize {
         // The usual order for itself, so that it is known to the compiler.
         if self.columns == USUAL {
