@@ -2,9 +2,12 @@
 //!
 //! Nothing is downloaded: a peer runs if it is installed, or if its folder is given. The others are named.
 
+mod files;
+
 use crate::check_bench::watch;
 use crate::command::{Outcome, program, root, say};
 use crate::options::Options;
+use files::FileBench;
 use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
@@ -30,14 +33,13 @@ const SENSORS: [(&str, &str); 3] =
     [("dvs346-paper", "dvs-voltmeter"), ("v2e-clean", "v2e clean"), ("v2e-noisy", "v2e noisy")];
 
 /// Measures: `--program FILE` (built in release mode), `--python FILE` (python3), `--dvs-voltmeter DIR`,
-/// `--v2e DIR`, `--frames N` (100), `--runs N` (3).
+/// `--v2e DIR`, `--frames N` (100), `--runs N` (3). With `--events FILE`, it measures event files instead.
 pub(crate) fn run(args: &[String]) -> Outcome {
     let options = Options(args);
     let (frames, runs) = (options.number("--frames", 100)?.max(2), options.number("--runs", 3)?.max(1));
     let gs2e = options.program(&[])?;
     let folder = root().join("target/peers-bench");
     fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    make_frames(&gs2e, &folder)?;
     let script = folder.join("run.py");
     fs::write(&script, SCRIPT).map_err(|e| format!("{}: {e}", script.display()))?;
     let python: OsString = options.value("--python").unwrap_or("python3").into();
@@ -45,6 +47,10 @@ pub(crate) fn run(args: &[String]) -> Outcome {
         let script = script.to_string_lossy();
         program(&python, &[&[&*script], args].concat())
     };
+    if let Some(events) = options.value("--events") {
+        return FileBench { gs2e: &gs2e, folder: &folder, runs, call: &call }.run(events);
+    }
+    make_frames(&gs2e, &folder)?;
     let at = |name: &str| folder.join(name).to_string_lossy().into_owned();
     let pictures = at("release/peers/base/sharp");
     let times = at("release/peers/base/timestamps_us.txt");

@@ -80,6 +80,51 @@ def simulate(peer, home, frames_path, stamps_path, runs):
     print(least, events, file=output)
 
 
+def read_or_write(peer, source, target, codec):
+    """A function that passes over all events of a file and returns their number, or writes them to another."""
+    if peer == "faery":
+        import faery
+
+        table = dict(has_header=False, separator=b",", t_index=0, x_index=1, y_index=2, on_index=3)
+        # The comment and the names at the head of a file are lines that it skips.
+        rest = dict(t_scale=0.0, on_value=b"1", off_value=b"0", skip_errors=True)
+        options = dict(csv_properties=faery.CsvProperties(**table, **rest)) if source.endswith(".csv") else {}
+        version = codec if target.endswith(".raw") else None
+
+        def stream():
+            return faery.events_stream_from_file(source, **options)
+
+        if target == "none":
+            return lambda: sum(map(len, stream()))
+        return lambda: stream().to_file(target, version=version)
+    from evutils.io import EventReader, EventStreamer, EventWriter
+
+    def write():
+        with EventWriter(target) as writer:
+            for chunk in EventReader(source, n_events=1_000_000):
+                writer.write(chunk)
+
+    return write if target != "none" else lambda: sum(map(len, EventStreamer(source)))
+
+
+def events(peer, source, target, runs, codec="evt2"):
+    """Prints the number of events, and the least CPU time of the calls, s."""
+    if peer == "evutils" and codec == "evt2" and target != "none":
+        # Its writer chooses EVT 3.0.
+        print("not written")
+        return
+    try:
+        run = read_or_write(peer, source, target, codec)
+        least, count = float("inf"), 0
+        for _ in range(int(runs)):
+            begun = time.process_time()
+            count = run()
+            least = min(least, time.process_time() - begun)
+        print(count if target == "none" else 0, least)
+    except ImportError as reason:
+        print(f"absent: {reason}")
+
+
 def gsplat():
     try:
         import gsplat  # noqa: F401
@@ -93,4 +138,5 @@ def gsplat():
 
 
 if __name__ == "__main__":
-    {"frames": frames, "count": count, "simulate": simulate, "gsplat": gsplat}[sys.argv[1]](*sys.argv[2:])
+    tasks = {"frames": frames, "count": count, "simulate": simulate, "events": events, "gsplat": gsplat}
+    tasks[sys.argv[1]](*sys.argv[2:])
