@@ -33,12 +33,14 @@ impl Timestamp {
     /// The stamp is beyond 292,000 years, where nanoseconds exceed 64 bits. Readers bound their
     /// stamps long before.
     #[must_use]
+    #[inline]
     pub fn from_micros(us: i64) -> Self {
         Self(us.checked_mul(1000).expect("stamps are bounded where they are read"))
     }
 
     /// The microsecond that contains this instant, as event files store it: `floor(ns / 1000)`.
     #[must_use]
+    #[inline]
     pub fn floor_micros(self) -> i64 {
         self.0.div_euclid(1000)
     }
