@@ -55,7 +55,7 @@ fn shuffle_bytes(bytes: &[u8], width: usize) -> Vec<u8> {
     shuffled
 }
 
-/// A stream of zlib. `zlib-rs` makes it in half of the time of `miniz_oxide`, 3 % smaller, and the same on every
+/// A stream of zlib. `zlib-rs` makes it in 0.56 of the time of `miniz_oxide`, 3 % smaller, and the same on every
 /// processor.
 fn deflate_bytes(bytes: &[u8], level: u32) -> Vec<u8> {
     let level = i32::try_from(level).expect("levels are small");
