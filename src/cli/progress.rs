@@ -75,10 +75,12 @@ struct StepEnd<'a> {
     work: Option<StepWork>,
 }
 
-/// The time, the cores and the memory that a step took, and the machine that made it.
+/// The time and the memory that a step took, and the machine that made it.
 struct StepWork {
     seconds: f64,
-    cores: usize,
+    threads: usize,
+    /// Processor time, s.
+    core_seconds: f64,
     /// Bytes.
     memory: u64,
     /// The machine that made it.
@@ -147,7 +149,7 @@ impl<'a> Progress<'a> {
     fn ended(&self, view: &mut ProgressView, ended: &StepEnd<'_>) {
         view.ended += 1;
         if let Some(bars) = &mut view.bars {
-            bars.ended(ended.step, ended.work.as_ref().map(|work| work.seconds * work.cores as f64));
+            bars.ended(ended.step, ended.work.as_ref().map(|work| work.core_seconds));
         }
         if let Some(what) = view.altered.remove(&ended.step) {
             let again = if ended.work.is_some() { ", made again" } else { "" };
@@ -167,7 +169,8 @@ impl<'a> Progress<'a> {
         let mut record = json!({
             "scene": self.place(*step).0, "step": self.name(*step), "state": state,
             "key": key.map(Key::to_string), "outputs": plan::output_files(self.run.store, outputs),
-            "seconds": work.as_ref().map(|work| work.seconds), "cores": used.map(|work| work.cores),
+            "seconds": work.as_ref().map(|work| work.seconds), "cores": used.map(|work| work.threads),
+            "core_seconds": used.map(|work| work.core_seconds),
             "memory": used.map(|work| work.memory),
             "bytes": bytes, "host": self.run.environment.host(), "job": self.run.environment.job, "ended": clock::utc_now(),
         });
@@ -301,7 +304,8 @@ impl RunObserver for Progress<'_> {
                 key,
                 outputs,
                 seconds,
-                cores,
+                threads,
+                core_seconds,
                 warnings,
                 remark,
                 saving,
@@ -312,7 +316,7 @@ impl RunObserver for Progress<'_> {
                 let left_out = self.left_out(view, step, outputs, saving);
                 let is_adopted = matches!(origin, StepOrigin::Elsewhere | StepOrigin::Confirmed);
                 let state = if is_adopted { "adopted" } else { "made" };
-                let work = Some(StepWork { seconds, cores, memory, origin, left_out });
+                let work = Some(StepWork { seconds, threads, core_seconds, memory, origin, left_out });
                 let ended = StepEnd { step, state, key: Some(key), outputs, work };
                 self.ended(view, &ended);
                 self.made(view, step, seconds, remark);

@@ -25,7 +25,7 @@ pub(super) struct WhyArgs {
 
 impl WhyArgs {
     pub(super) fn run(self, common: &CommonArgs, console: &Console) -> Result<ExitKind, VerbError> {
-        let (recipes, renderers) = (recipe::read_all(&self.recipes)?, common.renderers()?);
+        let (recipes, renderers) = (recipe::read_named(&self.recipes, &self.name)?, common.renderers()?);
         let store = read_store(common)?;
         let plan = Plan::new(recipes, &renderers.knowing(&store));
         let assessed = assess_plan(&plan, &store)?;

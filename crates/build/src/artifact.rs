@@ -22,7 +22,7 @@ use gs2e_store::record::{StoredOutput, content_digest};
 use gs2e_store::{Digest, Store};
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufReader, BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
 
 /// The files of an artifact by name, with their paths in the store.
@@ -104,7 +104,12 @@ impl ArtifactFiles {
     /// # Errors
     /// The file is absent or has another form.
     pub fn json<T: serde::de::DeserializeOwned>(&self, name: &str) -> Result<T, ArtifactError> {
-        self.read(name, |file| serde_json::from_reader(file))
+        // From memory: a parser asks a reader for every byte. The program wrote the file, so it is small.
+        self.read(name, |mut file| {
+            let mut bytes = Vec::new();
+            file.read_to_end(&mut bytes)?;
+            serde_json::from_slice(&bytes).map_err(std::io::Error::from)
+        })
     }
 }
 

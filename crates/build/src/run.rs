@@ -61,7 +61,7 @@ pub enum RunEvent<'a> {
         step: StepId,
         /// Reason.
         reason: &'a StepReason,
-        /// Number of cores.
+        /// Number of cores, if all running steps have equal shares of them.
         cores: usize,
         /// Number of steps that these cores make together, with this one.
         together: usize,
@@ -92,8 +92,10 @@ pub enum RunEvent<'a> {
         outputs: &'a [StoredOutput],
         /// Duration.
         seconds: f64,
-        /// Number of cores.
-        cores: usize,
+        /// Number of threads.
+        threads: usize,
+        /// Processor time, s.
+        core_seconds: f64,
         /// Warnings of the step.
         warnings: &'a [String],
         /// A short remark on the size of its product.

@@ -123,41 +123,30 @@ pub struct StreamObserver<'a> {
     previous: Option<Event>,
     /// Number of events directly before the latest one at its pixel and in its microsecond.
     together: u64,
+    /// The latest microsecond, and its OFF and ON events so far.
+    now_us: i64,
+    now: [u32; 2],
     millisecond: (i64, u64),
     grid: GridCounter,
-    counts: PixelCounts,
+    pixels: Vec<PixelEvents>,
     crowds: CrowdingCounter,
-    /// Time of each pixel's last event, us; empty without a dead time.
-    last_us: Vec<i64>,
     dead_us: i64,
-    hot_hz: &'a [f64],
+    /// Hot pixels; empty if they are unknown.
+    is_hot: Vec<bool>,
     balance: Option<DriftBalance<'a>>,
     windows: WarpWindows<'a>,
     watch: Option<StillPixelWatch>,
     labels: Option<LabelWatch<'a>>,
 }
 
-/// Events of each pixel since the first stamp.
-#[derive(Debug)]
-pub(super) struct PixelCounts {
-    pub(super) on: Vec<u32>,
-    pub(super) off: Vec<u32>,
-}
-
-impl PixelCounts {
-    fn of(&self, polarity: Polarity) -> &[u32] {
-        match polarity {
-            Polarity::On => &self.on,
-            Polarity::Off => &self.off,
-        }
-    }
-
-    fn of_mut(&mut self, polarity: Polarity) -> &mut [u32] {
-        match polarity {
-            Polarity::On => &mut self.on,
-            Polarity::Off => &mut self.off,
-        }
-    }
+/// The events of a pixel since the first stamp. Side by side, because an event misses the caches once for each
+/// array that it meets.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PixelEvents {
+    /// ON and OFF events.
+    pub(super) counts: [u32; 2],
+    /// Time of the last one, us.
+    last_us: i64,
 }
 
 impl<'a> StreamObserver<'a> {
@@ -184,15 +173,15 @@ impl<'a> StreamObserver<'a> {
             end_us,
             previous: None,
             together: 0,
+            now_us: 0,
+            now: [0; 2],
             millisecond: (0, 0),
             grid: GridCounter::new(),
-            counts: PixelCounts { on: vec![0; pixels], off: vec![0; pixels] },
+            // Half of the smallest number, so that the difference to a first event does not overflow.
+            pixels: vec![PixelEvents { counts: [0; 2], last_us: i64::MIN / 2 }; pixels],
             crowds: CrowdingCounter::new(size, end_us),
-            // Half of the smallest number, so that the difference to a first event does not
-            // overflow.
-            last_us: if dead_us > 0 { vec![i64::MIN / 2; pixels] } else { Vec::new() },
             dead_us,
-            hot_hz,
+            is_hot: hot_hz.iter().map(|hz| *hz > 0.0).collect(),
             balance,
             windows: WarpWindows::new(size, end_us, flows),
             watch: observed
@@ -214,8 +203,12 @@ impl<'a> StreamObserver<'a> {
     /// The bits of the values that an event meets at its pixel.
     fn met_by(&self, event: &Event) -> u64 {
         let Some(pixel) = self.pixel(event) else { return 0 };
-        let last = self.last_us.get(pixel).map_or(0, |last| last.cast_unsigned());
-        u64::from(self.counts.of(event.polarity)[pixel]) ^ last
+        let is_still = self.watch.as_ref().is_some_and(|watch| watch.is_still(pixel));
+        let is_hot = self.is_hot.get(pixel).is_some_and(|is_hot| *is_hot);
+        u64::from(self.pixels[pixel].counts[0])
+            ^ u64::from(is_still)
+            ^ u64::from(is_hot)
+            ^ self.windows.met_by(pixel, event.t.floor_micros())
     }
 
     /// The pixel of an event; `None` off the sensor.
@@ -227,13 +220,13 @@ impl<'a> StreamObserver<'a> {
     /// The counts after the last event.
     #[must_use]
     pub fn finish(mut self) -> StreamTally {
+        self.leave_microsecond();
         // Anchors after the last event have not been evaluated yet.
         self.settle_until(i64::MAX);
         let tally = &mut self.tally;
         // The last millisecond is still open.
         tally.peak_per_ms = tally.peak_per_ms.max(self.millisecond.1);
-        let totals: Vec<u32> =
-            self.counts.on.iter().zip(&self.counts.off).map(|(on, off)| on + off).collect();
+        let totals: Vec<u32> = self.pixels.iter().map(|pixel| pixel.counts.iter().sum()).collect();
         tally.grid = self.grid.finish();
         tally.active_pixels = totals.iter().filter(|n| **n > 0).count() as u64;
         // A pixel with `n` events in `t` microseconds has an event in `n / t` of them.
@@ -252,28 +245,25 @@ impl<'a> StreamObserver<'a> {
 
     fn see(&mut self, event: Event) {
         let t_us = event.t.floor_micros();
-        // First, because the counts of an anchor must not contain this event.
-        self.settle_until(t_us);
+        if t_us != self.now_us || self.previous.is_none() {
+            self.leave_microsecond();
+            self.enter_microsecond(t_us);
+        }
         self.count_neighbours(event);
-        self.grid.see(t_us);
-        self.count_time(t_us);
-        let tally = &mut self.tally;
-        tally.events += 1;
-        tally.on += u64::from(event.polarity == Polarity::On);
-        tally.course.count(t_us, event.polarity);
+        self.now[usize::from(event.polarity == Polarity::On)] += 1;
         // Order, times and polarity count for every event; the rest needs a pixel.
         let Some(pixel) = self.pixel(&event) else {
             self.tally.off_sensor += 1;
             return;
         };
-        self.counts.of_mut(event.polarity)[pixel] += 1;
-        if let Some(last) = self.last_us.get_mut(pixel) {
-            self.tally.too_soon += u64::from(t_us - *last < self.dead_us);
-            *last = t_us;
-        }
-        self.crowds.see([event.x, event.y], t_us);
+        let PixelEvents { counts, last_us } = &mut self.pixels[pixel];
+        counts[usize::from(event.polarity == Polarity::Off)] += 1;
+        let since = t_us - std::mem::replace(last_us, t_us);
+        // Without a dead time, no event is too soon, not even one that is out of order.
+        self.tally.too_soon += u64::from(self.dead_us > 0 && since < self.dead_us);
+        self.crowds.see([event.x, event.y]);
         // The events of hot pixels do not move with the image.
-        if self.hot_hz.get(pixel).is_none_or(|hz| *hz <= 0.0) {
+        if self.is_hot.get(pixel).is_none_or(|is_hot| !is_hot) {
             self.windows.see(event, t_us);
         }
         let is_still = self.watch.as_mut().is_some_and(|watch| watch.see(pixel, t_us));
@@ -282,12 +272,44 @@ impl<'a> StreamObserver<'a> {
         }
     }
 
+    /// Prepares for the events of a microsecond.
+    fn enter_microsecond(&mut self, t_us: i64) {
+        // First, because the counts of an anchor must not contain these events.
+        self.settle_until(t_us);
+        self.now_us = t_us;
+        self.grid.see(t_us);
+        self.crowds.enter(t_us);
+        let ms = t_us.div_euclid(1000);
+        if ms != self.millisecond.0 {
+            self.tally.peak_per_ms = self.tally.peak_per_ms.max(self.millisecond.1);
+            self.millisecond = (ms, 0);
+        }
+    }
+
+    /// Counts the events of the latest microsecond by its time.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number from 0 to PHASES")]
+    fn leave_microsecond(&mut self) {
+        let [off, on] = std::mem::take(&mut self.now);
+        let (t_us, events) = (self.now_us, u64::from(off) + u64::from(on));
+        let tally = &mut self.tally;
+        tally.events += events;
+        tally.on += u64::from(on);
+        tally.course.count(t_us, [on, off]);
+        self.millisecond.1 += events;
+        tally.off_time += if t_us < 0 || t_us > self.end_us { events } else { 0 };
+        // The middle of the microsecond, so that no frame's stamp lies on the edge of a bin.
+        let frames = (t_us as f64 + 0.5) * self.frames_per_us;
+        // `rem_euclid` divides.
+        let phase = frames - frames.floor();
+        tally.phases[((phase * PHASES as f64) as usize).min(PHASES - 1)] += events;
+    }
+
     /// Evaluates every anchor up to `t_us`. All events before it have been counted.
     fn settle_until(&mut self, t_us: i64) {
         let Some(balance) = &mut self.balance else { return };
         // An event in the microsecond of an anchor counts to it.
         while balance.next_us().is_some_and(|stop| t_us > stop) {
-            balance.settle(&self.counts);
+            balance.settle(&self.pixels);
         }
     }
 
@@ -306,22 +328,6 @@ impl<'a> StreamObserver<'a> {
         tally.repeated += u64::from(same_place && before.3 == after.3);
         tally.contrary += u64::from(same_place && before.3 != after.3);
         tally.distinct_us += u64::from(after.0 != before.0);
-    }
-
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number from 0 to PHASES")]
-    fn count_time(&mut self, t_us: i64) {
-        let ms = t_us.div_euclid(1000);
-        if ms != self.millisecond.0 {
-            self.tally.peak_per_ms = self.tally.peak_per_ms.max(self.millisecond.1);
-            self.millisecond = (ms, 0);
-        }
-        self.millisecond.1 += 1;
-        self.tally.off_time += u64::from(t_us < 0 || t_us > self.end_us);
-        // The middle of the microsecond, so that no frame's stamp lies on the edge of a bin.
-        let frames = (t_us as f64 + 0.5) * self.frames_per_us;
-        // `rem_euclid` divides, which costs as much as the rest of an event's count.
-        let phase = frames - frames.floor();
-        self.tally.phases[((phase * PHASES as f64) as usize).min(PHASES - 1)] += 1;
     }
 }
 

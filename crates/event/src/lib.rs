@@ -84,6 +84,7 @@ impl Event {
     /// The total order of all files: `(t in us, y, x, polarity)`. It covers everything that files
     /// store, so the order in which threads or tiles delivered the events has no effect.
     #[must_use]
+    #[inline]
     pub fn file_order(&self) -> (i64, u16, u16, Polarity) {
         (self.t.floor_micros(), self.y, self.x, self.polarity)
     }

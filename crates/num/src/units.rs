@@ -34,6 +34,7 @@ impl Timestamp {
     /// stamps long before.
     #[inline]
     #[must_use]
+    #[inline]
     pub fn from_micros(us: i64) -> Self {
         Self(us.checked_mul(1000).expect("stamps are bounded where they are read"))
     }
@@ -41,6 +42,7 @@ impl Timestamp {
     /// The microsecond that contains this instant, as event files store it: `floor(ns / 1000)`.
     #[inline]
     #[must_use]
+    #[inline]
     pub fn floor_micros(self) -> i64 {
         self.0.div_euclid(1000)
     }

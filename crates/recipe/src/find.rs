@@ -10,7 +10,7 @@ use super::Recipe;
 use super::clash::find_clashes;
 use super::fault::{RecipeFault, RecipeFaults};
 use super::load::{DefaultsLibrary, RecipeParts};
-use gs2e_files::escape;
+use gs2e_files::{self as files, escape};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -71,6 +71,39 @@ pub fn read_all(paths: &[PathBuf]) -> Result<Vec<Recipe>, RecipeFaults> {
 /// The recipes have faults; see [`read_all`].
 pub fn read_files(files: &[RecipeFile]) -> Result<Vec<Recipe>, RecipeFaults> {
     read_after(files, Vec::new())
+}
+
+/// Reads the recipes whose scenes may be what `name` means: a scene id, or a scene id, `/` and more. All of
+/// `paths` are read if no recipe may be.
+///
+/// Recipes are told apart by their lines `scene: ID`, so that the work does not grow with the number of
+/// scenes. A recipe without such a line is read; faults of others are not found.
+///
+/// # Errors
+/// The recipes have faults; see [`read_all`].
+pub fn read_named(paths: &[PathBuf], name: &str) -> Result<Vec<Recipe>, RecipeFaults> {
+    let (found, faults) = find_recipes(paths);
+    let is_meant = |recipe: &&RecipeFile| {
+        // A file that cannot be read has a fault to report.
+        let text = files::read_text(&recipe.path, files::MAX_DOCUMENT).ok();
+        text.as_deref().and_then(scene_line).is_none_or(|scene| may_mean(name, scene))
+    };
+    let meant: Vec<RecipeFile> = found.par_iter().filter(is_meant).cloned().collect();
+    let read = read_files(&meant).unwrap_or_default();
+    let is_found = faults.is_empty() && read.iter().any(|recipe| may_mean(name, &recipe.scene));
+    if is_found { Ok(read) } else { read_after(&found, faults) }
+}
+
+fn may_mean(name: &str, scene: &str) -> bool {
+    name.strip_prefix(scene).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+/// The scene id of a recipe, if a line of its own states it plainly.
+fn scene_line(text: &str) -> Option<&str> {
+    let id = text.lines().find_map(|line| line.strip_prefix("scene:"))?;
+    let id = id.split(" #").next().unwrap_or_default().trim();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/_-.".contains(c);
+    (!id.is_empty() && id.chars().all(is_plain)).then_some(id)
 }
 
 /// Reads a recipe from a text that is in no file, without defaults. Faults name the text as `display_path`.

@@ -60,7 +60,7 @@ pub use context::{
 pub use drawn::DrawnSensors;
 pub use edits::{RecipeEdit, find_edits};
 pub use fault::{LISTED, RecipeFault, RecipeFaults};
-pub use find::{RecipeFile, find_all, read_all, read_files, read_recipe_text};
+pub use find::{RecipeFile, find_all, read_all, read_files, read_named, read_recipe_text};
 pub use fragment::{
     ChainError, TrajectoryChain, TrajectoryFragment, draw_sensor, fragment_from_text, read_fragment,
     read_sensor, sensor_from_text,

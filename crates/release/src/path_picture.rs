@@ -79,7 +79,8 @@ impl PathCanvas {
 
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "mixtures of 0 to 255")]
     fn image(self) -> Image<[u8; 3]> {
-        let bytes = self.pixels.into_iter().map(|pixel| pixel.map(|v| v.round() as u8));
+        // `round` is a call, and most of the time of a picture.
+        let bytes = self.pixels.into_iter().map(|pixel| pixel.map(|v| (v + 0.5) as u8));
         Image::from_vec(self.size, bytes.collect())
     }
 }

@@ -45,6 +45,9 @@ pub struct StepProvenance {
     pub alone_seconds: Option<f64>,
     /// Number of threads.
     pub threads: usize,
+    /// Processor time of the step in seconds, if it is known. Of steps that were made together, its share.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub core_seconds: Option<f64>,
     /// Memory granted, bytes.
     pub memory: u64,
     /// Warnings of the step.
@@ -84,6 +87,9 @@ pub struct RecordSummary {
     pub alone_seconds: Option<f64>,
     /// Number of threads.
     pub threads: usize,
+    /// As [`StepProvenance::core_seconds`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub core_seconds: Option<f64>,
     /// Memory granted, bytes.
     pub memory: u64,
     /// The outputs, sorted by name.
@@ -91,6 +97,20 @@ pub struct RecordSummary {
 }
 
 impl RecordSummary {
+    /// Processor time of the step, s.
+    #[must_use]
+    pub fn core_seconds(&self) -> f64 {
+        // Threads of older versions were the cores of the step, and of no other one.
+        self.core_seconds.unwrap_or(self.seconds * self.threads as f64)
+    }
+
+    /// An estimate of the processor time of the step alone, s.
+    #[must_use]
+    pub fn alone_core_seconds(&self) -> f64 {
+        let cores = if self.seconds > 0.0 { self.core_seconds() / self.seconds } else { 1.0 };
+        self.alone_seconds.map_or_else(|| self.core_seconds(), |seconds| seconds * cores)
+    }
+
     /// The row of the index.
     pub(super) fn row(&self) -> Vec<u8> {
         serde_json::to_vec(self).expect("a record is plain data")
@@ -125,9 +145,9 @@ impl StepRecord {
 
     /// The part of the record for the index.
     pub(super) fn brief(&self) -> RecordSummary {
-        let StepProvenance { seconds, alone_seconds, threads, memory, .. } = self.provenance;
+        let StepProvenance { seconds, alone_seconds, threads, core_seconds, memory, .. } = self.provenance;
         let (stage, outputs) = (self.stage.clone(), self.outputs.clone());
-        RecordSummary { stage, seconds, alone_seconds, threads, memory, outputs }
+        RecordSummary { stage, seconds, alone_seconds, threads, core_seconds, memory, outputs }
     }
 
     fn sealed(&self) -> String {

@@ -88,7 +88,7 @@ impl StageCosts {
     fn add(&mut self, record: &RecordSummary) {
         let (count, sum) = self.0.entry(record.stage.clone()).or_default();
         *count += 1.0;
-        sum.core_seconds += record.seconds * record.threads as f64;
+        sum.core_seconds += record.core_seconds();
         sum.memory = sum.memory.max(record.memory as f64);
     }
 

@@ -76,7 +76,7 @@ impl StatusPage<'_> {
         let (steps, finished) = (sum(|progress| progress.steps), sum(|progress| progress.finished));
         // Times of one form and one zone have the same order as their texts, so they are not parsed.
         let last_hour = self.made.iter().filter(|step| step.ended.as_str() >= self.hour_ago).count();
-        let spent: f64 = self.made.iter().map(TaskStep::core_seconds).sum();
+        let spent: f64 = self.made.iter().map(|step| step.core_seconds).sum();
         let mut figures = vec![
             (format!("{} of {}", self.counts().done, self.scenes.len()), "scenes done"),
             (format!("{finished} of {steps}"), "steps finished"),
@@ -222,7 +222,7 @@ impl StatusPage<'_> {
         if sums.is_empty() {
             return;
         }
-        let spent = |steps: &[&TaskStep]| steps.iter().map(|step| step.core_seconds()).sum::<f64>();
+        let spent = |steps: &[&TaskStep]| steps.iter().map(|step| step.core_seconds).sum::<f64>();
         let mut sums: Vec<_> = sums.into_iter().collect();
         // Stable as well: equal sums stay in the order of their words.
         sums.sort_by(|a, b| spent(&b.1).total_cmp(&spent(&a.1)));
@@ -395,6 +395,7 @@ mod tests {
             step: step.to_owned(),
             seconds,
             cores: 2.0,
+            core_seconds: 2.0 * seconds,
             memory: 3_000_000,
             bytes: 10,
             host: "n1".to_owned(),

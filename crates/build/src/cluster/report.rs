@@ -50,6 +50,8 @@ pub struct TaskStep {
     pub seconds: f64,
     /// Cores.
     pub cores: f64,
+    /// Processor time, s.
+    pub core_seconds: f64,
     /// Granted memory, bytes.
     pub memory: u64,
     /// Size of its outputs, bytes.
@@ -63,12 +65,6 @@ pub struct TaskStep {
 }
 
 impl TaskStep {
-    /// Core-seconds, s.
-    #[must_use]
-    pub fn core_seconds(&self) -> f64 {
-        self.seconds * self.cores
-    }
-
     /// The last part of its name, such as `events`.
     #[must_use]
     pub fn kind(&self) -> &str {
@@ -87,6 +83,7 @@ struct ReportLine {
     step: Option<String>,
     seconds: Option<f64>,
     cores: Option<f64>,
+    core_seconds: Option<f64>,
     memory: Option<u64>,
     bytes: Option<u64>,
     host: Option<String>,
@@ -172,10 +169,13 @@ fn read_steps(text: &str) -> ReportedSteps {
             steps.failures.insert(scene, line.message.unwrap_or_default());
         } else if matches!(line.state.as_deref(), Some("made" | "kept" | "adopted")) {
             if line.state.as_deref() == Some("made") {
+                let (seconds, cores) = (line.seconds.unwrap_or_default(), line.cores.unwrap_or_default());
                 steps.made.push(TaskStep {
                     step: line.step.unwrap_or_default(),
-                    seconds: line.seconds.unwrap_or_default(),
-                    cores: line.cores.unwrap_or_default(),
+                    seconds,
+                    cores,
+                    // Cores of older versions were those of the step, and of no other one.
+                    core_seconds: line.core_seconds.unwrap_or(seconds * cores),
                     memory: line.memory.unwrap_or_default(),
                     bytes: line.bytes.unwrap_or_default(),
                     host: line.host.unwrap_or_default(),
@@ -211,14 +211,17 @@ mod tests {
             step: "a/capture".to_owned(),
             seconds: 1.5,
             cores: 2.0,
+            core_seconds: 3.0,
             memory: 3,
             bytes: 4,
             host: "n1".to_owned(),
             job: String::new(),
             ended: "2026-01-02T03:04:05Z".to_owned(),
         };
-        assert_eq!((step.kind(), step.core_seconds()), ("capture", 3.0));
+        assert_eq!(step.kind(), "capture");
         assert_eq!(steps.made, [step]);
+        let newer = made.replace("\"cores\":2", "\"cores\":2,\"core_seconds\":2.5");
+        assert!(read_steps(&newer).made.iter().all(|step| (step.core_seconds - 2.5).abs() < 1e-12));
         assert_eq!(read_steps("\0\0\0"), ReportedSteps::default());
     }
 }

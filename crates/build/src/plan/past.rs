@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// Resources used by a step, or expected from earlier steps of its stage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PastCosts {
-    /// Wall time times threads, s. Of a step that was made together with others, its share.
+    /// Processor time, s. Of a step that was made together with others, its share.
     pub core_seconds: f64,
     /// The same for the step alone.
     pub alone_core_seconds: f64,
@@ -33,10 +33,9 @@ impl PastCosts {
         let bytes: u64 = record.outputs.iter().map(|o| o.size).sum();
         let is_picture = |name: &str| name.ends_with(".png") || name.ends_with(".npy");
         let pictures = record.outputs.iter().filter(|o| is_picture(&o.name)).count();
-        let threads = record.threads as f64;
         Self {
-            core_seconds: record.seconds * threads,
-            alone_core_seconds: record.alone_seconds.unwrap_or(record.seconds) * threads,
+            core_seconds: record.core_seconds(),
+            alone_core_seconds: record.alone_core_seconds(),
             bytes: bytes as f64,
             pictures: pictures as f64,
             memory: record.memory as f64,

@@ -3,7 +3,6 @@
 use super::group::{FinishedStep, StepGroup, run_group};
 use super::job::{StaleStep, StepJob, StepResult};
 use super::order::{StepRank, step_ranks};
-use super::resources::ResourceGrant;
 use super::{
     ResourceBudget, RunEvent, RunObserver, RunOptions, RunSummary, StepError, StepFailure, StepOrigin,
 };
@@ -11,7 +10,7 @@ use crate::artifact::ArtifactFiles;
 use crate::plan::Plan;
 use crate::plan::assess::{PlanError, StepAction, StepAssessment, StepProduct, StepReason, step_alone};
 use crate::plan::past::past_costs;
-use crate::stage::{StageError, StepId, checks, scene_checks};
+use crate::stage::{StageError, StepId, StepNeed, checks, scene_checks};
 use gs2e_store::{BlobState, Key, Store, StoreError};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::resume_unwind;
@@ -46,7 +45,7 @@ pub(super) struct RunningStep<'scope> {
     key: Key,
     /// Its resources, and its thread. Of steps that are made together, the last to be reported holds
     /// those of all.
-    grant: Option<(ResourceGrant, ScopedJoinHandle<'scope, ()>)>,
+    grant: Option<(StepNeed, ScopedJoinHandle<'scope, ()>)>,
 }
 
 impl<'scope, 'a> RunExecutor<'scope, 'a> {
@@ -248,9 +247,10 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
     {
         let StepGroup { members, need } = group;
         let whole = self.options.budget;
-        // An equal share of the free cores for each of these steps and each waiting one, rounded up.
-        let count = members.len();
-        let cores = (self.left().cores * count).div_ceil(self.stale.len() + count).max(1);
+        // Every step has a thread for each core, and the system shares the cores between the threads that
+        // have work: none is idle while there is some. A share that a step keeps for life would be.
+        let (count, threads) = (members.len(), whole.cores);
+        let cores = (threads * count).div_ceil(self.running.len() + count);
         for (step, stale) in &members {
             let (step, together) = (*step, count);
             self.observer.observe(&RunEvent::Started { step, reason: &stale.reason, cores, together });
@@ -267,7 +267,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             store: self.store,
             cancel: self.cancel,
             observer: self.observer,
-            cores,
+            threads,
             memory: need.memory,
             allows_commands,
             programs,
@@ -277,7 +277,7 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
         // Results come in the order of the members, so the last one frees the resources of all.
         let (sender, last) = (sender.clone(), members[count - 1].0);
         let thread = scope.spawn(move || run_group(&job, members, &sender));
-        let grant = Some((ResourceGrant { cores, need }, thread));
+        let grant = Some((need, thread));
         self.running.get_mut(&last).expect("it was added above").grant = grant;
     }
 
@@ -303,19 +303,21 @@ impl<'scope, 'a> RunExecutor<'scope, 'a> {
             self.ready.insert(twin.1);
         }
         match result.unwrap_or_else(|panic| resume_unwind(panic)) {
-            Ok(StepResult { outputs, seconds, cores, warnings, remark, saving, memory, origin }) => {
-                self.count(origin, is_recheck);
+            Ok(made) => {
+                let StepResult { outputs, warnings, .. } = made;
+                self.count(made.origin, is_recheck);
                 self.observer.observe(&RunEvent::Made {
                     step,
                     key: &key,
                     outputs: &outputs,
-                    seconds,
-                    cores,
+                    seconds: made.seconds,
+                    threads: made.threads,
+                    core_seconds: made.core_seconds,
                     warnings: &warnings,
-                    remark: remark.as_deref(),
-                    saving,
-                    memory,
-                    origin,
+                    remark: made.remark.as_deref(),
+                    saving: made.saving,
+                    memory: made.memory,
+                    origin: made.origin,
                 });
                 self.done(step, StepProduct { key, outputs, sources });
             }

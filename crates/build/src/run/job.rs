@@ -13,9 +13,10 @@ use gs2e_store::description::DescribedValue;
 use gs2e_store::record::{StepProvenance, StepRecord, StoredOutput};
 use gs2e_store::space::{DiskSpace, is_full};
 use gs2e_store::{Key, StepWorkspace, Store, StoreError};
+use rustix::time::{ClockId, clock_gettime};
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
-use std::thread;
+use std::thread::{self, JoinHandle};
 use std::time::Instant;
 
 /// Seconds since the first call.
@@ -41,7 +42,8 @@ pub(super) struct StaleStep {
 pub(super) struct StepResult {
     pub(super) outputs: Vec<StoredOutput>,
     pub(super) seconds: f64,
-    pub(super) cores: usize,
+    pub(super) threads: usize,
+    pub(super) core_seconds: f64,
     pub(super) warnings: Vec<String>,
     pub(super) remark: Option<String>,
     pub(super) saving: Option<TimeSaved>,
@@ -56,7 +58,7 @@ pub(super) struct StepJob<'a> {
     pub(super) store: &'a Store,
     pub(super) cancel: &'a AtomicBool,
     pub(super) observer: &'a dyn RunObserver,
-    pub(super) cores: usize,
+    pub(super) threads: usize,
     /// Memory granted, bytes.
     pub(super) memory: u64,
     pub(super) allows_commands: bool,
@@ -78,6 +80,8 @@ enum PreparedStep<'a> {
 struct StepWork {
     worked: Result<(), StageError>,
     seconds: f64,
+    /// Processor time.
+    core_seconds: f64,
     /// An estimate of the seconds that it takes alone, if others shared its work.
     alone: Option<f64>,
     warnings: Vec<String>,
@@ -144,9 +148,12 @@ impl<'a> StepJob<'a> {
         }
         let files = &members[places[0].0].1.files;
         // Without threads there is no pass, and each step alone reports why.
-        let Ok(ends) = self.in_threads(|| run_pass(&mut steps, files, monotonic_seconds)) else {
+        let Ok((ends, spent)) = self.in_threads(|| run_pass(&mut steps, files, monotonic_seconds)) else {
             return Vec::new();
         };
+        // Each has the same share of the processor time as of the clock's.
+        let whole: f64 = ends.iter().map(|end| end.seconds.share).sum();
+        let cores = if whole > 0.0 { spent / whole } else { 1.0 };
         let mut results = Vec::new();
         let ends = ends.into_iter().zip(steps).zip(kept);
         for (((end, PassStep { cx, .. }), kept), (at, workspace)) in ends.zip(places) {
@@ -154,7 +161,8 @@ impl<'a> StepJob<'a> {
             let StageContext { warnings, remark, saving, .. } = cx;
             let remark = self.end_kept(kept, worked.is_ok(), remark);
             let ReaderSeconds { share: seconds, alone, .. } = end.seconds;
-            let work = StepWork { worked, seconds, alone: Some(alone), warnings, remark, saving };
+            let (core_seconds, alone) = (seconds * cores, Some(alone));
+            let work = StepWork { worked, seconds, core_seconds, alone, warnings, remark, saving };
             let (step, stale) = &members[*at];
             let result = self.conclude(*step, stale, workspace, work);
             results.push((*at, result.map_err(|e| self.with_space(e, workspace.bytes()))));
@@ -219,15 +227,17 @@ impl<'a> StepJob<'a> {
         }
         let kept = self.kept(&*planned.step, stale)?;
         cx.kept = kept.as_ref().map(|kept| kept.frames.clone());
-        let worked = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
+        let (worked, spent) = self.in_threads(|| planned.step.run(&stale.files, &mut cx))?;
         let seconds = started.elapsed().as_secs_f64();
+        // The time of other programs is not known, but while they run, they have a core at least.
+        let core_seconds = if cx.log.is_some() { spent.max(seconds) } else { spent };
         let StageContext { warnings, remark, saving, .. } = cx;
         let remark = self.end_kept(kept, worked.is_ok(), remark);
         self.conclude(
             step,
             stale,
             workspace,
-            StepWork { worked, seconds, alone: None, warnings, remark, saving },
+            StepWork { worked, seconds, core_seconds, alone: None, warnings, remark, saving },
         )
     }
 
@@ -256,7 +266,7 @@ impl<'a> StepJob<'a> {
         work: StepWork,
     ) -> Result<StepResult, StepError> {
         let planned = &self.plan.steps()[step.0];
-        let StepWork { worked, seconds, alone, warnings, remark, saving } = work;
+        let StepWork { worked, seconds, core_seconds, alone, warnings, remark, saving } = work;
         // A file that is half written looks broken. The message that it changes is the better one.
         if !matches!(worked, Err(StageError::Cancelled)) {
             self.refuse_moved(planned, &stale.sources)?;
@@ -266,7 +276,8 @@ impl<'a> StepJob<'a> {
             tool: env!("CARGO_PKG_VERSION").to_owned(),
             seconds,
             alone_seconds: alone,
-            threads: self.cores,
+            threads: self.threads,
+            core_seconds: Some(core_seconds),
             memory: self.memory,
             warnings: warnings.clone(),
         };
@@ -285,7 +296,8 @@ impl<'a> StepJob<'a> {
             false => StepOrigin::Here,
         };
         let memory = stale.need.memory;
-        Ok(StepResult { outputs, seconds, cores: self.cores, warnings, remark, saving, memory, origin })
+        let threads = self.threads;
+        Ok(StepResult { outputs, seconds, threads, core_seconds, warnings, remark, saving, memory, origin })
     }
 
     /// The outputs of another machine.
@@ -294,7 +306,8 @@ impl<'a> StepJob<'a> {
         Ok(self.store.adopt(key)?.map(|record| StepResult {
             outputs: record.outputs,
             seconds: started.elapsed().as_secs_f64(),
-            cores: 1,
+            threads: 1,
+            core_seconds: 0.0,
             warnings: record.provenance.warnings,
             remark: Some("from the shared store".to_owned()),
             saving: None,
@@ -332,22 +345,31 @@ impl<'a> StepJob<'a> {
 
     /// Does the work in separate threads and waits for their end. Only then does the allocator give
     /// the memory of ended threads to the next ones. Otherwise one more set of kept pages would be
-    /// in use, which no estimate includes.
-    fn in_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<T, StageError> {
-        let mut threads = Vec::with_capacity(self.cores);
+    /// in use, which no estimate includes. The second value is the processor time of the threads, s.
+    fn in_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> Result<(T, f64), StageError> {
+        let mut threads: Vec<JoinHandle<f64>> = Vec::with_capacity(self.threads);
         let start = |worker: rayon::ThreadBuilder| {
-            threads.push(thread::Builder::new().spawn(|| worker.run())?);
+            let run = || {
+                worker.run();
+                thread_seconds()
+            };
+            threads.push(thread::Builder::new().spawn(run)?);
             Ok(())
         };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.cores).spawn_handler(start).build();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).spawn_handler(start).build();
         let pool = pool.map_err(StageError::work_failed("start threads"))?;
         let worked = pool.install(work);
         // The threads end only after the pool is dropped, so joining them before this line would wait
         // forever.
         drop(pool);
-        threads
-            .into_iter()
-            .for_each(|thread| thread.join().expect("a panic of the work is passed on by the pool"));
-        Ok(worked)
+        let seconds =
+            threads.into_iter().map(|thread| thread.join().expect("the pool passes on a panic of the work"));
+        Ok((worked, seconds.sum()))
     }
+}
+
+/// Processor time of this thread, s.
+fn thread_seconds() -> f64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

@@ -109,7 +109,7 @@ impl StageFacts for EventsStage {
 
 impl Stage for EventsStage {
     const NAME: &'static str = OutputKind::Events.name();
-    const REVISION: u32 = 7;
+    const REVISION: u32 = 8;
     type Inputs = PassInputs;
     type Output = EventStreams;
 

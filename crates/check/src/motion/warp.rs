@@ -143,6 +143,13 @@ impl<'a> WarpWindows<'a> {
         }
     }
 
+    /// The bits of the values that an event at a pixel meets.
+    pub(crate) fn met_by(&self, pixel: usize, t_us: i64) -> u64 {
+        let Some(window) = self.open.as_ref().filter(|window| t_us >= window.span_us[0]) else { return 0 };
+        let [u, _] = window.flow.px_s.pixels()[pixel];
+        u64::from(u.to_bits()) ^ u64::from(window.in_place[0][pixel]) ^ u64::from(window.in_place[1][pixel])
+    }
+
     /// The statistics, and the counts of one window in place and moved.
     pub(crate) fn finish(mut self) -> (Vec<WarpSharpness>, Option<[Vec<u16>; 2]>) {
         while self.open.is_some() {

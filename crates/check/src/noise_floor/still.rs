@@ -76,6 +76,11 @@ impl StillPixelWatch {
         Some(Self { still, end_us, found, bins: BINS.map(|n| vec![0; n]) })
     }
 
+    /// Returns true if the pixel is still.
+    pub(crate) fn is_still(&self, pixel: usize) -> bool {
+        self.still[pixel]
+    }
+
     /// Sees an event. Returns true if its pixel is still.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the bins")]
     pub(crate) fn see(&mut self, pixel: usize, t_us: i64) -> bool {

@@ -1,6 +1,5 @@
 //! Events of each polarity by time.
 
-use gs2e_event::Polarity;
 use gs2e_num::units::Hertz;
 
 /// Shortest bin, us.
@@ -28,10 +27,11 @@ impl EventCourse {
         Self { bin_us, bins: vec![[0; 2]; (end_us / bin_us).max(0) as usize] }
     }
 
-    pub(super) fn count(&mut self, t_us: i64, polarity: Polarity) {
+    /// Counts ON and OFF events of a microsecond.
+    pub(super) fn count(&mut self, t_us: i64, events: [u32; 2]) {
         let bin = usize::try_from(t_us.div_euclid(self.bin_us)).ok();
         if let Some(bin) = bin.and_then(|bin| self.bins.get_mut(bin)) {
-            bin[usize::from(polarity == Polarity::Off)] += 1;
+            bin.iter_mut().zip(events).for_each(|(all, new)| *all += new);
         }
     }
 }
@@ -47,11 +47,10 @@ mod tests {
     #[test]
     fn events_are_counted_by_millisecond_and_polarity() {
         let mut course = EventCourse::new(rate("2400"), 2500);
-        let events = [(-1, Polarity::On), (0, Polarity::On), (999, Polarity::Off), (1000, Polarity::Off)];
-        events
-            .iter()
-            .chain(&[(2400, Polarity::On)])
-            .for_each(|(t_us, polarity)| course.count(*t_us, *polarity));
+        let (on, off) = ([1, 0], [0, 1]);
+        [(-1, on), (0, on), (999, off), (1000, off), (2400, on)]
+            .into_iter()
+            .for_each(|(t_us, events)| course.count(t_us, events));
         assert_eq!(course, EventCourse { bin_us: 1000, bins: vec![[1, 1], [0, 1]] });
     }
 

@@ -56,14 +56,18 @@ impl CrowdingCounter {
         Self { end_us: end_us.max(1), columns, window: 0, events: 0, pairs: 0, counts, sums }
     }
 
-    pub(super) fn see(&mut self, [x, y]: [u16; 2], t_us: i64) {
-        let [column, row] = [x, y].map(|v| (u32::from(v) / CELL) as usize);
+    /// Begins with the events of a microsecond.
+    pub(super) fn enter(&mut self, t_us: i64) {
         // Events outside of the clip count to its first or last window.
         let window = (t_us * WINDOWS / self.end_us).clamp(0, WINDOWS - 1);
         if window != self.window {
             self.settle();
             self.window = window;
         }
+    }
+
+    pub(super) fn see(&mut self, [x, y]: [u16; 2]) {
+        let [column, row] = [x, y].map(|v| (u32::from(v) / CELL) as usize);
         let count = &mut self.counts[row * self.columns + column];
         // Ordered pairs: the new event and each earlier one of its cell, both ways.
         self.pairs += 2 * u64::from(*count);
@@ -97,7 +101,8 @@ mod tests {
     fn crowding(pixels: impl Iterator<Item = u16>) -> CrowdingSums {
         let mut crowds = CrowdingCounter::new(SIZE, 1000);
         for (i, pixel) in pixels.enumerate() {
-            crowds.see([pixel % 100, pixel / 100], i as i64 * 1000 / 40_000);
+            crowds.enter(i as i64 * 1000 / 40_000);
+            crowds.see([pixel % 100, pixel / 100]);
         }
         crowds.finish()
     }

@@ -1,6 +1,6 @@
 //! The files that are read, their order, and their defaults.
 
-use gs2e_recipe::{OutputKind, Recipe, read_all, read_release, read_sources};
+use gs2e_recipe::{OutputKind, Recipe, read_all, read_named, read_release, read_sources};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -49,6 +49,32 @@ fn a_recipe_takes_the_nearest_defaults_within_the_given_folder() {
     assert_eq!(seeds(&read(root.path(), &["other"])), [("w", 0)]);
     assert_eq!(seeds(&read(root.path(), &["x.yaml", "other/w.yaml"])), [("w", 0), ("x", 1)]);
     assert_eq!(read(root.path(), &["sub/deep/z.yaml"])[0].every.poses(OutputKind::Sharp), 1);
+}
+
+#[test]
+fn a_named_scene_is_read_without_the_others() {
+    let quoted = scene("x").replace("scene: x", "scene: \"x/y\" # quoted");
+    let one_line = format!("{{ {} }}", scene("x/y/z").trim_end().replace('\n', ", "));
+    let root = folder(&[
+        ("a.yaml", &scene("x")),
+        ("b.yaml", &quoted),
+        ("c.yaml", &one_line),
+        ("d.yaml", &scene("w").replace("seed", "sead")),
+        ("e.yaml", "version: 1\nscene: wrong\nsead: 1\n"),
+    ]);
+    let t = |name: &str, wanted: &[&str]| {
+        let recipes = read_named(&[root.path().to_owned()], name).expect("the fault is in another recipe");
+        assert_eq!(recipes.iter().map(|recipe| recipe.scene.as_str()).collect::<Vec<_>>(), wanted, "{name}");
+    };
+    // Only a line that states an id plainly leaves its recipe out.
+    t("x", &["x", "x/y", "x/y/z"]);
+    t("x/base/events", &["x", "x/y", "x/y/z"]);
+    t("w/base", &["w", "x/y", "x/y/z"]);
+    // The faults of all recipes are reported if no scene has the name.
+    for name in ["v", "xx", "wrong"] {
+        let faults = read_named(&[root.path().to_owned()], name).expect_err(name);
+        assert!(faults.render_text().contains("sead"), "{name}");
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::{AnchorFit, FitSums, in_thresholds};
 use crate::alignment::places::{PlaceSums, PlaceWatch};
 use crate::completeness::intervals::{AnchoredPixel, ChangeInterval, IntervalWatch, TileSums};
 use crate::drift::DriftLaw;
-use crate::tally::PixelCounts;
+use crate::tally::PixelEvents;
 use gs2e_image::Size;
 use gs2e_sensor::frames::anchors::AnchorFrames;
 
@@ -130,7 +130,7 @@ impl<'a> DriftBalance<'a> {
     }
 
     /// Evaluates the next anchor.
-    pub(crate) fn settle(&mut self, counts: &PixelCounts) {
+    pub(crate) fn settle(&mut self, pixels: &[PixelEvents]) {
         // There is one fit per anchor after the first, so the fits count the anchors.
         let number = self.found.fits.len() + 1;
         let view = self.view(number);
@@ -141,7 +141,7 @@ impl<'a> DriftBalance<'a> {
         let is_last = number + 1 == self.anchors.images.len();
         let placed = is_last || view.span_ends.is_some();
         for i in 0..view.now.len() {
-            let [on, off] = [counts.on[i], counts.off[i]];
+            let [on, off] = pixels[i].counts;
             let change = self.change(&view, i, [on, off]);
             let fitted = stock.add(change, [on, off]);
             let left = fitted.map(|pixel| pixel.left);
@@ -169,7 +169,7 @@ impl<'a> DriftBalance<'a> {
             let mut counted = [0; 2];
             for i in (0..self.must_fire.len()).filter(|i| self.must_fire[*i]) {
                 counted[0] += 1;
-                counted[1] += u64::from([counts.on[i], counts.off[i]] == [0, 0]);
+                counted[1] += u64::from(pixels[i].counts == [0, 0]);
             }
             self.found.must_fire = counted;
         }
