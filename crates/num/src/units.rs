@@ -32,7 +32,6 @@ impl Timestamp {
     /// # Panics
     /// The stamp is beyond 292,000 years, where nanoseconds exceed 64 bits. Readers bound their
     /// stamps long before.
-    #[inline]
     #[must_use]
     #[inline]
     pub fn from_micros(us: i64) -> Self {
@@ -40,7 +39,6 @@ impl Timestamp {
     }
 
     /// The microsecond that contains this instant, as event files store it: `floor(ns / 1000)`.
-    #[inline]
     #[must_use]
     #[inline]
     pub fn floor_micros(self) -> i64 {
