@@ -227,10 +227,16 @@ fn count_streams(
         };
         let mut observer = StreamObserver::new(simulation.camera.size, rate, end_us, against);
         let mut reader = h5::Reader::open(file).map_err(StageError::work_failed("read events"))?;
-        let mut chunk = Vec::new();
-        while reader.next_chunk(&mut chunk).map_err(StageError::work_failed("read events"))? {
+        let (mut chunk, mut next) = (Vec::new(), Vec::new());
+        let mut is_more = reader.next_chunk(&mut chunk);
+        while is_more.map_err(StageError::work_failed("read events"))? {
             cx.go_on()?;
-            observer.append(&chunk);
+            // The next chunk is decompressed while this one is counted.
+            is_more = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| observer.append(&chunk));
+                reader.next_chunk(&mut next)
+            });
+            std::mem::swap(&mut chunk, &mut next);
         }
         Ok(observer.finish())
     };
