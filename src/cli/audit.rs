@@ -61,7 +61,7 @@ impl AuditArgs {
         let faulty = if self.full && report.faults.is_empty() {
             let findings = recheck_tree(&self.dir, &[]).map_err(|error| check::of_tree(&error))?.joined;
             report_findings(&findings, console);
-            report_count(&findings, console);
+            report_count(&findings, [0; 2], console);
             findings.iter().filter(|finding| finding.verdict == Verdict::Fail).count()
         } else {
             0

@@ -178,9 +178,9 @@ impl BuildArgs {
         };
         summary.kept += count;
         steps.extend(StepOutputs::of_run(&plan, &summary));
-        let findings = findings_of_steps(&steps, &store)?;
+        let (findings, sound) = findings_of_steps(&steps, &store)?;
         let faults = report_findings(&findings, console);
-        report_count(&findings, console);
+        report_count(&findings, sound, console);
         match &self.to {
             Some(to) => link_outputs(to, &store, &steps, console)?,
             None if exit_kind(&summary) == ExitKind::Done && summary.made > 0 => console.note(
@@ -234,17 +234,25 @@ pub(super) struct StepOutputs<'a> {
     /// The name within the scene.
     pub(super) step: &'a str,
     pub(super) outputs: &'a [StoredOutput],
+    /// Numbers of its findings that passed and that were not run, if it is known that all are of these.
+    pub(super) sound: Option<[usize; 2]>,
 }
 
 impl<'a> StepOutputs<'a> {
     fn of_settled(scene: &'a CurrentScene) -> impl Iterator<Item = Self> {
-        scene.steps.iter().map(|step| Self { scene: &scene.scene, step: &step.name, outputs: &step.outputs })
+        let CurrentScene { scene, steps, .. } = scene;
+        steps.iter().map(move |step| Self {
+            scene,
+            step: &step.name,
+            outputs: &step.outputs,
+            sound: step.sound,
+        })
     }
 
     fn of_run(plan: &'a Plan, summary: &'a RunSummary) -> impl Iterator<Item = Self> {
         summary.products.iter().map(|(id, product)| {
             let step = &plan.steps()[id.0];
-            Self { scene: plan.scene_of(step), step: &step.name, outputs: &product.outputs }
+            Self { scene: plan.scene_of(step), step: &step.name, outputs: &product.outputs, sound: None }
         })
     }
 }

@@ -145,7 +145,7 @@ fn report_findings(findings: &[Finding], verbose: bool, console: &Console) {
         return records(findings, console);
     }
     table(findings, verbose).iter().for_each(|line| console.print(line));
-    console.note(&count_line(findings));
+    console.note(&count_line(findings, [0; 2]));
 }
 
 /// Prints one record per finding, for programs.

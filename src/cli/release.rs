@@ -145,7 +145,7 @@ impl ReleaseArgs {
         // time.
         store.flush()?;
         findings.extend(written.iter().flat_map(|written| written.agreement.iter().cloned()));
-        report_count(&findings, console);
+        report_count(&findings, [0; 2], console);
         written.map_err(|error| release_problem(error, console))
     }
 

@@ -3,7 +3,6 @@
 use super::build::StepOutputs;
 use super::{Console, UserMessage, VerbError};
 use gs2e_build::artifact::{Artifact, ArtifactFiles, VerdictsRecord};
-use gs2e_build::stage::scene_checks;
 use gs2e_check::{Finding, Verdict, advice};
 use gs2e_store::Store;
 use gs2e_store::record::StoredOutput;
@@ -26,30 +25,38 @@ pub(super) fn findings_of_step(
     })
 }
 
-/// Findings on the trajectories and scenes among these steps.
-pub(super) fn findings_of_steps(steps: &[StepOutputs<'_>], store: &Store) -> Result<Vec<Finding>, VerbError> {
-    let mut findings = Vec::new();
-    for StepOutputs { scene, step, outputs } in steps {
-        // The steps of both stages are named after them.
-        if *step == scene_checks::NAME || step.ends_with("/checks") {
-            findings.extend(findings_of_step(scene, step, outputs, store)?);
+/// Findings on the trajectories and scenes among these steps, and the numbers of others that are known to
+/// have passed and not to have run.
+pub(super) fn findings_of_steps(
+    steps: &[StepOutputs<'_>],
+    store: &Store,
+) -> Result<(Vec<Finding>, [usize; 2]), VerbError> {
+    let (mut findings, mut sound) = (Vec::new(), [0; 2]);
+    for StepOutputs { scene, step, outputs, sound: known } in steps {
+        match known {
+            Some(known) => sound.iter_mut().zip(known).for_each(|(all, known)| *all += known),
+            None if VerdictsRecord::is_of(step) => {
+                findings.extend(findings_of_step(scene, step, outputs, store)?);
+            }
+            None => {}
         }
     }
-    Ok(findings)
+    Ok((findings, sound))
 }
 
-/// Number of findings by verdict, as one line.
-pub(super) fn count_line(findings: &[Finding]) -> String {
+/// Number of findings by verdict, as one line. `sound` are further ones that passed and that were not run.
+pub(super) fn count_line(findings: &[Finding], sound: [usize; 2]) -> String {
     let verdicts = [Verdict::Pass, Verdict::Warn, Verdict::Fail, Verdict::Waived, Verdict::NotRun];
     let [pass, warn, fail, waived, not_run] =
         verdicts.map(|verdict| findings.iter().filter(|f| f.verdict == verdict).count());
+    let [pass, not_run] = [pass + sound[0], not_run + sound[1]];
     format!("{pass} pass, {warn} warn, {fail} fail, {waived} waived, {not_run} not run")
 }
 
-/// Says how many findings have each verdict.
-pub(super) fn report_count(findings: &[Finding], console: &Console) {
-    if !findings.is_empty() {
-        console.note(&format!("checks: {}; `gs2e check` lists them", count_line(findings)));
+/// Says how many findings have each verdict. See [`count_line`].
+pub(super) fn report_count(findings: &[Finding], sound: [usize; 2], console: &Console) {
+    if !findings.is_empty() || sound != [0; 2] {
+        console.note(&format!("checks: {}; `gs2e check` lists them", count_line(findings, sound)));
     }
 }
 

@@ -9,6 +9,7 @@ use gs2e_store::record::{StepProvenance, StepRecord};
 use gs2e_store::{Key, Store, StoreAccess, StoreError, StoreOptions};
 use serde_json::Value;
 use std::fs;
+use std::time::Duration;
 
 /// A path that passes an object, with every product of one camera.
 const RICH: &str = "\
@@ -54,6 +55,28 @@ fn a_release_and_its_check_count_the_same() {
         let said = counts(&ended.stderr);
         assert!(said.contains(" pass, "), "{}", ended.stderr);
         assert_eq!(said, counts(&checked.stderr), "{}\n{}", ended.stderr, checked.stdout);
+    }
+}
+
+/// The findings on the scene count too, and those of scenes that are up to date at a glance.
+#[test]
+fn a_build_and_its_check_count_the_same() {
+    let place = Workspace::new();
+    place.write("scene.yaml", RICH);
+    let line = |command: &str| {
+        let ended = place.ok(command);
+        let line = ended.stderr.lines().find(|line| line.contains(" pass, ")).unwrap_or_default().to_owned();
+        let line = line.strip_prefix("checks: ").unwrap_or(&line);
+        line.split(';').next().unwrap_or_default().to_owned()
+    };
+    let built = line("build scene.yaml");
+    let checked = line("check scene.yaml");
+    assert!(checked.contains(" pass, ") && !checked.starts_with("0 pass"), "{checked}");
+    assert_eq!(built, checked);
+    // Until the files are old enough to be known by their stat fields.
+    std::thread::sleep(Duration::from_millis(2100));
+    for _ in 0..2 {
+        assert_eq!(line("build scene.yaml"), checked);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Findings, and the statements of other programs.
 
 use super::{Artifact, ArtifactError, ArtifactFiles};
-use gs2e_check::Finding;
+use gs2e_check::{Finding, Verdict};
 use gs2e_source::foreign::ExternalReport;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,21 @@ pub struct VerdictsRecord {
 }
 
 impl VerdictsRecord {
+    /// Returns true if the step of this name, without its scene, makes such a record.
+    #[must_use]
+    pub fn is_of(step: &str) -> bool {
+        // The steps of both stages are named after them.
+        step.rsplit('/').next() == Some(Self::KIND)
+    }
+
+    /// Numbers of findings that passed and that were not run, if all findings are of these.
+    #[must_use]
+    pub fn sound_counts(&self) -> Option<[usize; 2]> {
+        let counts = [Verdict::Pass, Verdict::NotRun]
+            .map(|verdict| self.findings.iter().filter(|found| found.verdict == verdict).count());
+        (counts.iter().sum::<usize>() == self.findings.len()).then_some(counts)
+    }
+
     /// The findings on a scene, with its id.
     #[must_use]
     pub fn findings_of_scene(self, scene: &str) -> Vec<Finding> {

@@ -6,6 +6,7 @@
 
 use super::assess::StepProduct;
 use super::{Plan, RendererPolicy};
+use crate::artifact::{Artifact as _, ArtifactFiles, VerdictsRecord};
 use crate::stage::StepId;
 use gs2e_recipe as recipe;
 use gs2e_recipe::{Recipe, RecipeFaults, RecipeFile, TakedownEffect};
@@ -48,6 +49,8 @@ pub struct CurrentStep {
     pub key: Key,
     /// Its outputs.
     pub outputs: Vec<StoredOutput>,
+    /// See [`VerdictsRecord::sound_counts`]; `None` also for a step without findings. It saves reading them.
+    pub sound: Option<[usize; 2]>,
 }
 
 /// The reason why recipes cannot be surveyed.
@@ -174,7 +177,7 @@ pub(crate) fn remember_settled(
     for (step, id) in plan.steps().iter().zip((0..).map(StepId)) {
         let scene = &mut scenes[step.scene];
         match products.get(&id) {
-            Some(product) => scene.iter_mut().for_each(|scene| scene.add(&step.name, product)),
+            Some(product) => scene.iter_mut().for_each(|scene| scene.add(&step.name, product, store)),
             // One step without a product, and the scene is not up to date.
             None => *scene = None,
         }
@@ -208,9 +211,12 @@ struct SceneState {
 }
 
 impl SceneState {
-    fn add(&mut self, name: &str, product: &StepProduct) {
+    fn add(&mut self, name: &str, product: &StepProduct, store: &Store) {
         let StepProduct { key, outputs, sources } = product;
-        self.steps.push(CurrentStep { name: name.to_owned(), key: *key, outputs: outputs.clone() });
+        let open = || VerdictsRecord::open(&ArtifactFiles::from_outputs(outputs, store)).ok();
+        let verdicts = VerdictsRecord::is_of(name).then(open).flatten();
+        let sound = verdicts.and_then(|verdicts| verdicts.sound_counts());
+        self.steps.push(CurrentStep { name: name.to_owned(), key: *key, outputs: outputs.clone(), sound });
         self.sightings.extend(sources.sightings.iter().cloned());
     }
 }

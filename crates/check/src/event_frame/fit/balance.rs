@@ -140,8 +140,8 @@ impl<'a> DriftBalance<'a> {
         let mut stock = FitSums::new(&self.law, slack + 5.0 * self.law.between_error(), t_us);
         let is_last = number + 1 == self.anchors.images.len();
         let placed = is_last || view.span_ends.is_some();
-        for i in 0..view.now.len() {
-            let [on, off] = pixels[i].counts;
+        for (i, pixel) in pixels.iter().enumerate() {
+            let [on, off] = pixel.counts;
             let change = self.change(&view, i, [on, off]);
             let fitted = stock.add(change, [on, off]);
             let left = fitted.map(|pixel| pixel.left);
