@@ -371,6 +371,20 @@ mod tests {
         assert_eq!(failure_kind("no space: 3 MB"), "no space: 3 MB");
     }
 
+    fn made(step: &str, seconds: f64, ended: &str) -> TaskStep {
+        TaskStep {
+            step: step.to_owned(),
+            seconds,
+            cores: 2.0,
+            core_seconds: 2.0 * seconds,
+            memory: 3_000_000,
+            bytes: 10,
+            host: "n1".to_owned(),
+            job: "slurm 7_1".to_owned(),
+            ended: ended.to_owned(),
+        }
+    }
+
     #[test]
     fn every_part_is_on_the_page() {
         let task = TaskId { job: 7, task: 1 };
@@ -391,17 +405,6 @@ mod tests {
             .zip(&states)
             .map(|(scene, state)| ScenePanel { scene, progress: half, state })
             .collect();
-        let made = |step: &str, seconds: f64, ended: &str| TaskStep {
-            step: step.to_owned(),
-            seconds,
-            cores: 2.0,
-            core_seconds: 2.0 * seconds,
-            memory: 3_000_000,
-            bytes: 10,
-            host: "n1".to_owned(),
-            job: "slurm 7_1".to_owned(),
-            ended: ended.to_owned(),
-        };
         let made = [
             made("a/base/events", 100.0, "2026-01-02T10:30:00Z"),
             made("a/capture", 1.0, "2026-01-02T09:00:00Z"),
