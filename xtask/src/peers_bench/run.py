@@ -1,6 +1,7 @@
 """Calls the peers of `cargo xtask bench peers`. Prints numbers, or the reason why a peer is absent."""
 
 import os
+import pathlib
 import sys
 import time
 
@@ -117,6 +118,8 @@ def events(peer, source, target, runs, codec="evt2"):
         run = read_or_write(peer, source, target, codec)
         least, count = float("inf"), 0
         for _ in range(int(runs)):
+            # A peer may append to a file that is there, or refuse to.
+            pathlib.Path(target).unlink(missing_ok=True)
             begun = time.process_time()
             count = run()
             least = min(least, time.process_time() - begun)
