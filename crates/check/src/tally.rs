@@ -139,8 +139,8 @@ pub struct StreamObserver<'a> {
     labels: Option<LabelWatch<'a>>,
 }
 
-/// The events of a pixel since the first stamp. Side by side, because an event misses the caches once for each
-/// array that it meets.
+/// The events of a pixel since the first stamp. Side by side, because an event misses the caches once for
+/// each array that it meets.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PixelEvents {
     /// ON and OFF events.

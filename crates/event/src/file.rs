@@ -234,8 +234,8 @@ pub fn create(
     }
 }
 
-/// The way to read a bag. Of the readers of SQLite's bags in Rust none is kept well, and SQLite itself would be
-/// a heavy dependency for one container.
+/// The way to read a bag. Of the readers of SQLite's bags in Rust none is kept well, and SQLite itself would
+/// be a heavy dependency for one container.
 const CONVERT_BAG: &str = "a bag of ROS is not read: convert it to MCAP with `rosbags-convert --src BAG --dst NEW \
      --dst-storage mcap` (pip install rosbags), or with `ros2 bag convert` where its message definitions are absent";
 

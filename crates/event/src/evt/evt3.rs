@@ -55,7 +55,7 @@ pub(super) struct Evt3Encoder {
     silent_words: i64,
 }
 
-/// What the pixels of a run have in common.
+/// The properties that the pixels of a run share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct PixelRun {
     t_us: i64,

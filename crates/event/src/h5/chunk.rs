@@ -55,8 +55,8 @@ fn shuffle_bytes(bytes: &[u8], width: usize) -> Vec<u8> {
     shuffled
 }
 
-/// A stream of zlib. `zlib-rs` makes it in 0.56 of the time of `miniz_oxide`, 3 % smaller, and the same on every
-/// processor.
+/// A stream of zlib. `zlib-rs` makes it in 0.56 of the time of `miniz_oxide`, 3 % smaller, and the same on
+/// every processor.
 fn deflate_bytes(bytes: &[u8], level: u32) -> Vec<u8> {
     let level = i32::try_from(level).expect("levels are small");
     let mut out = vec![0; zlib_rs::compress_bound(bytes.len())];

@@ -133,7 +133,7 @@ impl PlainLines {
     }
 }
 
-/// The start of a line, of which some bytes were taken.
+/// The start of a line, and the number of its bytes that were taken.
 struct Cursor<'a> {
     line: &'a [u8; WINDOW],
     /// A bit for each byte that is no digit, the first in the lowest bit.
